@@ -1,0 +1,152 @@
+//! Messages that point into a user's text: a place, a label and a hint.
+
+use std::fmt;
+use std::ops::Range;
+
+use ariadne::{CharSet, Color, Config, IndexType, Label, Report, ReportKind, Source};
+use serde::Serialize;
+
+/// A half-open range of bytes in a source text.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Serialize)]
+pub struct Span {
+    pub start: usize,
+    pub end: usize,
+}
+
+impl Span {
+    pub fn new(start: usize, end: usize) -> Self {
+        Span { start, end }
+    }
+
+    /// The smallest span that holds both.
+    pub fn join(self, other: Span) -> Span {
+        Span::new(self.start.min(other.start), self.end.max(other.end))
+    }
+
+    pub fn range(self) -> Range<usize> {
+        self.start..self.end
+    }
+}
+
+/// How bad it is: an error stops the command, a warning and a note do not.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Severity {
+    Note,
+    Warning,
+    Error,
+}
+
+/// One message about a user's text.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Diagnostic {
+    pub severity: Severity,
+    /// A sentence that says what is wrong.
+    pub message: String,
+    /// The place that it speaks of.
+    pub span: Span,
+    /// What stands at that place.
+    pub label: String,
+    /// What to do about it.
+    pub hint: Option<String>,
+    /// Other places that matter (the first definition of a name, for one).
+    pub related: Vec<(Span, String)>,
+}
+
+impl Diagnostic {
+    pub fn new(severity: Severity, span: Span, message: impl Into<String>) -> Self {
+        Diagnostic {
+            severity,
+            message: message.into(),
+            span,
+            label: String::new(),
+            hint: None,
+            related: Vec::new(),
+        }
+    }
+
+    pub fn error(span: Span, message: impl Into<String>) -> Self {
+        Self::new(Severity::Error, span, message)
+    }
+
+    pub fn warning(span: Span, message: impl Into<String>) -> Self {
+        Self::new(Severity::Warning, span, message)
+    }
+
+    pub fn label(mut self, label: impl Into<String>) -> Self {
+        self.label = label.into();
+        self
+    }
+
+    pub fn hint(mut self, hint: impl Into<String>) -> Self {
+        self.hint = Some(hint.into());
+        self
+    }
+
+    pub fn related(mut self, span: Span, label: impl Into<String>) -> Self {
+        self.related.push((span, label.into()));
+        self
+    }
+
+    /// Draws the message under the lines of `text` that it speaks of.
+    ///
+    /// `name` is what the text is called (a file's path). Spans that reach past
+    /// the end of the text are cut to it.
+    pub fn render(&self, name: &str, text: &str, colour: bool) -> String {
+        let cut = |span: Span| {
+            let end = span.end.min(text.len());
+            (name, span.start.min(end)..end)
+        };
+        let kind = match self.severity {
+            Severity::Error => ReportKind::Error,
+            Severity::Warning => ReportKind::Warning,
+            Severity::Note => ReportKind::Advice,
+        };
+        let config = Config::default()
+            .with_color(colour)
+            .with_index_type(IndexType::Byte)
+            .with_char_set(if colour {
+                CharSet::Unicode
+            } else {
+                CharSet::Ascii
+            });
+        let label = if self.label.is_empty() {
+            "here"
+        } else {
+            &self.label
+        };
+        let mut report = Report::build(kind, cut(self.span))
+            .with_config(config)
+            .with_message(&self.message)
+            .with_label(
+                Label::new(cut(self.span))
+                    .with_message(label)
+                    .with_color(Color::Red),
+            );
+        for (span, label) in &self.related {
+            report = report.with_label(
+                Label::new(cut(*span))
+                    .with_message(label)
+                    .with_color(Color::Blue),
+            );
+        }
+        if let Some(hint) = &self.hint {
+            report = report.with_help(hint);
+        }
+        let mut out = Vec::new();
+        match report.finish().write((name, Source::from(text)), &mut out) {
+            Ok(()) => String::from_utf8_lossy(&out).trim_end().to_string(),
+            Err(_) => self.to_string(),
+        }
+    }
+}
+
+impl fmt::Display for Diagnostic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)?;
+        if let Some(hint) = &self.hint {
+            write!(f, " ({hint})")?;
+        }
+        Ok(())
+    }
+}

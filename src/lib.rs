@@ -1,0 +1,5 @@
+//! Leverrier learns equations of motion from measurements.
+
+pub mod data;
+pub mod diagnostic;
+pub mod error;
