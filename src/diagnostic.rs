@@ -105,30 +105,15 @@ impl Diagnostic {
         let config = Config::default()
             .with_color(colour)
             .with_index_type(IndexType::Byte)
-            .with_char_set(if colour {
-                CharSet::Unicode
-            } else {
-                CharSet::Ascii
-            });
-        let label = if self.label.is_empty() {
-            "here"
-        } else {
-            &self.label
-        };
+            .with_char_set(if colour { CharSet::Unicode } else { CharSet::Ascii });
+        let label = if self.label.is_empty() { "here" } else { &self.label };
         let mut report = Report::build(kind, cut(self.span))
             .with_config(config)
             .with_message(&self.message)
-            .with_label(
-                Label::new(cut(self.span))
-                    .with_message(label)
-                    .with_color(Color::Red),
-            );
+            .with_label(Label::new(cut(self.span)).with_message(label).with_color(Color::Red));
         for (span, label) in &self.related {
-            report = report.with_label(
-                Label::new(cut(*span))
-                    .with_message(label)
-                    .with_color(Color::Blue),
-            );
+            report = report
+                .with_label(Label::new(cut(*span)).with_message(label).with_color(Color::Blue));
         }
         if let Some(hint) = &self.hint {
             report = report.with_help(hint);

@@ -26,11 +26,7 @@ pub enum Error {
     Fit { message: String, hint: String },
     /// A model file does not belong to the spec, or cannot be read.
     #[error("{}: {message}; {hint}", path.display())]
-    Model {
-        path: PathBuf,
-        message: String,
-        hint: String,
-    },
+    Model { path: PathBuf, message: String, hint: String },
     /// The operating system said no.
     #[error("cannot {action} {}: {source}", path.display())]
     File {
@@ -49,25 +45,15 @@ pub enum Error {
 
 impl Error {
     pub fn file(action: &'static str, path: &Path, source: std::io::Error) -> Self {
-        Error::File {
-            action,
-            path: path.to_path_buf(),
-            source,
-        }
+        Error::File { action, path: path.to_path_buf(), source }
     }
 
     pub fn fit(message: impl Into<String>, hint: impl Into<String>) -> Self {
-        Error::Fit {
-            message: message.into(),
-            hint: hint.into(),
-        }
+        Error::Fit { message: message.into(), hint: hint.into() }
     }
 
     pub fn usage(message: impl Into<String>, hint: impl Into<String>) -> Self {
-        Error::Usage {
-            message: message.into(),
-            hint: hint.into(),
-        }
+        Error::Usage { message: message.into(), hint: hint.into() }
     }
 
     /// The process's exit code: 1 failed, 2 wrong usage.

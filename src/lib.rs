@@ -3,3 +3,5 @@
 pub mod data;
 pub mod diagnostic;
 pub mod error;
+pub mod eval;
+pub mod expr;

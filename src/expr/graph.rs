@@ -1,0 +1,379 @@
+//! The hash-consed expression graph.
+//!
+//! Every expression is stored once and named by an [`Expr`]. Constructors keep a
+//! normal form, so that equal sums and products of the same parts are the same
+//! expression: sums are flat lists of scaled terms, products are flat lists of powers.
+
+use std::collections::HashMap;
+
+use super::functions::Function;
+
+/// An expression of a [`Graph`]; equal expressions of one graph have equal names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Expr(pub(crate) u32);
+
+/// A quantity that gets its value from outside the graph.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Symbol {
+    /// Generalised coordinate q_i, counted from 0.
+    Coordinate(usize),
+    /// Conjugate momentum p_i, counted from 0.
+    Momentum(usize),
+    Time,
+    /// Inner parameter: learned, not penalised.
+    Parameter(usize),
+    /// Coefficient of the k-th learned term.
+    Coefficient(usize),
+}
+
+/// A real number that can be hashed; -0 is stored as 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Number(u64);
+
+impl Number {
+    pub fn new(value: f64) -> Self {
+        Number((value + 0.0).to_bits())
+    }
+
+    pub fn value(self) -> f64 {
+        f64::from_bits(self.0)
+    }
+}
+
+/// How an expression is made of others. Lists are sorted and hold no repetition.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub enum Node {
+    Number(Number),
+    Symbol(Symbol),
+    /// constant + sum of factor * term. A single scaled term is a sum of one.
+    Sum {
+        constant: Number,
+        terms: Box<[(Expr, Number)]>,
+    },
+    /// Product of base ^ constant exponent. A single power is a product of one.
+    Product(Box<[(Expr, Number)]>),
+    /// base ^ exponent with an exponent that is not a number.
+    Power(Expr, Expr),
+    Apply(Function, Expr),
+}
+
+/// Expressions that share their common parts.
+#[derive(Debug, Clone, Default)]
+pub struct Graph {
+    nodes: Vec<Node>,
+    index: HashMap<Node, Expr>,
+}
+
+impl Graph {
+    pub fn new() -> Self {
+        Graph::default()
+    }
+
+    pub fn node(&self, expr: Expr) -> &Node {
+        &self.nodes[expr.0 as usize]
+    }
+
+    /// How many distinct expressions are stored.
+    pub fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    fn intern(&mut self, node: Node) -> Expr {
+        if let Some(&expr) = self.index.get(&node) {
+            return expr;
+        }
+        let expr = Expr(self.nodes.len() as u32);
+        self.nodes.push(node.clone());
+        self.index.insert(node, expr);
+        expr
+    }
+
+    pub fn number(&mut self, value: f64) -> Expr {
+        self.intern(Node::Number(Number::new(value)))
+    }
+
+    pub fn symbol(&mut self, symbol: Symbol) -> Expr {
+        self.intern(Node::Symbol(symbol))
+    }
+
+    /// The value of an expression that is a number.
+    pub fn as_number(&self, expr: Expr) -> Option<f64> {
+        match self.node(expr) {
+            Node::Number(number) => Some(number.value()),
+            _ => None,
+        }
+    }
+
+    pub fn is_zero(&self, expr: Expr) -> bool {
+        self.as_number(expr) == Some(0.0)
+    }
+
+    /// constant + sum of factor_i * term_i, flattened and collected.
+    pub fn linear(&mut self, constant: f64, parts: &[(f64, Expr)]) -> Expr {
+        let mut constant = constant;
+        let mut terms: Vec<(Expr, f64)> = Vec::with_capacity(parts.len());
+        for &(factor, part) in parts {
+            match self.node(part) {
+                Node::Number(number) => constant += factor * number.value(),
+                Node::Sum { constant: inner, terms: inner_terms } => {
+                    constant += factor * inner.value();
+                    terms.extend(inner_terms.iter().map(|&(t, c)| (t, factor * c.value())));
+                }
+                _ => terms.push((part, factor)),
+            }
+        }
+        let terms = collect(terms);
+        if terms.is_empty() {
+            return self.number(constant);
+        }
+        if let [(only, factor)] = terms[..]
+            && constant == 0.0
+            && factor == 1.0
+        {
+            return only;
+        }
+        let terms = terms.into_iter().map(|(t, c)| (t, Number::new(c))).collect();
+        self.intern(Node::Sum { constant: Number::new(constant), terms })
+    }
+
+    /// Product of base_i ^ exponent_i times a number, flattened and collected.
+    pub fn product(&mut self, factor: f64, parts: &[(Expr, f64)]) -> Expr {
+        let mut factor = factor;
+        let mut bases: Vec<(Expr, f64)> = Vec::with_capacity(parts.len());
+        for &(base, exponent) in parts {
+            self.gather(base, exponent, &mut factor, &mut bases);
+        }
+        if factor == 0.0 {
+            return self.number(0.0);
+        }
+        let bases = collect(bases);
+        let product = match bases[..] {
+            [] => return self.number(factor),
+            [(base, 1.0)] => base,
+            _ => {
+                let parts = bases.into_iter().map(|(b, e)| (b, Number::new(e))).collect();
+                self.intern(Node::Product(parts))
+            }
+        };
+        if factor == 1.0 { product } else { self.linear(0.0, &[(factor, product)]) }
+    }
+
+    /// Takes `base ^ exponent` apart into a number and powers.
+    fn gather(&self, base: Expr, exponent: f64, factor: &mut f64, out: &mut Vec<(Expr, f64)>) {
+        let whole = exponent.fract() == 0.0;
+        match self.node(base) {
+            Node::Number(number) => {
+                let value = number.value().powf(exponent);
+                // 0^-1 and (-1)^0.5 stay as they are: they are for the evaluator to report.
+                if value.is_finite() { *factor *= value } else { out.push((base, exponent)) }
+            }
+            Node::Sum { constant, terms } if constant.value() == 0.0 && terms.len() == 1 => {
+                let (term, scale) = terms[0];
+                let scaled = scale.value().powf(exponent);
+                if (whole || scale.value() > 0.0) && scaled.is_finite() {
+                    *factor *= scaled;
+                    self.gather(term, exponent, factor, out);
+                } else {
+                    out.push((base, exponent));
+                }
+            }
+            // (b^e)^k = b^(e k) holds everywhere only for whole k.
+            Node::Product(parts) if whole => {
+                out.extend(parts.iter().map(|&(b, e)| (b, e.value() * exponent)));
+            }
+            _ => out.push((base, exponent)),
+        }
+    }
+
+    pub fn add(&mut self, a: Expr, b: Expr) -> Expr {
+        self.linear(0.0, &[(1.0, a), (1.0, b)])
+    }
+
+    pub fn subtract(&mut self, a: Expr, b: Expr) -> Expr {
+        self.linear(0.0, &[(1.0, a), (-1.0, b)])
+    }
+
+    pub fn sum(&mut self, parts: &[Expr]) -> Expr {
+        let parts: Vec<_> = parts.iter().map(|&part| (1.0, part)).collect();
+        self.linear(0.0, &parts)
+    }
+
+    pub fn negate(&mut self, a: Expr) -> Expr {
+        self.linear(0.0, &[(-1.0, a)])
+    }
+
+    pub fn scale(&mut self, factor: f64, a: Expr) -> Expr {
+        self.linear(0.0, &[(factor, a)])
+    }
+
+    pub fn multiply(&mut self, a: Expr, b: Expr) -> Expr {
+        match (self.as_number(a), self.as_number(b)) {
+            (Some(factor), _) => self.scale(factor, b),
+            (_, Some(factor)) => self.scale(factor, a),
+            _ => self.product(1.0, &[(a, 1.0), (b, 1.0)]),
+        }
+    }
+
+    pub fn divide(&mut self, a: Expr, b: Expr) -> Expr {
+        match self.as_number(b) {
+            Some(divisor) if divisor != 0.0 => self.scale(1.0 / divisor, a),
+            _ => self.product(1.0, &[(a, 1.0), (b, -1.0)]),
+        }
+    }
+
+    /// base ^ exponent for a constant exponent.
+    pub fn power(&mut self, base: Expr, exponent: f64) -> Expr {
+        self.product(1.0, &[(base, exponent)])
+    }
+
+    /// base ^ exponent for any exponent.
+    pub fn power_of(&mut self, base: Expr, exponent: Expr) -> Expr {
+        match self.as_number(exponent) {
+            Some(value) => self.power(base, value),
+            None => self.intern(Node::Power(base, exponent)),
+        }
+    }
+
+    /// function(argument); a number argument inside the domain is evaluated.
+    pub fn apply(&mut self, function: Function, argument: Expr) -> Expr {
+        if let Some(x) = self.as_number(argument) {
+            let value = (function.row().value)(x);
+            if value.is_finite() {
+                return self.number(value);
+            }
+        }
+        self.intern(Node::Apply(function, argument))
+    }
+
+    /// The expressions that `expr` is directly made of.
+    pub fn children(&self, expr: Expr) -> Vec<Expr> {
+        match self.node(expr) {
+            Node::Number(_) | Node::Symbol(_) => Vec::new(),
+            Node::Sum { terms, .. } => terms.iter().map(|&(t, _)| t).collect(),
+            Node::Product(parts) => parts.iter().map(|&(b, _)| b).collect(),
+            Node::Power(base, exponent) => vec![*base, *exponent],
+            Node::Apply(_, argument) => vec![*argument],
+        }
+    }
+
+    /// Every expression that the roots are made of, parts before wholes, each once.
+    pub fn topological(&self, roots: &[Expr]) -> Vec<Expr> {
+        let mut order = Vec::new();
+        let mut seen = vec![false; self.nodes.len()];
+        let mut stack: Vec<(Expr, bool)> = roots.iter().rev().map(|&r| (r, false)).collect();
+        while let Some((expr, done)) = stack.pop() {
+            if done {
+                order.push(expr);
+                continue;
+            }
+            if std::mem::replace(&mut seen[expr.0 as usize], true) {
+                continue;
+            }
+            stack.push((expr, true));
+            stack.extend(self.children(expr).into_iter().rev().map(|child| (child, false)));
+        }
+        order
+    }
+
+    /// The symbols that the roots depend on, sorted.
+    pub fn symbols(&self, roots: &[Expr]) -> Vec<Symbol> {
+        let mut symbols: Vec<Symbol> = self
+            .topological(roots)
+            .into_iter()
+            .filter_map(|expr| match self.node(expr) {
+                Node::Symbol(symbol) => Some(*symbol),
+                _ => None,
+            })
+            .collect();
+        symbols.sort_unstable();
+        symbols
+    }
+
+    pub fn depends_on(&self, expr: Expr, symbol: Symbol) -> bool {
+        self.symbols(&[expr]).binary_search(&symbol).is_ok()
+    }
+
+    /// Replaces symbols by expressions; symbols without an entry stay.
+    pub fn substitute(&mut self, expr: Expr, replace: &HashMap<Symbol, Expr>) -> Expr {
+        self.rebuild(expr, |_, symbol| replace.get(&symbol).copied())
+    }
+
+    /// Replaces symbols by numbers and folds what becomes constant.
+    pub fn substitute_numbers(&mut self, expr: Expr, values: &HashMap<Symbol, f64>) -> Expr {
+        self.rebuild(expr, |graph, symbol| values.get(&symbol).map(|&value| graph.number(value)))
+    }
+
+    fn rebuild(
+        &mut self,
+        expr: Expr,
+        mut replace: impl FnMut(&mut Graph, Symbol) -> Option<Expr>,
+    ) -> Expr {
+        let mut image: HashMap<Expr, Expr> = HashMap::new();
+        for part in self.topological(&[expr]) {
+            let new = match self.node(part).clone() {
+                Node::Number(_) => part,
+                Node::Symbol(symbol) => replace(self, symbol).unwrap_or(part),
+                Node::Sum { constant, terms } => {
+                    let parts: Vec<_> = terms.iter().map(|(t, c)| (c.value(), image[t])).collect();
+                    self.linear(constant.value(), &parts)
+                }
+                Node::Product(parts) => {
+                    let parts: Vec<_> = parts.iter().map(|(b, e)| (image[b], e.value())).collect();
+                    self.product(1.0, &parts)
+                }
+                Node::Power(base, exponent) => self.power_of(image[&base], image[&exponent]),
+                Node::Apply(function, argument) => self.apply(function, image[&argument]),
+            };
+            image.insert(part, new);
+        }
+        image[&expr]
+    }
+
+    /// The value of an expression; slow and plain, the truth for tests of the evaluators.
+    pub fn value(&self, expr: Expr, of: &dyn Fn(Symbol) -> f64) -> f64 {
+        let mut values: HashMap<Expr, f64> = HashMap::new();
+        for part in self.topological(&[expr]) {
+            let value = match self.node(part) {
+                Node::Number(number) => number.value(),
+                Node::Symbol(symbol) => of(*symbol),
+                Node::Sum { constant, terms } => {
+                    constant.value() + terms.iter().map(|(t, c)| c.value() * values[t]).sum::<f64>()
+                }
+                Node::Product(parts) => {
+                    parts.iter().map(|(b, e)| raise(values[b], e.value())).product()
+                }
+                Node::Power(base, exponent) => values[base].powf(values[exponent]),
+                Node::Apply(function, argument) => (function.row().value)(values[argument]),
+            };
+            values.insert(part, value);
+        }
+        values[&expr]
+    }
+}
+
+/// base ^ exponent, exact for small whole exponents.
+pub fn raise(base: f64, exponent: f64) -> f64 {
+    if exponent.fract() == 0.0 && exponent.abs() <= 64.0 {
+        base.powi(exponent as i32)
+    } else {
+        base.powf(exponent)
+    }
+}
+
+/// Sorts by expression, adds the numbers of equal ones and drops zeros.
+fn collect(mut items: Vec<(Expr, f64)>) -> Vec<(Expr, f64)> {
+    items.sort_by_key(|&(expr, _)| expr);
+    let mut out: Vec<(Expr, f64)> = Vec::with_capacity(items.len());
+    for (expr, value) in items {
+        match out.last_mut() {
+            Some((last, total)) if *last == expr => *total += value,
+            _ => out.push((expr, value)),
+        }
+    }
+    out.retain(|&(_, value)| value != 0.0);
+    out
+}

@@ -1,0 +1,175 @@
+//! A dynamical system with unknown parts: what a spec means, as expressions.
+
+use super::graph::{Expr, Graph, Symbol};
+use super::print::Names;
+use super::unit::Unit;
+
+/// A coordinate or a momentum.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Variable {
+    /// As written in the spec: `theta`, `q[3]`.
+    pub name: String,
+    /// `None`: no unit was given, nothing about it is checked.
+    pub unit: Option<Unit>,
+    /// The unit as the user wrote it, for print.
+    pub unit_text: Option<String>,
+}
+
+/// What the second half of the observables is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Observed {
+    /// The momenta themselves.
+    Momenta,
+    /// The velocities dH/dp.
+    Velocities,
+}
+
+/// Where a part of the equations of motion stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Place {
+    /// T(p).
+    Kinetic,
+    /// V(q).
+    Potential,
+    /// A part of H(q, p) that is neither T nor V.
+    Hamiltonian,
+    /// The generalised force on coordinate i, outside H.
+    Force(usize),
+}
+
+/// Allowed values of a coefficient or parameter; infinite where there is no bound.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    pub lower: f64,
+    pub upper: f64,
+}
+
+impl Bounds {
+    pub const FREE: Bounds = Bounds { lower: f64::NEG_INFINITY, upper: f64::INFINITY };
+
+    pub fn is_free(self) -> bool {
+        self == Bounds::FREE
+    }
+
+    pub fn clamp(self, value: f64) -> f64 {
+        value.max(self.lower).min(self.upper)
+    }
+}
+
+/// A member of the function space: its coefficient is learned and penalised.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Term {
+    pub place: Place,
+    pub expr: Expr,
+    /// The term in the syntax of the mini-language, without its coefficient.
+    pub label: String,
+    /// The name that the user gave to the coefficient, if any.
+    pub name: Option<String>,
+    pub bounds: Bounds,
+    /// Unit of the coefficient, where units were given.
+    pub unit: Option<Unit>,
+    pub unit_text: Option<String>,
+}
+
+/// An inner parameter: a number inside terms that is learned and not penalised.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    pub name: String,
+    pub start: f64,
+    pub bounds: Bounds,
+    pub unit: Option<Unit>,
+    pub unit_text: Option<String>,
+}
+
+/// dq/dt = dH/dp, dp/dt = -dH/dq + F with
+/// H = known + sum of c_k phi_k over the terms of T, V and H, and
+/// F_i = known_i + sum of c_k psi_k over the terms of the force on coordinate i.
+///
+/// Every known part is an expression in [`Symbol`]s; zero where nothing is known.
+#[derive(Debug, Clone)]
+pub struct System {
+    pub name: String,
+    pub graph: Graph,
+    pub coordinates: Vec<Variable>,
+    /// Conjugate momenta, one for each coordinate.
+    pub momenta: Vec<Variable>,
+    pub observed: Observed,
+    /// Names of the measured velocities; empty when momenta are observed.
+    pub velocities: Vec<Variable>,
+    pub time: Variable,
+    pub parameters: Vec<Parameter>,
+    pub kinetic: Expr,
+    pub potential: Expr,
+    pub hamiltonian: Expr,
+    /// One for each coordinate.
+    pub forces: Vec<Expr>,
+    /// The function space. The coefficient of `terms[k]` is `Symbol::Coefficient(k)`.
+    pub terms: Vec<Term>,
+}
+
+impl System {
+    /// Number of degrees of freedom n; the state has 2n components.
+    pub fn degrees(&self) -> usize {
+        self.coordinates.len()
+    }
+
+    /// q_1 .. q_n, p_1 .. p_n.
+    pub fn state(&self) -> Vec<Symbol> {
+        let n = self.degrees();
+        (0..n).map(Symbol::Coordinate).chain((0..n).map(Symbol::Momentum)).collect()
+    }
+
+    /// Names for print; coefficients without a name are called c1, c2, ...
+    pub fn names(&self) -> Names {
+        Names {
+            coordinates: self.coordinates.iter().map(|v| v.name.clone()).collect(),
+            momenta: self.momenta.iter().map(|v| v.name.clone()).collect(),
+            parameters: self.parameters.iter().map(|p| p.name.clone()).collect(),
+            coefficients: self
+                .terms
+                .iter()
+                .enumerate()
+                .map(|(k, term)| term.name.clone().unwrap_or_else(|| format!("c{}", k + 1)))
+                .collect(),
+        }
+    }
+
+    /// Names of the observables in data: coordinates, then momenta or velocities.
+    pub fn observables(&self) -> Vec<String> {
+        let second = match self.observed {
+            Observed::Momenta => &self.momenta,
+            Observed::Velocities => &self.velocities,
+        };
+        self.coordinates.iter().chain(second).map(|v| v.name.clone()).collect()
+    }
+
+    /// H as one expression, the learned terms `active` with their coefficients as symbols.
+    pub fn energy(&mut self, active: &[usize]) -> Expr {
+        let mut parts = vec![(1.0, self.kinetic), (1.0, self.potential), (1.0, self.hamiltonian)];
+        for &k in active {
+            if !matches!(self.terms[k].place, Place::Force(_)) {
+                let coefficient = self.graph.symbol(Symbol::Coefficient(k));
+                let term = self.terms[k].expr;
+                parts.push((1.0, self.graph.multiply(coefficient, term)));
+            }
+        }
+        self.graph.linear(0.0, &parts)
+    }
+
+    /// The force on each coordinate outside H, learned terms included.
+    pub fn force(&mut self, active: &[usize]) -> Vec<Expr> {
+        (0..self.degrees())
+            .map(|i| {
+                let mut parts = vec![(1.0, self.forces[i])];
+                for &k in active {
+                    if self.terms[k].place == Place::Force(i) {
+                        let coefficient = self.graph.symbol(Symbol::Coefficient(k));
+                        let term = self.terms[k].expr;
+                        parts.push((1.0, self.graph.multiply(coefficient, term)));
+                    }
+                }
+                self.graph.linear(0.0, &parts)
+            })
+            .collect()
+    }
+}
