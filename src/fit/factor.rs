@@ -1,0 +1,212 @@
+//! The triangular factor of a least-squares problem: all that training keeps of the data.
+//!
+//! A problem `min |A x - b|` with any number of rows is kept as the upper triangle R of
+//! the QR decomposition of `[A b]`. Factors merge (stack, decompose again), so that data
+//! stream through, blocks of data are worked on side by side, and folds of the data can be
+//! recombined. The condition number is that of A; the Gram matrix would have its square.
+
+use nalgebra::{DMatrix, DVector};
+
+/// Columns that one block reflector eliminates; the rest of the work is matrix products.
+const PANEL: usize = 32;
+
+/// R of `[A b]`: `columns` + 1 square, upper triangular, b last.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Factor {
+    triangle: DMatrix<f64>,
+    /// Independent rows that went in: the number of residuals.
+    rows: usize,
+}
+
+impl Factor {
+    /// The factor of no data for `columns` unknowns.
+    pub fn new(columns: usize) -> Self {
+        Factor { triangle: DMatrix::zeros(columns + 1, columns + 1), rows: 0 }
+    }
+
+    /// Number of unknowns K.
+    pub fn columns(&self) -> usize {
+        self.triangle.ncols() - 1
+    }
+
+    /// Number of residuals.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Takes rows `[A b]` in (m x (K + 1)); they are overwritten. `count` of them are
+    /// residuals, the rest is padding with zeros.
+    ///
+    /// Elimination of a rectangle under a triangle by block reflectors: Schreiber and
+    /// Van Loan, "A storage-efficient WY representation", SIAM J. Sci. Stat. Comput. 10
+    /// (1989), in the triangle-over-rectangle form.
+    pub fn push(&mut self, rows: &mut DMatrix<f64>, count: usize) {
+        let width = self.triangle.ncols();
+        debug_assert_eq!(rows.ncols(), width);
+        self.rows += count;
+        if rows.nrows() == 0 {
+            return;
+        }
+        for start in (0..width).step_by(PANEL) {
+            let size = PANEL.min(width - start);
+            let reflector = self.eliminate(rows, start, size);
+            let rest = width - start - size;
+            if rest > 0 {
+                let (done, mut trailing) =
+                    rows.columns_range_pair_mut(start..start + size, start + size..width);
+                let mut top = self.triangle.view_mut((start, start + size), (size, rest));
+                let mut projected = top.clone_owned();
+                projected.gemm_tr(1.0, &done, &trailing, 1.0);
+                let projected = reflector.tr_mul(&projected);
+                top -= &projected;
+                trailing.gemm(-1.0, &done, &projected, 1.0);
+            }
+        }
+    }
+
+    /// Reflects the panel's rectangle to zero; leaves the reflectors in it and returns
+    /// the small triangle T of Q = I - V T V'.
+    fn eliminate(&mut self, rows: &mut DMatrix<f64>, start: usize, size: usize) -> DMatrix<f64> {
+        let mut t = DMatrix::zeros(size, size);
+        for j in 0..size {
+            let column = start + j;
+            let below = rows.column(column).norm_squared();
+            if below == 0.0 {
+                continue;
+            }
+            let alpha = self.triangle[(column, column)];
+            let beta = -(alpha * alpha + below).sqrt().copysign(alpha);
+            let tau = (beta - alpha) / beta;
+            rows.column_mut(column).scale_mut(1.0 / (alpha - beta));
+            self.triangle[(column, column)] = beta;
+            for k in column + 1..start + size {
+                let (reflector, mut other) = rows.columns_range_pair_mut(column..=column, k..=k);
+                let w =
+                    tau * (self.triangle[(column, k)] + reflector.column(0).dot(&other.column(0)));
+                self.triangle[(column, k)] -= w;
+                other.column_mut(0).axpy(-w, &reflector.column(0), 1.0);
+            }
+            t[(j, j)] = tau;
+            if j > 0 {
+                let overlap = rows.columns(start, j).tr_mul(&rows.column(column));
+                let filled = t.view((0, 0), (j, j)) * overlap * -tau;
+                t.view_mut((0, j), (j, 1)).copy_from(&filled);
+            }
+        }
+        t
+    }
+
+    /// Takes another factor of the same unknowns in.
+    pub fn merge(&mut self, other: &Factor) {
+        let mut rows = other.triangle.clone();
+        self.push(&mut rows, other.rows);
+    }
+
+    /// The same problem with only some of the unknowns, in the order given; the others are zero.
+    pub fn select(&self, unknowns: &[usize]) -> Factor {
+        let mut selected = Factor::new(unknowns.len());
+        let columns: Vec<usize> = unknowns.iter().copied().chain([self.columns()]).collect();
+        let mut rows = self.triangle.select_columns(&columns);
+        selected.push(&mut rows, self.rows);
+        selected
+    }
+
+    /// The upper triangle of A alone (K x K).
+    pub fn design(&self) -> DMatrix<f64> {
+        let k = self.columns();
+        self.triangle.view((0, 0), (k, k)).clone_owned()
+    }
+
+    /// The right-hand side that belongs to [`Factor::design`].
+    pub fn target(&self) -> DVector<f64> {
+        let k = self.columns();
+        self.triangle.view((0, k), (k, 1)).column(0).clone_owned()
+    }
+
+    /// Sum of squared residuals that no choice of the unknowns can remove.
+    pub fn least(&self) -> f64 {
+        let k = self.columns();
+        self.triangle[(k, k)].powi(2)
+    }
+
+    /// Sum of squared residuals at `unknowns`.
+    pub fn squares(&self, unknowns: &DVector<f64>) -> f64 {
+        let k = self.columns();
+        let misfit = self.triangle.view((0, 0), (k, k)) * unknowns - self.target();
+        misfit.norm_squared() + self.least()
+    }
+
+    /// Moves the origin: the unknowns are from now on counted from `origin`.
+    pub fn shift(&mut self, origin: &DVector<f64>) {
+        let k = self.columns();
+        let moved = self.target() - self.design() * origin;
+        self.triangle.view_mut((0, k), (k, 1)).copy_from(&moved);
+    }
+
+    /// Scales every residual by a weight.
+    pub fn scale(&mut self, weight: f64) {
+        self.triangle *= weight;
+    }
+
+    /// Euclidean norm of each column of A.
+    pub fn norms(&self) -> Vec<f64> {
+        (0..self.columns()).map(|k| self.triangle.view((0, k), (k + 1, 1)).norm()).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64;
+
+    fn random(rows: usize, columns: usize, seed: u64) -> DMatrix<f64> {
+        let mut rng = Pcg64::seed_from_u64(seed);
+        DMatrix::from_fn(rows, columns, |_, _| rng.random_range(-1.0..1.0))
+    }
+
+    #[test]
+    fn agrees_with_a_plain_decomposition_whatever_the_blocks() {
+        for columns in [1, 5, 31, 32, 33, 70] {
+            let all = random(200, columns + 1, columns as u64);
+            let mut factor = Factor::new(columns);
+            for (from, to) in [(0, 3), (3, 90), (90, 90), (90, 200)] {
+                factor.push(&mut all.rows(from, to - from).clone_owned(), to - from);
+            }
+            let gram = all.transpose() * &all;
+            let ours = factor.triangle.transpose() * &factor.triangle;
+            assert!((gram - ours).amax() < 1e-12 * 200.0);
+            for column in 0..=columns {
+                for row in column + 1..=columns {
+                    assert_eq!(factor.triangle[(row, column)], 0.0);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn merging_equals_stacking() {
+        let all = random(60, 8, 7);
+        let mut whole = Factor::new(7);
+        whole.push(&mut all.clone(), 60);
+        let mut parts = Factor::new(7);
+        for block in 0..3 {
+            let mut part = Factor::new(7);
+            part.push(&mut all.rows(block * 20, 20).clone_owned(), 20);
+            parts.merge(&part);
+        }
+        let x = DVector::from_fn(7, |i, _| i as f64 / 7.0);
+        assert!((whole.squares(&x) - parts.squares(&x)).abs() < 1e-11);
+        assert_eq!(whole.rows(), parts.rows());
+    }
+
+    #[test]
+    fn selection_keeps_the_squares() {
+        let mut whole = Factor::new(6);
+        whole.push(&mut random(40, 7, 3), 40);
+        let picked = whole.select(&[4, 1]);
+        let x = DVector::from_vec(vec![0.0, 0.3, 0.0, 0.0, -0.8, 0.0]);
+        let y = DVector::from_vec(vec![-0.8, 0.3]);
+        assert!((whole.squares(&x) - picked.squares(&y)).abs() < 1e-12);
+    }
+}

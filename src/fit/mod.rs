@@ -1,0 +1,4 @@
+//! Training.
+pub mod factor;
+pub mod path;
+pub mod support;

@@ -1,0 +1,216 @@
+//! The path of L1-penalised solutions on a triangular factor: coordinate descent with
+//! soft thresholding, from the penalty that empties the model down to almost none.
+//!
+//! Friedman, Hastie and Tibshirani, "Regularization paths for generalized linear models
+//! via coordinate descent", J. Stat. Softw. 33 (2010), with the factor in place of the data.
+
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+
+use super::factor::Factor;
+use crate::expr::Bounds;
+
+/// How the path is walked.
+#[derive(Debug, Clone, Copy)]
+pub struct Settings {
+    /// Penalties, evenly spaced on a logarithmic scale.
+    pub points: usize,
+    /// Smallest penalty over the largest.
+    pub ratio: f64,
+    /// Sweeps at one penalty before the next is taken anyway.
+    pub sweeps: usize,
+    /// The path ends when this many terms have entered.
+    pub most_terms: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings { points: 60, ratio: 1e-7, sweeps: 60, most_terms: 80 }
+    }
+}
+
+/// The solution at one penalty.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PathPoint {
+    /// Penalty on a coefficient times the norm of its column.
+    pub lambda: f64,
+    /// Unknowns that are not zero, with their values.
+    pub coefficients: Vec<(usize, f64)>,
+}
+
+impl PathPoint {
+    pub fn support(&self) -> Vec<usize> {
+        self.coefficients.iter().map(|&(k, _)| k).collect()
+    }
+}
+
+/// The proximal map of `threshold * |x|`.
+pub fn soft_threshold(x: f64, threshold: f64) -> f64 {
+    (x.abs() - threshold).max(0.0).copysign(x)
+}
+
+/// Solutions of `min 1/2 |A x - b|^2 + lambda * sum_k norm_k |x_k|` over decreasing lambda.
+///
+/// `penalised[k]` is false for unknowns that are free of the penalty. Each solution starts
+/// from the one before. Columns are brought to unit norm, so that units do not matter.
+pub fn path(
+    factor: &Factor,
+    penalised: &[bool],
+    bounds: &[Bounds],
+    settings: &Settings,
+) -> Vec<PathPoint> {
+    let mut descent = Descent::new(factor, penalised, bounds);
+    // Unpenalised unknowns are settled before the first penalty is set.
+    descent.solve(f64::INFINITY, settings.sweeps);
+    let largest = descent.largest_correlation();
+    if largest <= 0.0 || !largest.is_finite() || settings.points == 0 {
+        return Vec::new();
+    }
+    let step = settings.ratio.powf(1.0 / (settings.points.max(2) - 1) as f64);
+    let mut points = Vec::new();
+    let mut lambda = largest;
+    for _ in 0..settings.points {
+        descent.solve(lambda, settings.sweeps);
+        let point = PathPoint { lambda, coefficients: descent.coefficients() };
+        let full = point.coefficients.len() > settings.most_terms;
+        points.push(point);
+        if full {
+            break;
+        }
+        lambda *= step;
+    }
+    points
+}
+
+struct Descent<'a> {
+    /// Columns of unit norm.
+    design: DMatrix<f64>,
+    norms: Vec<f64>,
+    residual: DVector<f64>,
+    /// In units of the normalised columns.
+    solution: Vec<f64>,
+    penalised: &'a [bool],
+    bounds: &'a [Bounds],
+}
+
+impl<'a> Descent<'a> {
+    fn new(factor: &Factor, penalised: &'a [bool], bounds: &'a [Bounds]) -> Self {
+        let norms = factor.norms();
+        let mut design = factor.design();
+        for (k, &norm) in norms.iter().enumerate() {
+            if norm > 0.0 {
+                design.column_mut(k).scale_mut(1.0 / norm);
+            }
+        }
+        let solution = vec![0.0; norms.len()];
+        Descent { design, norms, residual: factor.target(), solution, penalised, bounds }
+    }
+
+    fn correlation(&self, k: usize) -> f64 {
+        // The triangle is zero below the diagonal.
+        self.design.view((0, k), (k + 1, 1)).column(0).dot(&self.residual.rows(0, k + 1))
+    }
+
+    fn largest_correlation(&self) -> f64 {
+        (0..self.norms.len())
+            .filter(|&k| self.penalised[k])
+            .map(|k| self.correlation(k).abs())
+            .fold(0.0, f64::max)
+    }
+
+    /// Descends to convergence, or until the sweeps are used up.
+    fn solve(&mut self, lambda: f64, sweeps: usize) {
+        let all: Vec<usize> = (0..self.norms.len()).filter(|&k| self.norms[k] > 0.0).collect();
+        let mut left = sweeps;
+        while left > 0 {
+            let moved = self.sweep(&all, lambda);
+            left -= 1;
+            if !moved {
+                return;
+            }
+            let active: Vec<usize> =
+                all.iter().copied().filter(|&k| self.solution[k] != 0.0).collect();
+            while left > 0 && self.sweep(&active, lambda) {
+                left -= 1;
+            }
+        }
+    }
+
+    /// One pass over the unknowns; whether any of them moved noticeably.
+    fn sweep(&mut self, unknowns: &[usize], lambda: f64) -> bool {
+        let size = self.solution.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        let mut largest = 0.0f64;
+        for &k in unknowns {
+            let free = self.correlation(k) + self.solution[k];
+            let threshold = if self.penalised[k] { lambda } else { 0.0 };
+            let shrunk = soft_threshold(free, threshold);
+            let new = self.bounds[k].clamp(shrunk / self.norms[k]) * self.norms[k];
+            let change = new - self.solution[k];
+            if change != 0.0 && change.is_finite() {
+                self.solution[k] = new;
+                let column = self.design.view((0, k), (k + 1, 1));
+                self.residual.rows_mut(0, k + 1).axpy(-change, &column.column(0), 1.0);
+                largest = largest.max(change.abs());
+            }
+        }
+        largest > 1e-9 * size
+    }
+
+    fn coefficients(&self) -> Vec<(usize, f64)> {
+        self.solution
+            .iter()
+            .enumerate()
+            .filter(|(_, x)| **x != 0.0)
+            .map(|(k, x)| (k, x / self.norms[k]))
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn orthogonal_columns_are_thresholded_one_by_one() {
+        // For an orthonormal design the solution is the soft-thresholded target.
+        let mut rows = DMatrix::from_row_slice(
+            3,
+            4,
+            &[1.0, 0.0, 0.0, 3.0, 0.0, 1.0, 0.0, -0.5, 0.0, 0.0, 1.0, 1.5],
+        );
+        let mut factor = Factor::new(3);
+        factor.push(&mut rows, 3);
+        let settings = Settings { points: 2, ratio: 1.0 / 3.0, ..Settings::default() };
+        let points = path(&factor, &[true; 3], &[Bounds::FREE; 3], &settings);
+        assert!(points[0].coefficients.iter().all(|(_, x)| x.abs() < 1e-12));
+        let last = &points[1];
+        assert_eq!(last.support(), vec![0, 2]);
+        assert!((last.coefficients[0].1 - 2.0).abs() < 1e-12);
+        assert!((last.coefficients[1].1 - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_optimum_fulfils_its_conditions() {
+        // Subgradient conditions: |a_k' r| <= lambda, with equality and the sign of x_k on the support.
+        let mut rows = DMatrix::from_fn(30, 6, |i, j| ((i * 7 + j * 13) as f64 * 0.37).sin());
+        let mut factor = Factor::new(5);
+        factor.push(&mut rows, 30);
+        let settings = Settings { sweeps: 5000, ..Settings::default() };
+        let norms = factor.norms();
+        for point in path(&factor, &[true; 5], &[Bounds::FREE; 5], &settings) {
+            let mut x = DVector::zeros(5);
+            for &(k, value) in &point.coefficients {
+                x[k] = value;
+            }
+            let residual = factor.target() - factor.design() * &x;
+            for k in 0..5 {
+                let slope = factor.design().column(k).dot(&residual) / norms[k];
+                let slack = 1e-6 * point.lambda + 1e-9;
+                assert!(slope.abs() <= point.lambda + slack);
+                if x[k] != 0.0 {
+                    assert!((slope - point.lambda * x[k].signum()).abs() < slack);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! Segments: the stretches of measurement whose initial state is one unknown.
+
+use std::ops::Range;
+
+use crate::data::Dataset;
+
+/// Samples `first ..= last` of one run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Segment {
+    pub run: usize,
+    pub first: usize,
+    pub last: usize,
+}
+
+impl Segment {
+    pub fn samples(self) -> usize {
+        self.last - self.first + 1
+    }
+}
+
+/// An interval this many times the typical one is a hole that no segment bridges.
+const HOLE: f64 = 10.0;
+
+/// Cuts every run into segments of at most `window` samples that share no sample.
+///
+/// A hole ends a segment, and so does twice the usual duration of a window. What is left over
+/// at the end of a run joins the segment before it if it is a single sample. Segments come
+/// sorted by length (then by run and time), so that blocks of them are nearly rectangular.
+pub fn cut(dataset: &Dataset, window: usize) -> Vec<Segment> {
+    let typical = typical_step(dataset);
+    let longest = 2.0 * typical * (window.max(2) - 1) as f64;
+    let mut segments = Vec::new();
+    for (run, record) in dataset.runs.iter().enumerate() {
+        let times = &record.times;
+        let pair = times.len() == 2;
+        let mut first = 0;
+        while first + 1 < times.len() {
+            let mut last = first;
+            while last + 1 < times.len() && last + 1 - first < window.max(2) {
+                let hole = times[last + 1] - times[last] > HOLE * typical;
+                let long = last > first && times[last + 1] - times[first] > longest;
+                if (hole || long) && !pair {
+                    break;
+                }
+                last += 1;
+            }
+            let alone = last + 2 == times.len();
+            if alone && times[last + 1] - times[last] <= 2.0 * typical && last > first {
+                last += 1;
+            }
+            if last > first {
+                segments.push(Segment { run, first, last });
+            }
+            first = last + 1;
+        }
+    }
+    segments.sort_by_key(|s| (s.samples(), s.run, s.first));
+    segments
+}
+
+/// The median interval between consecutive samples; 0 when there is none.
+pub fn typical_step(dataset: &Dataset) -> f64 {
+    let mut steps: Vec<f64> = dataset
+        .runs
+        .iter()
+        .flat_map(|run| run.times.windows(2).map(|pair| pair[1] - pair[0]))
+        .collect();
+    if steps.is_empty() {
+        return 0.0;
+    }
+    let middle = steps.len() / 2;
+    *steps.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// The number of samples of the longest run.
+pub fn longest_run(dataset: &Dataset) -> usize {
+    dataset.runs.iter().map(|run| run.times.len()).max().unwrap_or(0)
+}
+
+/// Blocks of consecutive segments that are worked on side by side. The partition depends on
+/// the segments and the width alone, never on the number of threads.
+pub fn blocks(segments: usize, width: usize) -> Vec<Range<usize>> {
+    (0..segments).step_by(width.max(1)).map(|a| a..(a + width.max(1)).min(segments)).collect()
+}
+
+/// A first guess of a segment's initial state, 2n numbers, from its own measurements.
+///
+/// A missing coordinate is taken from the nearest sample that has it. A missing momentum, and
+/// every momentum when velocities are observed, starts as the velocity: measured, or else the
+/// slope to the next sample. The trainer improves on all of it.
+pub fn first_state(
+    dataset: &Dataset,
+    segment: Segment,
+    degrees: usize,
+) -> Vec<f64> {
+    let run = &dataset.runs[segment.run];
+    let near = |row: usize| -> Option<f64> {
+        (segment.first..=segment.last).map(|j| run.values[row][j]).find(|x| x.is_finite())
+    };
+    let slope = |row: usize| -> f64 {
+        let mut seen = (segment.first..=segment.last).filter(|&j| run.values[row][j].is_finite());
+        match (seen.next(), seen.next()) {
+            (Some(a), Some(b)) => {
+                (run.values[row][b] - run.values[row][a]) / (run.times[b] - run.times[a])
+            }
+            _ => 0.0,
+        }
+    };
+    let coordinates = (0..degrees).map(|i| near(i).unwrap_or(0.0));
+    let momenta = (0..degrees).map(|i| near(degrees + i).unwrap_or_else(|| slope(i)));
+    coordinates.chain(momenta).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::data::Run;
+
+    fn run(times: &[f64]) -> Run {
+        Run {
+            name: "1".into(),
+            times: times.to_vec(),
+            values: vec![times.to_vec(), vec![1.0; times.len()]],
+            lines: vec![0; times.len()],
+        }
+    }
+
+    fn dataset(runs: Vec<Run>) -> Dataset {
+        Dataset { observables: vec!["q".into(), "p".into()], runs }
+    }
+
+    #[test]
+    fn pairs_stay_pairs() {
+        let data = dataset(vec![run(&[0.0, 0.1]), run(&[0.0, 7.0])]);
+        let all = cut(&data, 16);
+        assert_eq!(all.len(), 2);
+        assert!(all.iter().all(|s| s.samples() == 2));
+    }
+
+    #[test]
+    fn no_segment_bridges_a_hole_and_no_sample_is_used_twice() {
+        let mut times: Vec<f64> = (0..23).map(|i| i as f64 * 0.1).collect();
+        times.extend((0..9).map(|i| 50.0 + i as f64 * 0.1));
+        let data = dataset(vec![run(&times)]);
+        for window in [2, 3, 5, 8, 64] {
+            let mut used = vec![0; times.len()];
+            for segment in cut(&data, window) {
+                assert!(segment.samples() >= 2 && segment.samples() <= window + 1);
+                assert!(times[segment.last] - times[segment.first] < 40.0);
+                (segment.first..=segment.last).for_each(|j| used[j] += 1);
+            }
+            assert!(used.iter().all(|&count| count <= 1), "window {window}");
+            assert!(used.iter().sum::<i32>() >= 30, "window {window}");
+        }
+    }
+
+    #[test]
+    fn a_missing_momentum_starts_as_the_slope() {
+        let mut data = dataset(vec![run(&[0.0, 0.5, 1.0])]);
+        data.runs[0].values[1] = vec![f64::NAN; 3];
+        let segment = Segment { run: 0, first: 0, last: 2 };
+        assert_eq!(first_state(&data, segment, 1), vec![0.0, 1.0]);
+    }
+}
