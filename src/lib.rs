@@ -2,6 +2,7 @@
 
 pub mod data;
 pub mod diagnostic;
+pub mod dynamics;
 pub mod error;
 pub mod eval;
 pub mod expr;

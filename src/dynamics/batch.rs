@@ -1,0 +1,133 @@
+//! Trajectories side by side, and the memory that moving them takes.
+
+/// Structure of arrays over `lanes` trajectories.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Batch {
+    /// Number of trajectories.
+    pub lanes: usize,
+    /// `[2n][lanes]`: coordinates, then momenta.
+    pub state: Vec<f64>,
+    /// `[lanes]`.
+    pub time: Vec<f64>,
+    /// d state / d (initial state, theta), `[2n][2n + P][lanes]`; empty when not wanted.
+    pub tangent: Vec<f64>,
+    degrees: usize,
+    unknowns: usize,
+}
+
+impl Batch {
+    /// Trajectories of `degrees` degrees of freedom without tangents; all states and times zero.
+    pub fn new(degrees: usize, lanes: usize) -> Batch {
+        Batch {
+            lanes,
+            state: vec![0.0; 2 * degrees * lanes],
+            time: vec![0.0; lanes],
+            tangent: Vec::new(),
+            degrees,
+            unknowns: 0,
+        }
+    }
+
+    /// The same with tangents by the initial state (the identity) and `unknowns` numbers (zero).
+    pub fn with_tangents(degrees: usize, lanes: usize, unknowns: usize) -> Batch {
+        let mut batch = Batch::new(degrees, lanes);
+        batch.unknowns = unknowns;
+        batch.tangent = vec![0.0; 2 * degrees * batch.columns() * lanes];
+        batch.reset_tangents();
+        batch
+    }
+
+    /// Number of degrees of freedom n.
+    pub fn degrees(&self) -> usize {
+        self.degrees
+    }
+
+    /// Number of tangent columns, 2n + P.
+    pub fn columns(&self) -> usize {
+        2 * self.degrees + self.unknowns
+    }
+
+    /// Whether the batch carries tangents.
+    pub fn has_tangents(&self) -> bool {
+        !self.tangent.is_empty()
+    }
+
+    /// The present states become the initial ones: tangents back to identity and zero.
+    pub fn reset_tangents(&mut self) {
+        if self.tangent.is_empty() {
+            return;
+        }
+        let (lanes, columns) = (self.lanes, self.columns());
+        self.tangent.fill(0.0);
+        for row in 0..2 * self.degrees {
+            let start = (row * columns + row) * lanes;
+            self.tangent[start..start + lanes].fill(1.0);
+        }
+    }
+
+    /// Sets the time and state (2n numbers) of one trajectory.
+    pub fn set(&mut self, lane: usize, time: f64, state: &[f64]) {
+        self.time[lane] = time;
+        for (row, &value) in state.iter().enumerate().take(2 * self.degrees) {
+            self.state[row * self.lanes + lane] = value;
+        }
+    }
+
+    /// The state of one trajectory, 2n numbers.
+    pub fn get(&self, lane: usize) -> Vec<f64> {
+        (0..2 * self.degrees).map(|row| self.state[row * self.lanes + lane]).collect()
+    }
+
+    /// Whether every component of a trajectory's state is finite.
+    pub fn is_finite(&self, lane: usize) -> bool {
+        (0..2 * self.degrees).all(|row| self.state[row * self.lanes + lane].is_finite())
+    }
+
+    /// Turns lanes with any number that is not finite into NaN altogether.
+    pub(super) fn condemn(&mut self, broken: &mut Vec<f64>) {
+        let lanes = self.lanes;
+        if lanes == 0 {
+            return;
+        }
+        // x * 0 is NaN exactly where x is not finite, so a sum of zeros finds the broken lanes.
+        broken.clear();
+        broken.resize(lanes, 0.0);
+        for row in self.state.chunks_exact(lanes).chain(self.tangent.chunks_exact(lanes)) {
+            for (mark, value) in broken.iter_mut().zip(row) {
+                *mark += value * 0.0;
+            }
+        }
+        if broken.iter().all(|mark| *mark == 0.0) {
+            return;
+        }
+        for row in self.state.chunks_exact_mut(lanes).chain(self.tangent.chunks_exact_mut(lanes)) {
+            for (mark, value) in broken.iter().zip(row) {
+                *value += mark;
+            }
+        }
+    }
+}
+
+/// Scratch memory of the integrators; one a thread. It grows to what is needed and stays.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    /// Outputs of the last evaluation.
+    pub(super) out: Vec<f64>,
+    /// Inputs that had to be copied together.
+    pub(super) points: Vec<f64>,
+    /// Times of the present stage, `[lanes]`.
+    pub(super) time: Vec<f64>,
+    /// Step of each lane, `[lanes]`.
+    pub(super) step: Vec<f64>,
+    /// Step times stage coefficient, `[lanes]`.
+    pub(super) scale: Vec<f64>,
+    /// Whatever an evaluator or a method wants.
+    pub(super) workspace: Vec<f64>,
+}
+
+impl Scratch {
+    /// Empty scratch memory.
+    pub fn new() -> Scratch {
+        Scratch::default()
+    }
+}

@@ -1,0 +1,266 @@
+//! The equations of motion of a system, compiled.
+
+use std::fmt;
+use std::sync::OnceLock;
+
+use super::batch::{Batch, Scratch};
+use super::flow::{Flow, FlowSource};
+use crate::eval::{Backend, Evaluator, Inputs, compile};
+use crate::expr::{Expr, Graph, Place, Symbol, System};
+
+/// Equations of motion of a system with some of its learned terms.
+///
+/// dq_i/dt = v_i = dH/dp_i and dp_i/dt = -g_i with g_i = dH/dq_i - F_i. The unknowns are
+/// theta = coefficients of the active terms, then the inner parameters in use. What a method
+/// needs is compiled when it is first used.
+pub struct Dynamics {
+    graph: Graph,
+    backend: Backend,
+    degrees: usize,
+    active: Vec<usize>,
+    parameters: Vec<usize>,
+    unknowns: Vec<Symbol>,
+    state: Vec<Symbol>,
+    separable: bool,
+    timed: bool,
+    hamiltonian: Expr,
+    slope: Gradient,
+    velocity: Gradient,
+    kick: OnceLock<Flow>,
+    drift: OnceLock<Flow>,
+    field: OnceLock<Flow>,
+    energy: OnceLock<Box<dyn Evaluator>>,
+}
+
+/// g or v: n expressions, and for each the derivatives by the active coefficients.
+struct Gradient {
+    rows: Vec<Expr>,
+    linear: Vec<Vec<(usize, Expr)>>,
+}
+
+impl fmt::Debug for Dynamics {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Dynamics")
+            .field("degrees", &self.degrees)
+            .field("active", &self.active)
+            .field("parameters", &self.parameters)
+            .field("separable", &self.separable)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Dynamics {
+    /// Equations of motion with the terms `active` (indices into `system.terms`; others are
+    /// left out, indices that do not exist are ignored).
+    pub fn new(system: &System, active: &[usize], backend: Backend) -> Dynamics {
+        let mut graph = system.graph.clone();
+        let degrees = system.degrees();
+        let active: Vec<usize> =
+            active.iter().copied().filter(|&k| k < system.terms.len()).collect();
+        let state = system.state();
+
+        let known = graph.sum(&[system.kinetic, system.potential, system.hamiltonian]);
+        let mut slope =
+            Gradient::conservative(&mut graph, system, &active, known, &state[..degrees]);
+        let velocity =
+            Gradient::conservative(&mut graph, system, &active, known, &state[degrees..]);
+        slope.subtract_forces(&mut graph, system, &active);
+        let hamiltonian = energy(&mut graph, system, &active, known);
+
+        let mut all = slope.rows.clone();
+        all.extend_from_slice(&velocity.rows);
+        let timed = graph.symbols(&all).contains(&Symbol::Time);
+        let parameters: Vec<usize> = graph
+            .symbols(&all)
+            .into_iter()
+            .filter_map(|symbol| match symbol {
+                Symbol::Parameter(j) => Some(j),
+                _ => None,
+            })
+            .collect();
+        let of_slope = graph.symbols(&slope.rows);
+        let of_velocity = graph.symbols(&velocity.rows);
+        let separable = !of_slope.iter().any(|s| matches!(s, Symbol::Momentum(_)))
+            && !of_velocity.iter().any(|s| matches!(s, Symbol::Coordinate(_)));
+        let unknowns = active
+            .iter()
+            .map(|&k| Symbol::Coefficient(k))
+            .chain(parameters.iter().map(|&j| Symbol::Parameter(j)))
+            .collect();
+        Dynamics {
+            graph,
+            backend,
+            degrees,
+            active,
+            parameters,
+            unknowns,
+            state,
+            separable,
+            timed,
+            hamiltonian,
+            slope,
+            velocity,
+            kick: OnceLock::new(),
+            drift: OnceLock::new(),
+            field: OnceLock::new(),
+            energy: OnceLock::new(),
+        }
+    }
+
+    /// Number of degrees of freedom n.
+    pub fn degrees(&self) -> usize {
+        self.degrees
+    }
+
+    /// Number of unknowns P, the length of theta.
+    pub fn unknowns(&self) -> usize {
+        self.unknowns.len()
+    }
+
+    /// `active()[k]` is the term whose coefficient is `theta[k]`.
+    pub fn active(&self) -> &[usize] {
+        &self.active
+    }
+
+    /// `parameters()[j]` is the inner parameter that `theta[active().len() + j]` is: those that
+    /// occur in the equations of motion, in the order of the system.
+    pub fn parameters(&self) -> &[usize] {
+        &self.parameters
+    }
+
+    /// Whether v depends on p and t only and g on q and t only, as a splitting needs.
+    pub fn separable(&self) -> bool {
+        self.separable
+    }
+
+    /// Whether the equations of motion name the time.
+    pub fn depends_on_time(&self) -> bool {
+        self.timed
+    }
+
+    /// H of every lane into `out`, `[lanes]`; `theta` has [`Dynamics::unknowns`] numbers.
+    pub fn energy(&self, batch: &Batch, theta: &[f64], out: &mut [f64], scratch: &mut Scratch) {
+        let evaluator = self.energy.get_or_init(|| {
+            let mut varying = self.state.clone();
+            varying.push(Symbol::Time);
+            let inputs = Inputs { varying, uniform: self.unknowns.clone() };
+            compile(&self.graph, &inputs, &[self.hamiltonian], self.backend)
+        });
+        let Scratch { points, workspace, .. } = scratch;
+        points.clear();
+        points.extend_from_slice(&batch.state);
+        points.extend_from_slice(&batch.time);
+        evaluator.evaluate(points, theta, batch.lanes, &mut out[..batch.lanes], workspace);
+    }
+
+    /// g as a function of q (and of p where it is not separable).
+    pub(super) fn kick(&self) -> &Flow {
+        let end = if self.separable { self.degrees } else { 2 * self.degrees };
+        self.kick.get_or_init(|| self.flow(&self.slope.rows, &self.slope.linear, 0..end))
+    }
+
+    /// v as a function of p (and of q where it is not separable).
+    pub(super) fn drift(&self) -> &Flow {
+        let start = if self.separable { self.degrees } else { 0 };
+        let inputs = start..2 * self.degrees;
+        self.drift.get_or_init(|| self.flow(&self.velocity.rows, &self.velocity.linear, inputs))
+    }
+
+    /// (v, -g) as a function of the whole state.
+    pub(super) fn field(&self) -> &Flow {
+        self.field.get_or_init(|| {
+            let mut graph = self.graph.clone();
+            let mut rows = self.velocity.rows.clone();
+            rows.extend(self.slope.rows.iter().map(|&g| graph.negate(g)));
+            let mut linear = self.velocity.linear.clone();
+            linear.extend(self.slope.linear.iter().map(|list| {
+                list.iter().map(|&(unknown, expr)| (unknown, graph.negate(expr))).collect()
+            }));
+            self.compile(&mut graph, &rows, &linear, 0..2 * self.degrees)
+        })
+    }
+
+    fn flow(
+        &self,
+        rows: &[Expr],
+        linear: &[Vec<(usize, Expr)>],
+        inputs: std::ops::Range<usize>,
+    ) -> Flow {
+        self.compile(&mut self.graph.clone(), rows, linear, inputs)
+    }
+
+    fn compile(
+        &self,
+        graph: &mut Graph,
+        functions: &[Expr],
+        linear: &[Vec<(usize, Expr)>],
+        inputs: std::ops::Range<usize>,
+    ) -> Flow {
+        let source =
+            FlowSource { functions, linear, state: &self.state, inputs, unknowns: &self.unknowns };
+        Flow::new(graph, &source, self.backend)
+    }
+}
+
+impl Gradient {
+    /// Derivatives of H by `symbols`. Terms are linear in their coefficients, so that every
+    /// mixed derivative is the derivative of a term.
+    fn conservative(
+        graph: &mut Graph,
+        system: &System,
+        active: &[usize],
+        known: Expr,
+        symbols: &[Symbol],
+    ) -> Gradient {
+        let conservative: Vec<usize> = (0..active.len())
+            .filter(|&unknown| !matches!(system.terms[active[unknown]].place, Place::Force(_)))
+            .collect();
+        let mut exprs = vec![known];
+        exprs.extend(conservative.iter().map(|&unknown| system.terms[active[unknown]].expr));
+        let mut gradient = Gradient { rows: Vec::new(), linear: Vec::new() };
+        for &symbol in symbols {
+            let derivatives = graph.derivatives(&exprs, symbol);
+            let mut parts = vec![(1.0, derivatives[0])];
+            let mut linear = Vec::new();
+            for (&unknown, &derivative) in conservative.iter().zip(&derivatives[1..]) {
+                if graph.is_zero(derivative) {
+                    continue;
+                }
+                let coefficient = graph.symbol(Symbol::Coefficient(active[unknown]));
+                parts.push((1.0, graph.multiply(coefficient, derivative)));
+                linear.push((unknown, derivative));
+            }
+            gradient.rows.push(graph.linear(0.0, &parts));
+            gradient.linear.push(linear);
+        }
+        gradient
+    }
+
+    fn subtract_forces(&mut self, graph: &mut Graph, system: &System, active: &[usize]) {
+        for (i, (row, linear)) in self.rows.iter_mut().zip(&mut self.linear).enumerate() {
+            let mut parts = vec![(1.0, *row)];
+            parts.extend(system.forces.get(i).map(|&force| (-1.0, force)));
+            for (unknown, &k) in active.iter().enumerate() {
+                if system.terms[k].place == Place::Force(i) {
+                    let expr = system.terms[k].expr;
+                    let coefficient = graph.symbol(Symbol::Coefficient(k));
+                    parts.push((-1.0, graph.multiply(coefficient, expr)));
+                    linear.push((unknown, graph.negate(expr)));
+                }
+            }
+            *row = graph.linear(0.0, &parts);
+        }
+    }
+}
+
+/// H with the active terms.
+fn energy(graph: &mut Graph, system: &System, active: &[usize], known: Expr) -> Expr {
+    let mut parts = vec![(1.0, known)];
+    for &k in active {
+        if !matches!(system.terms[k].place, Place::Force(_)) {
+            let coefficient = graph.symbol(Symbol::Coefficient(k));
+            parts.push((1.0, graph.multiply(coefficient, system.terms[k].expr)));
+        }
+    }
+    graph.linear(0.0, &parts)
+}

@@ -1,0 +1,149 @@
+//! A part of the equations of motion as a compiled function, with its sparse Jacobian.
+
+use std::ops::Range;
+
+use super::batch::Scratch;
+use crate::eval::{Backend, Evaluator, Inputs, compile};
+use crate::expr::{Expr, Graph, Symbol};
+
+/// Functions of some rows of the state, time and theta, with their derivatives.
+pub struct Flow {
+    value: Box<dyn Evaluator>,
+    /// Values, then Jacobian entries, then mixed entries.
+    tangent: Box<dyn Evaluator>,
+    /// Rows of the state that the functions may depend on.
+    pub inputs: Range<usize>,
+    /// Number of functions.
+    pub rows: usize,
+    /// (function, row of the state) of each derivative that is not zero, sorted.
+    pub jacobian: Vec<(usize, usize)>,
+    /// (function, unknown) of each derivative that is not zero, sorted.
+    pub mixed: Vec<(usize, usize)>,
+    timed: bool,
+}
+
+/// What a flow is compiled from.
+pub struct FlowSource<'a> {
+    pub functions: &'a [Expr],
+    /// `linear[row]`: derivatives by coefficients, as (unknown, expression).
+    pub linear: &'a [Vec<(usize, Expr)>],
+    pub state: &'a [Symbol],
+    pub inputs: Range<usize>,
+    pub unknowns: &'a [Symbol],
+}
+
+impl Flow {
+    pub fn new(graph: &mut Graph, source: &FlowSource, backend: Backend) -> Flow {
+        let rows = source.functions.len();
+        let mut jacobian = Vec::new();
+        for column in source.inputs.clone() {
+            let derivatives = graph.derivatives(source.functions, source.state[column]);
+            for (row, derivative) in derivatives.into_iter().enumerate() {
+                if !graph.is_zero(derivative) {
+                    jacobian.push((row, column, derivative));
+                }
+            }
+        }
+        jacobian.sort_unstable();
+        let mut mixed = Vec::new();
+        for (row, list) in source.linear.iter().enumerate() {
+            mixed.extend(list.iter().map(|&(unknown, expr)| (row, unknown, expr)));
+        }
+        for (unknown, &symbol) in source.unknowns.iter().enumerate() {
+            if let Symbol::Parameter(_) = symbol {
+                let derivatives = graph.derivatives(source.functions, symbol);
+                mixed.extend(derivatives.into_iter().enumerate().map(|(row, d)| (row, unknown, d)));
+            }
+        }
+        mixed.retain(|&(_, _, expr)| !graph.is_zero(expr));
+        mixed.sort_unstable();
+
+        let mut outputs = source.functions.to_vec();
+        outputs.extend(jacobian.iter().chain(&mixed).map(|&(_, _, expr)| expr));
+        let timed = graph.symbols(&outputs).contains(&Symbol::Time);
+        let mut varying = source.state[source.inputs.clone()].to_vec();
+        varying.extend(timed.then_some(Symbol::Time));
+        let inputs = Inputs { varying, uniform: source.unknowns.to_vec() };
+        Flow {
+            value: compile(graph, &inputs, source.functions, backend),
+            tangent: compile(graph, &inputs, &outputs, backend),
+            inputs: source.inputs.clone(),
+            rows,
+            jacobian: jacobian.into_iter().map(|(row, column, _)| (row, column)).collect(),
+            mixed: mixed.into_iter().map(|(row, unknown, _)| (row, unknown)).collect(),
+            timed,
+        }
+    }
+
+    /// Number of values and derivatives together.
+    pub fn outputs(&self) -> usize {
+        self.rows + self.jacobian.len() + self.mixed.len()
+    }
+
+    /// Evaluates into `scratch.out`: `[rows][lanes]`, and with `derivatives` the Jacobian and
+    /// the mixed entries after it. `state` is `[2n][lanes]`, `scratch.time` the times.
+    pub fn evaluate(
+        &self,
+        state: &[f64],
+        lanes: usize,
+        theta: &[f64],
+        derivatives: bool,
+        scratch: &mut Scratch,
+    ) {
+        let Scratch { out, points, time, workspace, .. } = scratch;
+        let rows = &state[self.inputs.start * lanes..self.inputs.end * lanes];
+        let points = if self.timed {
+            points.clear();
+            points.extend_from_slice(rows);
+            points.extend_from_slice(time);
+            &points[..]
+        } else {
+            rows
+        };
+        let evaluator = if derivatives { &self.tangent } else { &self.value };
+        let size = evaluator.outputs() * lanes;
+        if out.len() < size {
+            out.resize(size, 0.0);
+        }
+        evaluator.evaluate(points, theta, lanes, &mut out[..size], workspace);
+    }
+
+    /// target += entries * source, and the mixed entries into their own columns.
+    ///
+    /// `target` holds `[rows][columns][lanes]`, `source` the rows `inputs` of a tangent in the
+    /// same layout; `entries` is the Jacobian, then the mixed entries, `[entry][lanes]`, scaled
+    /// as wanted. Unknown k has column `first + k`.
+    pub fn push(
+        &self,
+        target: &mut [f64],
+        source: &[f64],
+        entries: &[f64],
+        first: usize,
+        columns: usize,
+        lanes: usize,
+    ) {
+        if lanes == 0 {
+            return;
+        }
+        let start = self.inputs.start;
+        // Column after column: the entries then stay in the nearest cache.
+        for column in 0..columns {
+            let mut weights = entries.chunks_exact(lanes);
+            for (&(row, from), weight) in self.jacobian.iter().zip(&mut weights) {
+                let into = (row * columns + column) * lanes;
+                let from = ((from - start) * columns + column) * lanes;
+                let into = &mut target[into..into + lanes];
+                for ((t, s), w) in into.iter_mut().zip(&source[from..from + lanes]).zip(weight) {
+                    *t += w * s;
+                }
+            }
+        }
+        let weights = entries.chunks_exact(lanes).skip(self.jacobian.len());
+        for (&(row, unknown), weight) in self.mixed.iter().zip(weights) {
+            let into = (row * columns + first + unknown) * lanes;
+            for (t, w) in target[into..into + lanes].iter_mut().zip(weight) {
+                *t += w;
+            }
+        }
+    }
+}

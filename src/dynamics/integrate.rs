@@ -1,0 +1,40 @@
+//! Moving a batch of trajectories.
+
+use super::batch::{Batch, Scratch};
+use super::equations::Dynamics;
+use super::methods::{Kind, Method};
+use super::splitting;
+
+/// Advances every lane by its own `span[lane]` in `steps` equal steps.
+///
+/// A span may be negative (backward) or 0 (no motion). Tangents, if the batch has them, are
+/// multiplied by the Jacobian of the discrete map. A lane that leaves the finite numbers
+/// becomes NaN, state and tangent, and does not disturb others; so does every lane when a
+/// splitting is asked for dynamics that is not separable. Nothing is computed for 0 steps.
+pub fn advance(
+    dynamics: &Dynamics,
+    method: Method,
+    batch: &mut Batch,
+    span: &[f64],
+    steps: usize,
+    theta: &[f64],
+    scratch: &mut Scratch,
+) {
+    if steps == 0 || batch.lanes == 0 {
+        return;
+    }
+    scratch.step.clear();
+    scratch.step.extend(span.iter().map(|span| span / steps as f64));
+    match &method.row().kind {
+        Kind::Splitting(_) if !dynamics.separable() => batch.state.fill(f64::NAN),
+        Kind::Splitting(gammas) => {
+            splitting::advance(dynamics, gammas, batch, steps, theta, scratch);
+        }
+        Kind::Implicit(_) => batch.state.fill(f64::NAN),
+        Kind::Explicit(_) => batch.state.fill(f64::NAN),
+    }
+    for (time, span) in batch.time.iter_mut().zip(span) {
+        *time += span;
+    }
+    batch.condemn(&mut scratch.scale);
+}

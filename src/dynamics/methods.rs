@@ -1,0 +1,212 @@
+//! Integration methods as rows of one table.
+
+/// One integration method.
+#[derive(Debug)]
+pub struct MethodRow {
+    /// Its name in output and options.
+    pub name: &'static str,
+    /// Order of the global error in the step.
+    pub order: u32,
+    /// A step forward and the same step backward cancel.
+    pub symmetric: bool,
+    /// The map preserves the symplectic form of every Hamiltonian that the kind applies to.
+    pub symplectic: bool,
+    /// How it steps.
+    pub kind: Kind,
+    /// Paper and equation.
+    pub source: &'static str,
+}
+
+/// How a method steps, with its coefficients.
+#[derive(Debug)]
+pub enum Kind {
+    /// A composition of leapfrog steps of lengths `coefficient * h`; for separable dynamics.
+    Splitting(&'static [f64]),
+    /// Implicit Runge-Kutta; for any dynamics.
+    Implicit(Tableau),
+    /// Explicit Runge-Kutta; for any dynamics.
+    Explicit(Tableau),
+}
+
+/// A Butcher tableau of s stages.
+#[derive(Debug)]
+pub struct Tableau {
+    /// `[s][s]`, row after row.
+    pub matrix: &'static [f64],
+    /// Weights, `[s]`.
+    pub weights: &'static [f64],
+    /// Times of the stages in units of the step, `[s]`.
+    pub nodes: &'static [f64],
+}
+
+/// An integration method: a row of [`METHODS`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Method(u8);
+
+impl Method {
+    /// Looks a name of the table up.
+    pub fn by_name(name: &str) -> Option<Method> {
+        METHODS.iter().position(|row| row.name == name).map(|i| Method(i as u8))
+    }
+
+    /// Every method of the table.
+    pub fn all() -> impl Iterator<Item = Method> {
+        (0..METHODS.len()).map(|i| Method(i as u8))
+    }
+
+    /// The table row.
+    pub fn row(self) -> &'static MethodRow {
+        &METHODS[self.0 as usize]
+    }
+
+    /// Whether the method applies to separable dynamics only.
+    pub fn needs_separable(self) -> bool {
+        matches!(self.row().kind, Kind::Splitting(_))
+    }
+
+    /// Force evaluations that one step takes, an implicit stage counted with its iterations.
+    pub fn cost(self) -> usize {
+        match &self.row().kind {
+            Kind::Splitting(gammas) => gammas.len(),
+            Kind::Explicit(tableau) => tableau.weights.len(),
+            Kind::Implicit(tableau) => 5 * tableau.weights.len(),
+        }
+    }
+}
+
+/// 1 / (2 - 2^(1/3)).
+const YOSHIDA_4: f64 = 1.351_207_191_959_657_6;
+
+const SQRT_3: f64 = 1.732_050_807_568_877_2;
+const SQRT_15: f64 = 3.872_983_346_207_417;
+
+/// The middle weight that makes a symmetric composition sum to 1.
+const fn rest(outer: &[f64]) -> f64 {
+    let (mut sum, mut i) = (0.0, 0);
+    while i < outer.len() {
+        sum += outer[i];
+        i += 1;
+    }
+    1.0 - 2.0 * sum
+}
+
+/// outer, centre, outer backward; N is 2 * outer + 1.
+const fn symmetric<const N: usize>(outer: &[f64]) -> [f64; N] {
+    let mut out = [rest(outer); N];
+    let mut i = 0;
+    while i < outer.len() {
+        out[i] = outer[i];
+        out[N - 1 - i] = outer[i];
+        i += 1;
+    }
+    out
+}
+
+/// Every integration method. A new one is one row here; the tests measure it by themselves.
+pub static METHODS: &[MethodRow] = &[
+    MethodRow {
+        name: "leapfrog",
+        order: 2,
+        symmetric: true,
+        symplectic: true,
+        kind: Kind::Splitting(&[1.0]),
+        source: "Verlet, Phys. Rev. 159 (1967) 98, eq. 4; as drift, kick, drift",
+    },
+    MethodRow {
+        name: "forest-ruth",
+        order: 4,
+        symmetric: true,
+        symplectic: true,
+        kind: Kind::Splitting(&symmetric::<3>(&[YOSHIDA_4])),
+        source: "Forest and Ruth, Physica D 43 (1990) 105; Yoshida, Phys. Lett. A 150 (1990) 262, eq. 2.11",
+    },
+    MethodRow {
+        name: "yoshida-6",
+        order: 6,
+        symmetric: true,
+        symplectic: true,
+        kind: Kind::Splitting(&symmetric::<7>(&[
+            0.784_513_610_477_560,
+            0.235_573_213_359_357,
+            -1.177_679_984_178_87,
+        ])),
+        source: "Yoshida, Phys. Lett. A 150 (1990) 262, table 1, solution A",
+    },
+    MethodRow {
+        name: "kahan-li-6",
+        order: 6,
+        symmetric: true,
+        symplectic: true,
+        kind: Kind::Splitting(&symmetric::<9>(&[
+            0.392_161_444_007_314_139_279_250_56,
+            0.332_599_136_789_359_438_599_748_64,
+            -0.706_246_172_557_639_359_809_964_82,
+            0.082_213_596_293_550_800_231_490_45,
+        ])),
+        source: "Kahan and Li, Math. Comp. 66 (1997) 1089, s9odr6a",
+    },
+    MethodRow {
+        name: "suzuki-umeno-8",
+        order: 8,
+        symmetric: true,
+        symplectic: true,
+        kind: Kind::Splitting(&symmetric::<15>(&[
+            0.741_670_364_350_612_953_448_227_80,
+            -0.409_100_825_800_031_593_997_300_10,
+            0.190_754_710_296_238_379_953_876_26,
+            -0.573_862_471_116_082_266_656_387_73,
+            0.299_064_181_303_655_923_844_463_54,
+            0.334_624_918_245_298_183_784_957_98,
+            0.315_293_092_396_766_596_632_056_66,
+        ])),
+        source: "Suzuki and Umeno (1993); Hairer, Lubich, Wanner, Geometric Numerical Integration, eq. V.3.11",
+    },
+    MethodRow {
+        name: "gauss-legendre-4",
+        order: 4,
+        symmetric: true,
+        symplectic: true,
+        kind: Kind::Implicit(Tableau {
+            matrix: &[0.25, 0.25 - SQRT_3 / 6.0, 0.25 + SQRT_3 / 6.0, 0.25],
+            weights: &[0.5, 0.5],
+            nodes: &[0.5 - SQRT_3 / 6.0, 0.5 + SQRT_3 / 6.0],
+        }),
+        source: "Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, table II.7.3",
+    },
+    MethodRow {
+        name: "gauss-legendre-6",
+        order: 6,
+        symmetric: true,
+        symplectic: true,
+        kind: Kind::Implicit(Tableau {
+            matrix: &[
+                5.0 / 36.0,
+                2.0 / 9.0 - SQRT_15 / 15.0,
+                5.0 / 36.0 - SQRT_15 / 30.0,
+                5.0 / 36.0 + SQRT_15 / 24.0,
+                2.0 / 9.0,
+                5.0 / 36.0 - SQRT_15 / 24.0,
+                5.0 / 36.0 + SQRT_15 / 30.0,
+                2.0 / 9.0 + SQRT_15 / 15.0,
+                5.0 / 36.0,
+            ],
+            weights: &[5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0],
+            nodes: &[0.5 - SQRT_15 / 10.0, 0.5, 0.5 + SQRT_15 / 10.0],
+        }),
+        source: "Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, table II.7.4",
+    },
+    MethodRow {
+        name: "rk4",
+        order: 4,
+        symmetric: false,
+        symplectic: false,
+        kind: Kind::Explicit(Tableau {
+            matrix: &[
+                0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0,
+            ],
+            weights: &[1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0],
+            nodes: &[0.0, 0.5, 0.5, 1.0],
+        }),
+        source: "Kutta, Z. Math. Phys. 46 (1901) 435; Hairer, Norsett, Wanner I, table II.1.2",
+    },
+];
