@@ -143,9 +143,12 @@ impl Factor {
         self.triangle.view_mut((0, k), (k, 1)).copy_from(&moved);
     }
 
-    /// Scales every residual by a weight.
-    pub fn scale(&mut self, weight: f64) {
-        self.triangle *= weight;
+    /// The factor of the same data taken `count` times.
+    pub fn repeated(&self, count: u32) -> Factor {
+        Factor {
+            triangle: &self.triangle * f64::from(count).sqrt(),
+            rows: self.rows * count as usize,
+        }
     }
 
     /// Euclidean norm of each column of A.

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::factor::Factor;
 use super::loss::Loss;
-use super::segments::{Segment, blocks};
+use super::segments::{Segment, Segments, blocks};
 use crate::data::Dataset;
 use crate::dynamics::{Batch, Dynamics, Method, Scratch, advance, observe};
 use crate::expr::Observed;
@@ -28,22 +28,24 @@ pub struct Stepping {
 #[derive(Clone, Copy)]
 pub struct Problem<'a> {
     pub dataset: &'a Dataset,
-    pub segments: &'a [Segment],
+    pub segments: &'a Segments,
     pub observed: Observed,
     /// One over the noise of each observable.
     pub weights: &'a [f64],
     pub loss: Loss,
     pub stepping: Stepping,
+    /// Weighted residuals below this are rounding or the integrator's own error.
+    pub floor: f64,
 }
 
 /// Segments side by side in one block, at most.
 const LANES: usize = 64;
 /// Bytes that the rows of one block may take.
 const BLOCK_BYTES: usize = 12 << 20;
-/// Blocks are gathered in at most this many groups, one factor each: the folds of the data.
-pub const GROUPS: usize = 16;
 /// Steps of the inner search for the states.
 const STATE_STEPS: usize = 8;
+/// States are settled when the next step promises less than this part of the loss.
+const SETTLED: f64 = 1e-7;
 
 /// Sums over all segments at the best states for a theta.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -84,14 +86,9 @@ pub type States = Vec<Vec<f64>>;
 /// Improves the states for a theta that is held, and sums up what is left.
 ///
 /// Gauss-Newton for each segment by itself; a step that does not pay is shortened.
-pub fn settle(
-    problem: &Problem,
-    dynamics: &Dynamics,
-    theta: &[f64],
-    states: &mut States,
-) -> Sums {
+pub fn settle(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mut States) -> Sums {
     let width = width(problem, 2 * dynamics.degrees() + dynamics.unknowns() + 1);
-    let parts: Vec<(Vec<Vec<f64>>, Sums)> = blocks(problem.segments.len(), width)
+    let parts: Vec<(Vec<Vec<f64>>, Sums)> = blocks(0..problem.segments.list.len(), width)
         .into_par_iter()
         .map_init(Scratch::new, |scratch, range| {
             let mut local = states[range.clone()].to_vec();
@@ -99,7 +96,7 @@ pub fn settle(
                 problem,
                 dynamics,
                 theta,
-                &problem.segments[range],
+                &problem.segments.list[range],
                 &mut local,
                 scratch,
             );
@@ -130,34 +127,39 @@ fn settle_block(
     let mut step = vec![vec![0.0; size]; lanes];
     let mut length = vec![1.0; lanes];
     let mut sums = Sums::new(problem.weights.len());
+    let mut settled = vec![false; lanes];
     for _ in 0..STATE_STEPS {
         let mut rows = Rows::integrate(problem, dynamics, theta, segments, &trial, false, scratch);
-        let losses = rows.losses.clone();
         rows.eliminate_states();
-        let mut moving = false;
+        let mut improved = 0;
         for lane in 0..lanes {
-            let better = losses[lane] < best[lane];
-            if better {
-                let fresh = rows.state_step(lane);
-                let promised = rows.promised(lane);
-                moving |= promised > 1e-9 * losses[lane] && losses[lane] > 1e-28;
+            let loss = rows.losses[lane];
+            if loss < best[lane] || settled[lane] {
+                improved += 1;
                 states[lane].clone_from(&trial[lane]);
-                best[lane] = losses[lane];
-                step[lane] = fresh;
+                best[lane] = loss;
+                step[lane] = rows.state_step(lane);
                 length[lane] = 1.0;
-            } else if best[lane].is_finite() {
-                // The last step overshot (or there was none left to take): a quarter of it.
+                let rounding = problem.floor.powi(2) * rows.measured[lane] as f64;
+                settled[lane] = rows.promised(lane) <= SETTLED * (loss + rounding);
+            } else {
+                // The last step overshot: a quarter of it.
                 length[lane] *= 0.25;
+                settled[lane] = !best[lane].is_finite() || length[lane] < 1e-3;
             }
             for i in 0..size {
-                trial[lane][i] = states[lane][i] + length[lane] * step[lane][i];
+                let part = if settled[lane] { 0.0 } else { length[lane] };
+                trial[lane][i] = states[lane][i] + part * step[lane][i];
             }
         }
-        if !moving {
-            break;
+        if settled.iter().all(|&done| done) && improved == lanes {
+            // The rows at hand are those of the settled states.
+            rows.sum_up(&mut sums);
+            return sums;
         }
     }
-    let rows = Rows::integrate(problem, dynamics, theta, segments, states, false, scratch);
+    let mut rows = Rows::integrate(problem, dynamics, theta, segments, states, false, scratch);
+    rows.eliminate_states();
     rows.sum_up(&mut sums);
     sums
 }
@@ -165,17 +167,17 @@ fn settle_block(
 /// The problem, linearised at theta and at settled states: unknowns are increments of theta.
 pub struct Linearised {
     /// One factor for each fold of the segments.
-    pub groups: Vec<Factor>,
+    pub folds: Vec<Factor>,
     pub sums: Sums,
 }
 
 impl Linearised {
     /// All folds together.
     pub fn merged(&self) -> Factor {
-        let columns = self.groups.first().map_or(0, Factor::columns);
+        let columns = self.folds.first().map_or(0, Factor::columns);
         let mut all = Factor::new(columns);
-        for group in &self.groups {
-            all.merge(group);
+        for fold in &self.folds {
+            all.merge(fold);
         }
         all
     }
@@ -191,22 +193,20 @@ pub fn linearise(
     let unknowns = dynamics.unknowns();
     let size = 2 * dynamics.degrees();
     let width = width(problem, size + unknowns + 1);
-    let all = blocks(problem.segments.len(), width);
-    let groups = GROUPS.min(all.len()).max(1);
-    // Block b belongs to fold b mod groups: every fold sees all of the data's lengths and runs.
-    let parts: Vec<(Factor, Sums)> = (0..groups)
-        .into_par_iter()
-        .map_init(Scratch::new, |scratch, group| {
+    let folds = &problem.segments.folds;
+    let parts: Vec<(Factor, Sums)> = folds
+        .par_iter()
+        .map_init(Scratch::new, |scratch, fold| {
             let mut factor = Factor::new(unknowns);
             let mut sums = Sums::new(problem.weights.len());
             let mut gathered = Gathered::new(unknowns + 1);
-            for range in all.iter().skip(group).step_by(groups) {
-                let segments = &problem.segments[range.clone()];
-                let states = &states[range.clone()];
+            for range in blocks(fold.clone(), width) {
+                let segments = &problem.segments.list[range.clone()];
+                let states = &states[range];
                 let mut rows =
                     Rows::integrate(problem, dynamics, theta, segments, states, true, scratch);
-                rows.sum_up(&mut sums);
                 rows.eliminate_states();
+                rows.sum_up(&mut sums);
                 gathered.take(&rows, &mut factor);
             }
             gathered.flush(&mut factor);
@@ -219,11 +219,11 @@ pub fn linearise(
         sums.add(&part);
         factors.push(factor);
     }
-    Linearised { groups: factors, sums }
+    Linearised { folds: factors, sums }
 }
 
 fn width(problem: &Problem, columns: usize) -> usize {
-    let samples = problem.segments.iter().map(|s| s.samples()).max().unwrap_or(1);
+    let samples = problem.segments.list.iter().map(|s| s.samples()).max().unwrap_or(1);
     let lane_bytes = samples * problem.weights.len() * columns * 8;
     (BLOCK_BYTES / lane_bytes.max(1)).clamp(4, LANES) / 4 * 4
 }
@@ -244,6 +244,8 @@ struct Rows {
     /// Measured values of each lane.
     measured: Vec<usize>,
     observables: usize,
+    /// State columns and residuals before elimination, `[row][state + 1][lane]`.
+    original: Vec<f64>,
 }
 
 impl Rows {
@@ -273,6 +275,7 @@ impl Rows {
             losses: vec![0.0; lanes],
             measured: vec![0; lanes],
             observables,
+            original: Vec::new(),
         };
         for (lane, (segment, start)) in segments.iter().zip(states).enumerate() {
             batch.set(lane, problem.dataset.runs[segment.run].times[segment.first], start);
@@ -368,6 +371,10 @@ impl Rows {
     fn eliminate_states(&mut self) {
         self.silence();
         let (lanes, columns) = (self.lanes, self.columns);
+        for row in self.values.chunks_exact(columns * lanes) {
+            self.original.extend_from_slice(&row[..self.state * lanes]);
+            self.original.extend_from_slice(&row[(columns - 1) * lanes..]);
+        }
         let mut norm = vec![0.0; lanes];
         let mut factor = vec![0.0; lanes];
         let mut dot = vec![0.0; lanes];
@@ -427,8 +434,7 @@ impl Rows {
             if pivot.abs() <= 1e-12 * norm {
                 continue;
             }
-            let known: f64 =
-                (i + 1..self.state).map(|j| self.at(i, j, lane) * step[j]).sum();
+            let known: f64 = (i + 1..self.state).map(|j| self.at(i, j, lane) * step[j]).sum();
             step[i] = (self.at(i, last, lane) - known) / pivot;
         }
         step
@@ -445,36 +451,39 @@ impl Rows {
         self.measured[lane].saturating_sub(self.state)
     }
 
-    /// Adds losses, squares and degrees of freedom of the lanes, before elimination.
+    /// Adds losses, squares and degrees of freedom of the lanes; after elimination.
+    ///
+    /// The leverage of a measured value on the states is |J_row R_s^-1|^2.
     fn sum_up(&self, sums: &mut Sums) {
-        let last = self.columns - 1;
-        let mut leverage = vec![0.0; self.rows];
-        for lane in 0..self.lanes {
+        let (lanes, state) = (self.lanes, self.state);
+        let mut solved = vec![0.0; state];
+        for lane in 0..lanes {
             if !self.losses[lane].is_finite() {
                 sums.exploded += 1;
                 continue;
             }
             sums.loss += self.losses[lane];
             sums.rows += self.independent(lane);
-            let design = DMatrix::from_fn(self.rows, self.state, |r, c| self.at(r, c, lane));
-            leverage.fill(0.0);
-            if self.rows >= self.state {
-                let q = design.col_piv_qr();
-                let rank = (0..self.state)
-                    .filter(|&k| q.r()[(k, k)].abs() > 1e-12 * q.r()[(0, 0)].abs())
-                    .count();
-                let q = q.q();
-                for (row, h) in leverage.iter_mut().enumerate() {
-                    *h = (0..rank).map(|k| q[(row, k)].powi(2)).sum();
+            let norms: Vec<f64> = (0..state.min(self.rows))
+                .map(|c| (0..=c).map(|r| self.at(r, c, lane).powi(2)).sum::<f64>().sqrt())
+                .collect();
+            for (row, values) in self.original.chunks_exact((state + 1) * lanes).enumerate() {
+                let residual = values[state * lanes + lane];
+                let mut leverage = 0.0;
+                let mut measured = residual != 0.0;
+                for (c, &norm) in norms.iter().enumerate() {
+                    let entry = values[c * lanes + lane];
+                    measured |= entry != 0.0;
+                    let known: f64 = (0..c).map(|r| self.at(r, c, lane) * solved[r]).sum();
+                    let pivot = self.at(c, c, lane);
+                    solved[c] =
+                        if pivot.abs() > 1e-12 * norm { (entry - known) / pivot } else { 0.0 };
+                    leverage += solved[c] * solved[c];
                 }
-            }
-            for row in 0..self.rows {
-                let residual = self.at(row, last, lane);
-                let used = (0..self.columns).any(|c| self.at(row, c, lane) != 0.0);
-                if used {
+                if measured {
                     let observable = row % self.observables;
                     sums.squares[observable] += residual * residual;
-                    sums.freedom[observable] += 1.0 - leverage[row];
+                    sums.freedom[observable] += 1.0 - leverage;
                 }
             }
         }

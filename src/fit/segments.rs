@@ -18,15 +18,41 @@ impl Segment {
     }
 }
 
+/// All segments of a data set, fold after fold.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Segments {
+    pub list: Vec<Segment>,
+    /// Ranges of `list`. A fold holds whole runs where there are enough of them, else whole
+    /// stretches of time, so that leaving one out is leaving out something unseen.
+    pub folds: Vec<Range<usize>>,
+}
+
+impl Segments {
+    /// Only the first segments of each fold, at most `most` in all.
+    pub fn thinned(&self, most: usize) -> Segments {
+        let each = (most / self.folds.len().max(1)).max(1);
+        let mut thin = Segments::default();
+        for fold in &self.folds {
+            let start = thin.list.len();
+            thin.list.extend_from_slice(&self.list[fold.start..fold.end.min(fold.start + each)]);
+            thin.folds.push(start..thin.list.len());
+        }
+        thin
+    }
+}
+
+/// Folds that the data are kept in.
+const FOLDS: usize = 16;
+
 /// An interval this many times the typical one is a hole that no segment bridges.
 const HOLE: f64 = 10.0;
 
 /// Cuts every run into segments of at most `window` samples that share no sample.
 ///
 /// A hole ends a segment, and so does twice the usual duration of a window. What is left over
-/// at the end of a run joins the segment before it if it is a single sample. Segments come
-/// sorted by length (then by run and time), so that blocks of them are nearly rectangular.
-pub fn cut(dataset: &Dataset, window: usize) -> Vec<Segment> {
+/// at the end of a run joins the segment before it if it is a single sample. Within a fold
+/// segments are sorted by length, so that blocks of them are nearly rectangular.
+pub fn cut(dataset: &Dataset, window: usize) -> Segments {
     let typical = typical_step(dataset);
     let longest = 2.0 * typical * (window.max(2) - 1) as f64;
     let mut segments = Vec::new();
@@ -54,8 +80,22 @@ pub fn cut(dataset: &Dataset, window: usize) -> Vec<Segment> {
             first = last + 1;
         }
     }
-    segments.sort_by_key(|s| (s.samples(), s.run, s.first));
-    segments
+    let count = FOLDS.min(segments.len()).max(1);
+    let runs = dataset.runs.len();
+    let total = segments.len().max(1);
+    let mut folded: Vec<(usize, Segment)> = segments
+        .into_iter()
+        .enumerate()
+        .map(|(i, s)| (if runs >= count { s.run % count } else { i * count / total }, s))
+        .collect();
+    folded.sort_by_key(|&(fold, s)| (fold, s.samples(), s.run, s.first));
+    let mut folds = Vec::with_capacity(count);
+    let mut start = 0;
+    for chunk in folded.chunk_by(|a, b| a.0 == b.0) {
+        folds.push(start..start + chunk.len());
+        start += chunk.len();
+    }
+    Segments { list: folded.into_iter().map(|(_, s)| s).collect(), folds }
 }
 
 /// The median interval between consecutive samples; 0 when there is none.
@@ -79,8 +119,10 @@ pub fn longest_run(dataset: &Dataset) -> usize {
 
 /// Blocks of consecutive segments that are worked on side by side. The partition depends on
 /// the segments and the width alone, never on the number of threads.
-pub fn blocks(segments: usize, width: usize) -> Vec<Range<usize>> {
-    (0..segments).step_by(width.max(1)).map(|a| a..(a + width.max(1)).min(segments)).collect()
+pub fn blocks(segments: Range<usize>, width: usize) -> Vec<Range<usize>> {
+    let width = width.max(1);
+    let end = segments.end;
+    segments.step_by(width).map(|start| start..(start + width).min(end)).collect()
 }
 
 /// A first guess of a segment's initial state, 2n numbers, from its own measurements.
@@ -88,11 +130,7 @@ pub fn blocks(segments: usize, width: usize) -> Vec<Range<usize>> {
 /// A missing coordinate is taken from the nearest sample that has it. A missing momentum, and
 /// every momentum when velocities are observed, starts as the velocity: measured, or else the
 /// slope to the next sample. The trainer improves on all of it.
-pub fn first_state(
-    dataset: &Dataset,
-    segment: Segment,
-    degrees: usize,
-) -> Vec<f64> {
+pub fn first_state(dataset: &Dataset, segment: Segment, degrees: usize) -> Vec<f64> {
     let run = &dataset.runs[segment.run];
     let near = |row: usize| -> Option<f64> {
         (segment.first..=segment.last).map(|j| run.values[row][j]).find(|x| x.is_finite())
@@ -132,7 +170,7 @@ mod tests {
     #[test]
     fn pairs_stay_pairs() {
         let data = dataset(vec![run(&[0.0, 0.1]), run(&[0.0, 7.0])]);
-        let all = cut(&data, 16);
+        let all = cut(&data, 16).list;
         assert_eq!(all.len(), 2);
         assert!(all.iter().all(|s| s.samples() == 2));
     }
@@ -144,7 +182,7 @@ mod tests {
         let data = dataset(vec![run(&times)]);
         for window in [2, 3, 5, 8, 64] {
             let mut used = vec![0; times.len()];
-            for segment in cut(&data, window) {
+            for segment in cut(&data, window).list {
                 assert!(segment.samples() >= 2 && segment.samples() <= window + 1);
                 assert!(times[segment.last] - times[segment.first] < 40.0);
                 (segment.first..=segment.last).for_each(|j| used[j] += 1);

@@ -40,6 +40,22 @@ impl Columns {
     }
 }
 
+impl Columns {
+    /// The same for a factor that kept only the columns `kept`, which begin with `terms`.
+    pub fn narrow(&self, terms: &[usize], kept: &[usize]) -> Columns {
+        let place = |column: &usize| kept.iter().position(|c| c == column);
+        Columns {
+            terms: terms.len(),
+            companions: terms
+                .iter()
+                .map(|&k| self.companions[k].iter().filter_map(place).collect())
+                .collect(),
+            forced: self.forced.iter().filter_map(place).collect(),
+            bounds: kept.iter().map(|&c| self.bounds[c]).collect(),
+        }
+    }
+}
+
 /// How supports are compared: smaller is better.
 ///
 /// `rows log(squares / rows + floor^2) + unknowns log(rows) + 2 log(number of supports of that size)`:
@@ -116,6 +132,58 @@ pub fn search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Searc
     }
     let tried = pool.known.len();
     Search { candidates: pool.best(usize::MAX), path, tried }
+}
+
+/// Backward elimination and forward selection alone: for resampling, where speed counts.
+pub fn quick_search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Candidate {
+    let mut pool = Pool { factor, columns, criterion, known: HashMap::new() };
+    pool.try_support(Vec::new());
+    pool.eliminate((0..columns.terms).collect());
+    pool.grow();
+    pool.best(1).swap_remove(0)
+}
+
+/// A term of the support, and one outside it that could stand in its place.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Alternative {
+    pub term: usize,
+    pub instead: usize,
+    /// How much worse the criterion gets by the exchange.
+    pub difference: f64,
+}
+
+/// Exchanges of one term that cost the criterion less than `within`, cheapest first.
+pub fn alternatives(
+    factor: &Factor,
+    columns: &Columns,
+    criterion: Criterion,
+    support: &[usize],
+    within: f64,
+) -> Vec<Alternative> {
+    const EACH: usize = 4;
+    let mut pool = Pool { factor, columns, criterion, known: HashMap::new() };
+    let best = pool.try_support(support.to_vec()).criterion;
+    let mut found = Vec::new();
+    for &term in support {
+        let rest: Vec<usize> = support.iter().copied().filter(|&k| k != term).collect();
+        for (instead, _) in pool.gains(&rest).into_iter().filter(|g| g.0 != term).take(EACH) {
+            let mut exchanged = rest.clone();
+            exchanged.push(instead);
+            let difference = pool.try_support(exchanged).criterion - best;
+            if difference < within {
+                found.push(Alternative { term, instead, difference });
+            }
+        }
+    }
+    found.sort_by(|a, b| a.difference.total_cmp(&b.difference));
+    found
+}
+
+/// The whole function space as the only candidate: a fit without sparsity.
+pub fn whole(factor: &Factor, columns: &Columns, criterion: Criterion) -> Search {
+    let mut pool = Pool { factor, columns, criterion, known: HashMap::new() };
+    pool.try_support((0..columns.terms).collect());
+    Search { candidates: pool.best(usize::MAX), path: Vec::new(), tried: 1 }
 }
 
 /// The best candidate of every size: error against number of terms.

@@ -1,0 +1,137 @@
+//! Gauss-Newton for a fixed support: damped, within bounds, states eliminated.
+
+use nalgebra::DVector;
+use serde::{Deserialize, Serialize};
+
+use super::factor::Factor;
+use super::monitor::Monitor;
+use super::pass::{Linearised, Problem, States, Sums, linearise, settle};
+use super::support::solve_bounded;
+use crate::dynamics::Dynamics;
+use crate::expr::Bounds;
+
+/// Why an iteration ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StopReason {
+    /// The next step would change nothing that the data can see.
+    Converged,
+    /// No step of any length lowered the loss.
+    NoProgress,
+    /// The allowed number of iterations was used up.
+    IterationLimit,
+    /// Ctrl-C; the best so far was kept.
+    Interrupted,
+}
+
+impl StopReason {
+    /// A sentence for people.
+    pub fn sentence(self) -> &'static str {
+        match self {
+            StopReason::Converged => {
+                "converged: a further step would change nothing the data can see"
+            }
+            StopReason::NoProgress => "stopped: no step of any length lowered the loss",
+            StopReason::IterationLimit => "stopped at the iteration limit",
+            StopReason::Interrupted => "interrupted: the best model so far was kept",
+        }
+    }
+}
+
+/// The best theta of one support.
+pub struct Refit {
+    pub theta: Vec<f64>,
+    pub states: States,
+    pub sums: Sums,
+    /// The problem linearised at `theta`.
+    pub linearised: Linearised,
+    pub iterations: usize,
+    pub stop: StopReason,
+}
+
+const ITERATIONS: usize = 40;
+/// Converged when a step promises less than this part of the loss.
+const PROMISE: f64 = 1e-9;
+
+/// Minimises the loss over theta within `bounds` (one for each of theta), from `start`.
+///
+/// Levenberg's damping is added only after a full step has failed, and grows until one pays.
+pub fn refit(
+    problem: &Problem,
+    dynamics: &Dynamics,
+    bounds: &[Bounds],
+    start: &[f64],
+    mut states: States,
+    monitor: &dyn Monitor,
+) -> Refit {
+    let mut theta: Vec<f64> = start.iter().zip(bounds).map(|(&x, bound)| bound.clamp(x)).collect();
+    let mut sums = settle(problem, dynamics, &theta, &mut states);
+    let mut damping = 0.0;
+    let mut iterations = 0;
+    loop {
+        let linearised = linearise(problem, dynamics, &theta, &states);
+        let stopped = monitor.stopped();
+        if stopped || iterations == ITERATIONS || theta.is_empty() {
+            let stop = match (stopped, theta.is_empty()) {
+                (true, _) => StopReason::Interrupted,
+                (_, true) => StopReason::Converged,
+                _ => StopReason::IterationLimit,
+            };
+            return Refit { theta, states, sums, linearised, iterations, stop };
+        }
+        iterations += 1;
+        let factor = linearised.merged();
+        let mut trial_states = states.clone();
+        let outcome = loop {
+            let step = step(&factor, &theta, bounds, damping);
+            let rounding = problem.floor.powi(2) * sums.rows as f64;
+            if step.promise <= PROMISE * sums.loss + 1e-3 * rounding {
+                break Some(StopReason::Converged);
+            }
+            let trial: Vec<f64> = theta.iter().zip(&step.change).map(|(x, d)| x + d).collect();
+            trial_states.clone_from(&states);
+            let trial_sums = settle(problem, dynamics, &trial, &mut trial_states);
+            let sane = trial_sums.exploded <= sums.exploded && trial_sums.loss.is_finite();
+            let fewer = trial_sums.exploded < sums.exploded;
+            if sane && (fewer || trial_sums.loss < sums.loss) {
+                theta = trial;
+                std::mem::swap(&mut states, &mut trial_states);
+                sums = trial_sums;
+                damping = if damping > 1e-6 { damping * 0.1 } else { 0.0 };
+                break None;
+            }
+            damping = (damping * 10.0).max(1e-4);
+            if damping > 1e8 {
+                break Some(StopReason::NoProgress);
+            }
+        };
+        if let Some(stop) = outcome {
+            return Refit { theta, states, sums, linearised, iterations, stop };
+        }
+    }
+}
+
+struct Step {
+    change: Vec<f64>,
+    /// How much the linearised loss falls.
+    promise: f64,
+}
+
+/// `min |J d - r|^2 + damping |norm d|^2` with theta + d within bounds.
+fn step(factor: &Factor, theta: &[f64], bounds: &[Bounds], damping: f64) -> Step {
+    let mut damped = factor.clone();
+    if damping > 0.0 {
+        let norms = factor.norms();
+        let mut rows = nalgebra::DMatrix::zeros(norms.len(), norms.len() + 1);
+        for (k, norm) in norms.iter().enumerate() {
+            rows[(k, k)] = damping.sqrt() * norm.max(f64::MIN_POSITIVE);
+        }
+        damped.push(&mut rows, 0);
+    }
+    let shifted =
+        |k: usize| Bounds { lower: bounds[k].lower - theta[k], upper: bounds[k].upper - theta[k] };
+    let change = solve_bounded(&damped, shifted).values;
+    let before = factor.squares(&DVector::zeros(theta.len()));
+    let after = factor.squares(&change);
+    Step { change: change.as_slice().to_vec(), promise: before - after }
+}

@@ -1,0 +1,58 @@
+//! What may be chosen about a fit. The defaults serve every system.
+
+use super::loss::Loss;
+use crate::dynamics::Method;
+
+/// How the support is chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Selection {
+    /// The extended Bayesian information criterion.
+    Information,
+    /// The error on folds of the data that a candidate was not fitted to: the smallest
+    /// support within one standard error of the best.
+    Unseen,
+}
+
+/// Which trainer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Trainer {
+    /// Second order, exact supports.
+    GaussNewton,
+    /// Mini-batches and a proximal step, for function spaces too large for a factor.
+    FirstOrder,
+}
+
+/// Options of a fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    pub trainer: Trainer,
+    pub selection: Selection,
+    pub loss: Loss,
+    /// `None`: the cheapest that is accurate enough.
+    pub method: Option<Method>,
+    /// Longest step of the integrator; `None`: from an error estimate.
+    pub longest_step: Option<f64>,
+    /// Samples of a segment, at most; `None`: as long as the model can follow.
+    pub window: Option<usize>,
+    /// Starts of the inner parameters that are tried beside the spec's own.
+    pub starts: usize,
+    /// Whether to search a support; without it every term stays.
+    pub sparse: bool,
+    pub seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            trainer: Trainer::GaussNewton,
+            selection: Selection::Information,
+            loss: Loss::SQUARES,
+            method: None,
+            longest_step: None,
+            window: None,
+            starts: 8,
+            sparse: true,
+            seed: 0,
+        }
+    }
+}

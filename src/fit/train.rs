@@ -1,0 +1,455 @@
+//! The trainer: proximal Gauss-Newton over the whole function space.
+//!
+//! A round linearises the integrator map by every term at the present model, searches the
+//! support on the triangular factor, and refits the winner to convergence. Rounds go on
+//! until the support and the noise stand still; segments grow for as long as the model
+//! follows them; the integrator is made as accurate as the noise asks for.
+
+use super::factor::Factor;
+use super::gauss_newton::{Refit, StopReason, refit};
+use super::monitor::Monitor;
+use super::options::Options;
+use super::pass::{Problem, States, Stepping, Sums, linearise, settle};
+use super::segments::{Segments, cut, first_state, longest_run, typical_step};
+use super::stepping;
+use super::support::{Candidate, Columns, Criterion, Search, search};
+use crate::data::Dataset;
+use crate::dynamics::Dynamics;
+use crate::error::{Error, Result};
+use crate::eval::Backend;
+use crate::expr::{Bounds, Observed, Place, Symbol, System};
+
+/// Rounds at one length of segments.
+const ROUNDS: usize = 8;
+/// Segments may grow while the noise estimate grows by less than this.
+const FOLLOWS: f64 = 1.1;
+/// Longest segment, in samples.
+const LONGEST: usize = 64;
+/// Segments that the tries of different starts are made on.
+const TRIAL_SEGMENTS: usize = 400;
+
+/// A model under training, with everything that the next round starts from.
+#[derive(Clone)]
+pub struct Training<'a> {
+    pub system: &'a System,
+    pub dataset: &'a Dataset,
+    pub options: &'a Options,
+    pub segments: Segments,
+    pub window: usize,
+    pub states: States,
+    /// One coefficient for each term; zero outside the support.
+    pub coefficients: Vec<f64>,
+    /// One value for each inner parameter.
+    pub parameters: Vec<f64>,
+    pub support: Vec<usize>,
+    /// Standard deviation of the noise of each observable.
+    pub noise: Vec<f64>,
+    pub stepping: Stepping,
+    /// Error of the integrator and of rounding, for each observable.
+    pub resolution: Vec<f64>,
+    pub rounds: usize,
+}
+
+/// What a round ended with.
+pub struct Round {
+    pub search: Search,
+    pub refit: Refit,
+    /// The factor of the whole space at the model before the round; coefficients absolute,
+    /// parameters as increments.
+    pub folds: Vec<Factor>,
+    pub columns: Columns,
+    pub criterion: Criterion,
+}
+
+impl<'a> Training<'a> {
+    /// Starts from nothing: no term, parameters at their start values.
+    pub fn new(system: &'a System, dataset: &'a Dataset, options: &'a Options) -> Result<Self> {
+        let degrees = system.degrees();
+        let spread = spreads(dataset, 2 * degrees);
+        let measured = |row: usize| spread[row].is_some();
+        if !(0..degrees).any(measured) {
+            return Err(Error::fit(
+                "no coordinate is measured",
+                "name the columns of the coordinates in the spec's data block",
+            ));
+        }
+        let typical = typical_step(dataset);
+        let complete = (degrees..2 * degrees).all(measured);
+        let longest = longest_run(dataset);
+        let shortest = if complete { 2 } else { 4 };
+        let window = options.window.unwrap_or(shortest).clamp(2, longest.max(2));
+        let mut training = Training {
+            system,
+            dataset,
+            options,
+            segments: Segments::default(),
+            window,
+            states: Vec::new(),
+            coefficients: vec![0.0; system.terms.len()],
+            parameters: system.parameters.iter().map(|p| p.bounds.clamp(p.start)).collect(),
+            support: Vec::new(),
+            noise: spread.iter().map(|s| s.unwrap_or(1.0)).collect(),
+            stepping: stepping::coarse(system, options, typical),
+            resolution: stepping::rounding(dataset, 2 * degrees),
+            rounds: 0,
+        };
+        if system.observed == Observed::Velocities {
+            training.start_as_unit_masses();
+        }
+        training.recut(window)?;
+        Ok(training)
+    }
+
+    /// Velocities alone leave the scale of the momenta open; unit masses settle it.
+    fn start_as_unit_masses(&mut self) {
+        let graph = &mut self.system.graph.clone();
+        for (k, term) in self.system.terms.iter().enumerate() {
+            let square = (0..self.system.degrees()).any(|i| {
+                let p = graph.symbol(Symbol::Momentum(i));
+                graph.power(p, 2.0) == term.expr
+            });
+            if square && term.place == Place::Kinetic {
+                self.coefficients[k] = term.bounds.clamp(0.5);
+                self.support.push(k);
+            }
+        }
+    }
+
+    /// Cuts the data anew; every segment starts from its own measurements.
+    pub fn recut(&mut self, window: usize) -> Result<()> {
+        self.window = window;
+        self.segments = cut(self.dataset, window);
+        if self.segments.list.is_empty() {
+            return Err(Error::fit(
+                "the data have no two samples close enough in time to learn from",
+                "check the time column and its unit",
+            ));
+        }
+        self.states = self
+            .segments
+            .list
+            .iter()
+            .map(|&segment| first_state(self.dataset, segment, self.system.degrees()))
+            .collect();
+        Ok(())
+    }
+
+    /// Works on a part of the segments from now on.
+    pub fn thin(&mut self, most: usize) {
+        let thin = self.segments.thinned(most);
+        self.states = thin
+            .list
+            .iter()
+            .map(|&segment| first_state(self.dataset, segment, self.system.degrees()))
+            .collect();
+        self.segments = thin;
+    }
+
+    fn weights(&self) -> Vec<f64> {
+        self.noise.iter().zip(&self.resolution).map(|(s, floor)| 1.0 / s.max(*floor)).collect()
+    }
+
+    /// Resolution in units of the noise, the same for all observables.
+    fn floor(&self) -> f64 {
+        let parts = self.resolution.iter().zip(&self.noise);
+        let squares: f64 = parts.map(|(f, s)| (f / s.max(*f)).powi(2)).sum();
+        (squares / self.noise.len().max(1) as f64).sqrt()
+    }
+
+    pub fn problem<'b>(&'b self, weights: &'b [f64]) -> Problem<'b> {
+        Problem {
+            dataset: self.dataset,
+            segments: &self.segments,
+            observed: self.system.observed,
+            weights,
+            loss: self.options.loss,
+            stepping: self.stepping,
+            floor: self.floor(),
+        }
+    }
+
+    /// The dynamics of some terms, and their theta at the present model.
+    fn compile(&self, terms: &[usize]) -> (Dynamics, Vec<f64>) {
+        let dynamics = Dynamics::new(self.system, terms, Backend::Batched);
+        let theta = self.theta(&dynamics);
+        (dynamics, theta)
+    }
+
+    /// The present model as the theta of a dynamics.
+    pub fn theta(&self, dynamics: &Dynamics) -> Vec<f64> {
+        let coefficients = dynamics.active().iter().map(|&k| self.coefficients[k]);
+        let parameters = dynamics.parameters().iter().map(|&j| self.parameters[j]);
+        coefficients.chain(parameters).collect()
+    }
+
+    fn bounds(&self, dynamics: &Dynamics) -> Vec<Bounds> {
+        let terms = dynamics.active().iter().map(|&k| self.system.terms[k].bounds);
+        let parameters = dynamics.parameters().iter().map(|&j| self.system.parameters[j].bounds);
+        terms.chain(parameters).collect()
+    }
+
+    /// Linearises by the whole function space, searches the support, refits the best.
+    pub fn round(&mut self, monitor: &dyn Monitor) -> Result<Round> {
+        let everything: Vec<usize> = (0..self.system.terms.len()).collect();
+        let (whole, theta) = self.compile(&everything);
+        let (present, present_theta) = self.compile(&self.support);
+        let weights = self.weights();
+        let mut states = self.states.clone();
+        let (folds, rows) = {
+            let problem = self.problem(&weights);
+            settle(&problem, &present, &present_theta, &mut states);
+            let linearised = linearise(&problem, &whole, &theta, &states);
+            (linearised.folds, linearised.sums.rows)
+        };
+        self.states = states;
+        if rows == 0 {
+            return Err(Error::fit(
+                "the measurements do not outnumber the unknown initial states",
+                "measure momenta or velocities too, or longer runs",
+            ));
+        }
+        let columns = self.columns(&whole);
+        let criterion = Criterion { floor: self.floor(), terms: self.system.terms.len() };
+        // Coefficients are looked for as they are, parameters as increments.
+        let terms = self.system.terms.len();
+        let origin =
+            nalgebra::DVector::from_fn(theta.len(), |k, _| if k < terms { -theta[k] } else { 0.0 });
+        let folds: Vec<Factor> = folds
+            .into_iter()
+            .map(|mut fold| {
+                fold.shift(&origin);
+                fold
+            })
+            .collect();
+        let mut merged = Factor::new(theta.len());
+        for fold in &folds {
+            merged.merge(fold);
+        }
+        let mut search = if self.options.sparse {
+            search(&merged, &columns, criterion)
+        } else {
+            super::support::whole(&merged, &columns, criterion)
+        };
+        if self.options.selection == super::options::Selection::Unseen {
+            super::unseen::prefer_unseen(&mut search.candidates, &folds, &columns);
+        }
+        let best = search.candidates.first().cloned().ok_or_else(|| {
+            Error::fit("no model was found", "check that the function space is not empty")
+        })?;
+        let refit = self.adopt(&best, &whole, monitor);
+        self.rounds += 1;
+        Ok(Round { search, refit, folds, columns, criterion })
+    }
+
+    /// Makes a candidate the present model and refits it.
+    fn adopt(&mut self, candidate: &Candidate, whole: &Dynamics, monitor: &dyn Monitor) -> Refit {
+        let terms = self.system.terms.len();
+        let before = self.parameters.clone();
+        self.coefficients.fill(0.0);
+        for &(column, value) in &candidate.values {
+            if column < terms {
+                self.coefficients[column] = value;
+            } else {
+                let j = whole.parameters()[column - terms];
+                self.parameters[j] = self.system.parameters[j].bounds.clamp(before[j] + value);
+            }
+        }
+        self.support.clone_from(&candidate.support);
+        let refit = self.refit(monitor);
+        self.take(&refit);
+        refit
+    }
+
+    /// Refits the present support from the present values.
+    pub fn refit(&self, monitor: &dyn Monitor) -> Refit {
+        let (dynamics, theta) = self.compile(&self.support);
+        let weights = self.weights();
+        let problem = self.problem(&weights);
+        let bounds = self.bounds(&dynamics);
+        refit(&problem, &dynamics, &bounds, &theta, self.states.clone(), monitor)
+    }
+
+    /// Makes the result of a refit the present model, and estimates the noise anew.
+    pub fn take(&mut self, refit: &Refit) {
+        let (dynamics, _) = self.compile(&self.support);
+        let size = dynamics.active().len();
+        for (&k, &value) in dynamics.active().iter().zip(&refit.theta) {
+            self.coefficients[k] = value;
+        }
+        for (&j, &value) in dynamics.parameters().iter().zip(&refit.theta[size..]) {
+            self.parameters[j] = value;
+        }
+        self.states.clone_from(&refit.states);
+        self.noise = self.noise_estimate(&refit.sums, refit.theta.len());
+    }
+
+    /// Residual spread of each observable, degrees of freedom of states and theta paid for
+    /// (the fixed point is MINQUE, Rao, J. Multivar. Anal. 1, 1971).
+    fn noise_estimate(&self, sums: &Sums, unknowns: usize) -> Vec<f64> {
+        let rows = sums.rows as f64;
+        let share = ((rows - unknowns as f64) / rows).max(1.0 / rows.max(1.0));
+        self.noise
+            .iter()
+            .zip(&self.resolution)
+            .zip(sums.squares.iter().zip(&sums.freedom))
+            .map(|((&old, &floor), (&squares, &freedom))| {
+                if freedom <= 1e-9 || !squares.is_finite() {
+                    return old;
+                }
+                (old.max(floor) * (squares / (freedom * share)).sqrt()).max(floor)
+            })
+            .collect()
+    }
+
+    /// What the columns of the whole space's factor mean.
+    fn columns(&self, whole: &Dynamics) -> Columns {
+        let terms = self.system.terms.len();
+        let mut companions = vec![Vec::new(); terms];
+        let mut free = vec![true; whole.parameters().len()];
+        for (k, term) in self.system.terms.iter().enumerate() {
+            if self.system.parameters.is_empty() {
+                break;
+            }
+            let symbols = self.system.graph.symbols(&[term.expr]);
+            for (column, &j) in whole.parameters().iter().enumerate() {
+                if symbols.contains(&Symbol::Parameter(j)) {
+                    companions[k].push(terms + column);
+                    free[column] = false;
+                }
+            }
+        }
+        let forced = (0..free.len()).filter(|&c| free[c]).map(|c| terms + c).collect();
+        let mut bounds: Vec<Bounds> = self.system.terms.iter().map(|t| t.bounds).collect();
+        bounds.extend(whole.parameters().iter().map(|&j| {
+            let Bounds { lower, upper } = self.system.parameters[j].bounds;
+            Bounds { lower: lower - self.parameters[j], upper: upper - self.parameters[j] }
+        }));
+        Columns { terms, companions, forced, bounds }
+    }
+
+    /// Rounds until the support and the noise stand still.
+    pub fn rounds(&mut self, monitor: &dyn Monitor) -> Result<Round> {
+        let mut seen: Vec<Vec<usize>> = Vec::new();
+        loop {
+            let before = (self.support.clone(), self.noise.clone());
+            let stepping = self.stepping;
+            let round = self.round(monitor)?;
+            self.sharpen();
+            let quiet = self.noise.iter().zip(&before.1).all(|(a, b)| (a / b).ln().abs() < 0.05);
+            let same = self.support == before.0;
+            // A support that comes back in a circle is settled by the criterion of the round.
+            let circling = seen.len() + 1 >= ROUNDS || (!same && seen.contains(&self.support));
+            let done = same && quiet && stepping == self.stepping;
+            if done || circling || monitor.stopped() || round.refit.stop == StopReason::Interrupted
+            {
+                return Ok(round);
+            }
+            seen.push(self.support.clone());
+        }
+    }
+
+    /// Makes the integrator as accurate as the present noise asks for.
+    fn sharpen(&mut self) {
+        let (dynamics, theta) = self.compile(&self.support);
+        let choice = stepping::choose(self, &dynamics, &theta);
+        self.stepping = choice.stepping;
+        self.resolution = choice.resolution;
+        for (noise, floor) in self.noise.iter_mut().zip(&self.resolution) {
+            *noise = noise.max(*floor);
+        }
+    }
+}
+
+/// Trains from the spec's start, or from the best of several starts, on growing segments.
+pub fn train<'a>(
+    system: &'a System,
+    dataset: &'a Dataset,
+    options: &'a Options,
+    monitor: &dyn Monitor,
+) -> Result<(Training<'a>, Round)> {
+    let mut training = best_start(Training::new(system, dataset, options)?, monitor)?;
+    monitor.stage("searching the function space", 0.2);
+    let mut round = training.rounds(monitor)?;
+    if options.window.is_some() {
+        return Ok((training, round));
+    }
+    let longest = longest_run(dataset).min(LONGEST);
+    while training.window < longest && !monitor.stopped() {
+        let window = (2 * training.window).min(longest);
+        let fraction = 0.4 + 0.5 * window as f64 / longest as f64;
+        monitor.stage(&format!("segments of {window} samples"), fraction);
+        let mut longer = training.clone();
+        longer.recut(window)?;
+        let next = longer.rounds(monitor)?;
+        let follows = longer
+            .noise
+            .iter()
+            .zip(training.noise.iter().zip(&longer.resolution))
+            .all(|(new, (old, floor))| *new <= FOLLOWS * old.max(2.0 * floor));
+        if !follows || next.refit.sums.exploded > round.refit.sums.exploded {
+            break;
+        }
+        training = longer;
+        round = next;
+    }
+    Ok((training, round))
+}
+
+/// Tries several starts of the inner parameters on a part of the data; keeps the best.
+fn best_start<'a>(first: Training<'a>, monitor: &dyn Monitor) -> Result<Training<'a>> {
+    let starts = super::starts::starts(first.system, first.options);
+    if starts.len() < 2 {
+        return Ok(first);
+    }
+    let mut best: Option<(f64, Training)> = None;
+    for (i, start) in starts.iter().enumerate() {
+        monitor.stage("trying starts of the parameters", 0.2 * i as f64 / starts.len() as f64);
+        let mut trial = first.clone();
+        trial.parameters.clone_from(start);
+        trial.thin(TRIAL_SEGMENTS);
+        let Ok(round) = trial.rounds(monitor) else { continue };
+        let unknowns = round.refit.theta.len();
+        let terms = trial.support.len();
+        // The criterion in absolute units: every try has its own estimate of the noise.
+        let rows = round.refit.sums.rows;
+        let noise: f64 = trial.noise.iter().map(|s| s.ln()).sum::<f64>();
+        let scale = 2.0 * noise / trial.noise.len() as f64;
+        let value = rows as f64 * scale
+            + round.criterion.value(1.0 * rows as f64, rows, terms, unknowns - terms);
+        let better = best.as_ref().is_none_or(|(least, _)| value < *least);
+        if better && value.is_finite() {
+            best = Some((value, trial));
+        }
+        if monitor.stopped() {
+            break;
+        }
+    }
+    let Some((_, winner)) = best else { return Ok(first) };
+    let mut training = first;
+    training.parameters = winner.parameters;
+    training.coefficients = winner.coefficients;
+    training.support = winner.support;
+    training.noise = winner.noise;
+    training.stepping = winner.stepping;
+    training.resolution = winner.resolution;
+    Ok(training)
+}
+
+/// Standard deviation of every observable, `None` where nothing was measured.
+fn spreads(dataset: &Dataset, observables: usize) -> Vec<Option<f64>> {
+    (0..observables)
+        .map(|row| {
+            let values = || {
+                let cells = dataset.runs.iter().filter_map(move |run| run.values.get(row));
+                cells.flatten().copied().filter(|x| x.is_finite())
+            };
+            let count = values().count();
+            if count == 0 {
+                return None;
+            }
+            let mean = values().sum::<f64>() / count as f64;
+            let variance = values().map(|x| (x - mean).powi(2)).sum::<f64>() / count as f64;
+            Some(if variance > 0.0 { variance.sqrt() } else { mean.abs().max(1.0) })
+        })
+        .collect()
+}

@@ -1,0 +1,187 @@
+//! What the data leave open: standard errors, how often a term is chosen, which terms cannot
+//! be told apart, and which cannot be learned at all.
+
+use nalgebra::{DMatrix, DVector};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+use super::factor::Factor;
+use super::support::{Candidate, Columns, Criterion, quick_search};
+
+/// Covariance of the unknowns of a factor for residuals of the given variance.
+///
+/// (R' R)^-1 through the inverse of R. An unknown that the data do not determine, and those
+/// that it drags along, have infinite variance.
+pub fn covariance(factor: &Factor, variance: f64) -> DMatrix<f64> {
+    let size = factor.columns();
+    let triangle = factor.design();
+    let norms = factor.norms();
+    let open: Vec<usize> = (0..size)
+        .filter(|&k| triangle[(k, k)].abs() <= 1e-13 * norms[k] || norms[k] == 0.0)
+        .collect();
+    if !open.is_empty() {
+        let mut covariance = DMatrix::zeros(size, size);
+        for k in 0..size {
+            let drags = open.iter().any(|&o| o == k || triangle[(k.min(o), o)] != 0.0);
+            covariance[(k, k)] = if drags { f64::INFINITY } else { 0.0 };
+        }
+        return covariance;
+    }
+    let inverse = triangle
+        .solve_upper_triangular(&DMatrix::identity(size, size))
+        .unwrap_or_else(|| DMatrix::from_diagonal_element(size, size, f64::INFINITY));
+    &inverse * inverse.transpose() * variance
+}
+
+/// How often each column is chosen when the data are resampled, 0 to 1.
+///
+/// The folds are drawn with replacement (Efron, Ann. Stat. 7, 1979) and the support is searched
+/// anew among the terms of the leading candidates.
+pub fn inclusion(
+    folds: &[Factor],
+    columns: &Columns,
+    criterion: Criterion,
+    candidates: &[Candidate],
+    seed: u64,
+) -> Vec<f64> {
+    const DRAWS: usize = 40;
+    const POOL: usize = 40;
+    let mut frequency = vec![0.0; columns.terms];
+    let mut pool: Vec<usize> = Vec::new();
+    for &term in candidates.iter().flat_map(|c| &c.support) {
+        if pool.len() < POOL && !pool.contains(&term) {
+            pool.push(term);
+        }
+    }
+    pool.sort_unstable();
+    if pool.is_empty() || folds.len() < 2 {
+        return frequency;
+    }
+    let chosen = columns.of(&pool);
+    let narrowed = columns.narrow(&pool, &chosen);
+    let folds: Vec<Factor> = folds.iter().map(|fold| fold.select(&chosen)).collect();
+    let mut generator = Pcg64::seed_from_u64(seed);
+    for _ in 0..DRAWS {
+        let mut times = vec![0u32; folds.len()];
+        for _ in 0..folds.len() {
+            times[generator.random_range(0..folds.len())] += 1;
+        }
+        let mut drawn = Factor::new(chosen.len());
+        for (fold, &count) in folds.iter().zip(&times) {
+            if count > 0 {
+                drawn.merge(&fold.repeated(count));
+            }
+        }
+        for k in quick_search(&drawn, &narrowed, criterion).support {
+            frequency[pool[k]] += 1.0 / DRAWS as f64;
+        }
+    }
+    frequency
+}
+
+/// A column that the data cannot learn by itself.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Unlearnable {
+    /// It does not change any measured value.
+    Untouched { column: usize },
+    /// It does the same as a combination of others.
+    Dependent { column: usize, on: Vec<(usize, f64)> },
+}
+
+/// Columns that are zero, or a combination of the others to rounding.
+pub fn unlearnable(factor: &Factor) -> Vec<Unlearnable> {
+    const SMALL: f64 = 1e-11;
+    let norms = factor.norms();
+    let mut found: Vec<Unlearnable> = (0..norms.len())
+        .filter(|&k| norms[k] == 0.0)
+        .map(|column| Unlearnable::Untouched { column })
+        .collect();
+    let touched: Vec<usize> = (0..norms.len()).filter(|&k| norms[k] > 0.0).collect();
+    if touched.is_empty() {
+        return found;
+    }
+    // Orthogonalise column by column, twice for rounding; what a dependent column is made of
+    // is solved for among the independent ones.
+    let design = factor.design();
+    let mut basis: Vec<DVector<f64>> = Vec::new();
+    let mut independent: Vec<usize> = Vec::new();
+    for &k in &touched {
+        let mut rest: DVector<f64> = design.column(k) / norms[k];
+        for _ in 0..2 {
+            for q in &basis {
+                let shadow = q.dot(&rest);
+                rest.axpy(-shadow, q, 1.0);
+            }
+        }
+        let left = rest.norm();
+        if left > SMALL {
+            basis.push(rest / left);
+            independent.push(k);
+            continue;
+        }
+        let mut target = factor.select(&independent);
+        let with = factor.select(&[independent.clone(), vec![k]].concat());
+        let size = independent.len();
+        target = replace_target(&target, &with.design().column(size).rows(0, size).clone_owned());
+        let mix = super::support::solve_triangle(&target);
+        let on = independent
+            .iter()
+            .zip(mix.iter())
+            .filter(|(j, x)| (*x * norms[**j]).abs() > 1e-7 * norms[k])
+            .map(|(&j, &x)| (j, x))
+            .collect();
+        found.push(Unlearnable::Dependent { column: k, on });
+    }
+    found
+}
+
+/// The same design with another right-hand side.
+fn replace_target(factor: &Factor, target: &DVector<f64>) -> Factor {
+    let size = factor.columns();
+    let mut rows = DMatrix::zeros(size, size + 1);
+    rows.view_mut((0, 0), (size, size)).copy_from(&factor.design());
+    rows.view_mut((0, size), (size, 1)).copy_from(target);
+    let mut fresh = Factor::new(size);
+    fresh.push(&mut rows, size);
+    fresh
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn factor(rows: usize, columns: usize, f: impl Fn(usize, usize) -> f64) -> Factor {
+        let mut all = DMatrix::from_fn(rows, columns + 1, f);
+        let mut factor = Factor::new(columns);
+        factor.push(&mut all, rows);
+        factor
+    }
+
+    #[test]
+    fn the_covariance_of_a_mean_is_the_variance_over_the_count() {
+        let of = factor(25, 1, |_, _| 1.0);
+        assert!((covariance(&of, 4.0)[(0, 0)] - 4.0 / 25.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn a_zero_column_and_a_sum_of_columns_are_named() {
+        let base = |i: usize, j: usize| ((3 * i + 7 * j) as f64).sin();
+        let of = factor(12, 4, |i, j| match j {
+            2 => 0.0,
+            3 => 2.0 * base(i, 0) - base(i, 1),
+            _ => base(i, j),
+        });
+        let found = unlearnable(&of);
+        assert_eq!(found[0], Unlearnable::Untouched { column: 2 });
+        let Unlearnable::Dependent { column: 3, on } = &found[1] else { panic!("{found:?}") };
+        assert!((on[0].1 - 2.0).abs() < 1e-9 && (on[1].1 + 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_variance_of_an_open_unknown_is_infinite() {
+        let of = factor(10, 2, |i, j| if j == 1 { 0.0 } else { i as f64 });
+        let covariance = covariance(&of, 1.0);
+        assert!(covariance[(0, 0)].is_finite());
+        assert_eq!(covariance[(1, 1)], f64::INFINITY);
+    }
+}
