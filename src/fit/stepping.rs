@@ -44,3 +44,9 @@ pub fn choose(training: &Training, _dynamics: &Dynamics, _theta: &[f64]) -> Choi
         resolution: rounding(training.dataset, training.noise.len()),
     }
 }
+
+/// Why the integrator of a finished training is the right one, in a sentence.
+pub fn reason(training: &Training) -> String {
+    let given = training.options.method.is_some() || training.options.longest_step.is_some();
+    if given { "as asked for".to_string() } else { "its error is below the noise".to_string() }
+}

@@ -1,0 +1,251 @@
+//! From a trained state to the model that is printed and kept.
+
+use super::factor::Factor;
+use super::model::{
+    Evidence, Exchange, FORMAT, FrontPoint, Integrator, LearnedParameter, LearnedTerm, Model,
+    Noise, PathEntry, RunnerUp, Stop, fingerprint, place_name,
+};
+use super::options::Selection;
+use super::support::{Candidate, alternatives, front};
+use super::train::{Round, Training};
+use super::uncertainty::{Unlearnable, covariance, inclusion, unlearnable};
+use crate::expr::System;
+
+/// Runners-up that are kept.
+const RUNNERS_UP: usize = 8;
+/// Exchanges that cost the criterion less are named: odds of 20 to 1.
+const CLOSE: f64 = 6.0;
+/// Largest function space that is searched for exact dependences.
+const DEPENDENCE: usize = 1000;
+
+/// Sums a finished training up.
+pub fn conclude(training: &Training, round: &Round, reason: String) -> Model {
+    let system = training.system;
+    let refit = &round.refit;
+    let learned = refit.theta.len();
+    let residuals = refit.sums.rows;
+    let freedom = residuals.saturating_sub(learned).max(1);
+    let final_factor = refit.linearised.merged();
+    // The weights are those of the round before; what is left of them is the last correction.
+    let variance = refit.sums.loss / freedom as f64;
+    let spread = covariance(&final_factor, variance);
+    let error = |k: usize| spread[(k, k)].sqrt();
+
+    let candidates = &round.search.candidates;
+    let frequency =
+        inclusion(&round.folds, &round.columns, round.criterion, candidates, training.options.seed);
+    let terms = training
+        .support
+        .iter()
+        .enumerate()
+        .map(|(i, &k)| {
+            let term = &system.terms[k];
+            LearnedTerm {
+                place: place_name(system, term.place),
+                term: term.label.clone(),
+                name: term.name.clone(),
+                coefficient: training.coefficients[k],
+                standard_error: error(i),
+                inclusion: frequency[k],
+                unit: term.unit_text.clone(),
+            }
+        })
+        .collect();
+    let used = used_parameters(training);
+    let parameters = used
+        .iter()
+        .enumerate()
+        .map(|(i, &j)| LearnedParameter {
+            name: system.parameters[j].name.clone(),
+            value: training.parameters[j],
+            standard_error: error(training.support.len() + i),
+            unit: system.parameters[j].unit_text.clone(),
+        })
+        .collect();
+    let mut merged = Factor::new(round.folds.first().map_or(0, Factor::columns));
+    for fold in &round.folds {
+        merged.merge(fold);
+    }
+    let chosen = candidates.first().map(|c| c.criterion).unwrap_or(f64::NAN);
+    Model {
+        format: FORMAT.to_string(),
+        version: env!("CARGO_PKG_VERSION").to_string(),
+        system: system.name.clone(),
+        fingerprint: fingerprint(system),
+        terms,
+        parameters,
+        covariance: (0..learned).map(|a| (0..learned).map(|b| spread[(a, b)]).collect()).collect(),
+        noise: noise(training),
+        integrator: Integrator {
+            method: training.stepping.method.row().name.to_string(),
+            longest_step: training.stepping.longest,
+            reason,
+        },
+        evidence: Evidence {
+            runs: training.dataset.runs.len(),
+            samples: training.dataset.runs.iter().map(|run| run.times.len()).sum(),
+            segments: training.segments.list.len(),
+            window: training.window,
+            residuals,
+            exploded: refit.sums.exploded,
+            error: (refit.sums.loss / freedom as f64).sqrt(),
+            function_space: system.terms.len(),
+            learned,
+            criterion: chosen,
+            selection: match training.options.selection {
+                Selection::Information => "extended Bayesian information criterion".to_string(),
+                Selection::Unseen => "error on unseen folds".to_string(),
+            },
+            loss: training.options.loss.row().name.to_string(),
+            supports_tried: round.search.tried,
+            seed: training.options.seed,
+        },
+        front: front_points(system, candidates, residuals, &training.support),
+        runners_up: runners_up(system, candidates, chosen, &training.support),
+        alternatives: alternatives(
+            &merged,
+            &round.columns,
+            round.criterion,
+            &training.support,
+            CLOSE,
+        )
+        .into_iter()
+        .map(|a| Exchange {
+            term: label(system, a.term),
+            instead: label(system, a.instead),
+            difference: a.difference,
+        })
+        .collect(),
+        unlearnable: if merged.columns() <= DEPENDENCE {
+            unlearnable(&merged)
+                .iter()
+                .filter_map(|u| sentence(system, &round.columns.terms, u))
+                .collect()
+        } else {
+            Vec::new()
+        },
+        path: path_entries(training, round),
+        stop: Stop {
+            reason: refit.stop,
+            sentence: refit.stop.sentence().to_string(),
+            rounds: training.rounds,
+            iterations: refit.iterations,
+        },
+    }
+}
+
+fn used_parameters(training: &Training) -> Vec<usize> {
+    let dynamics = crate::dynamics::Dynamics::new(
+        training.system,
+        &training.support,
+        crate::eval::Backend::Batched,
+    );
+    dynamics.parameters().to_vec()
+}
+
+/// The place stands before the term where two places could hold it.
+fn label(system: &System, k: usize) -> String {
+    let term = &system.terms[k];
+    let alone = system.terms.iter().filter(|t| t.label == term.label).count() == 1;
+    if alone {
+        term.label.clone()
+    } else {
+        format!("{}: {}", place_name(system, term.place), term.label)
+    }
+}
+
+fn noise(training: &Training) -> Vec<Noise> {
+    training
+        .system
+        .observables()
+        .into_iter()
+        .zip(&training.noise)
+        .zip(&training.resolution)
+        .map(|((observable, &standard_deviation), &resolution)| Noise {
+            observable,
+            standard_deviation,
+            resolution,
+        })
+        .collect()
+}
+
+fn front_points(
+    system: &System,
+    candidates: &[Candidate],
+    residuals: usize,
+    support: &[usize],
+) -> Vec<FrontPoint> {
+    front(candidates)
+        .into_iter()
+        .filter(|c| c.support.len() <= 2 * support.len() + 10)
+        .map(|c| FrontPoint {
+            error: (c.squares / residuals.saturating_sub(c.values.len()).max(1) as f64).sqrt(),
+            criterion: c.criterion,
+            chosen: c.support == support,
+            terms: c.support.iter().map(|&k| label(system, k)).collect(),
+        })
+        .collect()
+}
+
+fn runners_up(
+    system: &System,
+    candidates: &[Candidate],
+    chosen: f64,
+    support: &[usize],
+) -> Vec<RunnerUp> {
+    candidates
+        .iter()
+        .filter(|c| c.support != support)
+        .take(RUNNERS_UP)
+        .map(|c| RunnerUp {
+            terms: c
+                .values
+                .iter()
+                .filter(|(column, _)| *column < system.terms.len())
+                .map(|&(k, value)| (label(system, k), value))
+                .collect(),
+            difference: c.criterion - chosen,
+        })
+        .collect()
+}
+
+fn path_entries(training: &Training, round: &Round) -> Vec<PathEntry> {
+    let system = training.system;
+    round
+        .search
+        .path
+        .iter()
+        .map(|point| PathEntry {
+            lambda: point.lambda,
+            coefficients: point
+                .coefficients
+                .iter()
+                .filter(|(column, _)| *column < system.terms.len())
+                .map(|&(k, value)| (label(system, k), value))
+                .collect(),
+        })
+        .collect()
+}
+
+fn sentence(system: &System, terms: &usize, found: &Unlearnable) -> Option<String> {
+    let name = |column: usize| (column < *terms).then(|| label(system, column));
+    match found {
+        Unlearnable::Untouched { column } => {
+            let term = name(*column)?;
+            Some(format!("`{term}` changes nothing that was measured: it cannot be learned"))
+        }
+        Unlearnable::Dependent { column, on } => {
+            let term = name(*column)?;
+            let parts: Vec<String> =
+                on.iter().filter_map(|&(c, x)| Some(format!("{x:.4} * {}", name(c)?))).collect();
+            Some(if parts.is_empty() {
+                format!("`{term}` changes nothing that was measured: it cannot be learned")
+            } else {
+                format!(
+                    "`{term}` does exactly what {} does: these data cannot tell them apart",
+                    parts.join(" + ")
+                )
+            })
+        }
+    }
+}

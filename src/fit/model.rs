@@ -1,0 +1,288 @@
+//! The learned model: what a fit returns, what the model file holds.
+
+use nalgebra::DMatrix;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::gauss_newton::StopReason;
+use crate::expr::{Place, System};
+
+/// Version of the model file's layout.
+pub const FORMAT: &str = "leverrier.model/1";
+
+/// A learned model, with what is known about how well it is known.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Model {
+    /// Always [`FORMAT`].
+    pub format: String,
+    /// Version of the program that wrote it.
+    pub version: String,
+    /// Name of the system.
+    pub system: String,
+    /// Hash of everything in the spec that has a meaning to the fit; comments do not count.
+    pub fingerprint: String,
+    pub terms: Vec<LearnedTerm>,
+    pub parameters: Vec<LearnedParameter>,
+    /// Covariance of the coefficients of `terms`, then of `parameters`; `null` where infinite.
+    #[serde(with = "finite_or_null")]
+    pub covariance: Vec<Vec<f64>>,
+    pub noise: Vec<Noise>,
+    pub integrator: Integrator,
+    pub evidence: Evidence,
+    /// The best model of every size: error against number of terms.
+    pub front: Vec<FrontPoint>,
+    /// Other supports whose criterion is close, best first.
+    pub runners_up: Vec<RunnerUp>,
+    /// Exchanges of a term that these data can hardly tell from the model.
+    pub alternatives: Vec<Exchange>,
+    /// What these data cannot learn at all, in sentences.
+    pub unlearnable: Vec<String>,
+    /// L1 penalty and the coefficients at it, along the path.
+    pub path: Vec<PathEntry>,
+    pub stop: Stop,
+}
+
+/// A term of the support.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LearnedTerm {
+    /// "T", "V", "H" or "force theta".
+    pub place: String,
+    /// The term in the mini-language, without its coefficient.
+    pub term: String,
+    /// The name that the spec gives the coefficient.
+    pub name: Option<String>,
+    pub coefficient: f64,
+    #[serde(with = "finite_or_null_one")]
+    pub standard_error: f64,
+    /// How often the term is chosen when the data are resampled, 0 to 1.
+    pub inclusion: f64,
+    pub unit: Option<String>,
+}
+
+/// An inner parameter that occurs in the model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LearnedParameter {
+    pub name: String,
+    pub value: f64,
+    #[serde(with = "finite_or_null_one")]
+    pub standard_error: f64,
+    pub unit: Option<String>,
+}
+
+/// Noise of one observable.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Noise {
+    pub observable: String,
+    /// Standard deviation, in the observable's unit.
+    pub standard_deviation: f64,
+    /// Rounding and the integrator's error, in the observable's unit.
+    pub resolution: f64,
+}
+
+/// The integrator that the fit ended with.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Integrator {
+    pub method: String,
+    /// No step was longer, in the spec's unit of time.
+    pub longest_step: f64,
+    /// Why this one.
+    pub reason: String,
+}
+
+/// What the fit rests on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Evidence {
+    pub runs: usize,
+    pub samples: usize,
+    pub segments: usize,
+    /// Samples of the longest segment.
+    pub window: usize,
+    /// Independent residuals.
+    pub residuals: usize,
+    /// Segments whose predicted trajectory left the finite numbers.
+    pub exploded: usize,
+    /// Root mean square of the residuals in units of the noise.
+    pub error: f64,
+    /// Members of the function space.
+    pub function_space: usize,
+    /// Coefficients and inner parameters of the model.
+    pub learned: usize,
+    pub criterion: f64,
+    pub selection: String,
+    pub loss: String,
+    pub supports_tried: usize,
+    pub seed: u64,
+}
+
+/// The best model with a given number of terms.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FrontPoint {
+    pub terms: Vec<String>,
+    /// Root mean square of the residuals in units of the noise.
+    pub error: f64,
+    pub criterion: f64,
+    pub chosen: bool,
+}
+
+/// A support that came close.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunnerUp {
+    /// Term and coefficient.
+    pub terms: Vec<(String, f64)>,
+    /// How much worse than the model, in units of the criterion (a deviance).
+    pub difference: f64,
+}
+
+/// A term of the model and one that could stand in its place.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Exchange {
+    pub term: String,
+    pub instead: String,
+    pub difference: f64,
+}
+
+/// One penalty of the L1 path.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PathEntry {
+    pub lambda: f64,
+    pub coefficients: Vec<(String, f64)>,
+}
+
+/// Why training ended.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Stop {
+    pub reason: StopReason,
+    pub sentence: String,
+    pub rounds: usize,
+    /// Gauss-Newton iterations of the last refit.
+    pub iterations: usize,
+}
+
+impl Model {
+    /// Indices of the model's terms in the system's function space, and their coefficients.
+    ///
+    /// `None` when the model belongs to another spec.
+    pub fn active(&self, system: &System) -> Option<(Vec<usize>, Vec<f64>)> {
+        if self.fingerprint != fingerprint(system) {
+            return None;
+        }
+        let mut active = Vec::with_capacity(self.terms.len());
+        for learned in &self.terms {
+            active.push(system.terms.iter().position(|term| {
+                term.label == learned.term && place_name(system, term.place) == learned.place
+            })?);
+        }
+        Some((active, self.terms.iter().map(|t| t.coefficient).collect()))
+    }
+
+    /// The value of every inner parameter of the system: learned, or its start.
+    pub fn parameter_values(&self, system: &System) -> Vec<f64> {
+        system
+            .parameters
+            .iter()
+            .map(|p| {
+                let learned = self.parameters.iter().find(|l| l.name == p.name);
+                learned.map_or(p.start, |l| l.value)
+            })
+            .collect()
+    }
+
+    /// Covariance of the coefficients, then of all inner parameters of the system
+    /// (those that the model does not use have none).
+    pub fn full_covariance(&self, system: &System) -> DMatrix<f64> {
+        let terms = self.terms.len();
+        let size = terms + system.parameters.len();
+        let place = |row: usize| -> Option<usize> {
+            if row < terms {
+                return Some(row);
+            }
+            let name = &system.parameters[row - terms].name;
+            self.parameters.iter().position(|p| &p.name == name).map(|j| terms + j)
+        };
+        DMatrix::from_fn(size, size, |a, b| match (place(a), place(b)) {
+            (Some(a), Some(b)) => {
+                self.covariance.get(a).and_then(|row| row.get(b)).copied().unwrap_or(f64::INFINITY)
+            }
+            _ => 0.0,
+        })
+    }
+}
+
+/// "T", "V", "H", or "force" and its coordinate.
+pub fn place_name(system: &System, place: Place) -> String {
+    match place {
+        Place::Kinetic => "T".to_string(),
+        Place::Potential => "V".to_string(),
+        Place::Hamiltonian => "H".to_string(),
+        Place::Force(i) => {
+            let name = system.coordinates.get(i).map_or("?", |v| v.name.as_str());
+            format!("force {name}")
+        }
+    }
+}
+
+/// A hash of what a system means: variables, known parts, function space, parameters.
+pub fn fingerprint(system: &System) -> String {
+    let names = system.names();
+    let text = |expr| system.graph.text(expr, &names);
+    let mut hash = Sha256::new();
+    let mut line = |words: &[&str]| {
+        for word in words {
+            hash.update(word.as_bytes());
+            hash.update([0]);
+        }
+        hash.update(b"\n");
+    };
+    let variables = system.coordinates.iter().chain(&system.momenta).chain(&system.velocities);
+    for variable in variables {
+        line(&[&variable.name, variable.unit_text.as_deref().unwrap_or("")]);
+    }
+    line(&["T", &text(system.kinetic)]);
+    line(&["V", &text(system.potential)]);
+    line(&["H", &text(system.hamiltonian)]);
+    for &force in &system.forces {
+        line(&["force", &text(force)]);
+    }
+    for term in &system.terms {
+        line(&[&place_name(system, term.place), &term.label]);
+    }
+    for parameter in &system.parameters {
+        line(&["param", &parameter.name]);
+    }
+    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// JSON has no infinity: it is written as null.
+mod finite_or_null_one {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+        value.is_finite().then_some(*value).serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+        Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
+    }
+}
+
+mod finite_or_null {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(rows: &[Vec<f64>], serializer: S) -> Result<S::Ok, S::Error> {
+        let rows: Vec<Vec<Option<f64>>> = rows
+            .iter()
+            .map(|row| row.iter().map(|x| x.is_finite().then_some(*x)).collect())
+            .collect();
+        rows.serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Vec<Vec<f64>>, D::Error> {
+        let rows = Vec::<Vec<Option<f64>>>::deserialize(deserializer)?;
+        Ok(rows
+            .into_iter()
+            .map(|row| row.into_iter().map(|x| x.unwrap_or(f64::INFINITY)).collect())
+            .collect())
+    }
+}
