@@ -1,4 +1,33 @@
 //! Measurements: what was read from a file, as runs of samples with true times.
+//!
+//! From a file to a data set in two steps: [`read`] makes a [`Table`] of cells as they
+//! stand in the file, and [`dataset`] picks the columns that a spec asks for, converts
+//! them, and groups and orders the rows into runs. Nothing is resampled or filled in.
+
+mod cell;
+mod delimiter;
+mod mapping;
+mod order;
+mod quality;
+mod read;
+mod report;
+mod select;
+mod split;
+mod table;
+mod text;
+mod write;
+
+pub use cell::{Cell, format_number, parse_cell};
+pub use delimiter::Delimiter;
+pub use mapping::{ColumnMap, Mapping, ObservableMap, TIME_NAMES};
+pub use quality::{Suspicion, SuspicionKind};
+pub use read::{read, read_bytes};
+pub use report::{ColumnReport, DataReport, Gap, RunReport, Sampling, Source};
+pub use select::dataset;
+pub use split::{Split, concatenate};
+pub use table::{Cells, Column, Reading, Table};
+pub use text::Encoding;
+pub use write::{Layout, to_csv, write_atomically, write_csv};
 
 /// One uninterrupted recording. Missing cells are NaN; times strictly increase.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,5 +47,6 @@ pub struct Run {
 pub struct Dataset {
     /// Names of the observables: coordinates first, then momenta or velocities.
     pub observables: Vec<String>,
+    /// The recordings, in the order of their first appearance.
     pub runs: Vec<Run>,
 }

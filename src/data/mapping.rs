@@ -1,0 +1,200 @@
+//! Which column of a file holds what: the mapping, and its columns found in a table.
+
+use super::table::{Column, Table};
+use crate::error::{Error, Result};
+
+/// Which columns of a file are time, run and observables.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Mapping {
+    /// The time column; without one, the usual names are tried ([`TIME_NAMES`]).
+    pub time: Option<ColumnMap>,
+    /// The column that names the run of each row; without one, the file is one run.
+    pub run: Option<String>,
+    /// What is observed, coordinates first.
+    pub observables: Vec<ObservableMap>,
+}
+
+/// A column and its conversion: `scale * cell + offset` is in the spec's unit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ColumnMap {
+    /// Name or whole header of the column.
+    pub column: String,
+    /// Spec's units per unit of the file.
+    pub scale: f64,
+    /// What a cell of zero means, in the spec's unit.
+    pub offset: f64,
+}
+
+impl ColumnMap {
+    /// A column that needs no conversion.
+    pub fn plain(column: impl Into<String>) -> Self {
+        ColumnMap {
+            column: column.into(),
+            scale: 1.0,
+            offset: 0.0,
+        }
+    }
+}
+
+/// An observable, the columns that may hold it, and its conversion as in [`ColumnMap`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObservableMap {
+    /// Name of the variable.
+    pub name: String,
+    /// Names or headers of columns; the first that exists is taken.
+    pub columns: Vec<String>,
+    /// Spec's units per unit of the file.
+    pub scale: f64,
+    /// What a cell of zero means, in the spec's unit.
+    pub offset: f64,
+    /// Whether the column must exist; otherwise every value is NaN without it.
+    pub required: bool,
+}
+
+impl ObservableMap {
+    /// A required observable in the column of its own name, without conversion.
+    pub fn plain(name: impl Into<String>) -> Self {
+        let name = name.into();
+        ObservableMap {
+            columns: vec![name.clone()],
+            name,
+            scale: 1.0,
+            offset: 0.0,
+            required: true,
+        }
+    }
+}
+
+/// What time columns are usually called.
+pub const TIME_NAMES: &[&str] = &["t", "time", "timestamp", "seconds", "zeit", "temps"];
+
+/// The time column with its scale and offset.
+pub(super) fn time_column<'a>(
+    table: &'a Table,
+    mapping: &Mapping,
+) -> Result<(&'a Column, f64, f64)> {
+    if let Some(map) = &mapping.time {
+        return match table.find(&map.column)? {
+            Some(column) => Ok((column, map.scale, map.offset)),
+            None => Err(missing_column(table, &map.column, "the time")),
+        };
+    }
+    for name in TIME_NAMES {
+        if let Some(column) = table.find(name)? {
+            return Ok((column, 1.0, 0.0));
+        }
+    }
+    Err(table.error(
+        Some(table.reading.header_line),
+        None,
+        format!("no column holds the time; there are {}", listed(table)),
+        "name it in the spec, as in `data \"file.csv\" { time t [s] }`",
+    ))
+}
+
+/// The column of an observable; none when it need not exist.
+pub(super) fn observable_column<'a>(
+    table: &'a Table,
+    observable: &ObservableMap,
+) -> Result<Option<&'a Column>> {
+    for name in &observable.columns {
+        if let Some(column) = table.find(name)? {
+            return Ok(Some(column));
+        }
+    }
+    if observable.required {
+        let name = observable.columns.first().unwrap_or(&observable.name);
+        return Err(missing_column(table, name, &observable.name));
+    }
+    Ok(None)
+}
+
+/// There is no column `name`, which `what` asks for; with the names that come near.
+pub(super) fn missing_column(table: &Table, name: &str, what: &str) -> Error {
+    let mut near: Vec<(f64, &str)> = table
+        .columns
+        .iter()
+        .map(|column| {
+            let similar = strsim::jaro_winkler(&column.name.to_lowercase(), &name.to_lowercase());
+            (similar, column.name.as_str())
+        })
+        .filter(|(similar, _)| *similar > 0.8)
+        .collect();
+    near.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let names: Vec<String> = near
+        .iter()
+        .take(3)
+        .map(|(_, name)| format!("`{name}`"))
+        .collect();
+    let hint = if names.is_empty() {
+        "name one of these columns in the spec's `data` line".to_string()
+    } else {
+        format!(
+            "did you mean {}? The spec's `data` line names the columns",
+            names.join(" or ")
+        )
+    };
+    let purpose = if name == what {
+        String::new()
+    } else {
+        format!(" for {what}")
+    };
+    table.error(
+        Some(table.reading.header_line),
+        Some(name),
+        format!(
+            "there is no column `{name}`{purpose}; there are {}",
+            listed(table)
+        ),
+        hint,
+    )
+}
+
+fn listed(table: &Table) -> String {
+    const SHOWN: usize = 30;
+    let mut names: Vec<String> = table
+        .columns
+        .iter()
+        .take(SHOWN)
+        .map(|column| format!("`{}`", column.header))
+        .collect();
+    if let Some(more) = table
+        .columns
+        .len()
+        .checked_sub(SHOWN)
+        .filter(|more| *more > 0)
+    {
+        names.push(format!("{more} more"));
+    }
+    names.join(", ")
+}
+
+/// A column as numbers in the spec's unit, NaN where a cell is missing.
+pub(super) fn converted(
+    table: &Table,
+    column: &Column,
+    scale: f64,
+    offset: f64,
+) -> Result<Vec<f64>> {
+    let mut numbers = table.numbers(column)?;
+    for (row, number) in numbers.iter_mut().enumerate() {
+        let missing = number.is_nan();
+        *number *= scale;
+        // Adding zero would turn -0 into 0.
+        if offset != 0.0 {
+            *number += offset;
+        }
+        if !missing && !number.is_finite() {
+            return Err(table.error(
+                table.lines.get(row).copied(),
+                Some(&column.header),
+                format!(
+                    "`{}` is too large when converted to the spec's unit",
+                    column.cells.get(row)
+                ),
+                "look at the unit of this column",
+            ));
+        }
+    }
+    Ok(numbers)
+}

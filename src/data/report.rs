@@ -1,0 +1,432 @@
+//! The data report: what a data set holds, and what deserves a look before it is fitted.
+
+use std::path::PathBuf;
+
+use comfy_table::{CellAlignment, ContentArrangement};
+use serde::Serialize;
+
+use super::cell::short;
+use super::quality::{Suspicion, rough_noise, suspicions};
+use super::read::counted;
+use super::table::{Reading, Table};
+use super::{Dataset, Run};
+
+/// What a data set holds.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DataReport {
+    /// The file that it came from, if any.
+    pub source: Option<Source>,
+    /// How many samples there are in all runs.
+    pub samples: usize,
+    /// The runs, in the order of the data set.
+    pub runs: Vec<RunReport>,
+    /// Time between samples of one run.
+    pub sampling: Sampling,
+    /// Where samples are missing.
+    pub gaps: Vec<Gap>,
+    /// The observables, in the order of the data set.
+    pub columns: Vec<ColumnReport>,
+    /// Columns that deserve a look.
+    pub suspicious: Vec<Suspicion>,
+    /// What was put right and what deserves a look, as sentences.
+    pub warnings: Vec<String>,
+}
+
+/// A file, and how it was understood.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Source {
+    /// Its path.
+    pub file: PathBuf,
+    /// SHA-256 of its bytes, in hexadecimal digits.
+    pub sha256: String,
+    /// How many rows it has below the header.
+    pub rows: usize,
+    /// How it was understood.
+    #[serde(flatten)]
+    pub reading: Reading,
+}
+
+/// One run.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RunReport {
+    /// Its name.
+    pub name: String,
+    /// How many samples it has.
+    pub samples: usize,
+    /// Time of the first sample, in the spec's time unit.
+    pub start: f64,
+    /// Time of the last sample, in the spec's time unit.
+    pub end: f64,
+    /// Lowest and highest line of the file that a sample came from; 0 without a file.
+    pub lines: (u64, u64),
+}
+
+/// Time between samples, over all runs, in the spec's time unit.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Sampling {
+    /// Half of the steps are shorter.
+    pub median: f64,
+    /// The shortest step.
+    pub minimum: f64,
+    /// The longest step.
+    pub maximum: f64,
+    /// Whether all steps are within 5 % of the median.
+    pub is_regular: bool,
+}
+
+/// A step of more than one and a half median steps.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Gap {
+    /// Name of the run.
+    pub run: String,
+    /// Line of the last sample before it; 0 without a file.
+    pub after_line: u64,
+    /// Time of the last sample before it.
+    pub start: f64,
+    /// Time of the first sample after it.
+    pub end: f64,
+    /// Its length in median steps of its run.
+    pub steps: f64,
+}
+
+/// One observable, in the spec's unit. The numbers are `None` when nothing was measured.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ColumnReport {
+    /// Name of the observable.
+    pub name: String,
+    /// Header of the column that it was read from.
+    pub header: Option<String>,
+    /// How many samples have a value.
+    pub measured: usize,
+    /// How many samples have none.
+    pub missing: usize,
+    /// Smallest value.
+    pub minimum: Option<f64>,
+    /// Largest value.
+    pub maximum: Option<f64>,
+    /// Arithmetic mean.
+    pub mean: Option<f64>,
+    /// Standard deviation about the mean.
+    pub spread: Option<f64>,
+    /// A rough upper bound of the noise from second differences; the curvature of the
+    /// motion is in it too. The fit measures the noise properly.
+    pub rough_noise: Option<f64>,
+}
+
+impl DataReport {
+    /// The report on a data set that did not come from a file.
+    pub fn of(data: &Dataset) -> Self {
+        let steps: Vec<f64> = data.runs.iter().flat_map(steps).collect();
+        let sampling = sampling(steps);
+        let suspicious = suspicions(data);
+        DataReport {
+            source: None,
+            samples: data.samples(),
+            runs: data.runs.iter().map(run_report).collect(),
+            sampling,
+            gaps: data
+                .runs
+                .iter()
+                .flat_map(|run| gaps(run, sampling.median))
+                .collect(),
+            columns: (0..data.observables.len())
+                .map(|at| column_report(data, at))
+                .collect(),
+            warnings: suspicious.iter().map(Suspicion::sentence).collect(),
+            suspicious,
+        }
+    }
+
+    /// The report on a data set from a file: the headers that the observables were read
+    /// from, and what was put right on the way.
+    pub(super) fn of_file(
+        data: &Dataset,
+        table: &Table,
+        headers: Vec<Option<String>>,
+        notes: Vec<String>,
+    ) -> Self {
+        let mut report = DataReport::of(data);
+        for (column, header) in report.columns.iter_mut().zip(headers) {
+            column.header = header;
+        }
+        report.warnings.splice(0..0, notes);
+        report.source = Some(Source {
+            file: table.path.clone(),
+            sha256: table.sha256.clone(),
+            rows: table.rows(),
+            reading: table.reading,
+        });
+        report
+    }
+
+    /// The report for people, as plain text without a newline at the end.
+    pub fn to_text(&self) -> String {
+        let mut lines = Vec::new();
+        if let Some(source) = &self.source {
+            lines.push(format!(
+                "{}: {}, {}, {} between cells{}",
+                source.file.display(),
+                counted(source.rows, "row"),
+                source.reading.encoding.name(),
+                source.reading.delimiter.name(),
+                if source.reading.decimal_comma {
+                    ", decimal commas"
+                } else {
+                    ""
+                }
+            ));
+        }
+        lines.push(format!(
+            "{} in {}; {}",
+            counted(self.samples, "sample"),
+            counted(self.runs.len(), "run"),
+            self.sampling.sentence()
+        ));
+        lines.push(self.column_table());
+        if self.runs.len() > 1 {
+            lines.push(self.run_table());
+        }
+        if !self.gaps.is_empty() {
+            lines.push(self.gap_table());
+        }
+        lines.extend(self.warnings.iter().map(|w| format!("Warning: {w}")));
+        lines.join("\n")
+    }
+
+    fn column_table(&self) -> String {
+        let number = |value: Option<f64>| value.map_or("-".to_string(), short);
+        let rows = self.columns.iter().map(|column| {
+            vec![
+                column.name.clone(),
+                column.header.clone().unwrap_or_else(|| "-".to_string()),
+                column.measured.to_string(),
+                column.missing.to_string(),
+                number(column.minimum),
+                number(column.maximum),
+                number(column.mean),
+                number(column.spread),
+                number(column.rough_noise),
+            ]
+        });
+        let header = [
+            "observable",
+            "column",
+            "measured",
+            "missing",
+            "minimum",
+            "maximum",
+            "mean",
+            "spread",
+            "noise below, roughly",
+        ];
+        drawn(&header, rows, 2)
+    }
+
+    fn run_table(&self) -> String {
+        let rows = self.runs.iter().take(SHOWN).map(|run| {
+            vec![
+                run.name.clone(),
+                run.samples.to_string(),
+                short(run.start),
+                short(run.end),
+                format!("{} to {}", run.lines.0, run.lines.1),
+            ]
+        });
+        let header = ["run", "samples", "start", "end", "lines"];
+        with_rest(drawn(&header, rows, 1), self.runs.len(), "run")
+    }
+
+    fn gap_table(&self) -> String {
+        let rows = self.gaps.iter().take(SHOWN).map(|gap| {
+            vec![
+                gap.run.clone(),
+                gap.after_line.to_string(),
+                short(gap.start),
+                short(gap.end),
+                format!("{:.1}", gap.steps),
+            ]
+        });
+        let header = ["gap in run", "after line", "start", "end", "median steps"];
+        with_rest(drawn(&header, rows, 1), self.gaps.len(), "gap")
+    }
+}
+
+/// How many runs or gaps are shown to people; the others are in the JSON output.
+const SHOWN: usize = 12;
+
+impl Sampling {
+    fn sentence(&self) -> String {
+        if self.is_regular {
+            format!("one every {}", short(self.median))
+        } else {
+            format!(
+                "irregular, one every {} in the median (from {} to {})",
+                short(self.median),
+                short(self.minimum),
+                short(self.maximum)
+            )
+        }
+    }
+}
+
+fn with_rest(table: String, count: usize, noun: &str) -> String {
+    match count.checked_sub(SHOWN) {
+        Some(rest) if rest > 0 => {
+            format!("{table}\n and {}", counted(rest, &format!("more {noun}")))
+        }
+        _ => table,
+    }
+}
+
+/// A table without borders; the columns from number `right` on are numbers.
+fn drawn(header: &[&str], rows: impl Iterator<Item = Vec<String>>, right: usize) -> String {
+    let mut table = comfy_table::Table::new();
+    table
+        .load_style(comfy_table::presets::NOTHING)
+        .set_content_arrangement(ContentArrangement::Disabled)
+        .force_no_tty()
+        .set_header(header.to_vec())
+        .add_rows(rows);
+    for column in table.column_iter_mut().skip(right) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table.trim_fmt()
+}
+
+fn run_report(run: &Run) -> RunReport {
+    RunReport {
+        name: run.name.clone(),
+        samples: run.times.len(),
+        start: run.times.first().copied().unwrap_or(0.0),
+        end: run.times.last().copied().unwrap_or(0.0),
+        lines: (
+            run.lines.iter().copied().min().unwrap_or(0),
+            run.lines.iter().copied().max().unwrap_or(0),
+        ),
+    }
+}
+
+fn steps(run: &Run) -> Vec<f64> {
+    run.times.windows(2).map(|pair| pair[1] - pair[0]).collect()
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    let middle = values.len().checked_sub(1)? / 2;
+    let (_, median, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
+    Some(*median)
+}
+
+fn sampling(steps: Vec<f64>) -> Sampling {
+    let minimum = steps.iter().copied().reduce(f64::min).unwrap_or(0.0);
+    let maximum = steps.iter().copied().reduce(f64::max).unwrap_or(0.0);
+    let median = median(steps).unwrap_or(0.0);
+    Sampling {
+        median,
+        minimum,
+        maximum,
+        is_regular: minimum >= 0.95 * median && maximum <= 1.05 * median,
+    }
+}
+
+fn gaps(run: &Run, median_of_all: f64) -> Vec<Gap> {
+    let steps = steps(run);
+    // A run of its own rhythm is judged by that; a short one has none.
+    let usual = if steps.len() >= 5 {
+        median(steps.clone()).unwrap_or(median_of_all)
+    } else {
+        median_of_all
+    };
+    steps
+        .iter()
+        .enumerate()
+        .filter(|(_, step)| **step > 1.5 * usual)
+        .map(|(at, step)| Gap {
+            run: run.name.clone(),
+            after_line: run.lines.get(at).copied().unwrap_or(0),
+            start: run.times[at],
+            end: run.times[at + 1],
+            steps: step / usual,
+        })
+        .collect()
+}
+
+fn column_report(data: &Dataset, at: usize) -> ColumnReport {
+    let values = || {
+        data.runs
+            .iter()
+            .filter_map(|run| run.values.get(at))
+            .flatten()
+            .copied()
+            .filter(|value| !value.is_nan())
+    };
+    let measured = values().count();
+    let count = measured as f64;
+    let some = |number: f64| (measured > 0).then_some(number);
+    // Dividing before adding keeps sums of huge values finite.
+    let mean = values().map(|value| value / count).sum::<f64>();
+    let variance = values()
+        .map(|value| (value - mean).powi(2) / count)
+        .sum::<f64>();
+    ColumnReport {
+        name: data.observables.get(at).cloned().unwrap_or_default(),
+        header: None,
+        measured,
+        missing: data.samples() - measured,
+        minimum: values().reduce(f64::min),
+        maximum: values().reduce(f64::max),
+        mean: some(mean),
+        spread: some(variance.sqrt()),
+        rough_noise: rough_noise(data, at),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(times: &[f64]) -> Run {
+        Run {
+            name: "a".to_string(),
+            times: times.to_vec(),
+            values: vec![times.to_vec()],
+            lines: (2..).take(times.len()).collect(),
+        }
+    }
+
+    #[test]
+    fn a_gap_is_found_where_it_is() {
+        let data = Dataset {
+            observables: vec!["x".to_string()],
+            runs: vec![run(&[0.0, 1.0, 2.0, 4.0, 5.0, 6.0])],
+        };
+        let report = DataReport::of(&data);
+        assert_eq!(
+            report.gaps,
+            [Gap {
+                run: "a".to_string(),
+                after_line: 4,
+                start: 2.0,
+                end: 4.0,
+                steps: 2.0
+            }]
+        );
+        assert!(!report.sampling.is_regular);
+        assert_eq!(report.sampling.median, 1.0);
+        let column = &report.columns[0];
+        assert_eq!((column.mean, column.missing), (Some(3.0), 0));
+        // The mean of (9 + 4 + 1 + 1 + 4 + 9).
+        let spread = column.spread.expect("measured");
+        assert!((spread - (28.0_f64 / 6.0).sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_fast_run_beside_a_slow_one_has_no_gaps() {
+        let fast: Vec<f64> = (0..50).map(|i| 0.1 * f64::from(i)).collect();
+        let slow: Vec<f64> = (0..10).map(f64::from).collect();
+        let data = Dataset {
+            observables: vec!["x".to_string()],
+            runs: vec![run(&fast), run(&slow)],
+        };
+        assert_eq!(DataReport::of(&data).gaps, []);
+    }
+}

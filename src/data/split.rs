@@ -1,0 +1,317 @@
+//! Putting samples aside, so that a fit can be judged on what it has not seen; and putting
+//! data sets together.
+
+use std::collections::HashSet;
+
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_pcg::Pcg64;
+
+use super::read::counted;
+use super::{Dataset, Run};
+use crate::error::{Error, Result};
+
+/// A data set in two parts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Split {
+    /// What the fit sees.
+    pub training: Dataset,
+    /// What it does not see; without runs when there are too few samples to put any aside.
+    pub unseen: Dataset,
+    /// How the split was made, as a sentence.
+    pub how: String,
+}
+
+/// A run is cut into at most so many blocks when blocks are put aside.
+const BLOCKS: usize = 10;
+
+impl Dataset {
+    /// How many samples there are in all runs.
+    pub fn samples(&self) -> usize {
+        self.runs.iter().map(|run| run.times.len()).sum()
+    }
+
+    /// For each observable, how many samples have a value.
+    pub fn measured(&self) -> Vec<usize> {
+        (0..self.observables.len())
+            .map(|at| {
+                self.runs
+                    .iter()
+                    .filter_map(|run| run.values.get(at))
+                    .flatten()
+                    .filter(|value| !value.is_nan())
+                    .count()
+            })
+            .collect()
+    }
+
+    /// Puts about a `fraction` of the samples aside: whole runs where there are enough of
+    /// them, otherwise blocks of consecutive samples of every run, cut at random times. The
+    /// stretches that a run is cut into become runs of their own (`1, part 2`), so that
+    /// nothing integrates across what is unseen. The same seed gives the same split.
+    ///
+    /// A fraction outside 0 to 0.9 is brought into it.
+    pub fn split_unseen(&self, fraction: f64, seed: u64) -> Split {
+        let fraction = if fraction.is_nan() {
+            0.0
+        } else {
+            fraction.clamp(0.0, 0.9)
+        };
+        let mut generator = Pcg64::seed_from_u64(seed);
+        let wanted = (fraction * self.runs.len() as f64).round() as usize;
+        if fraction > 0.0 && wanted >= 1 && wanted < self.runs.len() {
+            self.split_by_runs(fraction, &mut generator)
+        } else {
+            self.split_by_blocks(fraction, &mut generator)
+        }
+    }
+
+    fn split_by_runs(&self, fraction: f64, generator: &mut Pcg64) -> Split {
+        let mut order: Vec<usize> = (0..self.runs.len()).collect();
+        order.shuffle(generator);
+        let wanted = fraction * self.samples() as f64;
+        let mut aside = HashSet::new();
+        let mut samples = 0;
+        for at in order {
+            let more = self.runs[at].times.len();
+            // Never the last run, and no run that brings the share further from the wish.
+            let closer = samples as f64 + 0.5 * more as f64 <= wanted;
+            if aside.len() + 1 < self.runs.len() && (aside.is_empty() || closer) {
+                aside.insert(at);
+                samples += more;
+            }
+        }
+        let part = |unseen: bool| {
+            let runs = (0..self.runs.len()).filter(|at| aside.contains(at) == unseen);
+            self.with(runs.map(|at| self.runs[at].clone()).collect())
+        };
+        let (training, unseen) = (part(false), part(true));
+        let how = format!(
+            "{} of {} ({}) unseen, chosen at random.",
+            unseen.runs.len(),
+            counted(self.runs.len(), "run"),
+            counted(unseen.samples(), "sample"),
+        );
+        Split {
+            training,
+            unseen,
+            how,
+        }
+    }
+
+    fn split_by_blocks(&self, fraction: f64, generator: &mut Pcg64) -> Split {
+        let (mut training, mut unseen) = (Vec::new(), Vec::new());
+        let mut blocks_aside = 0;
+        for run in &self.runs {
+            let samples = run.times.len();
+            // Two samples are the least that show motion.
+            let blocks = BLOCKS.min(samples / 2);
+            let aside = if fraction > 0.0 && blocks >= 2 {
+                ((fraction * blocks as f64).round() as usize).clamp(1, blocks - 1)
+            } else {
+                0
+            };
+            if aside == 0 {
+                training.push(run.clone());
+                continue;
+            }
+            blocks_aside += aside;
+            let mut order: Vec<usize> = (0..blocks).collect();
+            order.shuffle(generator);
+            let chosen: HashSet<usize> = order.into_iter().take(aside).collect();
+            let start = |block: usize| block * samples / blocks;
+            let mut block = 0;
+            let mut parts = 0;
+            while block < blocks {
+                let hidden = chosen.contains(&block);
+                let end = (block..blocks)
+                    .find(|next| chosen.contains(next) != hidden)
+                    .unwrap_or(blocks);
+                parts += 1;
+                let name = format!("{}, part {parts}", run.name);
+                let part = run.part(name, start(block), start(end));
+                if hidden {
+                    unseen.push(part);
+                } else {
+                    training.push(part);
+                }
+                block = end;
+            }
+        }
+        let (training, unseen) = (self.with(training), self.with(unseen));
+        let how = if unseen.runs.is_empty() {
+            "Nothing is unseen: there are too few samples to put any aside, or none was asked \
+             for."
+                .to_string()
+        } else {
+            format!(
+                "{} of consecutive samples ({} of {}) unseen, cut at random out of {}.",
+                counted(blocks_aside, "block"),
+                unseen.samples(),
+                counted(self.samples(), "sample"),
+                counted(self.runs.len(), "run"),
+            )
+        };
+        Split {
+            training,
+            unseen,
+            how,
+        }
+    }
+
+    fn with(&self, runs: Vec<Run>) -> Dataset {
+        Dataset {
+            observables: self.observables.clone(),
+            runs,
+        }
+    }
+}
+
+impl Run {
+    /// The samples from number `start` up to, but not including, number `end`.
+    fn part(&self, name: String, start: usize, end: usize) -> Run {
+        fn cut<T: Copy>(all: &[T], start: usize, end: usize) -> Vec<T> {
+            all.iter().take(end).skip(start).copied().collect()
+        }
+        Run {
+            name,
+            times: cut(&self.times, start, end),
+            values: self.values.iter().map(|v| cut(v, start, end)).collect(),
+            lines: cut(&self.lines, start, end),
+        }
+    }
+}
+
+/// Puts data sets of the same observables together, in whichever order each has them. A run
+/// whose name is already taken gets a number: `1 (2)`.
+///
+/// # Errors
+/// Two data sets have different observables.
+pub fn concatenate(sets: &[Dataset]) -> Result<Dataset> {
+    let Some(first) = sets.first() else {
+        return Ok(Dataset::default());
+    };
+    let mut all = first.with(Vec::new());
+    let mut names = HashSet::new();
+    for set in sets {
+        let places: Option<Vec<usize>> = first
+            .observables
+            .iter()
+            .map(|name| set.observables.iter().position(|other| other == name))
+            .collect();
+        let places = places
+            .filter(|places| places.len() == set.observables.len())
+            .ok_or_else(|| {
+                Error::usage(
+                    format!(
+                        "data sets of {} and of {} cannot be put together",
+                        first.observables.join(", "),
+                        set.observables.join(", ")
+                    ),
+                    "give data sets of the same observables",
+                )
+            })?;
+        for run in &set.runs {
+            let mut run = run.clone();
+            run.values = places
+                .iter()
+                .map(|at| run.values.get(*at).cloned().unwrap_or_default())
+                .collect();
+            let plain = run.name.clone();
+            let mut number = 1;
+            while !names.insert(run.name.clone()) {
+                number += 1;
+                run.name = format!("{plain} ({number})");
+            }
+            all.runs.push(run);
+        }
+    }
+    Ok(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn data(lengths: &[usize]) -> Dataset {
+        let run = |(at, length): (usize, &usize)| Run {
+            name: at.to_string(),
+            times: (0..*length).map(|i| i as f64).collect(),
+            values: vec![(0..*length).map(|i| (1000 * at + i) as f64).collect()],
+            lines: (2..).take(*length).collect(),
+        };
+        Dataset {
+            observables: vec!["x".to_string()],
+            runs: lengths.iter().enumerate().map(run).collect(),
+        }
+    }
+
+    fn values(data: &Dataset) -> Vec<f64> {
+        let mut all: Vec<f64> = data.runs.iter().flat_map(|r| r.values[0].clone()).collect();
+        all.sort_by(f64::total_cmp);
+        all
+    }
+
+    #[test]
+    fn every_sample_is_on_exactly_one_side() {
+        for lengths in [
+            vec![2; 50],
+            vec![100],
+            vec![7, 400],
+            vec![4],
+            vec![10, 200, 3, 3, 3],
+        ] {
+            let all = data(&lengths);
+            for seed in 0..20 {
+                let split = all.split_unseen(0.2, seed);
+                let mut together = values(&split.training);
+                together.extend(values(&split.unseen));
+                together.sort_by(f64::total_cmp);
+                assert_eq!(together, values(&all), "{lengths:?}: {}", split.how);
+                assert!(!split.training.runs.is_empty() && !split.unseen.runs.is_empty());
+                for run in split.training.runs.iter().chain(&split.unseen.runs) {
+                    assert!(run.times.len() >= 2, "{lengths:?}: {}", split.how);
+                    assert_eq!(run.lines.len(), run.times.len());
+                }
+                assert_eq!(split, all.split_unseen(0.2, seed));
+            }
+        }
+    }
+
+    #[test]
+    fn about_the_fraction_is_put_aside_and_the_seed_decides_what() {
+        let all = data(&[2; 500]);
+        let split = all.split_unseen(0.2, 1);
+        assert_eq!(split.unseen.samples(), 200);
+        assert_eq!(
+            split.how,
+            "100 of 500 runs (200 samples) unseen, chosen at random."
+        );
+        assert_ne!(split.unseen, all.split_unseen(0.2, 2).unseen);
+        let single = data(&[1000]).split_unseen(0.3, 1);
+        assert_eq!(single.unseen.samples(), 300);
+    }
+
+    #[test]
+    fn too_few_samples_stay_together() {
+        for (lengths, fraction) in [(vec![3], 0.2), (vec![100], 0.0), (vec![100], f64::NAN)] {
+            let split = data(&lengths).split_unseen(fraction, 1);
+            assert_eq!(split.unseen.runs, []);
+            assert!(split.how.starts_with("Nothing is unseen"));
+        }
+    }
+
+    #[test]
+    fn data_sets_are_put_together_by_the_names_of_observables() {
+        let mut one = data(&[2]);
+        one.observables = vec!["x".into(), "y".into()];
+        one.runs[0].values = vec![vec![1.0, 2.0], vec![3.0, f64::NAN]];
+        assert_eq!(one.measured(), [2, 1]);
+        let mut other = one.clone();
+        other.observables.reverse();
+        let all = concatenate(&[one.clone(), other]).expect("the same observables");
+        assert_eq!(all.runs[1].name, "0 (2)");
+        assert_eq!(all.runs[1].values[1], [1.0, 2.0]);
+        assert!(concatenate(&[one, data(&[2])]).is_err());
+    }
+}

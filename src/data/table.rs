@@ -1,0 +1,236 @@
+//! A table of cells, just as they stand in a file of measurements.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::cell::{Cell, parse_cell};
+use super::delimiter::Delimiter;
+use super::text::Encoding;
+use crate::error::{DataError, Error, Result};
+
+/// A table of cells with the line that each row came from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Table {
+    /// The file.
+    pub path: PathBuf,
+    /// The columns, in the file's order; all have as many cells as there are `lines`.
+    pub columns: Vec<Column>,
+    /// Line of the file of each row, counted from 1.
+    pub lines: Vec<u64>,
+    /// How the file was understood.
+    pub reading: Reading,
+    /// SHA-256 of the file's bytes, in hexadecimal digits.
+    pub sha256: String,
+}
+
+/// How a file was understood.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Reading {
+    /// How its text is stored.
+    pub encoding: Encoding,
+    /// What stands between two cells.
+    pub delimiter: Delimiter,
+    /// Whether numbers have a comma for their decimal sign.
+    pub decimal_comma: bool,
+    /// The line of the header, counted from 1.
+    pub header_line: u64,
+}
+
+/// One column of a table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    /// The header without its unit: `theta` of `theta [rad]`.
+    pub name: String,
+    /// The whole header as it stands in the file: `theta [rad]`.
+    pub header: String,
+    /// The unit that the header names; `1` when it says that there is none (`[-]`).
+    pub unit: Option<String>,
+    /// The cells, without blanks around them.
+    pub cells: Cells,
+}
+
+/// The cells of a column, kept in one piece of text.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Cells {
+    text: String,
+    ends: Vec<usize>,
+}
+
+impl Cells {
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.ends.is_empty()
+    }
+
+    /// The cell of a row, counted from 0; empty beyond the last.
+    pub fn get(&self, row: usize) -> &str {
+        let end = self.ends.get(row).copied().unwrap_or(self.text.len());
+        let start = match row.checked_sub(1) {
+            Some(before) => self.ends.get(before).copied().unwrap_or(end),
+            None => 0,
+        };
+        self.text.get(start..end).unwrap_or("")
+    }
+
+    /// All cells, from the first row to the last.
+    pub fn iter(&self) -> impl Iterator<Item = &str> {
+        (0..self.len()).map(|row| self.get(row))
+    }
+
+    pub(super) fn push(&mut self, cell: &str) {
+        self.text.push_str(cell);
+        self.ends.push(self.text.len());
+    }
+}
+
+impl Table {
+    /// How many rows there are.
+    pub fn rows(&self) -> usize {
+        self.lines.len()
+    }
+
+    /// What a cell says as a number.
+    pub fn cell(&self, column: &Column, row: usize) -> Cell {
+        parse_cell(column.cells.get(row), self.reading.decimal_comma)
+    }
+
+    /// Whether every cell of a column is a finite number or missing, and one is a number.
+    pub fn is_numeric(&self, column: &Column) -> bool {
+        let mut numbers = 0;
+        for row in 0..column.cells.len() {
+            match self.cell(column, row) {
+                Cell::Number(_) => numbers += 1,
+                Cell::Missing => {}
+                _ => return false,
+            }
+        }
+        numbers > 0
+    }
+
+    /// A column as numbers, NaN where a cell is missing.
+    ///
+    /// # Errors
+    /// The first cell that is text, infinite or too large, with its line and column.
+    pub fn numbers(&self, column: &Column) -> Result<Vec<f64>> {
+        (0..column.cells.len())
+            .map(|row| match self.cell(column, row) {
+                Cell::Number(number) => Ok(number),
+                Cell::Missing => Ok(f64::NAN),
+                wrong => Err(self.wrong_cell(column, row, wrong)),
+            })
+            .collect()
+    }
+
+    fn wrong_cell(&self, column: &Column, row: usize, cell: Cell) -> Error {
+        let text = shortened(column.cells.get(row));
+        let (message, hint) = match cell {
+            Cell::Infinite => (
+                format!("`{text}` is infinite"),
+                "leave the cell empty if nothing was measured".to_string(),
+            ),
+            Cell::TooLarge => (
+                format!("`{text}` is too large for a number"),
+                "write numbers below 1.8e308, or leave the cell empty".to_string(),
+            ),
+            _ => (format!("`{text}` is not a number"), hint_for(&text)),
+        };
+        self.error(
+            self.lines.get(row).copied(),
+            Some(&column.header),
+            message,
+            hint,
+        )
+    }
+
+    /// An error about this file.
+    pub(super) fn error(
+        &self,
+        line: Option<u64>,
+        column: Option<&str>,
+        message: impl Into<String>,
+        hint: impl Into<String>,
+    ) -> Error {
+        wrong(&self.path, line, column, message, hint)
+    }
+
+    /// The column called `name`: by its whole header, by its name without the unit, or,
+    /// failing both, by its name in other capitals. `None` when there is no such column.
+    ///
+    /// # Errors
+    /// More than one column answers to the name.
+    pub fn find(&self, name: &str) -> Result<Option<&Column>> {
+        let name = name.trim();
+        let lower = name.to_lowercase();
+        let rules: [&dyn Fn(&Column) -> bool; 3] = [
+            &|column| column.header == name,
+            &|column| column.name == name,
+            &|column| column.name.to_lowercase() == lower || column.header.to_lowercase() == lower,
+        ];
+        for rule in rules {
+            let found: Vec<&Column> = self.columns.iter().filter(|c| rule(c)).collect();
+            match found.as_slice() {
+                [] => {}
+                [one] => return Ok(Some(one)),
+                many => {
+                    let headers: Vec<String> =
+                        many.iter().map(|c| format!("`{}`", c.header)).collect();
+                    return Err(self.error(
+                        Some(self.reading.header_line),
+                        Some(name),
+                        format!(
+                            "`{name}` can be any of the columns {}",
+                            headers.join(" and ")
+                        ),
+                        "name the column by its whole header",
+                    ));
+                }
+            }
+        }
+        Ok(None)
+    }
+}
+
+fn hint_for(text: &str) -> String {
+    if text.contains('\n') {
+        return "close the quotation mark that opens this cell".to_string();
+    }
+    let digits = text.starts_with(|c: char| c.is_ascii_digit());
+    if digits && (text.contains(':') || text.matches(['-', '/']).count() == 2) {
+        "write times as numbers, such as seconds since the start; dates are not read".to_string()
+    } else if digits && text.contains(',') {
+        "write numbers without thousands separators, and with one decimal sign in the whole file"
+            .to_string()
+    } else {
+        "write a number there, or leave the cell empty if nothing was measured".to_string()
+    }
+}
+
+fn shortened(text: &str) -> String {
+    if text.chars().count() <= 40 {
+        return text.to_string();
+    }
+    text.chars().take(37).chain("...".chars()).collect()
+}
+
+/// An error about a data file.
+pub(super) fn wrong(
+    path: &Path,
+    line: Option<u64>,
+    column: Option<&str>,
+    message: impl Into<String>,
+    hint: impl Into<String>,
+) -> Error {
+    Error::Data(DataError {
+        file: path.to_path_buf(),
+        line,
+        column: column.map(str::to_string),
+        message: message.into(),
+        hint: hint.into(),
+    })
+}
