@@ -94,6 +94,28 @@ fn main() {
         let system = tensor(2, degree);
         let options = Options::default();
         let t = std::time::Instant::now();
+        let model = leverrier::fit::fit(&system, &data, &options, &Silent).unwrap();
+        if seeds > 3 {
+            println!(
+                "{seed} {:?} {:?}",
+                t.elapsed(),
+                model
+                    .terms
+                    .iter()
+                    .map(|t| (t.term.clone(), t.coefficient, t.standard_error))
+                    .collect::<Vec<_>>()
+            );
+            continue;
+        }
+        println!(
+            "{}",
+            serde_json::to_string_pretty(&model)
+                .unwrap()
+                .lines()
+                .take(120)
+                .collect::<Vec<_>>()
+                .join("\n")
+        );
         let (m, round) = train(&system, &data, &options, &Silent).unwrap();
         println!(
             "seed {seed}: {:?} rounds {} tried {} refit it {} {:?} exploded {} rows {}",

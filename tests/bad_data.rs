@@ -9,10 +9,7 @@ fn mapping(run: Option<&str>, observables: &[&str]) -> Mapping {
     Mapping {
         time: None,
         run: run.map(str::to_string),
-        observables: observables
-            .iter()
-            .map(|name| ObservableMap::plain(*name))
-            .collect(),
+        observables: observables.iter().map(|name| ObservableMap::plain(*name)).collect(),
     }
 }
 
@@ -38,14 +35,7 @@ const fn bad(
     column: Option<&'static str>,
     says: &'static [&'static str],
 ) -> Bad {
-    Bad {
-        what,
-        content,
-        run: None,
-        line,
-        column,
-        says,
-    }
+    Bad { what, content, run: None, line, column, says }
 }
 
 /// Rows of which every one must be refused when `t` and `x` are asked for.
@@ -61,13 +51,7 @@ const BAD_FILES: &[Bad] = &[
         None,
         &["no row of measurements", "one row per sample"],
     ),
-    bad(
-        "header and empty rows",
-        b"t,x\n,\n,\n",
-        Some(1),
-        None,
-        &["no row of measurements"],
-    ),
+    bad("header and empty rows", b"t,x\n,\n,\n", Some(1), None, &["no row of measurements"]),
     bad(
         "no header",
         b"\n0,1\n1,2\n",
@@ -75,20 +59,8 @@ const BAD_FILES: &[Bad] = &[
         None,
         &["no header", "first line that names the columns"],
     ),
-    bad(
-        "short row",
-        b"t,x,y\n0,1,2\n\n# note\n1,2\n",
-        Some(5),
-        None,
-        &["2 cells", "3 columns"],
-    ),
-    bad(
-        "long row",
-        b"t,x\r\n0,1\r\n1,2,3\r\n",
-        Some(3),
-        None,
-        &["3 cells", "2 columns"],
-    ),
+    bad("short row", b"t,x,y\n0,1,2\n\n# note\n1,2\n", Some(5), None, &["2 cells", "3 columns"]),
+    bad("long row", b"t,x\r\n0,1\r\n1,2,3\r\n", Some(3), None, &["3 cells", "2 columns"]),
     bad(
         "row names without a header",
         b"t,x\n1,0,1\n2,1,2\n",
@@ -117,13 +89,7 @@ const BAD_FILES: &[Bad] = &[
         Some("x [m]"),
         &["`two` is not a number"],
     ),
-    bad(
-        "unit in a cell",
-        b"t,x\n0,1 m\n1,2 m\n",
-        Some(2),
-        Some("x"),
-        &["`1 m` is not a number"],
-    ),
+    bad("unit in a cell", b"t,x\n0,1 m\n1,2 m\n", Some(2), Some("x"), &["`1 m` is not a number"]),
     bad(
         "date",
         b"t,x\n2024-01-01 10:00:00,1\n2024-01-01 10:00:01,2\n",
@@ -145,13 +111,7 @@ const BAD_FILES: &[Bad] = &[
         Some("x"),
         &["infinite", "leave the cell empty"],
     ),
-    bad(
-        "infinite time",
-        b"t,x\n0,1\nInfinity,2\n",
-        Some(3),
-        Some("t"),
-        &["infinite"],
-    ),
+    bad("infinite time", b"t,x\n0,1\nInfinity,2\n", Some(3), Some("t"), &["infinite"]),
     bad(
         "spreadsheet's division by zero",
         b"t,x\n0,#DIV/0!\n1,2\n",
@@ -159,13 +119,7 @@ const BAD_FILES: &[Bad] = &[
         Some("x"),
         &["infinite"],
     ),
-    bad(
-        "too large",
-        b"t,x\n0,1e400\n1,2\n",
-        Some(2),
-        Some("x"),
-        &["too large"],
-    ),
+    bad("too large", b"t,x\n0,1e400\n1,2\n", Some(2), Some("x"), &["too large"]),
     bad(
         "open quotation mark",
         b"t,x,y\n0,\"1,2\n1,2,3\n2,3,4\n",
@@ -194,27 +148,9 @@ const BAD_FILES: &[Bad] = &[
         Some("x"),
         &["no column `x`", "`t`, `xx`, `theta`", "did you mean `xx`?"],
     ),
-    bad(
-        "sample without a time",
-        b"t,x\n0,1\nNA,2\n",
-        Some(3),
-        Some("t"),
-        &["no time"],
-    ),
-    bad(
-        "one row",
-        b"t,x\n0,1\n",
-        Some(2),
-        None,
-        &["only one sample", "more rows"],
-    ),
-    bad(
-        "nothing measured",
-        b"t,x\n0,NA\n1,\n",
-        None,
-        None,
-        &["nothing was measured"],
-    ),
+    bad("sample without a time", b"t,x\n0,1\nNA,2\n", Some(3), Some("t"), &["no time"]),
+    bad("one row", b"t,x\n0,1\n", Some(2), None, &["only one sample", "more rows"]),
+    bad("nothing measured", b"t,x\n0,NA\n1,\n", None, None, &["nothing was measured"]),
     bad(
         "time backwards",
         b"t,x\n3,1\n2,2\n1,3\n",
@@ -250,13 +186,7 @@ const BAD_FILES: &[Bad] = &[
         None,
         &["not a text file", "CSV"],
     ),
-    bad(
-        "a zero byte",
-        b"t,x\n0,1\n1,\x002\n",
-        Some(3),
-        None,
-        &["not a text file"],
-    ),
+    bad("a zero byte", b"t,x\n0,1\n1,\x002\n", Some(3), None, &["not a text file"]),
     Bad {
         run: Some("run"),
         ..bad(

@@ -15,10 +15,7 @@ fn mapping(run: Option<&str>, observables: &[&str]) -> Mapping {
     Mapping {
         time: None,
         run: run.map(str::to_string),
-        observables: observables
-            .iter()
-            .map(|name| ObservableMap::plain(*name))
-            .collect(),
+        observables: observables.iter().map(|name| ObservableMap::plain(*name)).collect(),
     }
 }
 
@@ -38,53 +35,23 @@ const SAME_FILES: &[(&str, &[u8])] = &[
     ("tabs", b"t\tx\n0\t1.5\n0.5\tnull\n1\t-2\n"),
     ("decimal commas", b"t;x\n0;1,5\n0,5;?\n1;-2\n"),
     ("decimal commas, blanks", b"t   x\n0   1,5\n0,5 -\n1   -2\n"),
-    (
-        "blanks",
-        b"  t [s]  x [m]\n  0.0   1.5\n  0.5   nan\n  1.0  -2.0\n",
-    ),
-    (
-        "comments",
-        b"# by hand\n% again\n\nt,x\n# one\n0,1.5\n\n0.5,\n1,-2\n",
-    ),
-    (
-        "header as a comment",
-        b"# t x\n0e0 1.5e0\n5e-1 nan\n1e0 -2e0\n",
-    ),
-    (
-        "header as a comment, commas",
-        b"#t,x\n0,1.5\n0.5,nan\n1,-2\n",
-    ),
-    (
-        "quotes",
-        b"\"t\",\"x\"\n\"0\",\"1.5\"\n\"0.5\",\"\"\n\"1\",\"-2\"\n",
-    ),
+    ("blanks", b"  t [s]  x [m]\n  0.0   1.5\n  0.5   nan\n  1.0  -2.0\n"),
+    ("comments", b"# by hand\n% again\n\nt,x\n# one\n0,1.5\n\n0.5,\n1,-2\n"),
+    ("header as a comment", b"# t x\n0e0 1.5e0\n5e-1 nan\n1e0 -2e0\n"),
+    ("header as a comment, commas", b"#t,x\n0,1.5\n0.5,nan\n1,-2\n"),
+    ("quotes", b"\"t\",\"x\"\n\"0\",\"1.5\"\n\"0.5\",\"\"\n\"1\",\"-2\"\n"),
     ("delimiter at the end", b"t,x,\n0,1.5,\n0.5,,\n1,-2,\n"),
-    (
-        "delimiter at the end of rows",
-        b"t,x\n0,1.5,\n0.5,,\n1,-2,\n",
-    ),
-    (
-        "other columns",
-        b"note,t,x\n\"a, b\",0,1.5\nc,0.5,\n\"d \"\"e\"\"\",1,-2\n",
-    ),
+    ("delimiter at the end of rows", b"t,x\n0,1.5,\n0.5,,\n1,-2,\n"),
+    ("other columns", b"note,t,x\n\"a, b\",0,1.5\nc,0.5,\n\"d \"\"e\"\"\",1,-2\n"),
     ("index column", b",t,x\n0,0,1.5\n1,0.5,\n2,1,-2\n"),
     ("capitals", b"Time,X\n0,1.5\n0.5,\n1,-2\n"),
-    (
-        "named delimiter",
-        b"sep=;\r\nt;x\r\n0;1.5\r\n0.5;\r\n1;-2\r\n",
-    ),
+    ("named delimiter", b"sep=;\r\nt;x\r\n0;1.5\r\n0.5;\r\n1;-2\r\n"),
     ("rows of delimiters", b"t,x\n0,1.5\n0.5,\n1,-2\n,\n,\n"),
     ("out of order", b"t,x\n0,1.5\n1,-2\n0.5,\n"),
     ("doubled", b"t,x\n0,1.5\n0,1.5\n0.5,\n1,-2\n"),
-    (
-        "a cell of several lines",
-        b"note,t,x\n\"a\nb\",0,1.5\nc,0.5,\nd,1,-2\n",
-    ),
+    ("a cell of several lines", b"note,t,x\n\"a\nb\",0,1.5\nc,0.5,\nd,1,-2\n"),
     ("Latin-1", b"t,x,phi [\xb0]\n0,1.5,0\n0.5,,0\n1,-2,0\n"),
-    (
-        "Fortran",
-        b"t x\n0.0D+00 1.5D+00\n5.0D-01 NaN\n1.0D+00 -2.0D+00\n",
-    ),
+    ("Fortran", b"t x\n0.0D+00 1.5D+00\n5.0D-01 NaN\n1.0D+00 -2.0D+00\n"),
 ];
 
 #[test]
@@ -130,10 +97,7 @@ fn runs_are_collected_converted_and_put_in_order() {
     let content = b"t [ms],run,angle [deg]\n\
         0,b,180\n0,a,90\n2,a,270\n10,b,\n1,a,180\n20,b,90\n5,lonely,7\n";
     let mapping = Mapping {
-        time: Some(ColumnMap {
-            scale: 1e-3,
-            ..ColumnMap::plain("t")
-        }),
+        time: Some(ColumnMap { scale: 1e-3, ..ColumnMap::plain("t") }),
         run: Some("run".into()),
         observables: vec![
             ObservableMap {
@@ -142,10 +106,7 @@ fn runs_are_collected_converted_and_put_in_order() {
                 offset: 1.0,
                 ..ObservableMap::plain("theta")
             },
-            ObservableMap {
-                required: false,
-                ..ObservableMap::plain("omega")
-            },
+            ObservableMap { required: false, ..ObservableMap::plain("omega") },
         ],
     };
     let (data, report) = load(content, &mapping).expect("good");
@@ -156,11 +117,7 @@ fn runs_are_collected_converted_and_put_in_order() {
     assert_eq!(data.runs[0].lines, [2, 7]);
     assert_eq!(data.runs[1].values[0], [2.0, 3.0, 4.0]);
     assert_eq!(data.runs[1].lines, [3, 6, 4]);
-    assert!(
-        data.runs
-            .iter()
-            .all(|run| run.values[1].iter().all(|v| v.is_nan()))
-    );
+    assert!(data.runs.iter().all(|run| run.values[1].iter().all(|v| v.is_nan())));
     assert_eq!(report.columns[0].header.as_deref(), Some("angle [deg]"));
     let warnings = report.warnings.join("\n");
     for fragment in [
@@ -176,11 +133,8 @@ fn runs_are_collected_converted_and_put_in_order() {
 
 #[test]
 fn rows_at_one_time_that_agree_are_merged() {
-    let (data, report) = load(
-        b"t,x,y\n0,1,\n0,,5\n1,2,6\n1,2,6\n",
-        &mapping(None, &["x", "y"]),
-    )
-    .expect("good");
+    let (data, report) =
+        load(b"t,x,y\n0,1,\n0,,5\n1,2,6\n1,2,6\n", &mapping(None, &["x", "y"])).expect("good");
     assert_eq!(data.runs[0].values, [[1.0, 2.0], [5.0, 6.0]]);
     assert!(report.warnings[0].starts_with("2 rows at the time of another"));
 }
@@ -193,10 +147,7 @@ fn the_report_reads_well_and_is_json() {
     )
     .expect("good");
     assert_eq!(report.gaps.len(), 1);
-    assert_eq!(
-        report.suspicious[0].kind,
-        SuspicionKind::Constant { value: 3.0 }
-    );
+    assert_eq!(report.suspicious[0].kind, SuspicionKind::Constant { value: 3.0 });
     let text = report.to_text();
     for fragment in [
         "data.csv: 6 rows, UTF-8, comma between cells",
@@ -268,11 +219,7 @@ fn permissions_links_and_a_full_disk() {
 #[test]
 fn a_file_that_does_not_exist_is_named() {
     let error = read(Path::new("no/such/file.csv")).expect_err("absent");
-    assert!(
-        error
-            .to_string()
-            .starts_with("cannot read no/such/file.csv")
-    );
+    assert!(error.to_string().starts_with("cannot read no/such/file.csv"));
 }
 
 #[test]
@@ -296,18 +243,8 @@ fn a_filmed_pendulum_is_read_with_its_gaps() {
 #[test]
 fn the_other_real_files_are_read() {
     let columns = [
-        (
-            "real_double_oscillator.csv",
-            ["x1", "x2", "v1", "v2"],
-            495,
-            1,
-        ),
-        (
-            "real_double_pendulum.csv",
-            ["theta1", "theta2", "omega1", "omega2"],
-            1520,
-            2,
-        ),
+        ("real_double_oscillator.csv", ["x1", "x2", "v1", "v2"], 495, 1),
+        ("real_double_pendulum.csv", ["theta1", "theta2", "omega1", "omega2"], 1520, 2),
     ];
     for (name, observables, samples, runs) in columns {
         let Some(path) = common::shared_data(name) else {
@@ -338,26 +275,19 @@ fn cell() -> impl Strategy<Value = f64> {
 }
 
 fn any_run(name: String) -> impl Strategy<Value = Run> {
-    let time = any::<u64>()
-        .prop_map(f64::from_bits)
-        .prop_filter("finite", |t| t.is_finite());
+    let time = any::<u64>().prop_map(f64::from_bits).prop_filter("finite", |t| t.is_finite());
     prop::collection::vec((time, cell(), cell()), 2..20).prop_map(move |mut rows| {
         rows.sort_by(|a, b| a.0.total_cmp(&b.0));
         rows.dedup_by(|a, b| a.0 == b.0);
         // A row without any value would be left out, and so would a single row.
-        rows.iter_mut()
-            .filter(|r| r.1.is_nan())
-            .for_each(|r| r.2 = 0.5);
+        rows.iter_mut().filter(|r| r.1.is_nan()).for_each(|r| r.2 = 0.5);
         if rows.len() < 2 {
             rows = vec![(0.0, 1.0, 2.0), (1.0, -0.0, f64::NAN)];
         }
         Run {
             name: name.clone(),
             times: rows.iter().map(|r| r.0).collect(),
-            values: vec![
-                rows.iter().map(|r| r.1).collect(),
-                rows.iter().map(|r| r.2).collect(),
-            ],
+            values: vec![rows.iter().map(|r| r.1).collect(), rows.iter().map(|r| r.2).collect()],
             lines: vec![0; rows.len()],
         }
     })

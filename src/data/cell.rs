@@ -16,9 +16,7 @@ pub enum Cell {
 }
 
 /// How people write that nothing was measured (in lower case).
-const MISSING: &[&str] = &[
-    "", "na", "n/a", "#n/a", "nan", "-nan", "null", "none", "-", "--", "?",
-];
+const MISSING: &[&str] = &["", "na", "n/a", "#n/a", "nan", "-nan", "null", "none", "-", "--", "?"];
 
 /// How people and programs write infinity, without its sign (in lower case).
 const INFINITE: &[&str] = &["inf", "infinity", "1.#inf", "∞", "#div/0!"];
@@ -33,11 +31,7 @@ pub fn parse_cell(cell: &str, decimal_comma: bool) -> Cell {
     if cell.starts_with(|c: char| c.is_ascii_digit() || matches!(c, '-' | '+' | '.' | ',' | '−'))
         && let Some(number) = number(cell, decimal_comma)
     {
-        return if number.is_finite() {
-            Cell::Number(number)
-        } else {
-            Cell::TooLarge
-        };
+        return if number.is_finite() { Cell::Number(number) } else { Cell::TooLarge };
     }
     let lower = cell.to_lowercase();
     if MISSING.contains(&lower.as_str()) {
@@ -53,8 +47,7 @@ pub fn parse_cell(cell: &str, decimal_comma: bool) -> Cell {
 fn number(cell: &str, decimal_comma: bool) -> Option<f64> {
     // `f64::from_str` also takes "inf" and "nan", which are none of ours.
     let plain = |text: &str| {
-        text.bytes()
-            .all(|b| b.is_ascii_digit() || matches!(b, b'+' | b'-' | b'.' | b'e' | b'E'))
+        text.bytes().all(|b| b.is_ascii_digit() || matches!(b, b'+' | b'-' | b'.' | b'e' | b'E'))
     };
     if plain(cell) {
         return cell.parse().ok();
@@ -67,11 +60,7 @@ fn number(cell: &str, decimal_comma: bool) -> Option<f64> {
         text = text.replace(',', ".");
     }
     let text = text.replace(['d', 'D'], "e");
-    if plain(&text) {
-        text.parse().ok()
-    } else {
-        None
-    }
+    if plain(&text) { text.parse().ok() } else { None }
 }
 
 /// The shortest decimal that reads back as exactly `number`; nothing for NaN.

@@ -56,10 +56,7 @@ impl Delimiter {
     }
 
     fn row(self) -> &'static (Delimiter, char, &'static str) {
-        DELIMITERS
-            .iter()
-            .find(|row| row.0 == self)
-            .unwrap_or(&DELIMITERS[3])
+        DELIMITERS.iter().find(|row| row.0 == self).unwrap_or(&DELIMITERS[3])
     }
 
     /// The line with a single character between cells. Blanks inside quotes, inside
@@ -163,9 +160,6 @@ mod tests {
 
     #[test]
     fn blanks_become_one_tab() {
-        assert_eq!(
-            Delimiter::Blanks.tidy("  t (a b)   \"x y\"  z "),
-            "t (a b)\t\"x y\"\tz"
-        );
+        assert_eq!(Delimiter::Blanks.tidy("  t (a b)   \"x y\"  z "), "t (a b)\t\"x y\"\tz");
     }
 }

@@ -28,11 +28,7 @@ pub struct ColumnMap {
 impl ColumnMap {
     /// A column that needs no conversion.
     pub fn plain(column: impl Into<String>) -> Self {
-        ColumnMap {
-            column: column.into(),
-            scale: 1.0,
-            offset: 0.0,
-        }
+        ColumnMap { column: column.into(), scale: 1.0, offset: 0.0 }
     }
 }
 
@@ -55,13 +51,7 @@ impl ObservableMap {
     /// A required observable in the column of its own name, without conversion.
     pub fn plain(name: impl Into<String>) -> Self {
         let name = name.into();
-        ObservableMap {
-            columns: vec![name.clone()],
-            name,
-            scale: 1.0,
-            offset: 0.0,
-            required: true,
-        }
+        ObservableMap { columns: vec![name.clone()], name, scale: 1.0, offset: 0.0, required: true }
     }
 }
 
@@ -121,49 +111,26 @@ pub(super) fn missing_column(table: &Table, name: &str, what: &str) -> Error {
         .filter(|(similar, _)| *similar > 0.8)
         .collect();
     near.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let names: Vec<String> = near
-        .iter()
-        .take(3)
-        .map(|(_, name)| format!("`{name}`"))
-        .collect();
+    let names: Vec<String> = near.iter().take(3).map(|(_, name)| format!("`{name}`")).collect();
     let hint = if names.is_empty() {
         "name one of these columns in the spec's `data` line".to_string()
     } else {
-        format!(
-            "did you mean {}? The spec's `data` line names the columns",
-            names.join(" or ")
-        )
+        format!("did you mean {}? The spec's `data` line names the columns", names.join(" or "))
     };
-    let purpose = if name == what {
-        String::new()
-    } else {
-        format!(" for {what}")
-    };
+    let purpose = if name == what { String::new() } else { format!(" for {what}") };
     table.error(
         Some(table.reading.header_line),
         Some(name),
-        format!(
-            "there is no column `{name}`{purpose}; there are {}",
-            listed(table)
-        ),
+        format!("there is no column `{name}`{purpose}; there are {}", listed(table)),
         hint,
     )
 }
 
 fn listed(table: &Table) -> String {
     const SHOWN: usize = 30;
-    let mut names: Vec<String> = table
-        .columns
-        .iter()
-        .take(SHOWN)
-        .map(|column| format!("`{}`", column.header))
-        .collect();
-    if let Some(more) = table
-        .columns
-        .len()
-        .checked_sub(SHOWN)
-        .filter(|more| *more > 0)
-    {
+    let mut names: Vec<String> =
+        table.columns.iter().take(SHOWN).map(|column| format!("`{}`", column.header)).collect();
+    if let Some(more) = table.columns.len().checked_sub(SHOWN).filter(|more| *more > 0) {
         names.push(format!("{more} more"));
     }
     names.join(", ")

@@ -20,9 +20,7 @@ pub(super) enum Order {
 /// backwards. They differ in this: two recordings are long stretches of rising time that
 /// cover the same interval, so sorting would interleave them.
 pub(super) fn judge(times: &[f64]) -> Order {
-    let falls: Vec<usize> = (1..times.len())
-        .filter(|at| times[*at] < times[at - 1])
-        .collect();
+    let falls: Vec<usize> = (1..times.len()).filter(|at| times[*at] < times[at - 1]).collect();
     let Some(&first) = falls.first() else {
         return Order::Rising;
     };
@@ -73,15 +71,9 @@ mod tests {
             (&[], Order::Rising),
             (&[0.0, 1.0, 1.0, 2.0], Order::Rising),
             (&[0.0, 2.0, 1.0, 3.0], Order::Shuffled { first: 2, late: 1 }),
-            (
-                &[0.0, 1.0, 2.0, 5.0, 3.0, 4.0, 6.0],
-                Order::Shuffled { first: 4, late: 2 },
-            ),
+            (&[0.0, 1.0, 2.0, 5.0, 3.0, 4.0, 6.0], Order::Shuffled { first: 4, late: 2 }),
             // Two files put together in the wrong order.
-            (
-                &[5.0, 6.0, 7.0, 0.0, 1.0, 2.0],
-                Order::Shuffled { first: 3, late: 3 },
-            ),
+            (&[5.0, 6.0, 7.0, 0.0, 1.0, 2.0], Order::Shuffled { first: 3, late: 3 }),
             (&[0.0, 1.0, 2.0, 0.0, 1.0, 2.0], Order::Restarted { at: 3 }),
             (&[0.0, 1.0, 2.0, 0.5, 1.5, 2.5], Order::Restarted { at: 3 }),
             (&[0.0, 0.1, 0.0, 0.1, 0.0, 0.1], Order::Restarted { at: 2 }),

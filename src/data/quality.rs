@@ -48,10 +48,9 @@ impl Suspicion {
         let name = &self.observable;
         match &self.kind {
             SuspicionKind::Empty => format!("{name} was never measured."),
-            SuspicionKind::Constant { value } => format!(
-                "{name} is always {}: nothing can be learned from it.",
-                short(*value)
-            ),
+            SuspicionKind::Constant { value } => {
+                format!("{name} is always {}: nothing can be learned from it.", short(*value))
+            }
             SuspicionKind::Duplicate { of } => {
                 format!("{name} holds the same numbers as {of}.")
             }
@@ -77,10 +76,7 @@ pub(super) fn suspicions(data: &Dataset) -> Vec<Suspicion> {
     let mut found = Vec::new();
     for (at, name) in data.observables.iter().enumerate() {
         let mut add = |kind| {
-            found.push(Suspicion {
-                observable: name.clone(),
-                kind,
-            });
+            found.push(Suspicion { observable: name.clone(), kind });
         };
         let measured = measured(data, at);
         let (Some(first), Some(last)) = (measured.first(), measured.last()) else {
@@ -121,15 +117,10 @@ fn measured(data: &Dataset, observable: usize) -> Vec<f64> {
 }
 
 fn same(data: &Dataset, one: usize, other: usize) -> bool {
-    data.runs
-        .iter()
-        .all(|run| match (run.values.get(one), run.values.get(other)) {
-            (Some(a), Some(b)) => a
-                .iter()
-                .zip(b)
-                .all(|(x, y)| x == y || (x.is_nan() && y.is_nan())),
-            _ => false,
-        })
+    data.runs.iter().all(|run| match (run.values.get(one), run.values.get(other)) {
+        (Some(a), Some(b)) => a.iter().zip(b).all(|(x, y)| x == y || (x.is_nan() && y.is_nan())),
+        _ => false,
+    })
 }
 
 /// The step that all differences are whole multiples of, and how many fit into the range.
@@ -139,12 +130,7 @@ fn steps(sorted: &[f64]) -> Option<(f64, f64)> {
     }
     let span = sorted.last()? - sorted.first()?;
     // Values that differ by rounding in a unit conversion only are the same value.
-    let gaps = || {
-        sorted
-            .windows(2)
-            .map(|pair| pair[1] - pair[0])
-            .filter(|gap| *gap > 1e-9 * span)
-    };
+    let gaps = || sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 1e-9 * span);
     let step = gaps().fold(f64::INFINITY, f64::min);
     let levels = span / step;
     let whole = gaps().all(|gap| {
@@ -186,9 +172,7 @@ fn proportional_to_time(data: &Dataset, observable: usize) -> bool {
         slopes.push(slope);
     }
     match slopes.split_first() {
-        Some((first, rest)) => rest
-            .iter()
-            .all(|slope| (slope - first).abs() <= 1e-6 * first),
+        Some((first, rest)) => rest.iter().all(|slope| (slope - first).abs() <= 1e-6 * first),
         None => false,
     }
 }
@@ -238,10 +222,7 @@ mod tests {
             observables: (0..columns.len()).map(|i| format!("x{i}")).collect(),
             runs: vec![Run {
                 name: "1".to_string(),
-                values: columns
-                    .iter()
-                    .map(|f| times.iter().map(|t| f(*t)).collect())
-                    .collect(),
+                values: columns.iter().map(|f| times.iter().map(|t| f(*t)).collect()).collect(),
                 lines: vec![0; times.len()],
                 times,
             }],
@@ -262,12 +243,7 @@ mod tests {
         let names: Vec<&str> = found.iter().map(|s| s.observable.as_str()).collect();
         assert_eq!(names, ["x1", "x2", "x3", "x4", "x5"]);
         assert_eq!(found[0].kind, SuspicionKind::Constant { value: 2.5 });
-        assert_eq!(
-            found[1].kind,
-            SuspicionKind::Duplicate {
-                of: "x0".to_string()
-            }
-        );
+        assert_eq!(found[1].kind, SuspicionKind::Duplicate { of: "x0".to_string() });
         assert_eq!(found[2].kind, SuspicionKind::LooksLikeTime);
         match found[3].kind {
             SuspicionKind::Coarse { resolution, levels } => {
@@ -290,10 +266,7 @@ mod tests {
                 time
             })
             .collect();
-        let values = times
-            .iter()
-            .map(|t| t.sin() + noise.sample(&mut generator))
-            .collect();
+        let values = times.iter().map(|t| t.sin() + noise.sample(&mut generator)).collect();
         let data = Dataset {
             observables: vec!["x".to_string()],
             runs: vec![Run {

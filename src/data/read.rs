@@ -155,19 +155,13 @@ fn record(line: &str, delimiter: Delimiter) -> StringRecord {
     let line = delimiter.tidy(line);
     let mut record = StringRecord::new();
     // A failure leaves the record empty, and the whole file is parsed with errors later.
-    let _ = builder(delimiter)
-        .from_reader(line.as_bytes())
-        .read_record(&mut record);
+    let _ = builder(delimiter).from_reader(line.as_bytes()).read_record(&mut record);
     record
 }
 
 fn builder(delimiter: Delimiter) -> csv::ReaderBuilder {
     let mut builder = csv::ReaderBuilder::new();
-    builder
-        .delimiter(delimiter.byte())
-        .has_headers(false)
-        .flexible(true)
-        .trim(csv::Trim::All);
+    builder.delimiter(delimiter.byte()).has_headers(false).flexible(true).trim(csv::Trim::All);
     builder
 }
 
@@ -224,11 +218,8 @@ impl Rows {
         let mut columns: Vec<Column> = Vec::with_capacity(width);
         let mut seen = std::collections::HashSet::new();
         for (at, cell) in header.iter().take(width).enumerate() {
-            let header = if cell.is_empty() {
-                format!("column {}", at + 1)
-            } else {
-                cell.to_string()
-            };
+            let header =
+                if cell.is_empty() { format!("column {}", at + 1) } else { cell.to_string() };
             if !seen.insert(header.clone()) {
                 return Err(wrong(
                     path,
@@ -242,18 +233,9 @@ impl Rows {
                 (name, unit) if !name.is_empty() => (name, unit),
                 _ => (header.clone(), None),
             };
-            columns.push(Column {
-                name,
-                header,
-                unit,
-                cells: Cells::default(),
-            });
+            columns.push(Column { name, header, unit, cells: Cells::default() });
         }
-        Ok(Rows {
-            header_line: line,
-            columns,
-            lines: Vec::new(),
-        })
+        Ok(Rows { header_line: line, columns, lines: Vec::new() })
     }
 
     fn add(&mut self, path: &Path, line: u64, record: &StringRecord) -> Result<()> {
@@ -262,10 +244,7 @@ impl Rows {
             return Ok(());
         }
         let expected = self.columns.len();
-        let extra = record
-            .iter()
-            .skip(expected)
-            .any(|surplus| !surplus.is_empty());
+        let extra = record.iter().skip(expected).any(|surplus| !surplus.is_empty());
         if record.len() < expected || extra {
             let hint = if record.iter().any(|cell| cell.contains('\n')) {
                 "close the quotation mark that is open there".to_string()
@@ -303,9 +282,7 @@ impl Rows {
             (name, Some(unit)) if name.is_empty() => Some(unit),
             _ => None,
         };
-        let all = record
-            .iter()
-            .all(|cell| cell.is_empty() || inside(cell).is_some());
+        let all = record.iter().all(|cell| cell.is_empty() || inside(cell).is_some());
         if all {
             for (column, cell) in self.columns.iter_mut().zip(record.iter()) {
                 column.unit = column.unit.take().or_else(|| inside(cell));

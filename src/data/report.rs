@@ -124,14 +124,8 @@ impl DataReport {
             samples: data.samples(),
             runs: data.runs.iter().map(run_report).collect(),
             sampling,
-            gaps: data
-                .runs
-                .iter()
-                .flat_map(|run| gaps(run, sampling.median))
-                .collect(),
-            columns: (0..data.observables.len())
-                .map(|at| column_report(data, at))
-                .collect(),
+            gaps: data.runs.iter().flat_map(|run| gaps(run, sampling.median)).collect(),
+            columns: (0..data.observables.len()).map(|at| column_report(data, at)).collect(),
             warnings: suspicious.iter().map(Suspicion::sentence).collect(),
             suspicious,
         }
@@ -169,11 +163,7 @@ impl DataReport {
                 counted(source.rows, "row"),
                 source.reading.encoding.name(),
                 source.reading.delimiter.name(),
-                if source.reading.decimal_comma {
-                    ", decimal commas"
-                } else {
-                    ""
-                }
+                if source.reading.decimal_comma { ", decimal commas" } else { "" }
             ));
         }
         lines.push(format!(
@@ -364,9 +354,7 @@ fn column_report(data: &Dataset, at: usize) -> ColumnReport {
     let some = |number: f64| (measured > 0).then_some(number);
     // Dividing before adding keeps sums of huge values finite.
     let mean = values().map(|value| value / count).sum::<f64>();
-    let variance = values()
-        .map(|value| (value - mean).powi(2) / count)
-        .sum::<f64>();
+    let variance = values().map(|value| (value - mean).powi(2) / count).sum::<f64>();
     ColumnReport {
         name: data.observables.get(at).cloned().unwrap_or_default(),
         header: None,
@@ -402,13 +390,7 @@ mod tests {
         let report = DataReport::of(&data);
         assert_eq!(
             report.gaps,
-            [Gap {
-                run: "a".to_string(),
-                after_line: 4,
-                start: 2.0,
-                end: 4.0,
-                steps: 2.0
-            }]
+            [Gap { run: "a".to_string(), after_line: 4, start: 2.0, end: 4.0, steps: 2.0 }]
         );
         assert!(!report.sampling.is_regular);
         assert_eq!(report.sampling.median, 1.0);
@@ -423,10 +405,8 @@ mod tests {
     fn a_fast_run_beside_a_slow_one_has_no_gaps() {
         let fast: Vec<f64> = (0..50).map(|i| 0.1 * f64::from(i)).collect();
         let slow: Vec<f64> = (0..10).map(f64::from).collect();
-        let data = Dataset {
-            observables: vec!["x".to_string()],
-            runs: vec![run(&fast), run(&slow)],
-        };
+        let data =
+            Dataset { observables: vec!["x".to_string()], runs: vec![run(&fast), run(&slow)] };
         assert_eq!(DataReport::of(&data).gaps, []);
     }
 }

@@ -35,13 +35,7 @@ pub fn dataset(table: &Table, mapping: &Mapping) -> Result<(Dataset, DataReport)
         });
         sources.push(column.map(|column| column.header.clone()));
     }
-    let rows = Rows {
-        table,
-        mapping,
-        time: time.0,
-        times,
-        values,
-    };
+    let rows = Rows { table, mapping, time: time.0, times, values };
     let mut notes = Notes::default();
     let groups = rows.grouped(&mut notes)?;
     let falling = rows.falling(&groups);
@@ -69,10 +63,7 @@ pub fn dataset(table: &Table, mapping: &Mapping) -> Result<(Dataset, DataReport)
                 "nothing was measured in any row".to_string(),
                 "look whether the columns of the spec are the ones with the measurements",
             ),
-            1 => (
-                "there is only one sample; motion takes two".to_string(),
-                "add more rows",
-            ),
+            1 => ("there is only one sample; motion takes two".to_string(), "add more rows"),
             many => (
                 format!("each of the {many} runs has only one sample; motion takes two"),
                 "look whether the run column is the right one: its cells are the same in all \
@@ -82,10 +73,8 @@ pub fn dataset(table: &Table, mapping: &Mapping) -> Result<(Dataset, DataReport)
         let line = notes.single.first().map(|(_, line)| *line);
         return Err(table.error(line, mapping.run.as_deref(), message, hint));
     }
-    let data = Dataset {
-        observables: mapping.observables.iter().map(|o| o.name.clone()).collect(),
-        runs,
-    };
+    let data =
+        Dataset { observables: mapping.observables.iter().map(|o| o.name.clone()).collect(), runs };
     let report = DataReport::of_file(&data, table, sources, notes.sentences());
     Ok((data, report))
 }
@@ -103,10 +92,8 @@ impl Notes {
     fn sentences(&self) -> Vec<String> {
         let mut sentences = Vec::new();
         if self.empty > 0 {
-            sentences.push(format!(
-                "{} without any measurement left out.",
-                counted(self.empty, "row")
-            ));
+            sentences
+                .push(format!("{} without any measurement left out.", counted(self.empty, "row")));
         }
         if let Some((run, line, _)) = self.late.first() {
             let late = self.late.iter().map(|(_, _, late)| late).sum();
@@ -148,8 +135,7 @@ impl Rows<'_> {
     }
 
     fn error(&self, row: usize, column: &str, message: String, hint: &str) -> Error {
-        self.table
-            .error(Some(self.line(row)), Some(column), message, hint)
+        self.table.error(Some(self.line(row)), Some(column), message, hint)
     }
 
     /// The rows of every run, in the order of the file.
@@ -232,9 +218,7 @@ impl Rows<'_> {
             }
             Order::Restarted { at } => return Err(self.restarted(members[at - 1], members[at])),
         };
-        notes
-            .late
-            .push((name.to_string(), self.line(members[first]), late));
+        notes.late.push((name.to_string(), self.line(members[first]), late));
         members.sort_by(|a, b| self.times[*a].total_cmp(&self.times[*b]));
         Ok(members)
     }
@@ -281,10 +265,7 @@ impl Rows<'_> {
             lines: Vec::with_capacity(members.len()),
         };
         for &row in members {
-            let same = run
-                .times
-                .last()
-                .is_some_and(|time| *time == self.times[row]);
+            let same = run.times.last().is_some_and(|time| *time == self.times[row]);
             if same {
                 let line = run.lines.last().copied().unwrap_or(0);
                 for (column, values) in run.values.iter_mut().zip(&self.values) {

@@ -52,11 +52,7 @@ impl Dataset {
     ///
     /// A fraction outside 0 to 0.9 is brought into it.
     pub fn split_unseen(&self, fraction: f64, seed: u64) -> Split {
-        let fraction = if fraction.is_nan() {
-            0.0
-        } else {
-            fraction.clamp(0.0, 0.9)
-        };
+        let fraction = if fraction.is_nan() { 0.0 } else { fraction.clamp(0.0, 0.9) };
         let mut generator = Pcg64::seed_from_u64(seed);
         let wanted = (fraction * self.runs.len() as f64).round() as usize;
         if fraction > 0.0 && wanted >= 1 && wanted < self.runs.len() {
@@ -92,11 +88,7 @@ impl Dataset {
             counted(self.runs.len(), "run"),
             counted(unseen.samples(), "sample"),
         );
-        Split {
-            training,
-            unseen,
-            how,
-        }
+        Split { training, unseen, how }
     }
 
     fn split_by_blocks(&self, fraction: f64, generator: &mut Pcg64) -> Split {
@@ -124,9 +116,8 @@ impl Dataset {
             let mut parts = 0;
             while block < blocks {
                 let hidden = chosen.contains(&block);
-                let end = (block..blocks)
-                    .find(|next| chosen.contains(next) != hidden)
-                    .unwrap_or(blocks);
+                let end =
+                    (block..blocks).find(|next| chosen.contains(next) != hidden).unwrap_or(blocks);
                 parts += 1;
                 let name = format!("{}, part {parts}", run.name);
                 let part = run.part(name, start(block), start(end));
@@ -152,18 +143,11 @@ impl Dataset {
                 counted(self.runs.len(), "run"),
             )
         };
-        Split {
-            training,
-            unseen,
-            how,
-        }
+        Split { training, unseen, how }
     }
 
     fn with(&self, runs: Vec<Run>) -> Dataset {
-        Dataset {
-            observables: self.observables.clone(),
-            runs,
-        }
+        Dataset { observables: self.observables.clone(), runs }
     }
 }
 
@@ -199,9 +183,8 @@ pub fn concatenate(sets: &[Dataset]) -> Result<Dataset> {
             .iter()
             .map(|name| set.observables.iter().position(|other| other == name))
             .collect();
-        let places = places
-            .filter(|places| places.len() == set.observables.len())
-            .ok_or_else(|| {
+        let places =
+            places.filter(|places| places.len() == set.observables.len()).ok_or_else(|| {
                 Error::usage(
                     format!(
                         "data sets of {} and of {} cannot be put together",
@@ -213,10 +196,8 @@ pub fn concatenate(sets: &[Dataset]) -> Result<Dataset> {
             })?;
         for run in &set.runs {
             let mut run = run.clone();
-            run.values = places
-                .iter()
-                .map(|at| run.values.get(*at).cloned().unwrap_or_default())
-                .collect();
+            run.values =
+                places.iter().map(|at| run.values.get(*at).cloned().unwrap_or_default()).collect();
             let plain = run.name.clone();
             let mut number = 1;
             while !names.insert(run.name.clone()) {
@@ -254,13 +235,7 @@ mod tests {
 
     #[test]
     fn every_sample_is_on_exactly_one_side() {
-        for lengths in [
-            vec![2; 50],
-            vec![100],
-            vec![7, 400],
-            vec![4],
-            vec![10, 200, 3, 3, 3],
-        ] {
+        for lengths in [vec![2; 50], vec![100], vec![7, 400], vec![4], vec![10, 200, 3, 3, 3]] {
             let all = data(&lengths);
             for seed in 0..20 {
                 let split = all.split_unseen(0.2, seed);
@@ -283,10 +258,7 @@ mod tests {
         let all = data(&[2; 500]);
         let split = all.split_unseen(0.2, 1);
         assert_eq!(split.unseen.samples(), 200);
-        assert_eq!(
-            split.how,
-            "100 of 500 runs (200 samples) unseen, chosen at random."
-        );
+        assert_eq!(split.how, "100 of 500 runs (200 samples) unseen, chosen at random.");
         assert_ne!(split.unseen, all.split_unseen(0.2, 2).unseen);
         let single = data(&[1000]).split_unseen(0.3, 1);
         assert_eq!(single.unseen.samples(), 300);

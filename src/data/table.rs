@@ -140,12 +140,7 @@ impl Table {
             ),
             _ => (format!("`{text}` is not a number"), hint_for(&text)),
         };
-        self.error(
-            self.lines.get(row).copied(),
-            Some(&column.header),
-            message,
-            hint,
-        )
+        self.error(self.lines.get(row).copied(), Some(&column.header), message, hint)
     }
 
     /// An error about this file.
@@ -167,11 +162,10 @@ impl Table {
     pub fn find(&self, name: &str) -> Result<Option<&Column>> {
         let name = name.trim();
         let lower = name.to_lowercase();
-        let rules: [&dyn Fn(&Column) -> bool; 3] = [
-            &|column| column.header == name,
-            &|column| column.name == name,
-            &|column| column.name.to_lowercase() == lower || column.header.to_lowercase() == lower,
-        ];
+        let rules: [&dyn Fn(&Column) -> bool; 3] =
+            [&|column| column.header == name, &|column| column.name == name, &|column| {
+                column.name.to_lowercase() == lower || column.header.to_lowercase() == lower
+            }];
         for rule in rules {
             let found: Vec<&Column> = self.columns.iter().filter(|c| rule(c)).collect();
             match found.as_slice() {
@@ -183,10 +177,7 @@ impl Table {
                     return Err(self.error(
                         Some(self.reading.header_line),
                         Some(name),
-                        format!(
-                            "`{name}` can be any of the columns {}",
-                            headers.join(" and ")
-                        ),
+                        format!("`{name}` can be any of the columns {}", headers.join(" and ")),
                         "name the column by its whole header",
                     ));
                 }

@@ -38,16 +38,12 @@ pub(super) struct NotText {
 pub(super) fn decode(bytes: &[u8]) -> Result<(String, Encoding), NotText> {
     let (text, encoding) = match bytes {
         [0xEF, 0xBB, 0xBF, rest @ ..] => decode_bytes(rest)?,
-        [0xFF, 0xFE, rest @ ..] => (
-            utf16(rest, u16::from_le_bytes)?,
-            Encoding::Utf16LittleEndian,
-        ),
+        [0xFF, 0xFE, rest @ ..] => (utf16(rest, u16::from_le_bytes)?, Encoding::Utf16LittleEndian),
         [0xFE, 0xFF, rest @ ..] => (utf16(rest, u16::from_be_bytes)?, Encoding::Utf16BigEndian),
         // Without a mark: the header's first characters are nearly always ASCII.
-        [a, 0, b, 0, ..] if *a != 0 && *b != 0 => (
-            utf16(bytes, u16::from_le_bytes)?,
-            Encoding::Utf16LittleEndian,
-        ),
+        [a, 0, b, 0, ..] if *a != 0 && *b != 0 => {
+            (utf16(bytes, u16::from_le_bytes)?, Encoding::Utf16LittleEndian)
+        }
         [0, a, 0, b, ..] if *a != 0 && *b != 0 => {
             (utf16(bytes, u16::from_be_bytes)?, Encoding::Utf16BigEndian)
         }
@@ -80,10 +76,7 @@ fn decode_bytes(bytes: &[u8]) -> Result<(String, Encoding), NotText> {
             what: "bytes that are neither UTF-8 nor Latin-1 text".to_string(),
         });
     }
-    Ok((
-        bytes.iter().map(|b| char::from(*b)).collect(),
-        Encoding::Latin1,
-    ))
+    Ok((bytes.iter().map(|b| char::from(*b)).collect(), Encoding::Latin1))
 }
 
 fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Result<String, NotText> {
@@ -97,18 +90,11 @@ fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Result<String, NotText> {
             Err(_) => return Err(broken_utf16(&text)),
         }
     }
-    if whole {
-        Ok(text)
-    } else {
-        Err(broken_utf16(&text))
-    }
+    if whole { Ok(text) } else { Err(broken_utf16(&text)) }
 }
 
 fn broken_utf16(before: &str) -> NotText {
-    NotText {
-        line: line_of(before.as_bytes()),
-        what: "broken UTF-16".to_string(),
-    }
+    NotText { line: line_of(before.as_bytes()), what: "broken UTF-16".to_string() }
 }
 
 fn line_of(before: &[u8]) -> u64 {
@@ -126,27 +112,11 @@ mod tests {
         let marked = |mark: &[u8], rest: &[u8]| [mark, rest].concat();
         let rows: Vec<(Vec<u8>, &str, Encoding)> = vec![
             (b"t,x\n".to_vec(), "t,x\n", Encoding::Utf8),
-            (
-                marked(&[0xEF, 0xBB, 0xBF], b"t,x\n"),
-                "t,x\n",
-                Encoding::Utf8,
-            ),
-            (
-                marked(&[0xFF, 0xFE], &little),
-                "t,θ\n",
-                Encoding::Utf16LittleEndian,
-            ),
-            (
-                marked(&[0xFE, 0xFF], &big),
-                "t,x\n",
-                Encoding::Utf16BigEndian,
-            ),
+            (marked(&[0xEF, 0xBB, 0xBF], b"t,x\n"), "t,x\n", Encoding::Utf8),
+            (marked(&[0xFF, 0xFE], &little), "t,θ\n", Encoding::Utf16LittleEndian),
+            (marked(&[0xFE, 0xFF], &big), "t,x\n", Encoding::Utf16BigEndian),
             (big, "t,x\n", Encoding::Utf16BigEndian),
-            (
-                b"time,angle [\xb0]\n0,1\n".to_vec(),
-                "time,angle [°]\n0,1\n",
-                Encoding::Latin1,
-            ),
+            (b"time,angle [\xb0]\n0,1\n".to_vec(), "time,angle [°]\n0,1\n", Encoding::Latin1),
         ];
         for (bytes, text, encoding) in rows {
             assert_eq!(decode(&bytes), Ok((text.to_string(), encoding)));

@@ -53,11 +53,7 @@ pub fn to_csv(path: &Path, data: &Dataset, layout: &Layout) -> Result<Vec<u8>> {
     let comment = |name: &str| name.starts_with(['#', '%']);
     let quoted = data.runs.iter().any(|run| comment(&run.name));
     let mut writer = csv::WriterBuilder::new()
-        .quote_style(if quoted {
-            csv::QuoteStyle::NonNumeric
-        } else {
-            csv::QuoteStyle::Necessary
-        })
+        .quote_style(if quoted { csv::QuoteStyle::NonNumeric } else { csv::QuoteStyle::Necessary })
         .from_writer(Vec::new());
     let unwritable =
         |error: csv::Error| Error::file("write", path, std::io::Error::other(error.to_string()));
@@ -68,10 +64,7 @@ pub fn to_csv(path: &Path, data: &Dataset, layout: &Layout) -> Result<Vec<u8>> {
     let mut header: Vec<String> = layout.run.iter().cloned().collect();
     header.push(with_unit(&layout.time, layout.time_unit.as_ref()));
     for (at, name) in data.observables.iter().enumerate() {
-        header.push(with_unit(
-            name,
-            layout.units.get(at).and_then(Option::as_ref),
-        ));
+        header.push(with_unit(name, layout.units.get(at).and_then(Option::as_ref)));
     }
     writer.write_record(&header).map_err(unwritable)?;
     let mut line = 1;
@@ -82,10 +75,8 @@ pub fn to_csv(path: &Path, data: &Dataset, layout: &Layout) -> Result<Vec<u8>> {
             record.clear();
             record.extend(layout.run.iter().map(|_| run.name.clone()));
             record.push(format_number(*time));
-            let values = run
-                .values
-                .iter()
-                .map(|column| column.get(sample).copied().unwrap_or(f64::NAN));
+            let values =
+                run.values.iter().map(|column| column.get(sample).copied().unwrap_or(f64::NAN));
             for (value, name) in std::iter::once(*time)
                 .chain(values)
                 .zip(std::iter::once(&layout.time).chain(&data.observables))
@@ -101,19 +92,13 @@ pub fn to_csv(path: &Path, data: &Dataset, layout: &Layout) -> Result<Vec<u8>> {
                 }
             }
             record.extend(run.values.iter().map(|column| {
-                column
-                    .get(sample)
-                    .map_or(String::new(), |value| format_number(*value))
+                column.get(sample).map_or(String::new(), |value| format_number(*value))
             }));
             writer.write_record(&record).map_err(unwritable)?;
         }
     }
     writer.into_inner().map_err(|error| {
-        Error::file(
-            "write",
-            path,
-            std::io::Error::other(error.error().to_string()),
-        )
+        Error::file("write", path, std::io::Error::other(error.error().to_string()))
     })
 }
 
@@ -166,19 +151,14 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     let open = <std::fs::Permissions as std::os::unix::fs::PermissionsExt>::from_mode(0o666);
     #[cfg(unix)]
     builder.permissions(open);
-    let mut file = builder
-        .tempfile_in(&folder)
-        .map_err(|error| failed(without_path(&error)))?;
+    let mut file = builder.tempfile_in(&folder).map_err(|error| failed(without_path(&error)))?;
     file.write_all(bytes)
         .and_then(|()| file.as_file().sync_all())
         .map_err(|error| failed(without_path(&error)))?;
     if let Some(old) = old {
-        file.as_file()
-            .set_permissions(old.permissions())
-            .map_err(failed)?;
+        file.as_file().set_permissions(old.permissions()).map_err(failed)?;
     }
-    file.persist(&target)
-        .map_err(|error| failed(without_path(&error.error)))?;
+    file.persist(&target).map_err(|error| failed(without_path(&error.error)))?;
     Ok(())
 }
 
