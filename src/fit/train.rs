@@ -22,7 +22,7 @@ use crate::expr::{Bounds, Observed, Place, Symbol, System};
 /// Rounds at one length of segments.
 const ROUNDS: usize = 8;
 /// Segments may grow while the noise estimate grows by less than this.
-const FOLLOWS: f64 = 1.1;
+const FOLLOWS: f64 = 1.5;
 /// Longest segment, in samples.
 const LONGEST: usize = 64;
 /// Segments that the tries of different starts are made on.
