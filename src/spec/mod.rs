@@ -4,6 +4,7 @@ pub mod ast;
 pub mod families;
 mod parse;
 mod print;
+pub mod resolve;
 
 pub use parse::{expression, may_name, spec};
 

@@ -79,7 +79,7 @@ fn deeper<'a, T>(
     input: Tokens<'a>,
     production: impl Fn(Tokens<'a>) -> Parsed<'a, T>,
 ) -> Parsed<'a, T> {
-    if input.depth >= DEEPEST {
+    if input.depth >= 3 * DEEPEST {
         return Err(Fault::fatal(too_deep(input.place())));
     }
     let (rest, value) = production(Tokens { depth: input.depth + 1, ..input })?;
