@@ -7,3 +7,4 @@ pub mod error;
 pub mod eval;
 pub mod expr;
 pub mod fit;
+pub mod spec;

@@ -1,14 +1,18 @@
 //! Expressions: one hash-consed graph, its derivatives, and the system that a spec describes.
 
+mod columns;
 mod derivative;
 mod functions;
 mod graph;
+mod lower;
 mod print;
 mod system;
-mod unit;
+pub mod unit;
 
+pub use columns::{ColumnScale, DataColumns, ObservedColumn, candidates};
 pub use functions::{Domain, FUNCTIONS, Function, FunctionRow};
 pub use graph::{Expr, Graph, Node, Number, Symbol, raise};
+pub use lower::{Compiled, MOST_TERMS, build};
 pub use print::Names;
 pub use system::{Bounds, Observed, Parameter, Place, System, Term, Variable};
 pub use unit::Unit;

@@ -1,0 +1,162 @@
+//! Which columns of a data file hold what, as the spec says.
+
+use super::lower::Lowering;
+use super::system::{Observed, System};
+use super::unit::Unit;
+use crate::diagnostic::Diagnostic;
+use crate::spec::ast::{DataItemKind, Expression, ExpressionKind, UnitText, Word};
+
+/// A column and the number its cells are multiplied with to be in the spec's unit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ColumnScale {
+    pub column: String,
+    pub scale: f64,
+}
+
+/// An observable and the columns that may hold it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObservedColumn {
+    /// Name of the variable in the spec.
+    pub name: String,
+    /// Names of columns, the likeliest first; only one where the spec names it.
+    pub candidates: Vec<String>,
+    /// The spec's units per unit of the column.
+    pub scale: f64,
+}
+
+/// The `data` statement with its names and units resolved.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DataColumns {
+    /// As written; a relative path is meant from the spec's directory.
+    pub file: String,
+    /// `None`: the spec does not say which column is time.
+    pub time: Option<ColumnScale>,
+    pub run: Option<String>,
+    /// Every two rows are one transition.
+    pub pairs: bool,
+    /// In the order of [`System::observables`].
+    pub observables: Vec<ObservedColumn>,
+}
+
+/// `q[1]` may stand in a column `q[1]`, `q1` or `q_1`.
+pub fn candidates(name: &str) -> Vec<String> {
+    let mut out = vec![name.to_string()];
+    if let Some((base, index)) = name.strip_suffix(']').and_then(|name| name.split_once('[')) {
+        out.push(format!("{base}{index}"));
+        out.push(format!("{base}_{index}"));
+    }
+    out
+}
+
+impl System {
+    /// Where the observables stand when no `data` statement says otherwise.
+    pub fn observed_columns(&self) -> Vec<ObservedColumn> {
+        let observables = self.observables();
+        let column = |name: String| ObservedColumn {
+            candidates: candidates(&name),
+            name,
+            scale: 1.0,
+        };
+        observables.into_iter().map(column).collect()
+    }
+}
+
+pub(super) fn resolve(lowering: &mut Lowering, system: &System) -> Option<DataColumns> {
+    let (file, items) = lowering.resolved.data?;
+    let mut out = DataColumns {
+        file: file.text.clone(),
+        time: None,
+        run: None,
+        pairs: false,
+        observables: system.observed_columns(),
+    };
+    let mut mapped = vec![false; out.observables.len()];
+    for item in items {
+        let twice = match &item.kind {
+            DataItemKind::Time { column, unit } => {
+                let scale = scale(lowering, unit.as_ref(), system.time.unit, column);
+                let column = column.text.clone();
+                out.time.replace(ColumnScale { column, scale }).is_some()
+            }
+            DataItemKind::Run(column) => out.run.replace(column.text.clone()).is_some(),
+            DataItemKind::Pairs => std::mem::replace(&mut out.pairs, true),
+            DataItemKind::Column { variable, column, unit } => {
+                let Some(at) = observable(lowering, system, &out.observables, variable) else { continue };
+                let second = match system.observed {
+                    Observed::Momenta => &system.momenta,
+                    Observed::Velocities => &system.velocities,
+                };
+                let of = system.coordinates.iter().chain(second).nth(at);
+                let scale = scale(lowering, unit.as_ref(), of.and_then(|of| of.unit), column);
+                if let Some(observed) = out.observables.get_mut(at) {
+                    observed.candidates = vec![column.text.clone()];
+                    observed.scale = scale;
+                }
+                mapped.get_mut(at).is_some_and(|mapped| std::mem::replace(mapped, true))
+            }
+        };
+        if twice {
+            lowering.report(
+                Diagnostic::error(item.site.0, "the data statement says this twice")
+                    .label("said again here")
+                    .hint("keep one of them"),
+            );
+        }
+    }
+    Some(out)
+}
+
+fn observable(
+    lowering: &mut Lowering,
+    system: &System,
+    observables: &[ObservedColumn],
+    variable: &Expression,
+) -> Option<usize> {
+    let name = match &variable.kind {
+        ExpressionKind::Name(name) => name.clone(),
+        ExpressionKind::Index { name, index } => match crate::spec::resolve::integer(index, &|_| None) {
+            Ok(index) => format!("{name}[{index}]"),
+            Err(diagnostic) => {
+                lowering.report(diagnostic);
+                return None;
+            }
+        },
+        _ => variable.to_string(),
+    };
+    let found = observables.iter().position(|observed| observed.name == name);
+    if found.is_none() {
+        let names: Vec<&str> = observables.iter().map(|observed| observed.name.as_str()).collect();
+        let state = system.momenta.iter().any(|momentum| momentum.name == name);
+        let hint = match crate::spec::nearest(&name, names.iter().copied()) {
+            Some(near) if !state => format!("did you mean `{near}`?"),
+            _ => format!("observed are {}", names.join(", ")),
+        };
+        lowering.report(
+            Diagnostic::error(variable.site.0, format!("`{name}` is not observed"))
+                .label("no column can hold it")
+                .hint(hint),
+        );
+    }
+    found
+}
+
+/// How many of the spec's units one unit of a column is.
+fn scale(
+    lowering: &mut Lowering,
+    column_unit: Option<&UnitText>,
+    own: Option<Unit>,
+    column: &Word,
+) -> f64 {
+    let Some(unit) = lowering.unit(column_unit) else { return 1.0 };
+    let (Some(own), Some(text)) = (own, column_unit) else { return 1.0 };
+    if !unit.same_kind(own) {
+        lowering.report(
+            Diagnostic::error(text.site.0, format!("units clash: the column is in [{unit}], the variable in [{own}]"))
+                .label(format!("cannot be converted to [{own}]"))
+                .hint("correct the unit of the column or of the variable")
+                .related(column.site.0, "this column"),
+        );
+        return 1.0;
+    }
+    unit.scale / own.scale
+}

@@ -1,0 +1,226 @@
+//! Constraints: signs and bounds of coefficients and parameters, by name.
+
+use super::super::system::{Bounds, Parameter, Place, Term};
+use super::Lowering;
+use crate::diagnostic::{Diagnostic, Span};
+use crate::spec::ast::*;
+use crate::spec::nearest;
+
+/// What a constraint speaks of.
+enum Bounded {
+    Terms(Vec<usize>),
+    Parameter(usize),
+}
+
+impl Lowering<'_> {
+    /// Applies every `constrain` statement.
+    pub(super) fn constrain(
+        &mut self,
+        terms: &mut [Term],
+        parameters: &mut [(Parameter, Vec<f64>)],
+    ) {
+        self.unique_names(terms);
+        for &(first, rest, span) in &self.resolved.constraints {
+            self.one_constraint(first, rest, span, terms, parameters);
+        }
+    }
+
+    /// Coefficients share their names with nothing else.
+    fn unique_names(&mut self, terms: &[Term]) {
+        let statements = self.resolved.energies.iter().map(|energy| energy.value);
+        let statements: Vec<_> =
+            statements.chain(self.resolved.forces.iter().map(|force| force.value)).collect();
+        let mut seen: std::collections::HashMap<&str, Span> = std::collections::HashMap::new();
+        let mut stack: Vec<&Expression> = statements;
+        stack.reverse();
+        while let Some(expression) = stack.pop() {
+            match &expression.kind {
+                ExpressionKind::Sum(parts) => stack.extend(parts.iter().rev().map(|(_, part)| part)),
+                ExpressionKind::Negate(inner) => stack.push(inner),
+                ExpressionKind::Span(items) => {
+                    for word in items.iter().filter_map(|item| item.name.as_ref()) {
+                        let taken = self.resolved.names.get(&word.text).map(|&(_, span)| span);
+                        let first = taken.or_else(|| seen.get(word.text.as_str()).copied());
+                        seen.entry(&word.text).or_insert(word.site.0);
+                        if let Some(first) = first {
+                            self.report(
+                                Diagnostic::error(word.site.0, format!("the name `{}` is taken", word.text))
+                                    .label("named again here")
+                                    .hint("give every coefficient a name of its own")
+                                    .related(first, "first named here"),
+                            );
+                        }
+                    }
+                }
+                _ => {}
+            }
+        }
+        let _ = terms;
+    }
+
+    fn one_constraint(
+        &mut self,
+        first: &Operand,
+        rest: &[(Relation, Operand)],
+        span: Span,
+        terms: &mut [Term],
+        parameters: &mut [(Parameter, Vec<f64>)],
+    ) {
+        let operands: Vec<&Operand> =
+            std::iter::once(first).chain(rest.iter().map(|(_, operand)| operand)).collect();
+        let middle = usize::from(operands.len() == 3);
+        let at = if operands.len() == 3 {
+            1
+        } else {
+            usize::from(!self.is_target(operands[0]) && self.is_target(operands[1]))
+        };
+        let Some(target) = self.target(operands[at], terms, parameters) else { return };
+        let mut bounds = Bounds::FREE;
+        for (i, (relation, _)) in rest.iter().enumerate() {
+            // Each relation stands between operand i and i + 1; one of them is the target.
+            let (other, flipped) = if i + 1 == at || (middle == 1 && i == 0) {
+                (operands[i], true)
+            } else {
+                (operands[i + 1], false)
+            };
+            let Operand::Value(value) = other else {
+                self.report(
+                    Diagnostic::error(span, "a constraint compares with numbers")
+                        .label("two unknowns are compared here")
+                        .hint("write for example `constrain k >= 0`"),
+                );
+                return;
+            };
+            let Some((number, ..)) = self.number(value) else { return };
+            match (relation, flipped) {
+                (Relation::Less | Relation::LessOrEqual, false)
+                | (Relation::Greater | Relation::GreaterOrEqual, true) => {
+                    bounds.upper = bounds.upper.min(number);
+                }
+                (Relation::Greater | Relation::GreaterOrEqual, false)
+                | (Relation::Less | Relation::LessOrEqual, true) => {
+                    bounds.lower = bounds.lower.max(number);
+                }
+                (Relation::Equal, _) => bounds = Bounds { lower: number, upper: number },
+                (Relation::Unequal, _) => {
+                    self.report(
+                        Diagnostic::error(span, "`!=` bounds nothing")
+                            .label("not a bound")
+                            .hint("write `<=` or `>=`"),
+                    );
+                    return;
+                }
+            }
+        }
+        let mut empty = bounds.lower > bounds.upper;
+        let mut narrow = |old: &mut Bounds| {
+            old.lower = old.lower.max(bounds.lower);
+            old.upper = old.upper.min(bounds.upper);
+            empty |= old.lower > old.upper;
+        };
+        match target {
+            Bounded::Terms(list) => list.into_iter().for_each(|k| narrow(&mut terms[k].bounds)),
+            Bounded::Parameter(i) => {
+                narrow(&mut parameters[i].0.bounds);
+                if !empty {
+                    let bounds = parameters[i].0.bounds;
+                    let (parameter, starts) = &mut parameters[i];
+                    starts.iter_mut().for_each(|start| *start = bounds.clamp(*start));
+                    parameter.start = bounds.clamp(parameter.start);
+                }
+            }
+        }
+        if empty {
+            self.report(
+                Diagnostic::error(span, "no number satisfies this constraint")
+                    .label("with the bounds given elsewhere, nothing is left")
+                    .hint("widen the bounds"),
+            );
+        }
+    }
+
+    /// Whether an operand is a name that may be bounded, and no number.
+    fn is_target(&self, operand: &Operand) -> bool {
+        match operand {
+            Operand::Terms(..) => true,
+            Operand::Value(value) => match &value.kind {
+                ExpressionKind::Name(name) | ExpressionKind::Index { name, .. } => {
+                    let meaning = self.resolved.names.get(name).map(|&(meaning, _)| meaning);
+                    let number = matches!(meaning, Some(crate::spec::resolve::Meaning::Constant(_)));
+                    !number && name != "pi"
+                }
+                _ => false,
+            },
+        }
+    }
+
+    fn target(
+        &mut self,
+        operand: &Operand,
+        terms: &[Term],
+        parameters: &[(Parameter, Vec<f64>)],
+    ) -> Option<Bounded> {
+        let value = match operand {
+            Operand::Value(value) => value,
+            Operand::Terms(target, _) => {
+                let place = match target {
+                    Target::Energy(EnergyPart::Kinetic) => Place::Kinetic,
+                    Target::Energy(EnergyPart::Potential) => Place::Potential,
+                    Target::Energy(EnergyPart::Hamiltonian) => Place::Hamiltonian,
+                    Target::Force(coordinate) => {
+                        self.context = super::Context::Force;
+                        Place::Force(self.coordinate(coordinate)?)
+                    }
+                };
+                let all = (0..terms.len()).filter(|&k| terms[k].place == place);
+                return Some(Bounded::Terms(all.collect()));
+            }
+        };
+        let (name, wanted) = match &value.kind {
+            ExpressionKind::Name(name) => (name, None),
+            ExpressionKind::Index { name, index } => {
+                let index = self.integer(index)?;
+                (name, Some(format!("{name}[{index}]")))
+            }
+            _ => {
+                self.report(
+                    Diagnostic::error(value.site.0, "a constraint speaks of one coefficient or parameter")
+                        .label("this is neither")
+                        .hint("write for example `constrain k >= 0`, or `constrain terms of T >= 0`"),
+                );
+                return None;
+            }
+        };
+        if let Some(i) = parameters.iter().position(|(parameter, _)| parameter.name == *name) {
+            return Some(Bounded::Parameter(i));
+        }
+        let family = format!("{name}[");
+        let of_name: Vec<usize> = (0..terms.len())
+            .filter(|&k| {
+                terms[k].name.as_ref().is_some_and(|own| match &wanted {
+                    Some(wanted) => own == wanted,
+                    None => own == name || own.starts_with(&family),
+                })
+            })
+            .collect();
+        if !of_name.is_empty() {
+            return Some(Bounded::Terms(of_name));
+        }
+        let shown = wanted.as_ref().unwrap_or(name);
+        let known: Vec<&str> = terms
+            .iter()
+            .filter_map(|term| term.name.as_deref())
+            .chain(parameters.iter().map(|(parameter, _)| parameter.name.as_str()))
+            .collect();
+        let hint = match nearest(shown, known.iter().copied()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => "name a coefficient in its span, as in `span{ k: q^2 }`".to_string(),
+        };
+        self.report(
+            Diagnostic::error(value.site.0, format!("no coefficient or parameter is called `{shown}`"))
+                .label("unknown here")
+                .hint(hint),
+        );
+        None
+    }
+}

@@ -1,0 +1,504 @@
+//! From a spec to the system that it describes: names become symbols, spans become terms.
+
+mod bounds;
+mod terms;
+mod value;
+
+use std::collections::{HashMap, HashSet};
+
+use super::columns::{self, DataColumns};
+use super::graph::{Expr, Graph};
+use super::print::Names;
+use super::system::{Bounds, Observed, Parameter, Place, System, Term, Variable};
+use super::unit::Unit;
+use crate::diagnostic::{Diagnostic, Severity, Span};
+use crate::error::{Error, Result};
+use crate::spec::ast::{EnergyPart, ExpressionKind, Spec, UnitText};
+use crate::spec::resolve::{Declared, Resolved, resolve};
+use terms::Candidate;
+use value::Value;
+
+/// How many terms a function space may have.
+pub const MOST_TERMS: u128 = 200_000;
+
+/// How many parts of expressions a spec may expand to.
+const MOST_STEPS: u64 = 5_000_000;
+
+/// A spec that has no errors, and everything that was made of it.
+#[derive(Debug, Clone)]
+pub struct Compiled {
+    pub spec: Spec,
+    pub system: System,
+    /// Start values of each parameter, one or more; the first is also in the system.
+    pub starts: Vec<Vec<f64>>,
+    /// Unit of H and of time, where they are known.
+    pub energy_unit: Option<Unit>,
+    pub time_unit: Option<Unit>,
+    /// Where the measurements are, if the spec says so.
+    pub data: Option<DataColumns>,
+    /// Warnings and notes, in the order of the text.
+    pub warnings: Vec<Diagnostic>,
+}
+
+/// Reads a spec and builds the system it describes.
+///
+/// `name` is what the text is called in messages, usually its path.
+///
+/// # Errors
+/// [`Error::Spec`] with everything that is wrong with the text, in its order.
+pub fn build(name: &str, text: &str) -> Result<Compiled> {
+    let (spec, mut diagnostics) = crate::spec::spec(text);
+    let parsed = diagnostics.is_empty();
+    let resolved = resolve(&spec, &mut diagnostics);
+    if !parsed {
+        // A statement that could not be read leaves nameless holes: whatever seems to be
+        // missing may stand in it. Only what was read wrong is worth saying.
+        diagnostics.retain(|d| d.span != Span::default());
+    }
+    let sound = resolved.coordinates.len() == resolved.momenta.len()
+        && !resolved.coordinates.is_empty();
+    let mut built = None;
+    if sound {
+        let mut lowering = Lowering::new(&resolved, None);
+        let mut pieces = lowering.run();
+        let implied = pieces.implied_unit.filter(|_| resolved.implied_momenta);
+        if implied.is_some() {
+            // The known part tells the unit of H, and so the units of the implied momenta.
+            lowering = Lowering::new(&resolved, implied);
+            pieces = lowering.run();
+        }
+        let data = columns::resolve(&mut lowering, &pieces.system);
+        diagnostics.append(&mut lowering.diagnostics);
+        built = Some((pieces, data));
+    }
+    diagnostics.sort_by_key(|d| (d.span, std::cmp::Reverse(d.severity)));
+    if !parsed {
+        // A name that is declared in a statement with an error is not unknown.
+        diagnostics.retain(|d| !d.message.starts_with("unknown name"));
+    }
+    let failed = diagnostics.iter().any(|d| d.severity == Severity::Error);
+    match built {
+        Some((pieces, data)) if !failed => Ok(Compiled {
+            system: pieces.system,
+            starts: pieces.starts,
+            energy_unit: pieces.energy_unit,
+            time_unit: pieces.time_unit,
+            data,
+            warnings: diagnostics,
+            spec,
+        }),
+        _ => {
+            diagnostics.retain(|d| d.severity == Severity::Error);
+            Err(Error::Spec { name: name.to_string(), text: text.to_string(), diagnostics })
+        }
+    }
+}
+
+/// What an expression belongs to: decides which names may stand in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Context {
+    /// Constants, starts and bounds: numbers only.
+    Number,
+    Energy(EnergyPart),
+    Force,
+}
+
+/// A name that stands for a number: a constant or a parameter.
+#[derive(Debug, Clone, Copy)]
+struct Named {
+    expr: Expr,
+    unit: Option<Unit>,
+}
+
+/// The state of lowering one spec.
+pub(super) struct Lowering<'a> {
+    pub(super) resolved: &'a Resolved<'a>,
+    pub(super) diagnostics: Vec<Diagnostic>,
+    graph: Graph,
+    coordinates: Vec<Option<Unit>>,
+    momenta: Vec<Option<Unit>>,
+    velocities: Vec<Option<Unit>>,
+    pub(super) time: Option<Unit>,
+    constants: Vec<Option<Named>>,
+    parameters: Vec<Option<Named>>,
+    context: Context,
+    /// Index names and their values, innermost last.
+    indices: Vec<(String, i64)>,
+    steps: u64,
+    reported: HashSet<(Span, String)>,
+    /// For each node of the graph, what it depends on.
+    dependence: Vec<u8>,
+    candidates: Vec<Candidate>,
+    /// Terms by place (energy: none; force: its coordinate) and expression without its factor.
+    index: HashMap<(Option<usize>, Expr), usize>,
+    /// Known parts: place, value, where they stand.
+    known: Vec<(Place, Value, Span)>,
+    expected: u128,
+}
+
+/// What lowering leaves.
+struct Pieces {
+    system: System,
+    starts: Vec<Vec<f64>>,
+    energy_unit: Option<Unit>,
+    time_unit: Option<Unit>,
+    /// Unit of H as the known parts tell it, where the variables do not.
+    implied_unit: Option<Unit>,
+}
+
+impl<'a> Lowering<'a> {
+    fn new(resolved: &'a Resolved<'a>, energy: Option<Unit>) -> Self {
+        let mut lowering = Lowering {
+            resolved,
+            diagnostics: Vec::new(),
+            graph: Graph::new(),
+            coordinates: Vec::new(),
+            momenta: Vec::new(),
+            velocities: Vec::new(),
+            time: None,
+            constants: Vec::new(),
+            parameters: Vec::new(),
+            context: Context::Number,
+            indices: Vec::new(),
+            steps: 0,
+            reported: HashSet::new(),
+            dependence: Vec::new(),
+            candidates: Vec::new(),
+            index: HashMap::new(),
+            known: Vec::new(),
+            expected: 0,
+        };
+        lowering.time = resolved.time.and_then(|(_, unit)| lowering.unit(unit));
+        lowering.coordinates = lowering.units_of(&resolved.coordinates);
+        lowering.momenta = lowering.units_of(&resolved.momenta);
+        lowering.velocities = lowering.units_of(&resolved.velocities);
+        if let (Some(energy), Some(time)) = (energy, lowering.time) {
+            for i in 0..lowering.momenta.len() {
+                let unit = lowering.coordinates[i].and_then(|q| energy.times(time)?.over(q));
+                lowering.momenta[i] = lowering.momenta[i].or(unit);
+            }
+        }
+        lowering
+    }
+
+    /// Adds a diagnostic, unless the same one stands there already (loops repeat them).
+    pub(super) fn report(&mut self, diagnostic: Diagnostic) {
+        if self.reported.insert((diagnostic.span, diagnostic.message.clone())) {
+            self.diagnostics.push(diagnostic);
+        }
+    }
+
+    pub(super) fn unit(&mut self, text: Option<&UnitText>) -> Option<Unit> {
+        let text = text?;
+        match Unit::parse(&text.text) {
+            Ok(unit) => Some(unit),
+            Err(message) => {
+                self.report(
+                    Diagnostic::error(text.site.0, format!("[{}] is not a unit", text.text))
+                        .label(message)
+                        .hint("write for example [rad/s], [kg*m^2/s^2] or [N m]"),
+                );
+                None
+            }
+        }
+    }
+
+    fn units_of(&mut self, list: &[Declared]) -> Vec<Option<Unit>> {
+        list.iter().map(|declared| self.unit(declared.unit.as_ref())).collect()
+    }
+
+    fn run(&mut self) -> Pieces {
+        self.define_constants();
+        let parameters = self.define_parameters();
+        let canonical = self.canonical_unit();
+        self.check_velocities();
+        for energy in &self.resolved.energies {
+            self.context = Context::Energy(energy.part);
+            let place = match energy.part {
+                EnergyPart::Kinetic => Place::Kinetic,
+                EnergyPart::Potential => Place::Potential,
+                EnergyPart::Hamiltonian => Place::Hamiltonian,
+            };
+            self.side(place, energy.value, false);
+        }
+        self.context = Context::Force;
+        for force in &self.resolved.forces {
+            self.force(force);
+        }
+        let energy_unit = self.energy_unit(canonical);
+        self.check_known(energy_unit, canonical.is_some());
+        let (mut terms, names) = self.finish_terms(energy_unit.map(|(unit, _)| unit));
+        let mut parameters = parameters;
+        self.constrain(&mut terms, &mut parameters);
+        let system = self.system(terms, &parameters, names);
+        Pieces {
+            system,
+            starts: parameters.into_iter().map(|(_, starts)| starts).collect(),
+            energy_unit: energy_unit.map(|(unit, _)| unit),
+            time_unit: self.time,
+            implied_unit: energy_unit.map(|(unit, _)| unit).filter(|_| canonical.is_none()),
+        }
+    }
+
+    fn system(
+        &mut self,
+        terms: Vec<Term>,
+        parameters: &[(Parameter, Vec<f64>)],
+        names: Names,
+    ) -> System {
+        let resolved = self.resolved;
+        let variables = |list: &[Declared], units: &[Option<Unit>]| -> Vec<Variable> {
+            list.iter()
+                .zip(units)
+                .map(|(declared, unit)| Variable {
+                    name: declared.name.clone(),
+                    unit: *unit,
+                    unit_text: (declared.unit.as_ref().map(|text| text.text.clone()))
+                        .or_else(|| unit.map(|unit| unit.to_string())),
+                })
+                .collect()
+        };
+        let coordinates = variables(&resolved.coordinates, &self.coordinates);
+        let momenta = variables(&resolved.momenta, &self.momenta);
+        let velocities = variables(&resolved.velocities, &self.velocities);
+        let mut total = |place: Place| {
+            let parts: Vec<(f64, Expr)> = (self.known.iter())
+                .filter(|(at, ..)| *at == place)
+                .map(|(_, value, _)| (1.0, value.expr))
+                .collect();
+            self.graph.linear(0.0, &parts)
+        };
+        let kinetic = total(Place::Kinetic);
+        let potential = total(Place::Potential);
+        let hamiltonian = total(Place::Hamiltonian);
+        let forces = (0..coordinates.len()).map(|i| total(Place::Force(i))).collect();
+        System {
+            name: resolved.title.clone().unwrap_or_else(|| "system".to_string()),
+            graph: std::mem::take(&mut self.graph),
+            observed: if velocities.is_empty() { Observed::Momenta } else { Observed::Velocities },
+            coordinates,
+            momenta,
+            velocities,
+            time: Variable {
+                name: names.time_name(resolved),
+                unit: self.time,
+                unit_text: resolved.time.and_then(|(_, unit)| unit).map(|unit| unit.text.clone()),
+            },
+            parameters: parameters.iter().map(|(parameter, _)| parameter.clone()).collect(),
+            kinetic,
+            potential,
+            hamiltonian,
+            forces,
+            terms,
+        }
+    }
+
+    /// [q] [p] / [t], which is the unit of H, and where it comes from.
+    fn canonical_unit(&mut self) -> Option<(Unit, Span)> {
+        let time = self.time?;
+        let mut first: Option<(Unit, Span)> = None;
+        for i in 0..self.coordinates.len() {
+            let (Some(q), Some(p)) = (self.coordinates[i], self.momenta[i]) else { continue };
+            let Some(unit) = q.times(p).and_then(|action| action.over(time)) else { continue };
+            let span = self.resolved.momenta[i].span;
+            match first {
+                None => first = Some((unit, span)),
+                Some((energy, at)) if !energy.agrees(unit) => {
+                    let name = &self.resolved.coordinates[i].name;
+                    let message =
+                        format!("units clash: [{energy}] and [{unit}] cannot both be the unit of H");
+                    let hint = format!(
+                        "coordinate * momentum / time must be the same for all; with `{name}` it is [{unit}]"
+                    );
+                    self.report(
+                        Diagnostic::error(span, message)
+                            .label(format!("makes H a quantity in [{unit}]"))
+                            .hint(hint)
+                            .related(at, format!("makes H a quantity in [{energy}]")),
+                    );
+                }
+                Some(_) => {}
+            }
+        }
+        first
+    }
+
+    /// A velocity is measured in units of its coordinate over time.
+    fn check_velocities(&mut self) {
+        let Some(time) = self.time else { return };
+        for i in 0..self.velocities.len() {
+            let (Some(q), Some(v)) = (self.coordinates[i], self.velocities[i]) else { continue };
+            let Some(expected) = q.over(time) else { continue };
+            if !expected.agrees(v) {
+                let declared = &self.resolved.velocities[i];
+                let message = format!("units clash: [{v}] is not a velocity in [{expected}]");
+                let label = format!("`{}` is in [{v}]", declared.name);
+                let coordinate = &self.resolved.coordinates[i];
+                let diagnostic = Diagnostic::error(declared.span, message)
+                    .label(label)
+                    .hint("a velocity has the unit of its coordinate over that of time")
+                    .related(coordinate.span, format!("`{}` is in [{q}]", coordinate.name));
+                self.report(diagnostic);
+            }
+        }
+    }
+
+    /// The unit of H: from the variables, or else from the first known part that has one.
+    fn energy_unit(&self, canonical: Option<(Unit, Span)>) -> Option<(Unit, Span)> {
+        canonical.or_else(|| {
+            let known = self.known.iter();
+            known
+                .filter(|(place, ..)| !matches!(place, Place::Force(_)))
+                .find_map(|(_, value, span)| value.unit.map(|unit| (unit, *span)))
+        })
+    }
+
+    /// Every known part of H is in the unit of H, every known force in that of a force.
+    fn check_known(&mut self, energy: Option<(Unit, Span)>, canonical: bool) {
+        let Some((energy, from)) = energy else { return };
+        let origin = if canonical {
+            format!("coordinate, momentum and time make H a quantity in [{energy}]")
+        } else {
+            format!("this part makes H a quantity in [{energy}]")
+        };
+        for (place, value, span) in self.known.clone() {
+            let Some(unit) = value.unit else { continue };
+            let (expected, what) = match place {
+                Place::Force(i) => match self.coordinates.get(i).copied().flatten() {
+                    Some(q) => (energy.over(q), "a force here"),
+                    None => continue,
+                },
+                _ => (Some(energy), "H"),
+            };
+            let Some(expected) = expected.filter(|expected| !expected.agrees(unit)) else { continue };
+            self.report(
+                Diagnostic::error(
+                    span,
+                    format!("units clash: this is in [{unit}], but {what} is in [{expected}]"),
+                )
+                .label(format!("in [{unit}]"))
+                .hint(if unit.is_number() {
+                    format!("give its numbers their units, as in `2 [{expected}]`")
+                } else if unit.same_kind(expected) {
+                    "both measure the same; write all units in one size".to_string()
+                } else {
+                    "correct a unit, or give a constant the one that is missing".to_string()
+                })
+                .related(from, origin.clone()),
+            );
+        }
+    }
+
+    /// The numbers behind `constant` statements, in the order of the text.
+    fn define_constants(&mut self) {
+        for &(name, value) in &self.resolved.constants {
+            let value = self.number(value);
+            let value = value.map(|(value, unit, _)| Named { expr: self.graph.number(value), unit });
+            // What is wrong with it was said: uses of the name need not say it again.
+            self.constants.push(value);
+            let _ = name;
+        }
+    }
+
+    fn define_parameters(&mut self) -> Vec<(Parameter, Vec<f64>)> {
+        let mut out = Vec::new();
+        for (i, parameter) in self.resolved.parameters.iter().enumerate() {
+            let starts: Vec<_> =
+                parameter.starts.iter().filter_map(|start| self.number(start)).collect();
+            let bounds = self.limits(parameter.bounds);
+            let expr = self.graph.symbol(super::graph::Symbol::Parameter(i));
+            // A bare number takes the unit of the others.
+            let bounds_units = bounds.1.clone();
+            let written: Vec<(Unit, Span)> = starts
+                .iter()
+                .map(|&(_, unit, span)| (unit, span))
+                .chain(bounds_units)
+                .filter_map(|(unit, span)| unit.map(|unit| (unit, span)))
+                .filter(|(unit, _)| *unit != Unit::ONE)
+                .collect();
+            if let Some(&(unit, at)) = written.first() {
+                for &(other, span) in &written[1..] {
+                    if !unit.agrees(other) {
+                        self.clash((unit, at), (other, span), "one parameter has one unit");
+                    }
+                }
+            }
+            let unit = written.first().map(|&(unit, _)| unit);
+            self.parameters.push(Some(Named { expr, unit }));
+            let bounds = bounds.0;
+            for &(start, _, span) in &starts {
+                if bounds.clamp(start) != start {
+                    self.report(
+                        Diagnostic::error(span, "this start is outside the bounds")
+                            .label(format!("{start} is not in {}..{}", bounds.lower, bounds.upper))
+                            .hint("start inside the bounds"),
+                    );
+                }
+            }
+            let starts: Vec<f64> = starts.iter().map(|&(start, ..)| start).collect();
+            let text = parameter.starts.iter().find_map(|start| match &start.kind {
+                ExpressionKind::Quantity(_, unit) => Some(unit.text.clone()),
+                _ => None,
+            });
+            let record = Parameter {
+                name: parameter.name.text.clone(),
+                start: starts.first().copied().unwrap_or(0.0),
+                bounds,
+                unit,
+                unit_text: text.or_else(|| unit.map(|unit| unit.to_string())),
+            };
+            out.push((record, starts));
+        }
+        out
+    }
+
+    /// Two units that should agree and do not.
+    fn clash(&mut self, first: (Unit, Span), second: (Unit, Span), hint: &str) {
+        let ((a, at_a), (b, at_b)) = (first, second);
+        let hint = if a.same_kind(b) {
+            "both measure the same; write all units in one size"
+        } else {
+            hint
+        };
+        self.report(
+            Diagnostic::error(at_b, format!("units clash: [{a}] and [{b}]"))
+                .label(format!("in [{b}]"))
+                .hint(hint)
+                .related(at_a, format!("in [{a}]")),
+        );
+    }
+
+    fn limits(&mut self, limits: Option<&crate::spec::ast::Limits>) -> LimitValues {
+        let mut bounds = Bounds::FREE;
+        let mut units = Vec::new();
+        let Some(limits) = limits else { return (bounds, units) };
+        for (side, into) in
+            [(&limits.lower, &mut bounds.lower), (&limits.upper, &mut bounds.upper)]
+        {
+            if let Some((value, unit, span)) = side.as_ref().and_then(|side| self.number(side)) {
+                *into = value;
+                units.push((unit, span));
+            }
+        }
+        if bounds.lower > bounds.upper {
+            self.report(
+                Diagnostic::error(limits.site.0, "the lower bound is above the upper one")
+                    .label(format!("from {} to {}", bounds.lower, bounds.upper))
+                    .hint("write the smaller one first"),
+            );
+        }
+        (bounds, units)
+    }
+}
+
+/// Bounds, and the units that were written with them.
+type LimitValues = (Bounds, Vec<(Option<Unit>, Span)>);
+
+impl Names {
+    fn time_name(&self, resolved: &Resolved) -> String {
+        let found = resolved.names.iter().find_map(|(name, (meaning, _))| {
+            (*meaning == crate::spec::resolve::Meaning::Time).then(|| name.clone())
+        });
+        found.unwrap_or_else(|| "t".to_string())
+    }
+}

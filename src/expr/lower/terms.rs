@@ -1,0 +1,484 @@
+//! The function space: items of `span{ }` become terms, each of them once.
+
+use super::super::graph::{Expr, Node, Symbol};
+use super::super::print::Names;
+use super::super::system::{Bounds, Place, Term};
+use super::super::unit::Unit;
+use super::super::functions::Function;
+use super::value::Value;
+use super::{Lowering, MOST_TERMS};
+use crate::diagnostic::{Diagnostic, Severity, Span};
+use crate::spec::ast::*;
+use crate::spec::families::{self, FamilyRow, Member};
+use crate::spec::resolve::{Force, Meaning};
+
+/// A term before labels and constraints.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    pub place: Place,
+    pub expr: Expr,
+    pub unit: Option<Unit>,
+    pub name: Option<String>,
+    pub span: Span,
+    /// Written out, not a member of a family.
+    pub explicit: bool,
+}
+
+const COORDINATE: u8 = 1;
+const MOMENTUM: u8 = 2;
+const OTHER: u8 = 4;
+const BROKEN: u8 = 8;
+
+fn holds_span(expression: &Expression) -> Option<Span> {
+    let any = |parts: &[(bool, Expression)]| parts.iter().find_map(|(_, part)| holds_span(part));
+    match &expression.kind {
+        ExpressionKind::Span(_) => Some(expression.site.0),
+        ExpressionKind::Sum(parts) | ExpressionKind::Product(parts) => any(parts),
+        ExpressionKind::Negate(inner) | ExpressionKind::Quantity(inner, _) => holds_span(inner),
+        ExpressionKind::Power(base, exponent) => holds_span(base).or_else(|| holds_span(exponent)),
+        ExpressionKind::Call { arguments, .. } => arguments.iter().find_map(holds_span),
+        ExpressionKind::SumOver { body, .. } => holds_span(body),
+        _ => None,
+    }
+}
+
+impl Lowering<'_> {
+    /// One side of `T = ...`: known parts and function spaces, added.
+    pub(super) fn side(&mut self, place: Place, expression: &Expression, minus: bool) {
+        match &expression.kind {
+            ExpressionKind::Sum(parts) if holds_span(expression).is_some() => {
+                for (negative, part) in parts {
+                    self.side(place, part, minus != *negative);
+                }
+            }
+            ExpressionKind::Negate(inner) => self.side(place, inner, !minus),
+            ExpressionKind::Span(items) => {
+                for item in items {
+                    self.item(place, item, minus);
+                }
+            }
+            _ => {
+                let Some(value) = self.value(expression) else { return };
+                let expr = if minus { self.graph.negate(value.expr) } else { value.expr };
+                if self.depends_on(expr) & BROKEN != 0 {
+                    self.not_finite(expression.site.0);
+                }
+                self.known.push((place, Value { expr, ..value }, expression.site.0));
+            }
+        }
+    }
+
+    /// A `force` statement, for every combination of its indices.
+    pub(super) fn force(&mut self, force: &Force) {
+        let one = |lowering: &mut Self| {
+            if let Some(i) = lowering.coordinate(force.coordinate) {
+                lowering.side(Place::Force(i), force.value, false);
+            }
+        };
+        match force.comprehension {
+            Some(comprehension) => {
+                self.each(comprehension, &mut { one });
+            }
+            None => one(self),
+        }
+    }
+
+    /// The number of the coordinate that an expression names.
+    pub(super) fn coordinate(&mut self, expression: &Expression) -> Option<usize> {
+        let value = self.value(expression)?;
+        match self.graph.node(value.expr) {
+            Node::Symbol(Symbol::Coordinate(i)) => Some(*i),
+            _ => {
+                self.report(
+                    Diagnostic::error(expression.site.0, format!("`{expression}` is not a coordinate"))
+                        .label("a force acts on a coordinate")
+                        .hint(format!("write for example `force {} += ...`", self.resolved.coordinates[0].name)),
+                );
+                None
+            }
+        }
+    }
+
+    fn not_finite(&mut self, span: Span) {
+        self.report(
+            Diagnostic::error(span, "this is not finite")
+                .label("a number in it overflows or divides by zero")
+                .hint("correct the numbers"),
+        );
+    }
+
+    fn item(&mut self, place: Place, item: &Item, minus: bool) {
+        if let Some(span) = holds_span(&item.body) {
+            self.report(
+                Diagnostic::error(span, "span inside span")
+                    .label("this one is inside another")
+                    .hint("write all items in one span{ }"),
+            );
+            return;
+        }
+        let family = match &item.body.kind {
+            ExpressionKind::Call { name, arguments, order } => {
+                families::by_name(name).map(|row| (row, arguments, order.as_deref()))
+            }
+            _ => None,
+        };
+        let mut repeated = Repeated::default();
+        let sign = if minus { -1.0 } else { 1.0 };
+        let depth = self.indices.len();
+        let mut one = |lowering: &mut Self| {
+            let indices = &lowering.indices[depth..];
+            let name = item.name.as_ref().map(|name| indexed_name(&name.text, indices));
+            match family {
+                Some((row, arguments, order)) => {
+                    let span = item.body.site.0;
+                    let members = lowering.family(row, arguments, order, span);
+                    for (i, value) in members.into_iter().flatten().enumerate() {
+                        let name = name.as_ref().map(|name| format!("{name}[{}]", i + 1));
+                        lowering.add(place, value, sign, name, span, false, &mut repeated);
+                    }
+                }
+                None => {
+                    if let Some(value) = lowering.value(&item.body) {
+                        let span = item.body.site.0;
+                        lowering.add(place, value, sign, name, span, true, &mut repeated);
+                    }
+                }
+            }
+        };
+        match &item.comprehension {
+            Some(comprehension) => {
+                self.each(comprehension, &mut one);
+            }
+            None => one(self),
+        }
+        if let Some(expr) = repeated.first {
+            let label = self.graph.text(expr, &self.symbol_names());
+            let message = match repeated.count {
+                1 => format!("`{label}` also stands elsewhere in the function space; it is kept once"),
+                n => format!("`{label}` and {} more terms also stand elsewhere in the function space; each is kept once", n - 1),
+            };
+            self.report(
+                Diagnostic::new(Severity::Note, item.body.site.0, message)
+                    .label("overlaps another item")
+                    .hint("nothing needs to be done"),
+            );
+        }
+    }
+
+    /// The members of a family over its arguments; `None` after a diagnostic.
+    fn family(
+        &mut self,
+        row: &FamilyRow,
+        arguments: &[Expression],
+        order: Option<&Expression>,
+        span: Span,
+    ) -> Option<Vec<Value>> {
+        let hint = format!("write `{}`", row.signature);
+        let Some(order) = order else {
+            let message = format!("`{}` needs an order after a semicolon", row.name);
+            self.report(Diagnostic::error(span, message).label("no order is given").hint(hint));
+            return None;
+        };
+        if arguments.is_empty() {
+            self.wrong_arity(row.name, "one or more variables", 0, span, &hint);
+            return None;
+        }
+        let degree = self.integer(order)?;
+        let Ok(size) = u64::try_from(degree) else {
+            self.report(
+                Diagnostic::error(order.site.0, "the order is negative")
+                    .label(format!("{degree}"))
+                    .hint("write a whole number from 1 on"),
+            );
+            return None;
+        };
+        if size == 0 {
+            self.report(
+                Diagnostic::error(order.site.0, format!("`{}` of order 0 is empty", row.name))
+                    .label("no term is left")
+                    .hint("write a whole number from 1 on"),
+            );
+            return None;
+        }
+        let variables = self.variables(arguments)?;
+        let count = (row.size)(variables.len() as u64, size);
+        self.make_room(count, span, &format!("`{}` of order {degree} in {} variables", row.name, variables.len()))?;
+        for (value, at) in &variables {
+            if row.needs_number {
+                let what = format!("an argument of `{}`", row.name);
+                self.require_number(value.unit, *at, &what);
+            }
+        }
+        let degree = u32::try_from(size).unwrap_or(u32::MAX);
+        let members = (row.members)(variables.len(), degree);
+        Some(members.iter().map(|member| self.member(member, &variables)).collect())
+    }
+
+    /// Takes up `count` more terms, or says how many there would be.
+    fn make_room(&mut self, count: u128, span: Span, what: &str) -> Option<()> {
+        self.expected = self.expected.saturating_add(count);
+        if self.expected <= MOST_TERMS {
+            return Some(());
+        }
+        let terms = if count == u128::MAX {
+            "more terms than can be counted".to_string()
+        } else {
+            format!("{count} terms")
+        };
+        self.report(
+            Diagnostic::error(span, format!("the function space is too large: {what} has {terms}"))
+                .label(format!("{terms}; at most {MOST_TERMS} are possible in all"))
+                .hint("lower the degree, or take fewer variables together"),
+        );
+        None
+    }
+
+    /// The arguments of a family: single quantities, whole indexed families, and ranges of them.
+    fn variables(&mut self, arguments: &[Expression]) -> Option<Vec<(Value, Span)>> {
+        let resolved = self.resolved;
+        let mut out: Vec<(Value, Span)> = Vec::new();
+        let mut sound = true;
+        for argument in arguments {
+            let span = argument.site.0;
+            let whole = match &argument.kind {
+                ExpressionKind::Name(name) => match resolved.names.get(name) {
+                    Some(&(Meaning::Family { first, count, .. }, _)) => {
+                        Some((name, first, first + count as i64 - 1))
+                    }
+                    _ => None,
+                },
+                ExpressionKind::Slice { name, range } => {
+                    let ends = (self.integer(&range.first), self.integer(&range.last));
+                    let (Some(first), Some(last)) = ends else {
+                        sound = false;
+                        continue;
+                    };
+                    if first > last {
+                        self.report(
+                            Diagnostic::error(range.site.0, format!("the range {first}..{last} is empty"))
+                                .label("no variable is in it")
+                                .hint("write the smaller index first"),
+                        );
+                        sound = false;
+                        continue;
+                    }
+                    Some((name, first, last))
+                }
+                _ => None,
+            };
+            let Some((name, first, last)) = whole else {
+                match self.value(argument) {
+                    Some(value) => out.push((value, span)),
+                    None => sound = false,
+                }
+                continue;
+            };
+            for index in first..=last {
+                let index = Expression {
+                    kind: ExpressionKind::Number(index as f64),
+                    site: argument.site,
+                };
+                let kind = ExpressionKind::Index { name: name.clone(), index: Box::new(index) };
+                match self.value(&Expression { kind, site: argument.site }) {
+                    Some(value) => out.push((value, span)),
+                    None => {
+                        sound = false;
+                        break;
+                    }
+                }
+            }
+        }
+        let mut seen: Vec<(Expr, Span)> = out.iter().map(|(value, span)| (value.expr, *span)).collect();
+        seen.sort_by_key(|&(expr, span)| (expr, span));
+        for pair in seen.windows(2) {
+            if pair[0].0 == pair[1].0 {
+                sound = false;
+                let text = self.graph.text(pair[0].0, &self.symbol_names());
+                self.report(
+                    Diagnostic::error(pair[1].1, format!("the variable `{text}` is given twice"))
+                        .label("given again here")
+                        .hint("name each variable of a family once")
+                        .related(pair[0].1, "first given here"),
+                );
+            }
+        }
+        sound.then_some(out)
+    }
+
+    fn member(&mut self, member: &Member, variables: &[(Value, Span)]) -> Value {
+        match member {
+            Member::Monomial(powers) => {
+                let mut unit = Some(Unit::ONE);
+                let mut parts = Vec::with_capacity(powers.len());
+                for &(i, exponent) in powers {
+                    let value = variables[i].0;
+                    parts.push((value.expr, f64::from(exponent)));
+                    let exponent = i32::try_from(exponent).ok().map(num_rational::Ratio::from_integer);
+                    unit = unit.zip(value.unit).zip(exponent).and_then(|((unit, base), exponent)| {
+                        unit.times(base.power(exponent)?)
+                    });
+                }
+                Value { expr: self.graph.product(1.0, &parts), unit }
+            }
+            Member::Harmonic { function, variable, harmonic } => {
+                let argument = self.graph.scale(f64::from(*harmonic), variables[*variable].0.expr);
+                let function = Function::known(function);
+                Value { expr: self.graph.apply(function, argument), unit: Some(Unit::ONE) }
+            }
+        }
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn add(
+        &mut self,
+        place: Place,
+        value: Value,
+        sign: f64,
+        name: Option<String>,
+        span: Span,
+        explicit: bool,
+        repeated: &mut Repeated,
+    ) {
+        let on = self.depends_on(value.expr);
+        if on & BROKEN != 0 {
+            return self.not_finite(span);
+        }
+        if self.graph.is_zero(value.expr) {
+            self.report(
+                Diagnostic::error(span, "this term is zero")
+                    .label("nothing is left of it")
+                    .hint("take it away"),
+            );
+            return;
+        }
+        let force = match place {
+            Place::Force(i) => Some(i),
+            _ => None,
+        };
+        if on & (COORDINATE | MOMENTUM) == 0 && force.is_none() {
+            let label = self.graph.text(value.expr, &self.symbol_names());
+            self.report(
+                Diagnostic::warning(span, format!("the term `{label}` cannot be learned; it is left out"))
+                    .label("does not depend on the state")
+                    .hint("only derivatives of H move anything, so a constant in H has no effect"),
+            );
+            return;
+        }
+        if explicit && self.make_room(1, span, "with this item it").is_none() {
+            return;
+        }
+        let key = (force, self.direction(value.expr));
+        let expr = if sign < 0.0 { self.graph.negate(value.expr) } else { value.expr };
+        let candidate = Candidate { place, expr, unit: value.unit, name, span, explicit };
+        let Some(&at) = self.index.get(&key) else {
+            self.index.insert(key, self.candidates.len());
+            self.candidates.push(candidate);
+            return;
+        };
+        let first = &self.candidates[at];
+        if first.explicit && explicit {
+            let first_span = first.span;
+            let label = self.graph.text(value.expr, &self.symbol_names());
+            let mut diagnostic = Diagnostic::error(span, format!("duplicate term `{label}`"))
+                .label("stands here again")
+                .hint("keep one of them; two coefficients of one term cannot be told apart");
+            if first_span != span {
+                diagnostic = diagnostic.related(first_span, "first stands here");
+            }
+            self.report(diagnostic);
+            return;
+        }
+        repeated.count += 1;
+        repeated.first = repeated.first.or(Some(value.expr));
+        if explicit {
+            self.candidates[at] = candidate;
+        }
+    }
+
+    /// The expression without a number in front of it.
+    fn direction(&self, expr: Expr) -> Expr {
+        match self.graph.node(expr) {
+            Node::Sum { constant, terms } if constant.value() == 0.0 && terms.len() == 1 => terms[0].0,
+            _ => expr,
+        }
+    }
+
+    /// What an expression depends on; each node of the graph is looked at once.
+    fn depends_on(&mut self, expr: Expr) -> u8 {
+        for i in self.dependence.len()..self.graph.len() {
+            let node = Expr(i as u32);
+            let own = match self.graph.node(node) {
+                Node::Number(number) if !number.value().is_finite() => BROKEN,
+                Node::Symbol(Symbol::Coordinate(_)) => COORDINATE,
+                Node::Symbol(Symbol::Momentum(_)) => MOMENTUM,
+                Node::Symbol(_) => OTHER,
+                Node::Sum { constant, terms } => {
+                    let finite = constant.value().is_finite()
+                        && terms.iter().all(|(_, factor)| factor.value().is_finite());
+                    if finite { 0 } else { BROKEN }
+                }
+                Node::Product(parts) => {
+                    let finite = parts.iter().all(|(_, exponent)| exponent.value().is_finite());
+                    let known = parts.iter().any(|&(base, _)| self.graph.as_number(base).is_some());
+                    if finite && !known { 0 } else { BROKEN }
+                }
+                _ => 0,
+            };
+            let of_children = self.graph.children(node);
+            let of_children = of_children.iter().map(|child| self.dependence[child.0 as usize]);
+            let all = of_children.fold(own, |all, one| all | one);
+            self.dependence.push(all);
+        }
+        self.dependence[expr.0 as usize]
+    }
+
+    /// Names of the symbols, without those of coefficients.
+    pub(super) fn symbol_names(&self) -> Names {
+        let resolved = self.resolved;
+        Names {
+            coordinates: resolved.coordinates.iter().map(|d| d.name.clone()).collect(),
+            momenta: resolved.momenta.iter().map(|d| d.name.clone()).collect(),
+            parameters: resolved.parameters.iter().map(|p| p.name.text.clone()).collect(),
+            coefficients: Vec::new(),
+        }
+    }
+
+    /// Terms with labels and units.
+    pub(super) fn finish_terms(&mut self, energy: Option<Unit>) -> (Vec<Term>, Names) {
+        let names = self.symbol_names();
+        let candidates = std::mem::take(&mut self.candidates);
+        let terms = candidates.into_iter().map(|candidate| {
+            let whole = match candidate.place {
+                Place::Force(i) => energy.zip(self.coordinates[i]).and_then(|(h, q)| h.over(q)),
+                _ => energy,
+            };
+            let unit = whole.zip(candidate.unit).and_then(|(whole, unit)| whole.over(unit));
+            Term {
+                place: candidate.place,
+                label: self.graph.text(candidate.expr, &names),
+                expr: candidate.expr,
+                name: candidate.name,
+                bounds: Bounds::FREE,
+                unit,
+                unit_text: unit.map(|unit| unit.to_string()),
+            }
+        });
+        (terms.collect(), names)
+    }
+}
+
+/// Terms of an item that stood elsewhere already.
+#[derive(Default)]
+struct Repeated {
+    count: usize,
+    first: Option<Expr>,
+}
+
+/// `k` for i = 2, j = 3 is called `k[2,3]`.
+fn indexed_name(name: &str, indices: &[(String, i64)]) -> String {
+    if indices.is_empty() {
+        return name.to_string();
+    }
+    let values: Vec<String> = indices.iter().map(|(_, value)| value.to_string()).collect();
+    format!("{name}[{}]", values.join(","))
+}

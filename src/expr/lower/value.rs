@@ -1,0 +1,571 @@
+//! Expressions of a spec as expressions of the graph, with their units.
+
+use super::super::functions::{FUNCTIONS, Function};
+use super::super::graph::{Expr, Symbol};
+use super::super::unit::{Unit, simple_fraction};
+use super::{Context, Lowering, MOST_STEPS, Named};
+use crate::diagnostic::{Diagnostic, Span};
+use crate::spec::ast::*;
+use crate::spec::families;
+use crate::spec::resolve::{Meaning, integer};
+
+/// An expression and its unit; `None` where the unit is not known and nothing is checked.
+#[derive(Debug, Clone, Copy)]
+pub struct Value {
+    pub expr: Expr,
+    pub unit: Option<Unit>,
+}
+
+/// Other names that a function goes by.
+pub const ALIASES: &[(&str, &str)] = &[
+    ("ln", "log"),
+    ("arcsin", "asin"),
+    ("arccos", "acos"),
+    ("arctan", "atan"),
+    ("sgn", "sign"),
+    ("signum", "sign"),
+];
+
+impl Lowering<'_> {
+    /// A number, its unit and its place; `None` after a diagnostic.
+    pub(super) fn number(&mut self, expression: &Expression) -> Option<(f64, Option<Unit>, Span)> {
+        let context = std::mem::replace(&mut self.context, Context::Number);
+        let value = self.value(expression);
+        self.context = context;
+        let value = value?;
+        let span = expression.site.0;
+        match self.graph.as_number(value.expr) {
+            Some(number) if number.is_finite() => Some((number, value.unit, span)),
+            _ => {
+                self.report(
+                    Diagnostic::error(span, "this is not a finite number")
+                        .label("its value must be known here")
+                        .hint("write numbers and constants only"),
+                );
+                None
+            }
+        }
+    }
+
+    /// Counts work, so that a short text cannot ask for an endless expansion.
+    pub(super) fn step(&mut self, span: Span) -> Option<()> {
+        self.steps += 1;
+        if self.steps <= MOST_STEPS {
+            return Some(());
+        }
+        if self.steps == MOST_STEPS + 1 {
+            self.report(
+                Diagnostic::error(span, "this expands to too much")
+                    .label(format!("the spec has more than {MOST_STEPS} parts when written out"))
+                    .hint("make the ranges of `for` smaller"),
+            );
+        }
+        None
+    }
+
+    /// Lowers an expression; `None` after a diagnostic.
+    pub(super) fn value(&mut self, expression: &Expression) -> Option<Value> {
+        let span = expression.site.0;
+        self.step(span)?;
+        match &expression.kind {
+            ExpressionKind::Number(value) => {
+                // Zero is zero in every unit.
+                let unit = (*value != 0.0).then_some(Unit::ONE);
+                Some(Value { expr: self.graph.number(*value), unit })
+            }
+            ExpressionKind::Name(name) => self.named(name, span),
+            ExpressionKind::Index { name, index } => self.indexed(name, index, span),
+            ExpressionKind::Slice { name, .. } => {
+                self.report(
+                    Diagnostic::error(span, format!("`{name}` stands here with a whole range"))
+                        .label("one index is needed")
+                        .hint("a range may only be an argument of poly, tensor, pairs or trig"),
+                );
+                None
+            }
+            ExpressionKind::Quantity(inner, text) => {
+                let inner = self.value(inner)?;
+                let unit = self.unit(Some(text))?;
+                let known = self.graph.as_number(inner.expr).is_some();
+                if !known || inner.unit.is_some_and(|unit| !unit.is_number()) {
+                    self.report(
+                        Diagnostic::error(span, "a unit stands after something that is no bare number")
+                            .label("only numbers are given units here")
+                            .hint("give variables their units where they are declared"),
+                    );
+                    return None;
+                }
+                Some(Value { expr: inner.expr, unit: Some(unit) })
+            }
+            ExpressionKind::Negate(inner) => {
+                let inner = self.value(inner)?;
+                Some(Value { expr: self.graph.negate(inner.expr), ..inner })
+            }
+            ExpressionKind::Sum(parts) => self.sum(parts),
+            ExpressionKind::Product(parts) => self.product(parts, span),
+            ExpressionKind::Power(base, exponent) => self.power(base, exponent, span),
+            ExpressionKind::Call { name, arguments, order } => {
+                self.call(name, arguments, order.as_deref(), span)
+            }
+            ExpressionKind::SumOver { body, comprehension } => {
+                let mut parts = Vec::new();
+                let mut unit: Option<(Unit, Span)> = None;
+                self.each(comprehension, &mut |lowering| {
+                    if let Some(value) = lowering.value(body) {
+                        parts.push((1.0, value.expr));
+                        lowering.same_unit(&mut unit, value.unit, body.site.0);
+                    }
+                })?;
+                let expr = self.graph.linear(0.0, &parts);
+                Some(Value { expr, unit: unit.map(|(unit, _)| unit) })
+            }
+            ExpressionKind::Span(_) => {
+                self.report(
+                    Diagnostic::error(span, "span{ } does not stand on its own here")
+                        .label("a function space is a summand of T, V, H or a force")
+                        .hint("write `known + span{ ... }`; put factors inside, on each item"),
+                );
+                None
+            }
+        }
+    }
+
+    /// Keeps the unit of a sum: the first known one, with which all others agree.
+    fn same_unit(&mut self, sum: &mut Option<(Unit, Span)>, unit: Option<Unit>, span: Span) {
+        match (*sum, unit) {
+            (None, Some(unit)) => *sum = Some((unit, span)),
+            (Some((first, at)), Some(unit)) if !first.agrees(unit) => {
+                let hint = "what is added must have the same unit; correct a unit or add a constant that has one";
+                self.clash((first, at), (unit, span), hint);
+            }
+            _ => {}
+        }
+    }
+
+    fn sum(&mut self, parts: &[(bool, Expression)]) -> Option<Value> {
+        let mut lowered = Vec::with_capacity(parts.len());
+        let mut unit = None;
+        let mut sound = true;
+        for (minus, part) in parts {
+            match self.value(part) {
+                Some(value) => {
+                    lowered.push((if *minus { -1.0 } else { 1.0 }, value.expr));
+                    self.same_unit(&mut unit, value.unit, part.site.0);
+                }
+                None => sound = false,
+            }
+        }
+        let expr = self.graph.linear(0.0, &lowered);
+        sound.then_some(Value { expr, unit: unit.map(|(unit, _)| unit) })
+    }
+
+    fn product(&mut self, parts: &[(bool, Expression)], span: Span) -> Option<Value> {
+        let mut factors = Vec::with_capacity(parts.len());
+        let mut unit = Some(Unit::ONE);
+        let mut sound = true;
+        for (divide, part) in parts {
+            let Some(value) = self.value(part) else {
+                sound = false;
+                continue;
+            };
+            if *divide && self.graph.is_zero(value.expr) {
+                self.report(
+                    Diagnostic::error(part.site.0, "this divides by zero")
+                        .label("always zero")
+                        .hint("take it away"),
+                );
+                sound = false;
+                continue;
+            }
+            factors.push((value.expr, if *divide { -1.0 } else { 1.0 }));
+            unit = match (unit, value.unit) {
+                (Some(unit), Some(other)) => {
+                    let result = if *divide { unit.over(other) } else { unit.times(other) };
+                    if result.is_none() {
+                        self.absurd(span);
+                    }
+                    result
+                }
+                _ => None,
+            };
+        }
+        // The first factor keeps its scale exact: 1/3 is a third, not 1 * 0.333.
+        sound.then(|| Value { expr: self.exact_product(&factors), unit })
+    }
+
+    fn exact_product(&mut self, factors: &[(Expr, f64)]) -> Expr {
+        let (mut over, mut under) = (1.0, 1.0);
+        let mut rest = Vec::new();
+        for &(expr, sign) in factors {
+            match self.graph.as_number(expr) {
+                Some(number) if sign > 0.0 => over *= number,
+                Some(number) => under *= number,
+                None => rest.push((expr, sign)),
+            }
+        }
+        self.graph.product(over / under, &rest)
+    }
+
+    fn absurd(&mut self, span: Span) {
+        self.report(
+            Diagnostic::error(span, "the unit of this is no unit of anything")
+                .label("its powers are too large")
+                .hint("make the exponents smaller"),
+        );
+    }
+
+    fn power(&mut self, base: &Expression, exponent: &Expression, span: Span) -> Option<Value> {
+        let (base_value, exponent_value) = (self.value(base), self.value(exponent));
+        let (base_value, exponent_value) = (base_value?, exponent_value?);
+        self.require_number(exponent_value.unit, exponent.site.0, "an exponent");
+        let known = self.graph.as_number(exponent_value.expr);
+        let unit = match (base_value.unit, known) {
+            (None, _) => None,
+            (Some(unit), _) if unit.is_number() => Some(Unit::ONE),
+            (Some(unit), Some(number)) => match simple_fraction(number) {
+                Some(fraction) => {
+                    let result = unit.power(fraction);
+                    if result.is_none() {
+                        self.absurd(span);
+                    }
+                    result
+                }
+                None => {
+                    self.require_number(Some(unit), base.site.0, "what has such an exponent");
+                    None
+                }
+            },
+            (Some(unit), None) => {
+                self.require_number(Some(unit), base.site.0, "what has an unknown exponent");
+                None
+            }
+        };
+        let expr = self.graph.power_of(base_value.expr, exponent_value.expr);
+        let poisoned = self.graph.as_number(base_value.expr) == Some(0.0) && known < Some(0.0);
+        if poisoned {
+            self.report(
+                Diagnostic::error(span, "this divides by zero")
+                    .label("zero to a negative power")
+                    .hint("take it away"),
+            );
+            return None;
+        }
+        Some(Value { expr, unit })
+    }
+
+    /// Reports a unit where a pure number must stand.
+    pub(super) fn require_number(&mut self, unit: Option<Unit>, span: Span, what: &str) {
+        let Some(unit) = unit.filter(|unit| !unit.is_number()) else { return };
+        let hint = if unit.same_kind(Unit::ONE) {
+            "convert to radians: declare the variable in [rad], and give the data column its own unit"
+        } else {
+            "divide by a constant of that unit, or multiply with a `param` that has the inverse unit"
+        };
+        self.report(
+            Diagnostic::error(span, format!("units clash: {what} must be a number [1], but this is in [{unit}]"))
+                .label(format!("in [{unit}]"))
+                .hint(hint),
+        );
+    }
+
+    fn call(
+        &mut self,
+        name: &str,
+        arguments: &[Expression],
+        order: Option<&Expression>,
+        span: Span,
+    ) -> Option<Value> {
+        if let Some(row) = families::by_name(name) {
+            self.report(
+                Diagnostic::error(span, format!("`{name}` does not stand on its own here"))
+                    .label("a family is an item of span{ }")
+                    .hint(format!("write span{{ {} }}, without factors", row.signature)),
+            );
+            return None;
+        }
+        let known = ALIASES.iter().find(|(alias, _)| *alias == name).map_or(name, |&(_, name)| name);
+        let Some(function) = Function::by_name(known) else {
+            let functions = FUNCTIONS.iter().map(|row| row.name);
+            let all: Vec<&str> =
+                functions.chain(families::FAMILIES.iter().map(|row| row.name)).collect();
+            let hint = match crate::spec::nearest(name, all.iter().copied()) {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => format!("known are {}", all.join(", ")),
+            };
+            let message = format!("unknown function `{name}`");
+            let diagnostic =
+                Diagnostic::error(span, message).label("no function has this name").hint(hint);
+            self.report(diagnostic);
+            return None;
+        };
+        let [argument] = arguments else {
+            self.wrong_arity(name, "one argument", arguments.len(), span, &format!("write `{name}(x)`"));
+            return None;
+        };
+        if let Some(order) = order {
+            self.report(
+                Diagnostic::error(order.site.0, format!("`{name}` has no order"))
+                    .label("nothing may follow a semicolon here")
+                    .hint(format!("write `{name}(x)`")),
+            );
+            return None;
+        }
+        let value = self.value(argument)?;
+        let unit = match known {
+            "abs" => value.unit,
+            "sign" => Some(Unit::ONE),
+            "sqrt" => value.unit.and_then(|unit| unit.power(num_rational::Ratio::new(1, 2))),
+            _ => {
+                let what = format!("the argument of `{name}`");
+                self.require_number(value.unit, argument.site.0, &what);
+                Some(Unit::ONE)
+            }
+        };
+        let expr = self.graph.apply(function, value.expr);
+        let outside = self.graph.as_number(value.expr).is_some_and(|x| {
+            let result = (function.row().value)(x);
+            !result.is_finite()
+        });
+        if outside {
+            self.report(
+                Diagnostic::error(span, format!("`{name}` is not defined here"))
+                    .label("its argument is outside the domain")
+                    .hint("correct the argument"),
+            );
+            return None;
+        }
+        Some(Value { expr, unit })
+    }
+
+    pub(super) fn wrong_arity(&mut self, name: &str, wants: &str, has: usize, span: Span, hint: &str) {
+        let message = format!("`{name}` takes {wants}");
+        let label = match has {
+            0 => "none is given".to_string(),
+            1 => "one is given".to_string(),
+            _ => format!("{has} are given"),
+        };
+        self.report(Diagnostic::error(span, message).label(label).hint(hint));
+    }
+
+    fn named(&mut self, name: &str, span: Span) -> Option<Value> {
+        if let Some(&(_, value)) = self.indices.iter().rev().find(|(index, _)| index == name) {
+            let expr = self.graph.number(value as f64);
+            return Some(Value { expr, unit: (value != 0).then_some(Unit::ONE) });
+        }
+        if name == "pi" {
+            let expr = self.graph.number(std::f64::consts::PI);
+            return Some(Value { expr, unit: Some(Unit::ONE) });
+        }
+        let resolved = self.resolved;
+        let named = |named: Named| Value { expr: named.expr, unit: named.unit };
+        match resolved.names.get(name).map(|&(meaning, _)| meaning) {
+            Some(Meaning::Variable(role, i)) => self.variable(role, i, name, span),
+            Some(Meaning::Time) if self.context != Context::Number => {
+                Some(Value { expr: self.graph.symbol(Symbol::Time), unit: self.time })
+            }
+            Some(Meaning::Parameter(i)) if self.context != Context::Number => {
+                self.parameters.get(i).copied().flatten().map(named)
+            }
+            Some(Meaning::Constant(i)) => match self.constants.get(i) {
+                Some(constant) => constant.map(named),
+                None => {
+                    self.report(
+                        Diagnostic::error(span, format!("`{name}` has no value yet"))
+                            .label("used before it is defined")
+                            .hint("move its definition up"),
+                    );
+                    None
+                }
+            },
+            Some(Meaning::Family { first, count, .. }) => {
+                self.report(
+                    Diagnostic::error(span, format!("`{name}` stands for {count} variables"))
+                        .label("an index is missing")
+                        .hint(format!("write for example `{name}[{first}]`, or `{name}[i]` with `for i in {first}..{}`", first + count as i64 - 1)),
+                );
+                None
+            }
+            Some(_) => {
+                self.report(
+                    Diagnostic::error(span, format!("`{name}` is not a known number"))
+                        .label("a known number is needed here")
+                        .hint("write numbers and constants only"),
+                );
+                None
+            }
+            None => {
+                let hint = resolved.hint_for(name, &["pi"]);
+                self.report(
+                    Diagnostic::error(span, format!("unknown name `{name}`"))
+                        .label("nothing has this name")
+                        .hint(hint),
+                );
+                None
+            }
+        }
+    }
+
+    fn indexed(&mut self, name: &str, index: &Expression, span: Span) -> Option<Value> {
+        let resolved = self.resolved;
+        let index = self.integer(index);
+        match resolved.names.get(name).map(|&(meaning, _)| meaning) {
+            Some(Meaning::Family { role, first, start, count }) => {
+                let index = index?;
+                let place = index.checked_sub(first).and_then(|i| usize::try_from(i).ok());
+                match place.filter(|&place| place < count) {
+                    Some(place) => self.variable(role, start + place, name, span),
+                    None => {
+                        let last = first + count as i64 - 1;
+                        let label = self.where_indices(&format!("`{name}[{index}]` does not exist"));
+                        self.report(
+                            Diagnostic::error(span, format!("the index {index} is out of range"))
+                                .label(label)
+                                .hint(format!("`{name}` has the indices {first}..{last}")),
+                        );
+                        None
+                    }
+                }
+            }
+            Some(_) => {
+                self.report(
+                    Diagnostic::error(span, format!("`{name}` has no index"))
+                        .label("it is a single quantity")
+                        .hint(format!("write `{name}`; a unit needs a space before its bracket")),
+                );
+                None
+            }
+            None => {
+                let hint = resolved.hint_for(name, &[]);
+                self.report(
+                    Diagnostic::error(span, format!("unknown name `{name}`"))
+                        .label("nothing has this name")
+                        .hint(hint),
+                );
+                None
+            }
+        }
+    }
+
+    fn where_indices(&self, label: &str) -> String {
+        if self.indices.is_empty() {
+            return label.to_string();
+        }
+        let values: Vec<String> =
+            self.indices.iter().map(|(name, value)| format!("{name} = {value}")).collect();
+        format!("{label} ({})", values.join(", "))
+    }
+
+    fn variable(&mut self, role: Role, i: usize, name: &str, span: Span) -> Option<Value> {
+        let misplaced = |message: String, label: &str, hint: &str| {
+            Diagnostic::error(span, message).label(label).hint(hint)
+        };
+        let energy_hint = "write `H = ...` for an energy that mixes coordinates and momenta";
+        let problem = match (self.context, role) {
+            (Context::Number, _) => Some(misplaced(
+                format!("`{name}` is not a known number"),
+                "a known number is needed here",
+                "write numbers and constants only",
+            )),
+            (_, Role::Velocities) => {
+                let momentum = &self.resolved.momenta[i].name;
+                let label = format!("the state holds its momentum `{momentum}`");
+                let hint = format!("write it with `{momentum}`; the velocity follows as dH/dp");
+                Some(misplaced(format!("the velocity `{name}` is not part of the state"), &label, &hint))
+            }
+            (Context::Energy(EnergyPart::Kinetic), Role::Coordinates) => {
+                Some(misplaced(format!("T depends on the coordinate `{name}`"), "a coordinate", energy_hint))
+            }
+            (Context::Energy(EnergyPart::Potential), Role::Momenta) => {
+                Some(misplaced(format!("V depends on the momentum `{name}`"), "a momentum", energy_hint))
+            }
+            _ => None,
+        };
+        if let Some(problem) = problem {
+            self.report(problem);
+            return None;
+        }
+        let (symbol, unit) = match role {
+            Role::Coordinates => (Symbol::Coordinate(i), self.coordinates[i]),
+            _ => (Symbol::Momentum(i), self.momenta[i]),
+        };
+        Some(Value { expr: self.graph.symbol(symbol), unit })
+    }
+
+    /// The whole number that an index stands for; `None` after a diagnostic.
+    pub(super) fn integer(&mut self, expression: &Expression) -> Option<i64> {
+        let (indices, integers) = (&self.indices, &self.resolved.integers);
+        let look_up = |name: &str| {
+            let index = indices.iter().rev().find(|(index, _)| index == name).map(|&(_, i)| i);
+            index.or_else(|| integers.get(name).copied())
+        };
+        match integer(expression, &look_up) {
+            Ok(value) => Some(value),
+            Err(diagnostic) => {
+                self.report(diagnostic);
+                None
+            }
+        }
+    }
+
+    /// Runs `body` for every combination of indices; `None` when a range is wrong.
+    pub(super) fn each(
+        &mut self,
+        comprehension: &Comprehension,
+        body: &mut dyn FnMut(&mut Self),
+    ) -> Option<()> {
+        let outside = self.indices.len();
+        let done = self.bind(&comprehension.bindings, &comprehension.conditions, body);
+        self.indices.truncate(outside);
+        done
+    }
+
+    fn bind(
+        &mut self,
+        bindings: &[Binding],
+        conditions: &[Comparison],
+        body: &mut dyn FnMut(&mut Self),
+    ) -> Option<()> {
+        let Some((binding, inner)) = bindings.split_first() else {
+            for condition in conditions {
+                let (left, right) = (self.integer(&condition.left)?, self.integer(&condition.right)?);
+                let holds = match condition.relation {
+                    Relation::Less => left < right,
+                    Relation::LessOrEqual => left <= right,
+                    Relation::Greater => left > right,
+                    Relation::GreaterOrEqual => left >= right,
+                    Relation::Equal => left == right,
+                    Relation::Unequal => left != right,
+                };
+                if !holds {
+                    return Some(());
+                }
+            }
+            body(self);
+            return Some(());
+        };
+        let (first, last) = (self.integer(&binding.range.first), self.integer(&binding.range.last));
+        let (first, last) = (first?, last?);
+        if let Some(&(_, taken)) = self.resolved.names.get(&binding.name.text) {
+            self.report(
+                Diagnostic::error(binding.name.site.0, format!("the name `{}` is taken", binding.name.text))
+                    .label("an index needs a name of its own")
+                    .hint("choose another letter")
+                    .related(taken, "named here"),
+            );
+            return None;
+        }
+        let mut index = first;
+        while index <= last {
+            self.step(binding.range.site.0)?;
+            self.indices.push((binding.name.text.clone(), index));
+            let done = self.bind(inner, conditions, body);
+            self.indices.pop();
+            done?;
+            match index.checked_add(1) {
+                Some(next) => index = next,
+                None => break,
+            }
+        }
+        Some(())
+    }
+}

@@ -1,0 +1,261 @@
+//! The syntax tree of a spec. Every node knows the place that it was read from.
+
+use crate::diagnostic::Span;
+
+/// A place in the text. All sites are equal: trees compare by what they say.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Site(pub Span);
+
+impl PartialEq for Site {
+    fn eq(&self, _: &Site) -> bool {
+        true
+    }
+}
+
+/// A whole spec: its statements in the order of the text.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Spec {
+    pub statements: Vec<Statement>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct Statement {
+    pub kind: StatementKind,
+    pub site: Site,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub enum StatementKind {
+    /// `system "bench pendulum"`
+    System(Word),
+    /// `coordinates q[1..5] [m], theta [rad]`
+    Variables { role: Role, list: Vec<Declaration> },
+    /// `time t [s]`
+    Time { name: Word, unit: Option<UnitText> },
+    /// `data "file.csv" { time t [s]  run trial }`
+    Data { file: Word, items: Vec<DataItem> },
+    /// `constant g = 9.81 [m/s^2]`
+    Constant { name: Word, value: Expression },
+    /// `param a = 0, 1 in -2..2`
+    Parameter { name: Word, starts: Vec<Expression>, bounds: Option<Limits> },
+    /// `T = ...`, `V += ...`
+    Energy { part: EnergyPart, adds: bool, value: Expression },
+    /// `force q[i] += ... for i in 1..5`
+    Force {
+        coordinate: Expression,
+        adds: bool,
+        value: Expression,
+        comprehension: Option<Comprehension>,
+    },
+    /// `constrain -1 <= k <= 5`: operands with a relation between each and the next.
+    Constrain { first: Operand, rest: Vec<(Relation, Operand)> },
+}
+
+/// A name, or the inside of a quoted text.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Word {
+    pub text: String,
+    pub site: Site,
+}
+
+/// What stands between the brackets of a unit.
+pub type UnitText = Word;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    Coordinates,
+    Momenta,
+    Velocities,
+}
+
+impl Role {
+    pub fn keyword(self) -> &'static str {
+        match self {
+            Role::Coordinates => "coordinates",
+            Role::Momenta => "momenta",
+            Role::Velocities => "velocities",
+        }
+    }
+}
+
+/// `q[1..5] [m]`: one variable or an indexed family of them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Declaration {
+    pub name: Word,
+    pub range: Option<Range>,
+    pub unit: Option<UnitText>,
+    pub site: Site,
+}
+
+/// `1..n`, both ends included.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Range {
+    pub first: Box<Expression>,
+    pub last: Box<Expression>,
+    pub site: Site,
+}
+
+/// `-1..1`; a missing side is not bounded.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Limits {
+    pub lower: Option<Expression>,
+    pub upper: Option<Expression>,
+    pub site: Site,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct DataItem {
+    pub kind: DataItemKind,
+    pub site: Site,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub enum DataItemKind {
+    /// `time t [s]`
+    Time { column: Word, unit: Option<UnitText> },
+    /// `run trial`
+    Run(Word),
+    /// `pairs`: every two rows are one transition.
+    Pairs,
+    /// `theta = angle [deg]`
+    Column { variable: Expression, column: Word, unit: Option<UnitText> },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum EnergyPart {
+    Kinetic,
+    Potential,
+    Hamiltonian,
+}
+
+impl EnergyPart {
+    pub fn letter(self) -> &'static str {
+        match self {
+            EnergyPart::Kinetic => "T",
+            EnergyPart::Potential => "V",
+            EnergyPart::Hamiltonian => "H",
+        }
+    }
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub enum Operand {
+    Value(Expression),
+    /// `terms of T`
+    Terms(Target, Site),
+}
+
+/// Whose terms a constraint speaks of.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Target {
+    Energy(EnergyPart),
+    Force(Expression),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Relation {
+    Less,
+    LessOrEqual,
+    Greater,
+    GreaterOrEqual,
+    Equal,
+    Unequal,
+}
+
+impl Relation {
+    pub const ALL: [Relation; 6] = [
+        Relation::Less,
+        Relation::LessOrEqual,
+        Relation::Greater,
+        Relation::GreaterOrEqual,
+        Relation::Equal,
+        Relation::Unequal,
+    ];
+
+    pub fn sign(self) -> &'static str {
+        match self {
+            Relation::Less => "<",
+            Relation::LessOrEqual => "<=",
+            Relation::Greater => ">",
+            Relation::GreaterOrEqual => ">=",
+            Relation::Equal => "==",
+            Relation::Unequal => "!=",
+        }
+    }
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct Expression {
+    pub kind: ExpressionKind,
+    pub site: Site,
+}
+
+/// Sums and products are flat, so that a long one is not a deep one.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ExpressionKind {
+    Number(f64),
+    Name(String),
+    /// `q[i+1]`
+    Index {
+        name: String,
+        index: Box<Expression>,
+    },
+    /// `q[1..3]`, an argument of a family.
+    Slice {
+        name: String,
+        range: Range,
+    },
+    /// `9.81 [m/s^2]`
+    Quantity(Box<Expression>, UnitText),
+    Negate(Box<Expression>),
+    /// Terms with true where one is subtracted; the first never is.
+    Sum(Vec<(bool, Expression)>),
+    /// Factors with true where one divides; the first never does.
+    Product(Vec<(bool, Expression)>),
+    Power(Box<Expression>, Box<Expression>),
+    /// `sin(x)`, or with what follows a semicolon `poly(q; 3)`.
+    Call {
+        name: String,
+        arguments: Vec<Expression>,
+        order: Option<Box<Expression>>,
+    },
+    /// `sum(q[i]^2 for i in 1..5)`
+    SumOver {
+        body: Box<Expression>,
+        comprehension: Comprehension,
+    },
+    /// `span{ ... }`
+    Span(Vec<Item>),
+}
+
+/// One item of a function space: `k: q[i]^2 for i in 1..5`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Item {
+    pub name: Option<Word>,
+    pub body: Expression,
+    pub comprehension: Option<Comprehension>,
+    pub site: Site,
+}
+
+/// `for i in 1..4, j in 1..5 where i < j`
+#[derive(Debug, Clone, PartialEq)]
+pub struct Comprehension {
+    pub bindings: Vec<Binding>,
+    pub conditions: Vec<Comparison>,
+    pub site: Site,
+}
+
+/// `i in 1..4`
+#[derive(Debug, Clone, PartialEq)]
+pub struct Binding {
+    pub name: Word,
+    pub range: Range,
+}
+
+/// `i < j`
+#[derive(Debug, Clone, PartialEq)]
+pub struct Comparison {
+    pub left: Expression,
+    pub relation: Relation,
+    pub right: Expression,
+}

@@ -1,0 +1,22 @@
+//! The mini-language: text to syntax tree and back.
+
+pub mod ast;
+pub mod families;
+mod parse;
+mod print;
+pub mod resolve;
+
+pub use parse::{expression, may_name, spec};
+
+/// The candidate that a mistyped word is most likely to mean, if one is near.
+pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    candidates
+        .into_iter()
+        .map(|candidate| (strsim::damerau_levenshtein(word, candidate), candidate))
+        .filter(|&(distance, candidate)| {
+            let longest = word.chars().count().max(candidate.chars().count());
+            distance * 2 < longest.max(3)
+        })
+        .min_by_key(|&(distance, _)| distance)
+        .map(|(_, candidate)| candidate)
+}

@@ -1,0 +1,237 @@
+//! Statements: each begins with a word that says what it is.
+
+use nom::Parser;
+use nom::branch::alt;
+use nom::combinator::{cut, opt};
+use nom::multi::{many0, separated_list1};
+use nom::sequence::{delimited, preceded};
+
+use super::expression::{
+    RESERVED, comprehension, expression, keyword, mark, name, quoted, range, relation, unit,
+    variable,
+};
+use super::token::Kind;
+use super::{Fault, Parsed, Tokens};
+use crate::diagnostic::{Diagnostic, Span};
+use crate::spec::ast::*;
+
+/// Every word that begins a statement.
+pub const STATEMENTS: [&str; 14] = [
+    "system",
+    "coordinates",
+    "momenta",
+    "velocities",
+    "time",
+    "data",
+    "constant",
+    "let",
+    "param",
+    "T",
+    "V",
+    "H",
+    "force",
+    "constrain",
+];
+
+/// statement = system | variables | time | data | constant | parameter | energy | force | constrain ;
+pub fn statement(input: Tokens) -> Parsed<Statement> {
+    let Some(first) = input.first() else { return Err(Fault::expected(input, "a statement")) };
+    let (rest, kind) = match first.text {
+        "system" => cut(system).parse(input)?,
+        "coordinates" | "momenta" | "velocities" => cut(variables).parse(input)?,
+        "time" => cut(time).parse(input)?,
+        "data" => cut(data).parse(input)?,
+        "constant" | "let" => cut(constant).parse(input)?,
+        "param" => cut(parameter).parse(input)?,
+        "T" | "V" | "H" => cut(energy).parse(input)?,
+        "force" => cut(force).parse(input)?,
+        "constrain" => cut(constrain).parse(input)?,
+        other => return Err(unknown_statement(other, first.kind, first.span)),
+    };
+    let site = Site(Span::new(first.span.start, rest.taken));
+    Ok((rest, Statement { kind, site }))
+}
+
+fn unknown_statement(word: &str, kind: Kind, span: Span) -> nom::Err<Fault> {
+    let known = format!("statements begin with {}", STATEMENTS.join(", "));
+    let near = crate::spec::nearest(word, STATEMENTS);
+    let hint = match near {
+        Some(near) if kind == Kind::Word => format!("did you mean `{near}`?"),
+        _ => known,
+    };
+    Fault::fatal(
+        Diagnostic::error(span, "no statement begins like this")
+            .label(format!("`{word}` is not the name of a statement"))
+            .hint(hint),
+    )
+}
+
+/// system = "system" , quoted ;
+fn system(input: Tokens) -> Parsed<StatementKind> {
+    let (rest, title) = preceded(keyword("system"), quoted).parse(input)?;
+    Ok((rest, StatementKind::System(title)))
+}
+
+/// variables = ( "coordinates" | "momenta" | "velocities" ) , declaration , { "," , declaration } ;
+fn variables(input: Tokens) -> Parsed<StatementKind> {
+    let role = alt((
+        keyword("coordinates").map(|()| Role::Coordinates),
+        keyword("momenta").map(|()| Role::Momenta),
+        keyword("velocities").map(|()| Role::Velocities),
+    ));
+    let (rest, (role, list)) =
+        (role, separated_list1(mark(","), cut(declaration))).parse(input)?;
+    Ok((rest, StatementKind::Variables { role, list }))
+}
+
+/// declaration = name , [ "[" , range , "]" ] , [ unit ] ;
+fn declaration(input: Tokens) -> Parsed<Declaration> {
+    let (rest, name) = name(input)?;
+    let (rest, range) = opt(delimited(mark("["), range, mark("]"))).parse(rest)?;
+    let (rest, unit) = opt(unit).parse(rest)?;
+    let site = Site(Span::new(input.place().start, rest.taken));
+    Ok((rest, Declaration { name, range, unit, site }))
+}
+
+/// time = "time" , name , [ unit ] ;
+fn time(input: Tokens) -> Parsed<StatementKind> {
+    let (rest, (name, unit)) = preceded(keyword("time"), (name, opt(unit))).parse(input)?;
+    Ok((rest, StatementKind::Time { name, unit }))
+}
+
+/// data = "data" , quoted , [ "{" , { data_item , [ "," | ";" ] } , "}" ] ;
+fn data(input: Tokens) -> Parsed<StatementKind> {
+    let (rest, file) = preceded(keyword("data"), quoted).parse(input)?;
+    let Ok((mut rest, ())) = mark("{")(rest) else {
+        return Ok((rest, StatementKind::Data { file, items: Vec::new() }));
+    };
+    let mut items = Vec::new();
+    loop {
+        if let Ok((rest, ())) = mark("}")(rest) {
+            return Ok((rest, StatementKind::Data { file, items }));
+        }
+        let (after, item) = cut(data_item).parse(rest)?;
+        items.push(item);
+        (rest, _) = opt(alt((mark(","), mark(";")))).parse(after)?;
+    }
+}
+
+/// data_item = "time" , column , [ unit ] | "run" , column | "pairs"
+///           | variable , "=" , column , [ unit ] ;
+fn data_item(input: Tokens) -> Parsed<DataItem> {
+    let word = input.first().map_or("", |token| token.text);
+    let assigned = input.rest.get(1).is_some_and(|token| token.text == "=");
+    let (rest, kind) = match word {
+        "time" if !assigned => {
+            let (rest, ((), column, unit)) = (keyword("time"), column, opt(unit)).parse(input)?;
+            (rest, DataItemKind::Time { column, unit })
+        }
+        "run" if !assigned => {
+            let (rest, column) = preceded(keyword("run"), column).parse(input)?;
+            (rest, DataItemKind::Run(column))
+        }
+        "pairs" if !assigned => {
+            let (rest, ()) = keyword("pairs")(input)?;
+            (rest, DataItemKind::Pairs)
+        }
+        _ => {
+            let (rest, (variable, (), column, unit)) =
+                (variable, mark("="), column, opt(unit)).parse(input)?;
+            (rest, DataItemKind::Column { variable, column, unit })
+        }
+    };
+    let site = Site(Span::new(input.place().start, rest.taken));
+    Ok((rest, DataItem { kind, site }))
+}
+
+/// column = name | quoted ;
+fn column(input: Tokens) -> Parsed<Word> {
+    alt((name, quoted)).parse(input)
+}
+
+/// constant = ( "constant" | "let" ) , name , "=" , expression ;
+fn constant(input: Tokens) -> Parsed<StatementKind> {
+    let (rest, (_, name, (), value)) =
+        (alt((keyword("constant"), keyword("let"))), name, mark("="), expression).parse(input)?;
+    Ok((rest, StatementKind::Constant { name, value }))
+}
+
+/// parameter = "param" , name , "=" , expression , { "," , expression } , [ "in" , limits ] ;
+fn parameter(input: Tokens) -> Parsed<StatementKind> {
+    let (rest, ((), name, ())) = (keyword("param"), name, mark("=")).parse(input)?;
+    let (rest, first) = expression(rest)?;
+    let (rest, more) = many0(preceded(mark(","), cut(expression))).parse(rest)?;
+    let (rest, bounds) = opt(preceded(keyword("in"), cut(limits))).parse(rest)?;
+    let mut starts = vec![first];
+    starts.extend(more);
+    Ok((rest, StatementKind::Parameter { name, starts, bounds }))
+}
+
+/// limits = [ expression ] , ".." , [ expression ] ;
+fn limits(input: Tokens) -> Parsed<Limits> {
+    let (rest, (lower, (), upper)) =
+        (opt(expression), mark(".."), opt(expression)).parse(input)?;
+    let site = Site(Span::new(input.place().start, rest.taken));
+    Ok((rest, Limits { lower, upper, site }))
+}
+
+/// energy = ( "T" | "V" | "H" ) , ( "=" | "+=" ) , expression ;
+fn energy(input: Tokens) -> Parsed<StatementKind> {
+    let (rest, part) = energy_part(input)?;
+    let (rest, adds) = assignment(rest)?;
+    let (rest, value) = expression(rest)?;
+    Ok((rest, StatementKind::Energy { part, adds, value }))
+}
+
+fn energy_part(input: Tokens) -> Parsed<EnergyPart> {
+    alt((
+        keyword("T").map(|()| EnergyPart::Kinetic),
+        keyword("V").map(|()| EnergyPart::Potential),
+        keyword("H").map(|()| EnergyPart::Hamiltonian),
+    ))
+    .parse(input)
+}
+
+fn assignment(input: Tokens) -> Parsed<bool> {
+    alt((mark("=").map(|()| false), mark("+=").map(|()| true))).parse(input)
+}
+
+/// force = "force" , variable , ( "=" | "+=" ) , expression , [ comprehension ] ;
+fn force(input: Tokens) -> Parsed<StatementKind> {
+    let (rest, coordinate) = preceded(keyword("force"), variable).parse(input)?;
+    let (rest, adds) = assignment(rest)?;
+    let (rest, value) = expression(rest)?;
+    let (rest, comprehension) = opt(comprehension).parse(rest)?;
+    Ok((rest, StatementKind::Force { coordinate, adds, value, comprehension }))
+}
+
+/// constrain = "constrain" , operand , relation , operand , [ relation , operand ] ;
+fn constrain(input: Tokens) -> Parsed<StatementKind> {
+    let (rest, first) = preceded(keyword("constrain"), operand).parse(input)?;
+    let (rest, second) = (relation, cut(operand)).parse(rest)?;
+    let (rest, third) = opt((relation, cut(operand))).parse(rest)?;
+    let mut rest_of = vec![second];
+    rest_of.extend(third);
+    Ok((rest, StatementKind::Constrain { first, rest: rest_of }))
+}
+
+/// operand = "terms" , "of" , ( "T" | "V" | "H" | "force" , variable ) | expression ;
+fn operand(input: Tokens) -> Parsed<Operand> {
+    if keyword("terms")(input).is_err() {
+        let (rest, value) = expression(input)?;
+        return Ok((rest, Operand::Value(value)));
+    }
+    let target = alt((
+        energy_part.map(Target::Energy),
+        preceded(keyword("force"), cut(variable)).map(Target::Force),
+    ));
+    let (rest, ((), (), target)) =
+        (keyword("terms"), keyword("of"), cut(target)).parse(input)?;
+    let site = Site(Span::new(input.place().start, rest.taken));
+    Ok((rest, Operand::Terms(target, site)))
+}
+
+/// Whether a word may name a variable, a constant or a parameter.
+pub fn may_name(word: &str) -> bool {
+    !STATEMENTS.contains(&word) && !RESERVED.contains(&word)
+}

@@ -1,0 +1,421 @@
+//! What the names of a spec stand for: declarations flattened and checked.
+
+use std::collections::HashMap;
+
+use super::ast::*;
+use super::{may_name, nearest};
+use crate::diagnostic::{Diagnostic, Span};
+
+/// How many coordinates a spec may have.
+pub const MOST_COORDINATES: i64 = 10_000;
+
+/// A coordinate, momentum or velocity, one by one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Declared {
+    /// `theta`, `q[3]`.
+    pub name: String,
+    pub unit: Option<UnitText>,
+    pub span: Span,
+}
+
+/// What a name stands for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Meaning {
+    /// The variable at this place in the list of its role.
+    Variable(Role, usize),
+    /// `count` variables from `start` on; the first has the index `first`.
+    Family { role: Role, first: i64, start: usize, count: usize },
+    Time,
+    Constant(usize),
+    Parameter(usize),
+}
+
+/// A statement `T = ...`.
+#[derive(Debug, Clone, Copy)]
+pub struct Energy<'a> {
+    pub part: EnergyPart,
+    pub value: &'a Expression,
+    pub span: Span,
+}
+
+/// A statement `force q[i] += ...`.
+#[derive(Debug, Clone, Copy)]
+pub struct Force<'a> {
+    pub coordinate: &'a Expression,
+    pub value: &'a Expression,
+    pub comprehension: Option<&'a Comprehension>,
+    pub span: Span,
+}
+
+/// A statement `param a = ...`.
+#[derive(Debug, Clone, Copy)]
+pub struct Parameter<'a> {
+    pub name: &'a Word,
+    pub starts: &'a [Expression],
+    pub bounds: Option<&'a Limits>,
+}
+
+/// A spec by the meaning of its statements.
+#[derive(Debug, Default)]
+pub struct Resolved<'a> {
+    pub title: Option<String>,
+    pub coordinates: Vec<Declared>,
+    /// As many as coordinates where the spec has no error.
+    pub momenta: Vec<Declared>,
+    /// Measured velocities, as many as coordinates, or none.
+    pub velocities: Vec<Declared>,
+    /// Momenta that are not written but implied by velocities.
+    pub implied_momenta: bool,
+    pub time: Option<(&'a Word, Option<&'a UnitText>)>,
+    pub data: Option<(&'a Word, &'a [DataItem])>,
+    pub constants: Vec<(&'a Word, &'a Expression)>,
+    pub parameters: Vec<Parameter<'a>>,
+    pub energies: Vec<Energy<'a>>,
+    pub forces: Vec<Force<'a>>,
+    pub constraints: Vec<(&'a Operand, &'a [(Relation, Operand)], Span)>,
+    pub names: HashMap<String, (Meaning, Span)>,
+    /// Constants that are whole numbers: they may stand in indices.
+    pub integers: HashMap<String, i64>,
+}
+
+/// Gives names their meaning, and says what is missing or doubled.
+pub fn resolve<'a>(spec: &'a Spec, diagnostics: &mut Vec<Diagnostic>) -> Resolved<'a> {
+    let mut resolver = Resolver { out: Resolved::default(), diagnostics };
+    resolver.constants(spec);
+    let mut seen: HashMap<&str, Span> = HashMap::new();
+    for statement in &spec.statements {
+        resolver.statement(statement, &mut seen);
+    }
+    resolver.pair_up();
+    resolver.name_time();
+    resolver.require_energy();
+    resolver.out
+}
+
+struct Resolver<'a, 'd> {
+    out: Resolved<'a>,
+    diagnostics: &'d mut Vec<Diagnostic>,
+}
+
+impl<'a> Resolver<'a, '_> {
+    fn report(&mut self, diagnostic: Diagnostic) {
+        self.diagnostics.push(diagnostic);
+    }
+
+    /// Whole-numbered constants come first: the range of a family may need them.
+    fn constants(&mut self, spec: &'a Spec) {
+        for statement in &spec.statements {
+            if let StatementKind::Constant { name, value } = &statement.kind {
+                let known = &self.out.integers;
+                if let Ok(value) = integer(value, &|name| known.get(name).copied()) {
+                    self.out.integers.insert(name.text.clone(), value);
+                }
+            }
+        }
+    }
+
+    /// Reports a second statement of a kind that may stand once.
+    fn once(&mut self, what: &'a str, span: Span, seen: &mut HashMap<&'a str, Span>) {
+        if let Some(first) = seen.insert(what, span) {
+            self.report(
+                Diagnostic::error(span, format!("`{what}` is given twice"))
+                    .label("given again here")
+                    .hint(if matches!(what, "T" | "V" | "H") {
+                        format!("write `{what} += ...` to add to it")
+                    } else {
+                        "keep one of them".to_string()
+                    })
+                    .related(first, "first given here"),
+            );
+        }
+    }
+
+    fn statement(&mut self, statement: &'a Statement, seen: &mut HashMap<&'a str, Span>) {
+        let span = statement.site.0;
+        match &statement.kind {
+            StatementKind::System(title) => {
+                self.once("system", span, seen);
+                self.out.title = Some(title.text.clone());
+            }
+            StatementKind::Variables { role, list } => {
+                for declaration in list {
+                    self.declare(*role, declaration);
+                }
+            }
+            StatementKind::Time { name, unit } => {
+                self.once("time", span, seen);
+                self.out.time = Some((name, unit.as_ref()));
+                self.name(&name.text, Meaning::Time, name.site.0);
+            }
+            StatementKind::Data { file, items } => {
+                self.once("data", span, seen);
+                self.out.data = Some((file, items));
+            }
+            StatementKind::Constant { name, value } => {
+                let meaning = Meaning::Constant(self.out.constants.len());
+                self.name(&name.text, meaning, name.site.0);
+                self.out.constants.push((name, value));
+            }
+            StatementKind::Parameter { name, starts, bounds } => {
+                let meaning = Meaning::Parameter(self.out.parameters.len());
+                self.name(&name.text, meaning, name.site.0);
+                self.out.parameters.push(Parameter { name, starts, bounds: bounds.as_ref() });
+            }
+            StatementKind::Energy { part, adds, value } => {
+                if !adds {
+                    self.once(part.letter(), span, seen);
+                }
+                self.out.energies.push(Energy { part: *part, value, span });
+            }
+            StatementKind::Force { coordinate, value, comprehension, .. } => {
+                let comprehension = comprehension.as_ref();
+                self.out.forces.push(Force { coordinate, value, comprehension, span });
+            }
+            StatementKind::Constrain { first, rest } => {
+                self.out.constraints.push((first, rest, span));
+            }
+        }
+    }
+
+    fn name(&mut self, name: &str, meaning: Meaning, span: Span) {
+        if !may_name(name) || name == "pi" {
+            self.report(
+                Diagnostic::error(span, format!("`{name}` cannot be a name"))
+                    .label("it has a meaning of its own in the mini-language")
+                    .hint("choose another name"),
+            );
+        } else if let Some(&(_, first)) = self.out.names.get(name) {
+            self.report(
+                Diagnostic::error(span, format!("the name `{name}` is taken"))
+                    .label("named again here")
+                    .hint("give every variable, constant and parameter a name of its own")
+                    .related(first, "first named here"),
+            );
+        } else {
+            self.out.names.insert(name.to_string(), (meaning, span));
+        }
+    }
+
+    fn declare(&mut self, role: Role, declaration: &Declaration) {
+        let name = &declaration.name.text;
+        let span = declaration.site.0;
+        let start = self.list(role).len();
+        let unit = &declaration.unit;
+        let Some(range) = &declaration.range else {
+            self.name(name, Meaning::Variable(role, start), declaration.name.site.0);
+            let declared = Declared { name: name.clone(), unit: unit.clone(), span };
+            self.list(role).push(declared);
+            return;
+        };
+        let known = &self.out.integers;
+        let look_up = |name: &str| known.get(name).copied();
+        let ends = (integer(&range.first, &look_up), integer(&range.last, &look_up));
+        let (first, last) = match ends {
+            (Ok(first), Ok(last)) => (first, last),
+            (first, last) => {
+                self.diagnostics.extend(first.err().into_iter().chain(last.err()));
+                return;
+            }
+        };
+        let count = last.saturating_sub(first).saturating_add(1);
+        if !(1..=MOST_COORDINATES).contains(&count) {
+            let message = if count < 1 {
+                format!("the range {first}..{last} is empty")
+            } else {
+                format!("`{name}` would be {count} variables")
+            };
+            self.report(
+                Diagnostic::error(range.site.0, message)
+                    .label("this range")
+                    .hint(format!("write a range of 1 to {MOST_COORDINATES} indices, as in 1..5")),
+            );
+            return;
+        }
+        let count = usize::try_from(count).unwrap_or(0);
+        let meaning = Meaning::Family { role, first, start, count };
+        self.name(name, meaning, declaration.name.site.0);
+        let members = (first..=last)
+            .map(|i| Declared { name: format!("{name}[{i}]"), unit: unit.clone(), span });
+        self.list(role).extend(members);
+    }
+
+    fn list(&mut self, role: Role) -> &mut Vec<Declared> {
+        match role {
+            Role::Coordinates => &mut self.out.coordinates,
+            Role::Momenta => &mut self.out.momenta,
+            Role::Velocities => &mut self.out.velocities,
+        }
+    }
+
+    /// Every coordinate needs its momentum; velocities alone imply the momenta.
+    fn pair_up(&mut self) {
+        let count = self.out.coordinates.len();
+        let whole = |list: &[Declared]| match list {
+            [first, .., last] => first.span.join(last.span),
+            [only] => only.span,
+            [] => Span::default(),
+        };
+        if count == 0 {
+            if self.diagnostics.iter().all(|d| !d.message.contains("variables")) {
+                self.report(
+                    Diagnostic::error(Span::default(), "the spec has no coordinates")
+                        .label("a spec says what moves")
+                        .hint("write for example `coordinates theta [rad]`"),
+                );
+            }
+            return;
+        }
+        let at = whole(&self.out.coordinates);
+        if self.out.momenta.is_empty() && self.out.velocities.is_empty() {
+            let example = &self.out.coordinates[0].name;
+            self.report(
+                Diagnostic::error(at, "the coordinates have no momenta")
+                    .label(match count {
+                        1 => "this coordinate".to_string(),
+                        _ => format!("these {count} coordinates"),
+                    })
+                    .hint(format!(
+                        "name the momentum of `{example}` with `momenta`, or its measured velocity with `velocities`"
+                    )),
+            );
+            return;
+        }
+        for role in [Role::Momenta, Role::Velocities] {
+            let list = self.list(role);
+            if !list.is_empty() && list.len() != count {
+                let (found, span) = (list.len(), whole(list));
+                let missing = self.out.coordinates.get(found).map(|declared| declared.name.clone());
+                let message = match (&missing, role) {
+                    (Some(name), Role::Momenta) => format!("the momentum of `{name}` is missing"),
+                    (Some(name), _) => format!("the velocity of `{name}` is missing"),
+                    (None, _) => format!("there are more {} than coordinates", role.keyword()),
+                };
+                self.report(
+                    Diagnostic::error(span, message)
+                        .label(format!("{found} {}", role.keyword()))
+                        .hint("write one for each coordinate, in the same order")
+                        .related(at, format!("{count} coordinates")),
+                );
+            }
+        }
+        if self.out.momenta.is_empty() {
+            self.imply_momenta();
+        }
+    }
+
+    /// `p_theta` for `theta`, `p_q[1]` for `q[1]`.
+    fn imply_momenta(&mut self) {
+        self.out.implied_momenta = true;
+        let declared = |c: &Declared| Declared {
+            name: format!("p_{}", c.name),
+            unit: None,
+            span: c.span,
+        };
+        self.out.momenta = self.out.coordinates.iter().map(declared).collect();
+        let mut implied: Vec<(String, Meaning, Span)> = Vec::new();
+        for (name, &(meaning, span)) in &self.out.names {
+            let meaning = match meaning {
+                Meaning::Variable(Role::Coordinates, i) => Meaning::Variable(Role::Momenta, i),
+                Meaning::Family { role: Role::Coordinates, first, start, count } => {
+                    Meaning::Family { role: Role::Momenta, first, start, count }
+                }
+                _ => continue,
+            };
+            implied.push((format!("p_{name}"), meaning, span));
+        }
+        implied.sort_by_key(|&(_, _, span)| span);
+        for (name, meaning, span) in implied {
+            self.name(&name, meaning, span);
+        }
+    }
+
+    /// Without a `time` statement, time is called as its column is, or t.
+    fn name_time(&mut self) {
+        if self.out.time.is_some() {
+            return;
+        }
+        let column = self.out.data.and_then(|(_, items)| {
+            items.iter().find_map(|item| match &item.kind {
+                DataItemKind::Time { column, unit } => Some((column, unit.as_ref())),
+                _ => None,
+            })
+        });
+        self.out.time = column;
+        let name = column.map_or("t", |(column, _)| column.text.as_str());
+        let name = if may_name(name) { name } else { "t" };
+        let span = column.map_or(Span::default(), |(column, _)| column.site.0);
+        self.out.names.entry(name.to_string()).or_insert((Meaning::Time, span));
+    }
+
+    fn require_energy(&mut self) {
+        if self.out.energies.is_empty() && !self.out.coordinates.is_empty() {
+            self.report(
+                Diagnostic::error(Span::default(), "the spec has no energy")
+                    .label("neither T, V nor H is given")
+                    .hint("write for example `T = span{ poly(p; 2) }` and `V = span{ poly(q; 4) }`"),
+            );
+        }
+    }
+}
+
+/// The whole number that an index expression stands for.
+///
+/// # Errors
+/// Where it is no whole number, or names something that is none.
+pub fn integer(
+    expression: &Expression,
+    look_up: &dyn Fn(&str) -> Option<i64>,
+) -> Result<i64, Diagnostic> {
+    let span = expression.site.0;
+    let too_large = || {
+        Diagnostic::error(span, "this index is too large").label("beyond 64 bits").hint("make it smaller")
+    };
+    match &expression.kind {
+        ExpressionKind::Number(value) if value.fract() == 0.0 && value.abs() < 1e15 => {
+            Ok(*value as i64)
+        }
+        ExpressionKind::Name(name) => look_up(name).ok_or_else(|| {
+            Diagnostic::error(span, format!("`{name}` is not a whole number"))
+                .label("an index is made of whole numbers and names of indices")
+                .hint("give it a range with `for`, or a value with `constant`")
+        }),
+        ExpressionKind::Negate(inner) => {
+            integer(inner, look_up)?.checked_neg().ok_or_else(too_large)
+        }
+        ExpressionKind::Sum(parts) => parts.iter().try_fold(0_i64, |sum, (minus, part)| {
+            let value = integer(part, look_up)?;
+            let next = if *minus { sum.checked_sub(value) } else { sum.checked_add(value) };
+            next.ok_or_else(too_large)
+        }),
+        ExpressionKind::Product(parts) => {
+            parts.iter().try_fold(1_i64, |product, (divide, part)| {
+                let value = integer(part, look_up)?;
+                if !divide {
+                    return product.checked_mul(value).ok_or_else(too_large);
+                }
+                match product.checked_rem(value) {
+                    Some(0) => Ok(product / value),
+                    _ => Err(Diagnostic::error(span, "this index is not a whole number")
+                        .label(format!("{product} divided by {value}"))
+                        .hint("an index is a whole number")),
+                }
+            })
+        }
+        _ => Err(Diagnostic::error(span, "this is not a whole number")
+            .label("an index is made of whole numbers, +, - and *")
+            .hint("write for example `q[i+1]`")),
+    }
+}
+
+impl Resolved<'_> {
+    /// The names that a mistyped one may have meant.
+    pub fn hint_for(&self, name: &str, more: &[&str]) -> String {
+        let mut names: Vec<&str> = self.names.keys().map(String::as_str).collect();
+        names.sort_unstable();
+        match nearest(name, names.iter().copied().chain(more.iter().copied())) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None if names.is_empty() => "declare it first".to_string(),
+            None => format!("known names are {}", names.join(", ")),
+        }
+    }
+}
