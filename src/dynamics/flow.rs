@@ -146,4 +146,36 @@ impl Flow {
             }
         }
     }
+
+    /// The transpose of [`Flow::push`]: source += entries^T * target for the rows `inputs`, and
+    /// the mixed entries, summed over the lanes in order, into `gradient`, `[P]`.
+    ///
+    /// `target` is `[rows][lanes]`, `source` is `[inputs][lanes]`. Products that are not finite
+    /// are left out of the gradient: they belong to lanes that are lost.
+    pub fn pull(
+        &self,
+        target: &[f64],
+        source: &mut [f64],
+        entries: &[f64],
+        gradient: &mut [f64],
+        lanes: usize,
+    ) {
+        if lanes == 0 {
+            return;
+        }
+        let mut weights = entries.chunks_exact(lanes);
+        for (&(row, from), weight) in self.jacobian.iter().zip(&mut weights) {
+            let from = (from - self.inputs.start) * lanes;
+            let target = &target[row * lanes..(row + 1) * lanes];
+            for ((s, t), w) in source[from..from + lanes].iter_mut().zip(target).zip(weight) {
+                *s += w * t;
+            }
+        }
+        let weights = entries.chunks_exact(lanes).skip(self.jacobian.len());
+        for (&(row, unknown), weight) in self.mixed.iter().zip(weights) {
+            let target = &target[row * lanes..(row + 1) * lanes];
+            let products = target.iter().zip(weight).map(|(t, w)| t * w);
+            gradient[unknown] += products.filter(|product| product.is_finite()).sum::<f64>();
+        }
+    }
 }

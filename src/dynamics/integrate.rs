@@ -3,7 +3,7 @@
 use super::batch::{Batch, Scratch};
 use super::equations::Dynamics;
 use super::methods::{Kind, Method};
-use super::splitting;
+use super::{explicit, implicit, splitting};
 
 /// Advances every lane by its own `span[lane]` in `steps` equal steps.
 ///
@@ -20,6 +20,21 @@ pub fn advance(
     theta: &[f64],
     scratch: &mut Scratch,
 ) {
+    advance_recording(dynamics, method, batch, span, steps, theta, scratch, &mut |_| {});
+}
+
+/// The same; `record` sees the state before every stage of a splitting, or else every step.
+#[allow(clippy::too_many_arguments)]
+pub(super) fn advance_recording(
+    dynamics: &Dynamics,
+    method: Method,
+    batch: &mut Batch,
+    span: &[f64],
+    steps: usize,
+    theta: &[f64],
+    scratch: &mut Scratch,
+    record: &mut dyn FnMut(&[f64]),
+) {
     if steps == 0 || batch.lanes == 0 {
         return;
     }
@@ -28,10 +43,14 @@ pub fn advance(
     match &method.row().kind {
         Kind::Splitting(_) if !dynamics.separable() => batch.state.fill(f64::NAN),
         Kind::Splitting(gammas) => {
-            splitting::advance(dynamics, gammas, batch, steps, theta, scratch);
+            splitting::advance(dynamics, gammas, batch, steps, theta, scratch, record);
         }
-        Kind::Implicit(_) => batch.state.fill(f64::NAN),
-        Kind::Explicit(_) => batch.state.fill(f64::NAN),
+        Kind::Implicit(tableau) => {
+            implicit::advance(dynamics, tableau, batch, steps, theta, scratch, record);
+        }
+        Kind::Explicit(tableau) => {
+            explicit::advance(dynamics, tableau, batch, steps, theta, scratch, record);
+        }
     }
     for (time, span) in batch.time.iter_mut().zip(span) {
         *time += span;

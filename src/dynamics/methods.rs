@@ -39,6 +39,14 @@ pub struct Tableau {
     pub nodes: &'static [f64],
 }
 
+impl Tableau {
+    /// Whether each stage needs only the stages before it.
+    pub fn is_explicit(&self) -> bool {
+        let count = self.weights.len();
+        (0..count * count).all(|i| i % count < i / count || self.matrix[i] == 0.0)
+    }
+}
+
 /// An integration method: a row of [`METHODS`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Method(u8);

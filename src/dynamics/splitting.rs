@@ -43,7 +43,8 @@ pub fn stages(gammas: &[f64], steps: usize) -> impl Iterator<Item = Stage> {
     substeps.chain(last)
 }
 
-/// Advances a batch; `scratch.step` holds the step of each lane.
+/// Advances a batch; `scratch.step` holds the step of each lane. `record` sees the state before
+/// every stage.
 pub fn advance(
     dynamics: &Dynamics,
     gammas: &[f64],
@@ -51,8 +52,10 @@ pub fn advance(
     steps: usize,
     theta: &[f64],
     scratch: &mut Scratch,
+    record: &mut dyn FnMut(&[f64]),
 ) {
     for stage in stages(gammas, steps) {
+        record(&batch.state);
         apply(dynamics, stage, batch, theta, scratch);
     }
 }
