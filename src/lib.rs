@@ -5,3 +5,4 @@ pub mod diagnostic;
 pub mod error;
 pub mod eval;
 pub mod expr;
+pub mod simplify;
