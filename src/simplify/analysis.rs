@@ -1,0 +1,96 @@
+//! What the e-graph knows about the value of each class: the rational that it is, and its sign.
+
+use egg::{Analysis, DidMerge, EGraph, Id};
+
+use super::lang::{Math, Rational};
+use crate::expr::Domain;
+
+/// What is certain about the sign of a value, wherever it is defined.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub enum Sign {
+    #[default]
+    Unknown,
+    NonNegative,
+    Positive,
+}
+
+/// What is known of a class.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Known {
+    pub rational: Option<Rational>,
+    pub sign: Sign,
+}
+
+/// Folds rationals and keeps signs.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Folding;
+
+fn sign_of(rational: Rational) -> Sign {
+    match rational.value() {
+        v if v > 0.0 => Sign::Positive,
+        0.0 => Sign::NonNegative,
+        _ => Sign::Unknown,
+    }
+}
+
+impl Analysis<Math> for Folding {
+    type Data = Known;
+
+    fn make(egraph: &mut EGraph<Math, Self>, node: &Math, _: Id) -> Known {
+        let of = |id: &Id| egraph[*id].data;
+        let rational = match node {
+            Math::Rational(rational) => Some(*rational),
+            Math::Add([a, b]) => {
+                of(a).rational.zip(of(b).rational).and_then(|(a, b)| a.plus(b))
+            }
+            Math::Multiply([a, b]) => {
+                of(a).rational.zip(of(b).rational).and_then(|(a, b)| a.times(b))
+            }
+            Math::Negate([a]) => of(a).rational.and_then(Rational::negated),
+            Math::Raise([a, b]) => {
+                of(a).rational.zip(of(b).rational).and_then(|(a, b)| a.raised(b))
+            }
+            _ => None,
+        };
+        if let Some(rational) = rational {
+            return Known { rational: Some(rational), sign: sign_of(rational) };
+        }
+        let sign = match node {
+            Math::Pi | Math::Fitted(_) => Sign::Positive,
+            Math::Add([a, b]) => match (of(a).sign, of(b).sign) {
+                (Sign::Unknown, _) | (_, Sign::Unknown) => Sign::Unknown,
+                (a, b) => a.max(b),
+            },
+            Math::Multiply([a, b]) => of(a).sign.min(of(b).sign),
+            Math::Raise([base, exponent]) => match (of(base).sign, of(exponent).rational) {
+                (Sign::Positive, _) => Sign::Positive,
+                (_, Some(e)) if e.0.is_integer() && e.0.numer() % 2 == 0 => Sign::NonNegative,
+                (sign, _) => sign,
+            },
+            Math::Apply(name, [a]) => match (name.0.row().name, of(a).sign) {
+                ("exp" | "cosh", _) => Sign::Positive,
+                ("abs", sign) => sign.max(Sign::NonNegative),
+                ("sqrt" | "sign" | "sinh" | "tanh" | "atan", Sign::Positive) => Sign::Positive,
+                ("sinh" | "tanh" | "atan", sign) => sign,
+                _ if name.0.row().domain == Domain::NonNegative => Sign::NonNegative,
+                _ => Sign::Unknown,
+            },
+            _ => Sign::Unknown,
+        };
+        Known { rational: None, sign }
+    }
+
+    fn merge(&mut self, a: &mut Known, b: Known) -> DidMerge {
+        let before = *a;
+        a.rational = a.rational.or(b.rational);
+        a.sign = a.sign.max(b.sign);
+        DidMerge(*a != before, *a != b)
+    }
+
+    fn modify(egraph: &mut EGraph<Math, Self>, id: Id) {
+        if let Some(rational) = egraph[id].data.rational {
+            let folded = egraph.add(Math::Rational(rational));
+            egraph.union(id, folded);
+        }
+    }
+}

@@ -1,0 +1,380 @@
+//! From a fitted model to the expression that a physicist would print.
+//!
+//! Each part of the model (T, V, H, forces) is brought to a [normal form](normal), written
+//! in a few [ways](form) (as it was specified, expanded, as [springs], with waves merged),
+//! its learned numbers [snap] to nice ones where their uncertainty allows, the e-graph
+//! applies the [rules], and the shortest result is kept. Every step but snapping is checked
+//! against the original at sampled points, and is left out where it fails.
+
+mod analysis;
+mod check;
+mod code;
+pub mod cost;
+mod emit;
+mod form;
+mod lang;
+mod normal;
+mod numbers;
+mod part;
+mod quantity;
+pub mod rules;
+pub mod shape;
+pub mod snap;
+mod springs;
+mod text;
+
+use std::collections::HashMap;
+
+use nalgebra::DMatrix;
+
+pub use code::for_machines;
+pub use snap::{Nice, Tolerance};
+pub use text::{Style, significant, uncertain};
+
+use crate::expr::{Expr, Graph, Names, Place, Symbol, System};
+use check::Samples;
+use egg::RecExpr;
+use lang::Math;
+use normal::{Atom, Atoms, Polynomial};
+use numbers::Numbers;
+use quantity::Quantity;
+
+/// A system with the numbers that were learned for it.
+#[derive(Debug, Clone, Copy)]
+pub struct Fitted<'a> {
+    pub system: &'a System,
+    /// Which of `system.terms` are in the model.
+    pub active: &'a [usize],
+    /// One for each active term.
+    pub coefficients: &'a [f64],
+    /// One for each of `system.parameters`.
+    pub parameters: &'a [f64],
+    /// Of the active coefficients, then all inner parameters; zero for what is exact.
+    pub covariance: &'a DMatrix<f64>,
+}
+
+/// What simplification may do.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    pub tolerance: Tolerance,
+    /// Limits of the e-graph. There is no time limit: results must not depend on load.
+    pub iterations: usize,
+    pub nodes: usize,
+    /// Largest |value| in the data of each state component (q, then p), where known; for
+    /// the comparison of polynomials with Taylor's.
+    pub ranges: Vec<f64>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        let tolerance = Tolerance::default();
+        Options { tolerance, iterations: 12, nodes: 6_000, ranges: Vec::new() }
+    }
+}
+
+/// A simplified model.
+#[derive(Debug, Clone)]
+pub struct Simplified {
+    pub graph: Graph,
+    /// T, V, H and forces, in this order; those that are zero are left out.
+    pub parts: Vec<Part>,
+    /// `Symbol::Coefficient(j)` of a `pretty` expression is `numbers[j]`. None is negative.
+    pub numbers: Vec<DerivedNumber>,
+    /// Every learned number that is printed as another one.
+    pub snaps: Vec<Snap>,
+    pub names: Names,
+    pub info: Info,
+}
+
+/// T, V, H or a force.
+#[derive(Debug, Clone)]
+pub struct Part {
+    pub place: Place,
+    /// The normal form with the fitted numbers. For energies without its constant.
+    pub exact: Expr,
+    /// The form for print; its numbers are placeholders, see [`Simplified::numbers`].
+    /// For energies equal to the model up to a constant.
+    pub pretty: Expr,
+    /// Sentences on what the part looks like.
+    pub shape: Vec<String>,
+}
+
+/// A number of a printed form.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DerivedNumber {
+    pub value: f64,
+    /// By the delta method from the covariance of the fit; zero for what is exact or snapped.
+    pub standard_error: f64,
+    /// The nice number that is printed in its place.
+    pub snapped: Option<Nice>,
+}
+
+/// What a number was replaced by.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Target {
+    pub text: String,
+    pub value: f64,
+}
+
+/// A learned number that is printed as another one. The fitted model keeps it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Snap {
+    /// `coefficient of q^2`.
+    pub what: String,
+    pub from: f64,
+    pub standard_error: f64,
+    pub to: Target,
+    /// |from - to| in standard errors; zero where the number has no uncertainty.
+    pub sigmas: f64,
+}
+
+/// Why the rewriting stopped; of several parts, the worst.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub enum StopReason {
+    /// No rewrite says anything new.
+    #[default]
+    Saturated,
+    Iterations,
+    Nodes,
+    /// The form is a long list of terms and was not rewritten.
+    TooLarge,
+}
+
+/// How the simplification went.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Info {
+    pub iterations: usize,
+    /// Classes of all e-graphs.
+    pub classes: usize,
+    pub stop: StopReason,
+    /// Points at which the result was compared with the model.
+    pub checked_points: usize,
+    /// Largest difference of a printed form from the model before snapping, relative to the
+    /// largest value.
+    pub largest_difference: f64,
+    /// Forms that failed the comparison and were not used.
+    pub rejected: usize,
+}
+
+/// A form that passed the checks.
+struct Candidate<'a> {
+    cost: f64,
+    expr: RecExpr<Math>,
+    numbers: Numbers<'a>,
+}
+
+/// Simplifies a fitted model.
+pub fn simplify(fitted: &Fitted, options: &Options) -> Simplified {
+    let system = fitted.system;
+    let names = system.names();
+    let mut info = Info::default();
+    let mut graph = Graph::new();
+    let mut emitter = emit::Emitter::default();
+    let mut found = Vec::new();
+    for place in places(system) {
+        let Some(raw) = Raw::new(fitted, place) else { continue };
+        let samples = Samples::new(fitted, place);
+        let mut best: Option<Candidate> = None;
+        let mut forms = Vec::new();
+        for expands in [false, true] {
+            let (mut atoms, form) = raw.normal(fitted, expands);
+            for &plan in part::PLANS {
+                let energy = place == Place::Potential || place == Place::Hamiltonian;
+                if plan.springs && !(expands && energy) {
+                    continue;
+                }
+                let mut numbers = Numbers::new(fitted.covariance, options.tolerance);
+                let written = part::write(plan, &form, &mut atoms, &mut numbers, &names);
+                let Some(written) = written else { continue };
+                match check_and_rewrite(&written, &samples, numbers, options, &mut info) {
+                    Some(new) if best.as_ref().is_none_or(|old| new.cost < old.cost - 1e-9) => {
+                        best = Some(new);
+                    }
+                    _ => {}
+                }
+            }
+            forms.push((atoms, form));
+        }
+        let Some((atoms, form)) = forms.pop() else { continue };
+        let shape = shapes(fitted, options, place, &atoms, &form, &names);
+        let (expr, numbers) = match best {
+            Some(best) => (best.expr, best.numbers),
+            // Nothing passed: the plain list of terms, numbers as fitted.
+            None => {
+                let exact = Tolerance { sigmas: 0.0, relative: 0.0, chance: 0.0 };
+                let mut numbers = Numbers::new(fitted.covariance, exact);
+                let (mut atoms, form) = raw.normal(fitted, false);
+                let plain = form::Plan { springs: false, waves: false };
+                let written = part::write(plain, &form, &mut atoms, &mut numbers, &names);
+                (written.unwrap_or_default(), numbers)
+            }
+        };
+        emitter.collect(&expr, &numbers, found.len());
+        found.push((place, expr, numbers, atoms, form, shape));
+    }
+    emitter.prepare(&mut graph, system.degrees());
+    let mut parts = Vec::new();
+    let mut snaps: Vec<Snap> = Vec::new();
+    for (index, (place, expr, numbers, atoms, form, shape)) in found.into_iter().enumerate() {
+        let pretty = emitter.build(&mut graph, &expr, index);
+        let exact = atoms.expression(&mut graph, &form);
+        for snap in numbers.rows.into_iter().filter_map(|row| row.snap) {
+            if !snaps.contains(&snap) {
+                snaps.push(snap);
+            }
+        }
+        parts.push(Part { place, exact, pretty, shape });
+    }
+    Simplified { graph, parts, numbers: emitter.numbers, snaps, names, info }
+}
+
+fn places(system: &System) -> Vec<Place> {
+    let forces = (0..system.degrees()).map(Place::Force);
+    [Place::Kinetic, Place::Potential, Place::Hamiltonian].into_iter().chain(forces).collect()
+}
+
+/// A part as it was specified: the known expression and the learned terms.
+struct Raw {
+    known: Expr,
+    /// (index in `active`, term).
+    terms: Vec<(usize, Expr)>,
+    energy: bool,
+}
+
+impl Raw {
+    /// `None` where the part is zero.
+    fn new(fitted: &Fitted, place: Place) -> Option<Self> {
+        let system = fitted.system;
+        let known = match place {
+            Place::Kinetic => system.kinetic,
+            Place::Potential => system.potential,
+            Place::Hamiltonian => system.hamiltonian,
+            Place::Force(i) => *system.forces.get(i)?,
+        };
+        let terms: Vec<(usize, Expr)> = fitted
+            .active
+            .iter()
+            .enumerate()
+            .filter_map(|(k, &index)| Some((k, system.terms.get(index)?)))
+            .filter(|(_, term)| term.place == place)
+            .map(|(k, term)| (k, term.expr))
+            .collect();
+        let empty = terms.is_empty() && system.graph.is_zero(known);
+        let energy = !matches!(place, Place::Force(_));
+        (!empty).then_some(Raw { known, terms, energy })
+    }
+
+    fn normal(&self, fitted: &Fitted, expands: bool) -> (Atoms, Polynomial) {
+        let mut atoms = Atoms::new(fitted.system.degrees(), expands);
+        let number = |symbol| match symbol {
+            Symbol::Parameter(i) => {
+                let value = fitted.parameters.get(i).copied()?;
+                Some(Quantity::fitted(fitted.active.len() + i, value))
+            }
+            _ => None,
+        };
+        let graph = &fitted.system.graph;
+        let mut cache = HashMap::new();
+        let mut form = atoms.expand(graph, self.known, &number, &mut cache);
+        for &(k, term) in &self.terms {
+            let term = atoms.expand(graph, term, &number, &mut cache);
+            let value = fitted.coefficients.get(k).copied().unwrap_or(0.0);
+            form.add_scaled(&term, &Quantity::fitted(k, value));
+        }
+        if self.energy {
+            // A constant in an energy has no effect.
+            form.0.remove(&Vec::new());
+        }
+        (atoms, form)
+    }
+}
+
+/// Compares a written form with the model, and what the rewrites make of it with the form.
+fn check_and_rewrite<'a>(
+    written: &RecExpr<Math>,
+    samples: &Samples,
+    numbers: Numbers<'a>,
+    options: &Options,
+    info: &mut Info,
+) -> Option<Candidate<'a>> {
+    let as_fitted = |row: usize| numbers.rows[row].fitted.value;
+    let difference = samples.from_model(written, &as_fitted);
+    let as_printed = |row: usize| numbers.printed_value(row);
+    let nice = part::with_nice_numbers(written, &numbers);
+    let (cost, expr) = part::rewritten(&nice, options, info);
+    let change = samples.between(written, &expr, &as_printed);
+    if difference > check::ROUNDING || change > check::ROUNDING {
+        info.rejected += 1;
+        return None;
+    }
+    info.checked_points = info.checked_points.max(samples.len());
+    info.largest_difference = info.largest_difference.max(difference).max(change);
+    Some(Candidate { cost, expr, numbers })
+}
+
+/// Sentences on polynomials in one variable that look like a known function.
+fn shapes(
+    fitted: &Fitted,
+    options: &Options,
+    place: Place,
+    atoms: &Atoms,
+    form: &Polynomial,
+    names: &Names,
+) -> Vec<String> {
+    let mut out = Vec::new();
+    for (component, symbol) in fitted.system.state().into_iter().enumerate() {
+        let mut powers = Vec::new();
+        let mut alone = true;
+        for (monomial, quantity) in &form.0 {
+            match monomial[..] {
+                [(atom, exponent)] if atoms.get(atom) == &Atom::Symbol(symbol) => {
+                    let exponent = exponent.value();
+                    alone &= exponent.fract() == 0.0 && (1.0..64.0).contains(&exponent);
+                    powers.push(shape::Power {
+                        power: exponent.max(0.0) as usize,
+                        value: quantity.value,
+                        standard_error: quantity.standard_error(fitted.covariance),
+                    });
+                }
+                // Functions may hold the variable; then nothing is said.
+                _ => alone &= monomial.iter().all(|&(atom, _)| match atoms.get(atom) {
+                    Atom::Symbol(other) => *other != symbol,
+                    _ => false,
+                }),
+            }
+        }
+        if !alone || powers.len() < 2 {
+            continue;
+        }
+        powers.sort_by_key(|power| power.power);
+        let range = options.ranges.get(component).copied();
+        if let Some(likeness) = shape::recognise(&powers, range) {
+            out.push(likeness.sentence(&names.of(symbol), place, &powers));
+        }
+    }
+    out
+}
+
+impl Simplified {
+    /// The printed H at a state (q, then p; a further number is the time, otherwise 0), with
+    /// the printed numbers. It differs from the model by a constant and by what snapped.
+    pub fn pretty_value(&self, state: &[f64]) -> f64 {
+        let energies = self.parts.iter().filter(|part| !matches!(part.place, Place::Force(_)));
+        energies.map(|part| self.part_value(part, state)).sum()
+    }
+
+    /// The printed form of one part at a state.
+    pub fn part_value(&self, part: &Part, state: &[f64]) -> f64 {
+        let degrees = self.names.coordinates.len();
+        let at = |i: usize| state.get(i).copied().unwrap_or(f64::NAN);
+        self.graph.value(part.pretty, &|symbol| match symbol {
+            Symbol::Coordinate(i) => at(i),
+            Symbol::Momentum(i) => at(degrees + i),
+            Symbol::Time => state.get(2 * degrees).copied().unwrap_or(0.0),
+            Symbol::Coefficient(j) => {
+                self.numbers.get(j).map_or(f64::NAN, DerivedNumber::printed_value)
+            }
+            Symbol::Parameter(_) => f64::NAN,
+        })
+    }
+}

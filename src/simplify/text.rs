@@ -1,0 +1,255 @@
+//! The simplified model as text for people.
+
+use std::fmt::Write;
+
+use super::{DerivedNumber, Part, Simplified};
+use crate::expr::{Expr, Node, Place, Symbol};
+
+/// How numbers are printed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Style {
+    /// Print uncertain numbers as 0.5012(13): the last digits' standard error in brackets.
+    pub uncertainties: bool,
+    /// Significant digits of numbers without an uncertainty.
+    pub digits: usize,
+}
+
+impl Default for Style {
+    fn default() -> Self {
+        Style { uncertainties: true, digits: 10 }
+    }
+}
+
+impl DerivedNumber {
+    /// The number as it is printed.
+    pub fn text(&self, style: Style) -> String {
+        match self.snapped {
+            Some(nice) => nice.to_string(),
+            None if style.uncertainties => uncertain(self.value, self.standard_error, style.digits),
+            None => significant(self.value, style.digits),
+        }
+    }
+
+    /// The value that is printed: the nice one where the number snapped.
+    pub fn printed_value(&self) -> f64 {
+        self.snapped.map_or(self.value, super::Nice::value)
+    }
+}
+
+/// `0.5012(13)`: two digits of the standard error, the value to the same place.
+pub fn uncertain(value: f64, standard_error: f64, digits: usize) -> String {
+    let size = value.abs().max(1e-300);
+    if !(standard_error > 1e-12 * size && standard_error.is_finite() && value.is_finite()) {
+        return significant(value, digits);
+    }
+    let mut places = 1 - standard_error.log10().floor() as i32;
+    if (standard_error * 10f64.powi(places)).round() >= 100.0 {
+        places -= 1;
+    }
+    if !(0..=15).contains(&places) {
+        // Very small or very large: in units of a power of ten.
+        let power = size.max(standard_error).log10().floor() as i32;
+        let unit = 10f64.powi(power);
+        if power.abs() > 200 || places + power < 0 {
+            return format!("{value:e}");
+        }
+        let inner = uncertain(value / unit, standard_error / unit, digits);
+        return format!("{inner}e{power}");
+    }
+    let last = (standard_error * 10f64.powi(places)).round();
+    let mut text = format!("{value:.*}", places as usize);
+    let shown = if places == 1 && last >= 10.0 {
+        // 12.3(1.2): the digits in brackets reach past the point.
+        format!("{:.1}", last / 10.0)
+    } else {
+        format!("{last}")
+    };
+    let _ = write!(text, "({shown})");
+    text
+}
+
+/// That many significant digits at most, no trailing zeros.
+pub fn significant(value: f64, digits: usize) -> String {
+    let text = format!("{value:.*e}", digits.max(1) - 1);
+    let rounded: f64 = text.parse().unwrap_or(value);
+    let plain = rounded == 0.0 || (1e-5..1e16).contains(&rounded.abs());
+    if plain { format!("{rounded}") } else { format!("{rounded:e}") }
+}
+
+/// How tightly a text holds together.
+#[derive(Clone, Copy, PartialEq, PartialOrd)]
+enum Strength {
+    Sum,
+    Product,
+    Power,
+    Atom,
+}
+
+impl Simplified {
+    /// H on one line, then the force on each coordinate that has one.
+    ///
+    /// Close to the mini-language, with a space for products: `H = p^2/2 - 0.5012(13) cos(q)`.
+    pub fn text(&self, style: Style) -> String {
+        let mut out = String::new();
+        for part in self.parts.iter().filter(|part| !matches!(part.place, Place::Force(_))) {
+            let text = self.part_text(part, style);
+            match (out.is_empty(), text.strip_prefix('-')) {
+                (true, _) => {
+                    let _ = write!(out, "H = {text}");
+                }
+                (false, Some(rest)) => {
+                    let _ = write!(out, " - {rest}");
+                }
+                (false, None) => {
+                    let _ = write!(out, " + {text}");
+                }
+            }
+        }
+        if out.is_empty() {
+            out.push_str("H = 0");
+        }
+        for part in &self.parts {
+            if let Place::Force(i) = part.place {
+                let name = self.names.of(Symbol::Coordinate(i));
+                let _ = write!(out, "\nforce {name} = {}", self.part_text(part, style));
+            }
+        }
+        out
+    }
+
+    /// One part, without its name.
+    pub fn part_text(&self, part: &Part, style: Style) -> String {
+        self.write(part.pretty, style, false).0
+    }
+
+    fn write(&self, expr: Expr, style: Style, inner: bool) -> (String, Strength) {
+        match self.graph.node(expr) {
+            Node::Number(number) => (significant(number.value(), style.digits), Strength::Atom),
+            Node::Symbol(Symbol::Coefficient(j)) => match self.numbers.get(*j) {
+                Some(number) => {
+                    let text = number.text(style);
+                    let product = number.snapped.is_some() && text.contains(['/', '*']);
+                    (text, if product { Strength::Product } else { Strength::Atom })
+                }
+                None => ("?".to_string(), Strength::Atom),
+            },
+            Node::Symbol(symbol) => (self.names.of(*symbol), Strength::Atom),
+            Node::Sum { constant, terms } => {
+                let mut terms: Vec<(Expr, f64)> =
+                    terms.iter().map(|&(t, c)| (t, c.value())).collect();
+                // (q2 - q1) rather than (-q1 + q2); whole parts keep their order.
+                if inner
+                    && terms.first().is_some_and(|t| t.1 < 0.0)
+                    && let Some(first) = terms.iter().position(|t| t.1 > 0.0)
+                {
+                    let term = terms.remove(first);
+                    terms.insert(0, term);
+                }
+                let mut out = String::new();
+                for (term, factor) in terms {
+                    let (text, strength) = self.write(term, style, true);
+                    let text = if strength == Strength::Sum { format!("({text})") } else { text };
+                    let text = match factor.abs() {
+                        1.0 => text,
+                        size => format!("{} {text}", significant(size, style.digits)),
+                    };
+                    push_signed(&mut out, factor < 0.0, &text);
+                }
+                if constant.value() != 0.0 {
+                    let text = significant(constant.value().abs(), style.digits);
+                    push_signed(&mut out, constant.value() < 0.0, &text);
+                }
+                (out, Strength::Sum)
+            }
+            Node::Product(parts) => self.write_product(parts, style),
+            Node::Power(base, exponent) => {
+                let base = self.wrapped(*base, style, Strength::Atom);
+                let exponent = self.wrapped(*exponent, style, Strength::Atom);
+                (format!("{base}^{exponent}"), Strength::Power)
+            }
+            Node::Apply(function, argument) => {
+                let argument = self.write(*argument, style, true).0;
+                (format!("{}({argument})", function.row().name), Strength::Atom)
+            }
+        }
+    }
+
+    fn write_product(
+        &self,
+        parts: &[(Expr, crate::expr::Number)],
+        style: Style,
+    ) -> (String, Strength) {
+        let (mut over, mut under) = (Vec::new(), Vec::new());
+        for &(base, exponent) in parts {
+            let exponent = exponent.value();
+            // 1/2 x is x/2, and 3/4 x is 3 x/4.
+            let nice = match self.graph.node(base) {
+                Node::Symbol(Symbol::Coefficient(j)) => {
+                    self.numbers.get(*j).and_then(|number| number.snapped)
+                }
+                _ => None,
+            };
+            if let (Some(nice), 1.0) = (nice, exponent) {
+                if nice.numerator != 1 {
+                    over.push(nice.numerator.to_string());
+                }
+                if nice.pi {
+                    over.push("pi".to_string());
+                }
+                if nice.denominator != 1 {
+                    under.push(nice.denominator.to_string());
+                }
+                continue;
+            }
+            let text = self.wrapped(base, style, Strength::Atom);
+            let power = |e: f64| match e {
+                1.0 => text.clone(),
+                e if e.fract() == 0.0 => format!("{text}^{e}"),
+                e => format!("{text}^({})", significant(e, style.digits)),
+            };
+            if exponent < 0.0 { under.push(power(-exponent)) } else { over.push(power(exponent)) }
+        }
+        let single = over.len() == 1 && under.is_empty();
+        let mut out = if over.is_empty() { "1".to_string() } else { over.join(" ") };
+        for divisor in under {
+            let _ = write!(out, "/{divisor}");
+        }
+        (out, if single { Strength::Power } else { Strength::Product })
+    }
+
+    fn wrapped(&self, expr: Expr, style: Style, least: Strength) -> String {
+        let (text, strength) = self.write(expr, style, true);
+        if strength < least { format!("({text})") } else { text }
+    }
+}
+
+fn push_signed(out: &mut String, negative: bool, text: &str) {
+    out.push_str(match (out.is_empty(), negative) {
+        (true, true) => "-",
+        (true, false) => "",
+        (false, true) => " - ",
+        (false, false) => " + ",
+    });
+    out.push_str(text);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn uncertainties_stand_in_brackets() {
+        for (value, error, text) in [
+            (0.501_23, 0.001_3, "0.5012(13)"),
+            (-2.0, 0.000_996, "-2.0000(10)"),
+            (123.4, 5.6, "123.4(5.6)"),
+            (1234.0, 56.0, "1234(56)"),
+            (0.5, 0.0, "0.5"),
+            (1.0 / 3.0, 0.0, "0.3333333333"),
+            (123_456.0, 1_200.0, "1.235(12)e5"),
+        ] {
+            assert_eq!(uncertain(value, error, 10), text);
+        }
+        assert_eq!(significant(f64::NAN, 3), "NaN");
+    }
+}
