@@ -4,4 +4,5 @@ pub mod data;
 pub mod diagnostic;
 pub mod error;
 pub mod eval;
+pub mod export;
 pub mod expr;
