@@ -5,6 +5,7 @@ pub mod diagnostic;
 pub mod dynamics;
 pub mod error;
 pub mod eval;
+pub mod export;
 pub mod expr;
 pub mod fit;
 pub mod simplify;

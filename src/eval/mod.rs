@@ -4,6 +4,8 @@ mod lower;
 mod reference;
 mod tape;
 
+pub(crate) use lower::{Instruction, Lowered, Slot, Value};
+
 use crate::expr::{Expr, Graph, Symbol};
 
 /// Where a compiled function takes a symbol's value from.

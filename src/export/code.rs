@@ -1,0 +1,300 @@
+//! Expressions as statements of a programming language.
+//!
+//! The statements do the evaluator's own operations in the evaluator's own order, so that
+//! generated code agrees with the fitted model to rounding. Values that are used more than
+//! once, or that would make a line too long, become numbered locals.
+
+use std::collections::BTreeSet;
+
+use super::model::{Identifiers, Model};
+use crate::eval::{Inputs, Instruction, Lowered, Slot, Value};
+use crate::expr::{Expr, Function, Graph, Node, Symbol};
+
+/// How a language writes what is not common to all.
+pub struct Dialect {
+    /// function(argument); the argument is text that binds like a name when `atom`.
+    pub apply: fn(Function, &str, bool) -> String,
+    /// base ^ exponent for a whole exponent.
+    pub whole_power: fn(&str, i32, bool) -> String,
+    /// base ^ exponent for any exponent.
+    pub power: fn(&str, &str, bool) -> String,
+}
+
+/// Longest text that stands in a line.
+const LINE: usize = 70;
+/// Longest text of an operand inside a line that is too long, and of an argument.
+const OPERAND: usize = 32;
+
+/// The body of a function: locals in their order, then the outputs.
+pub struct Body {
+    pub locals: Vec<(String, String)>,
+    pub outputs: Vec<String>,
+    /// Coordinates, momenta and time that occur.
+    pub variables: BTreeSet<Symbol>,
+}
+
+/// The statements that compute the outputs from q, p and t.
+pub fn body(model: &Model, names: &Identifiers, dialect: &Dialect, outputs: &[Expr]) -> Body {
+    let graph = &model.graph;
+    let variables: BTreeSet<Symbol> = graph
+        .symbols(outputs)
+        .into_iter()
+        .filter(|s| matches!(s, Symbol::Coordinate(_) | Symbol::Momentum(_) | Symbol::Time))
+        .collect();
+    let inputs = Inputs { varying: variables.iter().copied().collect(), uniform: Vec::new() };
+    let lowered = Lowered::new(graph, &inputs, outputs);
+    let mut uses = vec![0_u32; lowered.code.len()];
+    for instruction in &lowered.code {
+        for operand in instruction.operands().into_iter().flatten() {
+            uses[operand as usize] += 1;
+        }
+    }
+    for &output in &lowered.outputs {
+        uses[output as usize] += 1;
+    }
+    let mut writer = Writer {
+        graph,
+        names,
+        dialect,
+        prefix: names.local_prefix(),
+        texts: Vec::with_capacity(lowered.code.len()),
+        locals: Vec::new(),
+    };
+    for (at, &instruction) in lowered.code.iter().enumerate() {
+        // A value that nothing uses is a factor of a power that was built on the way.
+        let text = writer.instruction(instruction, &inputs, &lowered);
+        writer.texts.push(text);
+        let plain = matches!(instruction, Instruction::Load { .. } | Instruction::Broadcast { .. });
+        if uses[at] > 1 && !plain {
+            writer.make_local(at as Value);
+        }
+    }
+    let outputs = lowered.outputs.iter().map(|&v| writer.texts[v as usize].text.clone()).collect();
+    Body { locals: writer.locals, outputs, variables }
+}
+
+/// How tightly a text holds together.
+#[derive(Clone, Copy, PartialEq, PartialOrd)]
+enum Strength {
+    Sum,
+    Product,
+    Atom,
+}
+
+#[derive(Clone)]
+struct Text {
+    text: String,
+    strength: Strength,
+}
+
+impl Text {
+    fn new(text: impl Into<String>, strength: Strength) -> Text {
+        Text { text: text.into(), strength }
+    }
+
+    /// With parentheses when it is looser than `least`.
+    fn within(&self, least: Strength) -> String {
+        if self.strength < least { format!("({})", self.text) } else { self.text.clone() }
+    }
+
+    fn is_atom(&self) -> bool {
+        self.strength == Strength::Atom
+    }
+}
+
+struct Writer<'a> {
+    graph: &'a Graph,
+    names: &'a Identifiers,
+    dialect: &'a Dialect,
+    prefix: &'static str,
+    /// What each value is written as.
+    texts: Vec<Text>,
+    locals: Vec<(String, String)>,
+}
+
+impl Writer<'_> {
+    fn make_local(&mut self, value: Value) {
+        let name = format!("{}{}", self.prefix, self.locals.len() + 1);
+        let text = std::mem::replace(
+            &mut self.texts[value as usize],
+            Text::new(name.clone(), Strength::Atom),
+        );
+        self.locals.push((name, text.text));
+    }
+
+    /// Writes an instruction; operands become locals until it fits in a line.
+    fn instruction(&mut self, instruction: Instruction, inputs: &Inputs, lowered: &Lowered) -> Text {
+        let operands: Vec<Value> = instruction.operands().into_iter().flatten().collect();
+        if let Instruction::Apply { a, .. }
+        | Instruction::Raise { a, .. }
+        | Instruction::Power { a, .. } = instruction
+            && self.texts[a as usize].text.len() > OPERAND
+        {
+            self.make_local(a);
+        }
+        let text = self.compose(instruction, inputs, lowered);
+        if text.text.len() <= LINE {
+            return text;
+        }
+        for operand in operands {
+            if self.texts[operand as usize].text.len() > OPERAND {
+                self.make_local(operand);
+            }
+        }
+        self.compose(instruction, inputs, lowered)
+    }
+
+    fn compose(&self, instruction: Instruction, inputs: &Inputs, lowered: &Lowered) -> Text {
+        let of = |value: Value| &self.texts[value as usize];
+        let slot = |slot: u32| &lowered.slots[slot as usize];
+        match instruction {
+            Instruction::Load { input } => {
+                Text::new(self.names.of(inputs.varying[input as usize]), Strength::Atom)
+            }
+            Instruction::Broadcast { slot: s } => {
+                let (negative, text) = self.slot(slot(s));
+                signed(negative, text.unwrap_or(Text::new("1.0", Strength::Atom)))
+            }
+            Instruction::Scale { a, slot: s } => self.scaled(slot(s), of(a)),
+            Instruction::AddScaled { a, b, slot: s } => {
+                let (negative, factor) = self.slot(slot(s));
+                let product = times(factor, of(b));
+                let sign = if negative { '-' } else { '+' };
+                let text = format!("{} {sign} {}", of(a).text, product.within(Strength::Product));
+                Text::new(text, Strength::Sum)
+            }
+            Instruction::Shift { a, slot: s } => {
+                let (negative, text) = self.slot(slot(s));
+                let text = text.unwrap_or(Text::new("1.0", Strength::Atom));
+                let sign = if negative { '-' } else { '+' };
+                let text = format!("{} {sign} {}", of(a).text, text.within(Strength::Product));
+                Text::new(text, Strength::Sum)
+            }
+            Instruction::Multiply { a, b } => {
+                let (a, b) = (of(a).within(Strength::Product), of(b).within(Strength::Atom));
+                Text::new(format!("{a} * {b}"), Strength::Product)
+            }
+            Instruction::Reciprocal { a } => {
+                Text::new(format!("1.0 / {}", of(a).within(Strength::Atom)), Strength::Product)
+            }
+            Instruction::Raise { a, slot: s } => self.raise(of(a), slot(s).factor),
+            Instruction::Power { a, b } => {
+                let (a, b) = (of(a), of(b));
+                Text::new((self.dialect.power)(&a.text, &b.text, a.is_atom()), Strength::Atom)
+            }
+            Instruction::Apply { a, function } => self.apply(function, of(a)),
+        }
+    }
+
+    fn scaled(&self, slot: &Slot, a: &Text) -> Text {
+        let (negative, factor) = self.slot(slot);
+        signed(negative, times(factor, a))
+    }
+
+    fn apply(&self, function: Function, argument: &Text) -> Text {
+        let text = (self.dialect.apply)(function, &argument.text, argument.is_atom());
+        Text::new(text, Strength::Atom)
+    }
+
+    fn raise(&self, base: &Text, exponent: f64) -> Text {
+        let whole = exponent.fract() == 0.0 && exponent.abs() <= 64.0;
+        let text = if whole {
+            (self.dialect.whole_power)(&base.text, exponent as i32, base.is_atom())
+        } else {
+            (self.dialect.power)(&base.text, &number(exponent), base.is_atom())
+        };
+        Text::new(text, Strength::Atom)
+    }
+
+    /// A number that is the same at every point: whether it is negative, and its size;
+    /// `None` for 1.
+    fn slot(&self, slot: &Slot) -> (bool, Option<Text>) {
+        let size = slot.factor.abs();
+        let mut text: Option<Text> =
+            (size != 1.0).then(|| Text::new(number(size), Strength::Atom));
+        let mut parts = slot.parts.iter().map(|&(expr, exponent)| {
+            let base = self.uniform(expr);
+            if exponent == 1.0 { base } else { self.raise(&base, exponent) }
+        });
+        let product = parts.next().map(|first| {
+            parts.fold(first, |product, part| {
+                let (a, b) = (product.within(Strength::Product), part.within(Strength::Atom));
+                Text::new(format!("{a} * {b}"), Strength::Product)
+            })
+        });
+        if let Some(product) = product {
+            text = Some(times(text, &product));
+        }
+        (slot.factor < 0.0, text)
+    }
+
+    /// An expression of learned numbers alone, in the order of the evaluator's scalar program.
+    fn uniform(&self, expr: Expr) -> Text {
+        match self.graph.node(expr) {
+            Node::Number(value) => {
+                signed(value.value() < 0.0, Text::new(number(value.value().abs()), Strength::Atom))
+            }
+            Node::Symbol(symbol) => Text::new(self.names.of(*symbol), Strength::Atom),
+            Node::Sum { constant, terms } => {
+                let mut sum = String::new();
+                for &(term, factor) in terms.iter() {
+                    let factor = factor.value();
+                    let size = factor.abs();
+                    let size = (size != 1.0).then(|| Text::new(number(size), Strength::Atom));
+                    let product = times(size, &self.uniform(term)).within(Strength::Product);
+                    sum += match (sum.is_empty(), factor < 0.0) {
+                        (true, true) => "-",
+                        (true, false) => "",
+                        (false, true) => " - ",
+                        (false, false) => " + ",
+                    };
+                    sum += &product;
+                }
+                let constant = constant.value();
+                if constant != 0.0 {
+                    let sign = if constant < 0.0 { '-' } else { '+' };
+                    sum += &format!(" {sign} {}", number(constant.abs()));
+                }
+                Text::new(sum, Strength::Sum)
+            }
+            Node::Product(parts) => {
+                let slot = Slot {
+                    factor: 1.0,
+                    parts: parts.iter().map(|&(base, e)| (base, e.value())).collect(),
+                };
+                self.slot(&slot).1.unwrap_or(Text::new("1.0", Strength::Atom))
+            }
+            Node::Power(base, exponent) => {
+                let (base, exponent) = (self.uniform(*base), self.uniform(*exponent));
+                let text = (self.dialect.power)(&base.text, &exponent.text, base.is_atom());
+                Text::new(text, Strength::Atom)
+            }
+            Node::Apply(function, argument) => self.apply(*function, &self.uniform(*argument)),
+        }
+    }
+}
+
+/// factor * a, multiplied from left to right with a as a whole.
+fn times(factor: Option<Text>, a: &Text) -> Text {
+    match factor {
+        None => a.clone(),
+        Some(factor) => {
+            let (factor, a) = (factor.within(Strength::Product), a.within(Strength::Atom));
+            Text::new(format!("{factor} * {a}"), Strength::Product)
+        }
+    }
+}
+
+fn signed(negative: bool, text: Text) -> Text {
+    if !negative {
+        return text;
+    }
+    // A minus sign stands in front of a product only: it binds like a sum inside another.
+    Text::new(format!("-{}", text.within(Strength::Product)), Strength::Sum)
+}
+
+/// The shortest decimal with a point or an exponent that reads back as the same number.
+pub fn number(value: f64) -> String {
+    let plain = value == 0.0 || (1e-5..1e16).contains(&value.abs());
+    if plain { format!("{value:?}") } else { format!("{value:e}") }
+}

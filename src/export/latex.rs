@@ -1,0 +1,182 @@
+//! Equations as LaTeX: a fragment, and a document that compiles.
+
+use std::collections::HashMap;
+use std::fmt::Write;
+
+use super::model::Model;
+use super::number::Measured;
+use super::tex::{self, Writer};
+use super::{Export, Output};
+use crate::error::Result;
+use crate::expr::{Expr, Graph, Names, Place, Symbol};
+
+/// One equation, its right side in as many lines as it needs.
+pub struct Equation {
+    pub left: String,
+    pub right: Vec<String>,
+}
+
+/// The equations as people read them: T, V, H, the forces, then the equations of motion.
+pub fn equations(export: &Export) -> Result<Vec<Equation>> {
+    // A model that does not belong to its spec is an error here as in every other format.
+    Model::new(export)?;
+    let system = export.system;
+    let pretty = export.pretty;
+    let mut graph: Graph = pretty.graph.clone();
+    let names = Names { coefficients: Vec::new(), ..system.names() };
+    let n = system.degrees();
+    let zero = graph.number(0.0);
+    let part = |place| pretty.part(place).unwrap_or(zero);
+    let kinetic = part(Place::Kinetic);
+    let potential = part(Place::Potential);
+    let rest = part(Place::Hamiltonian);
+    let energy = graph.sum(&[kinetic, potential, rest]);
+    let forces: Vec<Expr> = (0..n).map(|i| part(Place::Force(i))).collect();
+    let gradient = graph.gradient(energy, &system.state());
+    let slopes: Vec<Expr> = (0..n).map(|i| graph.subtract(forces[i], gradient[i])).collect();
+
+    let writer = Writer { graph: &graph, names: &names, numbers: &pretty.numbers };
+    let equation = |left: String, expr| Equation { left, right: writer.lines(expr) };
+    let mut out = Vec::new();
+    let split = !writer.graph.is_zero(kinetic) || !writer.graph.is_zero(potential);
+    if split {
+        out.push(equation("T".to_string(), kinetic));
+        out.push(equation("V".to_string(), potential));
+        if writer.graph.is_zero(rest) {
+            out.push(Equation { left: "H".to_string(), right: vec!["T + V".to_string()] });
+        } else {
+            let mut right = writer.lines(rest);
+            let sign = if right[0].starts_with('-') { " " } else { " + " };
+            right[0] = format!("T + V{sign}{}", right[0]);
+            out.push(Equation { left: "H".to_string(), right });
+        }
+    } else {
+        out.push(equation("H".to_string(), rest));
+    }
+    let variable = |symbol| tex::name(&names.of(symbol));
+    for (i, &force) in forces.iter().enumerate().filter(|(_, f)| !writer.graph.is_zero(**f)) {
+        out.push(equation(format!("F_{{{}}}", variable(Symbol::Coordinate(i))), force));
+    }
+    for i in 0..n {
+        out.push(equation(format!(r"\dot{{{}}}", variable(Symbol::Coordinate(i))), gradient[n + i]));
+    }
+    for (i, &slope) in slopes.iter().enumerate() {
+        out.push(equation(format!(r"\dot{{{}}}", variable(Symbol::Momentum(i))), slope));
+    }
+    Ok(out)
+}
+
+/// Writes the equations as one `align*` of amsmath.
+pub fn fragment(export: &Export) -> Result<Output> {
+    Ok(Output::Text(align(&equations(export)?)))
+}
+
+fn align(equations: &[Equation]) -> String {
+    let rows: Vec<String> = equations
+        .iter()
+        .map(|equation| {
+            let right = equation.right.join(" \\\\\n    &");
+            format!("{} &= {right}", equation.left)
+        })
+        .collect();
+    format!("\\begin{{align*}}\n{}\n\\end{{align*}}\n", rows.join(" \\\\\n"))
+}
+
+/// Writes a whole document.
+pub fn document(export: &Export) -> Result<Output> {
+    let model = Model::new(export)?;
+    let system = export.system;
+    let mut out = String::from(
+        "\\documentclass{article}\n\\usepackage[T1]{fontenc}\n\\usepackage[utf8]{inputenc}\n\
+         \\usepackage{amsmath}\n\\usepackage[margin=25mm]{geometry}\n\\allowdisplaybreaks\n\
+         \\begin{document}\n",
+    );
+    let title = if system.name.is_empty() { "A learned model" } else { &system.name };
+    let _ = writeln!(out, "\\section*{{{}}}\n", text(title));
+    out += &align(&equations(export)?);
+    for note in &export.pretty.notes {
+        let _ = writeln!(out, "\n\\noindent {}", text(note));
+    }
+    if !model.constants.is_empty() {
+        out += "\n\\subsection*{Learned numbers}\n\n\\noindent Digits in parentheses are the standard error of the last digits";
+        out += "; a question mark stands for one that is unknown.\n\n";
+        let names = system.names();
+        let rows: Vec<[String; 4]> = model
+            .constants
+            .iter()
+            .map(|constant| {
+                let measured = Measured::new(constant.value, constant.standard_error);
+                let meaning = match constant.symbol {
+                    Symbol::Coefficient(k) => {
+                        let graph = &system.graph;
+                        let writer = Writer { graph, names: &names, numbers: &[] };
+                        format!("${}$", writer.expression(system.terms[k].expr))
+                    }
+                    _ => text(&constant.meaning),
+                };
+                [
+                    format!("${}$", tex::name(&constant.name)),
+                    format!("${}$", measured.tex()),
+                    constant.unit.as_deref().map(text).unwrap_or_default(),
+                    meaning,
+                ]
+            })
+            .collect();
+        out += &table("llll", &["", "value", "unit", "term"], &rows);
+    }
+    let (snapped, mut seen) = (&export.pretty.numbers, HashMap::new());
+    for number in snapped {
+        if let Some(exact) = &number.snapped
+            && seen.insert(exact.clone(), ()).is_none()
+        {
+            let _ = writeln!(
+                out,
+                "\n\\noindent A learned number was within its uncertainty of {} and is written so.",
+                text(exact)
+            );
+        }
+    }
+    if !export.noise.is_empty() {
+        out += "\n\\subsection*{Noise}\n\n";
+        let rows: Vec<[String; 2]> = export
+            .noise
+            .iter()
+            .map(|(name, deviation)| {
+                let (digits, exponent) = super::number::significant(*deviation, 3);
+                let measured = Measured { digits, uncertainty: None, exponent };
+                [format!("${}$", tex::name(name)), format!("${}$", measured.tex())]
+            })
+            .collect();
+        out += &table("ll", &["", "standard deviation"], &rows);
+    }
+    out += "\n\\subsection*{Origin}\n\n";
+    let mut facts = export.provenance.lines();
+    facts.push(format!(
+        "integrated by {} (order {}), step {}",
+        export.integrator.name, export.integrator.order, export.step
+    ));
+    for fact in facts {
+        let _ = writeln!(out, "\\noindent {}\\\\", text(&fact).replace("SHA-256", "SHA-256 "));
+    }
+    out += "\\end{document}\n";
+    Ok(Output::Text(out))
+}
+
+fn table<const N: usize>(columns: &str, head: &[&str; N], rows: &[[String; N]]) -> String {
+    let mut out = String::new();
+    // A page takes about forty rows; a table does not break by itself.
+    for rows in rows.chunks(40) {
+        let _ = writeln!(out, "\\noindent\\begin{{tabular}}{{{columns}}}\n{} \\\\ \\hline", head.join(" & "));
+        for row in rows {
+            let _ = writeln!(out, "{} \\\\", row.join(" & "));
+        }
+        out += "\\end{tabular}\n\n";
+    }
+    out
+}
+
+/// Text of a user; letters that plain LaTeX does not know are written as question marks.
+fn text(text: &str) -> String {
+    let known = |c: char| if c.is_ascii() || ('\u{a1}'..='\u{ff}').contains(&c) { c } else { '?' };
+    tex::escape(&text.chars().map(known).collect::<String>())
+}

@@ -1,0 +1,259 @@
+//! The model as equations of motion, and names that generated code can use.
+
+use std::collections::{HashMap, HashSet};
+
+use super::{Export, IntegratorKind};
+use crate::error::{Error, Result};
+use crate::expr::{Expr, Function, Graph, Node, Symbol};
+
+/// Equations of motion in a graph of their own. Coefficients and parameters are symbols,
+/// so that expressions are the same as those that were fitted.
+pub struct Model {
+    pub graph: Graph,
+    pub energy: Expr,
+    /// dH/dp_i.
+    pub velocities: Vec<Expr>,
+    /// F_i - dH/dq_i.
+    pub accelerations: Vec<Expr>,
+    /// F_i alone.
+    pub forces: Vec<Expr>,
+    /// Explicit change of H plus the power of the forces: what the energy changes by.
+    pub power: Expr,
+    /// Row by row the derivatives of velocities and accelerations by q_1 .. q_n, p_1 .. p_n.
+    pub jacobian: Vec<Expr>,
+    /// Values of the coefficients that occur, then of the parameters.
+    pub constants: Vec<Constant>,
+    /// The energy is a constant of the motion.
+    pub conservative: bool,
+    /// Every derivative exists everywhere: no jump or kink such as in abs.
+    pub smooth: bool,
+}
+
+/// A learned number.
+pub struct Constant {
+    pub symbol: Symbol,
+    pub name: String,
+    pub value: f64,
+    pub standard_error: f64,
+    /// The term that it belongs to, or that it is a parameter.
+    pub meaning: String,
+    pub unit: Option<String>,
+}
+
+impl Model {
+    /// Derives the equations of motion; an error when the integrator cannot take them.
+    pub fn new(export: &Export) -> Result<Model> {
+        let mut system = export.system.clone();
+        let wrong = |message: &str| Error::fit(message, "fit the model again before exporting it");
+        if export.active.len() != export.coefficients.len()
+            || export.active.iter().any(|&k| k >= system.terms.len())
+            || system.forces.len() != system.degrees()
+        {
+            return Err(wrong("the model does not belong to its spec"));
+        }
+        if export.parameters.len() != system.parameters.len() {
+            return Err(wrong("the model has not one value for each parameter of its spec"));
+        }
+        let numbers = export.coefficients.iter().chain(export.parameters);
+        if !numbers.chain([&export.step]).all(|x| x.is_finite()) || export.step <= 0.0 {
+            return Err(wrong("the model has a number or a step that is not finite"));
+        }
+        let energy = system.energy(export.active);
+        let forces = system.force(export.active);
+        let state = system.state();
+        let n = system.degrees();
+        let constants = constants(export);
+        let graph = &mut system.graph;
+        let gradient = graph.gradient(energy, &state);
+        let velocities = gradient[n..].to_vec();
+        let mut accelerations = Vec::with_capacity(n);
+        let mut change = vec![(1.0, graph.derivative(energy, Symbol::Time))];
+        for (i, &force) in forces.iter().enumerate() {
+            accelerations.push(graph.subtract(force, gradient[i]));
+            change.push((1.0, graph.multiply(force, velocities[i])));
+        }
+        let power = graph.linear(0.0, &change);
+        let field: Vec<Expr> = velocities.iter().chain(&accelerations).copied().collect();
+        let columns: Vec<Vec<Expr>> =
+            state.iter().map(|&symbol| graph.derivatives(&field, symbol)).collect();
+        let jacobian =
+            (0..2 * n).flat_map(|row| columns.iter().map(move |column| column[row])).collect();
+        let separable = (0..n).all(|i| {
+            let q = Symbol::Coordinate(i);
+            let p = Symbol::Momentum(i);
+            velocities.iter().all(|&v| !graph.depends_on(v, q))
+                && accelerations.iter().all(|&a| !graph.depends_on(a, p))
+        });
+        if matches!(export.integrator.kind, IntegratorKind::Splitting { .. }) && !separable {
+            return Err(Error::fit(
+                format!(
+                    "`{}` cannot integrate this model: dq/dt depends on q, or dp/dt on p",
+                    export.integrator.name
+                ),
+                "fit it with an implicit method",
+            ));
+        }
+        if let IntegratorKind::Implicit(tableau) | IntegratorKind::Explicit(tableau) =
+            &export.integrator.kind
+        {
+            let stages = tableau.weights.len();
+            if tableau.nodes.len() != stages || tableau.matrix.len() != stages * stages {
+                return Err(wrong("the integrator's tableau is not square"));
+            }
+        }
+        let conservative = graph.is_zero(power);
+        let smooth = !graph.topological(&[energy]).into_iter().chain(graph.topological(&forces)).any(
+            |part| matches!(graph.node(part), Node::Apply(f, _) if ["abs", "sign"].contains(&f.row().name)),
+        );
+        Ok(Model {
+            energy,
+            velocities,
+            accelerations,
+            forces,
+            power,
+            jacobian,
+            constants,
+            conservative,
+            smooth,
+            graph: system.graph,
+        })
+    }
+
+    /// dq/dt, then dp/dt.
+    pub fn field(&self) -> Vec<Expr> {
+        self.velocities.iter().chain(&self.accelerations).copied().collect()
+    }
+
+    /// Functions of the table that any of the expressions calls.
+    pub fn functions(&self) -> Vec<Function> {
+        let mut roots = vec![self.energy, self.power];
+        roots.extend(&self.forces);
+        roots.extend(&self.jacobian);
+        roots.extend(self.field());
+        let mut functions: Vec<Function> = self
+            .graph
+            .topological(&roots)
+            .into_iter()
+            .filter_map(|part| match self.graph.node(part) {
+                Node::Apply(function, _) => Some(*function),
+                _ => None,
+            })
+            .collect();
+        functions.sort_unstable();
+        functions.dedup();
+        functions
+    }
+}
+
+fn constants(export: &Export) -> Vec<Constant> {
+    let names = export.system.names();
+    let mut out = Vec::new();
+    for (i, (&k, &value)) in export.active.iter().zip(export.coefficients).enumerate() {
+        let term = &export.system.terms[k];
+        out.push(Constant {
+            symbol: Symbol::Coefficient(k),
+            name: names.of(Symbol::Coefficient(k)),
+            value,
+            standard_error: export.standard_error(i),
+            meaning: term.label.clone(),
+            unit: term.unit_text.clone(),
+        });
+    }
+    for (i, (parameter, &value)) in
+        export.system.parameters.iter().zip(export.parameters).enumerate()
+    {
+        out.push(Constant {
+            symbol: Symbol::Parameter(i),
+            name: parameter.name.clone(),
+            value,
+            standard_error: export.parameter_error(i),
+            meaning: "parameter".to_string(),
+            unit: parameter.unit_text.clone(),
+        });
+    }
+    out
+}
+
+/// Names of symbols in generated code: letters, digits and underscores, each only once.
+pub struct Identifiers {
+    names: HashMap<Symbol, String>,
+    taken: HashSet<String>,
+}
+
+impl Identifiers {
+    /// `reserved` are the words that the language and the generated code use themselves.
+    /// Constants get capital letters when `capitals`, and variables small ones.
+    pub fn new(export: &Export, model: &Model, reserved: &[&str], capitals: bool) -> Identifiers {
+        let mut identifiers = Identifiers {
+            names: HashMap::new(),
+            taken: reserved.iter().map(|word| word.to_string()).collect(),
+        };
+        let names = export.system.names();
+        for symbol in export.system.state().into_iter().chain([Symbol::Time]) {
+            let mut name = identifier(&names.of(symbol));
+            if capitals {
+                name = name.to_ascii_lowercase();
+            }
+            identifiers.insert(symbol, name);
+        }
+        for constant in &model.constants {
+            let mut name = identifier(&constant.name);
+            if capitals {
+                name = name.to_ascii_uppercase();
+            }
+            identifiers.insert(constant.symbol, name);
+        }
+        identifiers
+    }
+
+    fn insert(&mut self, symbol: Symbol, name: String) {
+        let unique = self.unique(&name);
+        self.names.insert(symbol, unique);
+    }
+
+    /// The name itself, or with a number behind it when it is taken.
+    fn unique(&mut self, name: &str) -> String {
+        let mut unique = name.to_string();
+        let mut count = 1;
+        while !self.taken.insert(unique.clone()) {
+            count += 1;
+            unique = format!("{name}_{count}");
+        }
+        unique
+    }
+
+    pub fn of(&self, symbol: Symbol) -> &str {
+        self.names.get(&symbol).map_or("undefined", String::as_str)
+    }
+
+    /// A letter for numbered locals, such that no name begins with it and goes on in digits.
+    pub fn local_prefix(&self) -> &'static str {
+        let free = |prefix: &&str| {
+            !self.taken.iter().any(|name| {
+                name.strip_prefix(*prefix)
+                    .is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()))
+            })
+        };
+        ["x", "s", "w", "part"].into_iter().find(free).unwrap_or("local_value_")
+    }
+}
+
+/// `q[1]` is q1, `k[1,2]` is k1_2, θ is theta.
+pub fn identifier(name: &str) -> String {
+    let mut out = String::new();
+    for c in name.chars() {
+        match c {
+            c if c.is_ascii_alphanumeric() || c == '_' => out.push(c),
+            ',' => out.push('_'),
+            '[' | ']' | ' ' => {}
+            c => {
+                let tex = super::tex::name(&c.to_string());
+                out.extend(tex.replace("mathrm", "").chars().filter(char::is_ascii_alphanumeric));
+            }
+        }
+    }
+    if !out.starts_with(|c: char| c.is_ascii_alphabetic()) {
+        out.insert(0, 'x');
+    }
+    out
+}

@@ -1,0 +1,74 @@
+//! A model as people read it: expressions whose numbers carry their uncertainty.
+
+use crate::expr::{Expr, Graph, Place, Symbol, System};
+
+/// Expressions in which `Symbol::Coefficient(j)` stands for `numbers[j]`.
+#[derive(Debug, Clone, Default)]
+pub struct Pretty {
+    pub graph: Graph,
+    /// At most one expression for each place; a place that is zero is left out.
+    pub parts: Vec<(Place, Expr)>,
+    pub numbers: Vec<PrettyNumber>,
+    /// What was done to the expressions that a reader should know.
+    pub notes: Vec<String>,
+}
+
+/// A number of a [`Pretty`] expression.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PrettyNumber {
+    pub value: f64,
+    /// Zero for an exact number, infinite or NaN when unknown.
+    pub standard_error: f64,
+    /// The exact number that was put in place of the learned one, in the mini-language: `1/2`.
+    pub snapped: Option<String>,
+}
+
+impl Pretty {
+    /// The model term by term, as it was learned: nothing is simplified.
+    ///
+    /// `coefficients` and `standard_errors` are in the order of `active`.
+    pub fn plain(
+        system: &System,
+        active: &[usize],
+        coefficients: &[f64],
+        standard_errors: &[f64],
+    ) -> Pretty {
+        let mut graph = system.graph.clone();
+        let mut known = vec![
+            (Place::Kinetic, system.kinetic),
+            (Place::Potential, system.potential),
+            (Place::Hamiltonian, system.hamiltonian),
+        ];
+        known.extend(system.forces.iter().enumerate().map(|(i, &f)| (Place::Force(i), f)));
+        let mut parts = Vec::new();
+        for (place, known) in known {
+            let mut sum = vec![(1.0, known)];
+            for (j, &k) in active.iter().enumerate() {
+                let Some(term) = system.terms.get(k).filter(|term| term.place == place) else {
+                    continue;
+                };
+                let number = graph.symbol(Symbol::Coefficient(j));
+                sum.push((1.0, graph.multiply(number, term.expr)));
+            }
+            let whole = graph.linear(0.0, &sum);
+            if !graph.is_zero(whole) {
+                parts.push((place, whole));
+            }
+        }
+        let numbers = coefficients
+            .iter()
+            .enumerate()
+            .map(|(i, &value)| PrettyNumber {
+                value,
+                standard_error: standard_errors.get(i).copied().unwrap_or(f64::NAN),
+                snapped: None,
+            })
+            .collect();
+        Pretty { graph, parts, numbers, notes: Vec::new() }
+    }
+
+    /// The expression of a place, if it has one.
+    pub fn part(&self, place: Place) -> Option<Expr> {
+        self.parts.iter().find(|part| part.0 == place).map(|part| part.1)
+    }
+}

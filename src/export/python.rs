@@ -1,0 +1,201 @@
+//! A Python module of SymPy expressions with a small simulator.
+
+use std::fmt::Write;
+
+use super::model::{Identifiers, Model};
+use super::{Export, Output, one_line};
+use crate::error::Result;
+use crate::expr::{Expr, Function, Names, Symbol};
+
+const TEMPLATE: &str = include_str!("templates/model.py.txt");
+
+/// Words of Python, names of the module, and functions of SymPy that are used by name.
+const RESERVED: &[&str] = &[
+    "False", "None", "True", "and", "as", "assert", "async", "await", "break", "class", "continue",
+    "def", "del", "elif", "else", "except", "finally", "for", "from", "global", "if", "import",
+    "in", "is", "lambda", "nonlocal", "not", "or", "pass", "raise", "return", "try", "while",
+    "with", "yield", "sympy", "math", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh",
+    "tanh", "exp", "log", "sqrt", "Abs", "sign", "kinetic", "potential", "hamiltonian", "forces",
+    "coordinates", "momenta", "time", "coefficients", "energy", "velocities", "accelerations",
+    "field", "simulate", "numbers", "SEPARABLE", "STEP", "START", "START_TIME", "_",
+];
+
+/// Writes the module.
+pub fn export(export: &Export) -> Result<Output> {
+    let model = Model::new(export)?;
+    let system = export.system;
+    let identifiers = Identifiers::new(export, &model, RESERVED, false);
+    let n = system.degrees();
+    let list = |symbols: &mut dyn Iterator<Item = Symbol>| -> Vec<String> {
+        symbols.map(|symbol| identifiers.of(symbol).to_string()).collect()
+    };
+    let names = Names {
+        coordinates: list(&mut (0..n).map(Symbol::Coordinate)),
+        momenta: list(&mut (0..n).map(Symbol::Momentum)),
+        parameters: list(&mut (0..system.parameters.len()).map(Symbol::Parameter)),
+        coefficients: list(&mut (0..system.terms.len()).map(Symbol::Coefficient)),
+    };
+    let mut whole = system.clone();
+    let rest = whole.energy(export.active);
+    let parts = Parts::new(export, &mut whole);
+    debug_assert!(rest == model.energy);
+    let python = |expr: Expr| {
+        let text = whole.graph.text(expr, &names);
+        // Time has no entry in `Names`: it is always t there.
+        translate(&text, identifiers.of(Symbol::Time))
+    };
+
+    let mut symbols = String::new();
+    let _ = writeln!(symbols, "coordinates = [\n{}]", symbol_list(&system.coordinates, &names.coordinates));
+    let _ = writeln!(symbols, "momenta = [\n{}]", symbol_list(&system.momenta, &names.momenta));
+    for (list, names) in [("coordinates", &names.coordinates), ("momenta", &names.momenta)] {
+        for (i, name) in names.iter().enumerate() {
+            let _ = writeln!(symbols, "{name} = {list}[{i}]");
+        }
+    }
+    let time = identifiers.of(Symbol::Time);
+    let _ = writeln!(symbols, "time = {time} = sympy.Symbol({}, real=True)", literal(&system.time.name));
+    for constant in &model.constants {
+        let name = identifiers.of(constant.symbol);
+        let _ = writeln!(
+            symbols,
+            "{name} = sympy.Symbol({}, real=True)  # {}",
+            literal(&constant.name),
+            one_line(&constant.meaning)
+        );
+    }
+    let mut values = String::new();
+    for constant in &model.constants {
+        let error = if constant.standard_error.is_finite() {
+            format!("{:?}", constant.standard_error)
+        } else {
+            "None".to_string()
+        };
+        let name = identifiers.of(constant.symbol);
+        let _ = writeln!(values, "    {name}: ({:?}, {error}),", constant.value);
+    }
+    let forces: String =
+        parts.forces.iter().map(|&force| format!("    sympy.sympify({}),\n", python(force))).collect();
+    let (start_time, start) = export.start_or_default();
+    let separable = {
+        let graph = &model.graph;
+        (0..n).all(|i| {
+            model.velocities.iter().all(|&v| !graph.depends_on(v, Symbol::Coordinate(i)))
+                && model.accelerations.iter().all(|&a| !graph.depends_on(a, Symbol::Momentum(i)))
+        })
+    };
+    let provenance: String =
+        export.provenance.lines().iter().map(|line| format!("{}\n", plain(line))).collect();
+    // User text last: it must not be searched for the places of other parts.
+    let text = TEMPLATE
+        .replace("@functions", &functions(&model))
+        .replace("@separable", if separable { "True" } else { "False" })
+        .replace("@step", &format!("{:?}", export.step))
+        .replace("@start_time", &format!("{start_time:?}"))
+        .replace("@start", &format!("{start:?}"))
+        .replace("@kinetic", &python(parts.kinetic))
+        .replace("@potential", &python(parts.potential))
+        .replace("@rest", &python(parts.rest))
+        .replace("@forces", &forces)
+        .replace("@values", &values)
+        .replace("@symbols", &symbols)
+        .replace("@provenance", provenance.trim_end())
+        .replace("@name", &plain(&system.name));
+    Ok(Output::Text(text))
+}
+
+/// T, V, what else is in H, and the forces, learned terms included.
+struct Parts {
+    kinetic: Expr,
+    potential: Expr,
+    rest: Expr,
+    forces: Vec<Expr>,
+}
+
+impl Parts {
+    fn new(export: &Export, system: &mut crate::expr::System) -> Parts {
+        use crate::expr::Place;
+        let mut part = |place, known| {
+            let active: Vec<usize> = export
+                .active
+                .iter()
+                .copied()
+                .filter(|&k| system.terms[k].place == place)
+                .collect();
+            let mut sum = vec![known];
+            for k in active {
+                let coefficient = system.graph.symbol(Symbol::Coefficient(k));
+                let term = system.terms[k].expr;
+                sum.push(system.graph.multiply(coefficient, term));
+            }
+            system.graph.sum(&sum)
+        };
+        Parts {
+            kinetic: part(Place::Kinetic, export.system.kinetic),
+            potential: part(Place::Potential, export.system.potential),
+            rest: part(Place::Hamiltonian, export.system.hamiltonian),
+            forces: system.force(export.active),
+        }
+    }
+}
+
+fn functions(model: &Model) -> String {
+    let names: Vec<&str> = model.functions().iter().map(|f| f.row().sympy).collect();
+    if names.is_empty() { String::new() } else { format!("from sympy import {}\n", names.join(", ")) }
+}
+
+fn symbol_list(variables: &[crate::expr::Variable], identifiers: &[String]) -> String {
+    variables
+        .iter()
+        .zip(identifiers)
+        .map(|(variable, _)| {
+            let unit = variable.unit_text.as_ref().map(|unit| format!("  # {}", one_line(unit)));
+            let name = literal(&variable.name);
+            format!("    sympy.Symbol({name}, real=True),{}\n", unit.unwrap_or_default())
+        })
+        .collect()
+}
+
+/// Text of the mini-language in Python: `^` is `**`, and functions have SymPy's names.
+fn translate(text: &str, time: &str) -> String {
+    let mut out = String::new();
+    let mut rest = text;
+    while let Some(c) = rest.chars().next() {
+        if c.is_ascii_alphabetic() || c == '_' {
+            let length = rest
+                .find(|c: char| !c.is_ascii_alphanumeric() && c != '_')
+                .unwrap_or(rest.len());
+            let (word, behind) = rest.split_at(length);
+            match Function::by_name(word).filter(|_| behind.starts_with('(')) {
+                Some(function) => out += function.row().sympy,
+                None if word == "t" => out += time,
+                None => out += word,
+            }
+            rest = behind;
+        } else if c.is_ascii_digit() {
+            // A number as a whole: its `e` is no name.
+            let length = rest
+                .char_indices()
+                .find(|&(i, c)| {
+                    let exponent_sign = c == '-' && rest[..i].ends_with('e');
+                    !(c.is_ascii_digit() || c == '.' || c == 'e' || exponent_sign)
+                })
+                .map_or(rest.len(), |(i, _)| i);
+            out += &rest[..length];
+            rest = &rest[length..];
+        } else {
+            if c == '^' { out += "**" } else { out.push(c) }
+            rest = &rest[c.len_utf8()..];
+        }
+    }
+    out
+}
+
+fn literal(text: &str) -> String {
+    format!("\"{}\"", one_line(text).replace('\\', "\\\\").replace('"', "\\\""))
+}
+
+/// Text inside a docstring, which it must not end.
+fn plain(text: &str) -> String {
+    one_line(text).replace('\\', "/").replace('"', "'").replace('@', "(at)")
+}

@@ -1,0 +1,263 @@
+//! A standalone simulator: a Cargo project without dependencies.
+//!
+//! What does not depend on the model stands in `templates/simulator` as it is written out.
+
+use std::fmt::Write;
+
+use super::code::{self, Dialect, number};
+use super::model::{Identifiers, Model, identifier};
+use super::number::with_uncertainty;
+use super::{Export, IntegratorKind, Output, Tableau, one_line};
+use crate::error::Result;
+use crate::expr::{Expr, Function, Symbol};
+
+const DIALECT: Dialect = Dialect { apply, whole_power, power };
+
+const MAIN: &str = include_str!("templates/simulator/main.rs.txt");
+const TESTS: &str = include_str!("templates/simulator/checks.rs.txt");
+const SPLITTING: &str = include_str!("templates/simulator/splitting.rs.txt");
+const IMPLICIT: &str = include_str!("templates/simulator/implicit.rs.txt");
+const EXPLICIT: &str = include_str!("templates/simulator/explicit.rs.txt");
+
+/// Words of Rust, and names that the generated functions use themselves.
+const RESERVED: &[&str] = &[
+    "as", "async", "await", "break", "const", "continue", "crate", "dyn", "else", "enum", "extern",
+    "false", "fn", "for", "gen", "if", "impl", "in", "let", "loop", "match", "mod", "move", "mut",
+    "pub", "ref", "return", "self", "static", "struct", "super", "trait", "true", "type", "unsafe",
+    "use", "where", "while", "abstract", "become", "box", "do", "final", "macro", "override",
+    "priv", "try", "typeof", "unsized", "virtual", "yield", "q", "p", "t", "out", "sign", "_",
+    "NAME", "DEGREES", "SIZE", "COORDINATES", "MOMENTA", "TIME", "STEP", "START", "START_TIME",
+    "METHOD", "ORDER", "SYMMETRIC", "CONSERVATIVE", "SMOOTH",
+];
+
+fn apply(function: Function, argument: &str, atom: bool) -> String {
+    match function.row().rust {
+        "sign" => format!("sign({argument})"),
+        method if atom => format!("{argument}.{method}()"),
+        method => format!("({argument}).{method}()"),
+    }
+}
+
+fn whole_power(base: &str, exponent: i32, atom: bool) -> String {
+    if atom { format!("{base}.powi({exponent})") } else { format!("({base}).powi({exponent})") }
+}
+
+fn power(base: &str, exponent: &str, atom: bool) -> String {
+    if atom { format!("{base}.powf({exponent})") } else { format!("({base}).powf({exponent})") }
+}
+
+/// Writes the project.
+pub fn export(export: &Export) -> Result<Output> {
+    let model = Model::new(export)?;
+    let package = package_name(&export.system.name);
+    let own = format!("{package}::");
+    let integrator = match &export.integrator.kind {
+        IntegratorKind::Splitting { weights } => {
+            SPLITTING.replace("const WEIGHTS: [f64; 0] = [];", &array("WEIGHTS", weights))
+        }
+        IntegratorKind::Implicit(tableau) => with_tableau(IMPLICIT, tableau),
+        IntegratorKind::Explicit(tableau) => with_tableau(EXPLICIT, tableau),
+    };
+    let lib = format!(
+        "//! Equations of motion and integrator of a model that was learned from measurements.\n//!\n{}\n\
+         pub mod integrator;\npub mod model;\n",
+        comment("//! ", &export.provenance.lines()),
+    );
+    let files = [
+        ("Cargo.toml", manifest(&package)),
+        ("src/lib.rs", lib),
+        ("src/model.rs", model_file(export, &model)),
+        ("src/integrator.rs", integrator),
+        ("src/main.rs", MAIN.replace("simulator::", &own)),
+        ("tests/checks.rs", TESTS.replace("simulator::", &own)),
+    ];
+    Ok(Output::Files(files.into_iter().map(|(path, text)| (path.to_string(), text)).collect()))
+}
+
+fn manifest(package: &str) -> String {
+    format!(
+        "[package]\nname = \"{package}\"\nversion = \"0.1.0\"\nedition = \"2021\"\n\
+         description = \"Simulates a model that was learned from measurements\"\n\
+         publish = false\n\n# No dependencies: this builds wherever Rust is.\n[dependencies]\n\n\
+         # The project stands alone even inside another one's folder.\n[workspace]\n"
+    )
+}
+
+/// A name that Cargo takes for a package and Rust for a crate.
+fn package_name(name: &str) -> String {
+    let mut out = String::from("simulate");
+    for word in name.split(|c: char| !c.is_alphanumeric()).filter(|w| !w.is_empty()) {
+        let word = identifier(word).to_ascii_lowercase();
+        if out.len() + word.len() < 50 {
+            let _ = write!(out, "_{word}");
+        }
+    }
+    out
+}
+
+fn comment(start: &str, lines: &[String]) -> String {
+    lines.iter().map(|line| format!("{start}{line}\n")).collect()
+}
+
+fn array(name: &str, values: &[f64]) -> String {
+    let items: String = values.iter().map(|&x| format!("    {},\n", number(x))).collect();
+    format!("#[rustfmt::skip]\nconst {name}: [f64; {}] = [\n{items}];", values.len())
+}
+
+fn with_tableau(template: &str, tableau: &Tableau) -> String {
+    template
+        .replace("const STAGES: usize = 0;", &format!("const STAGES: usize = {};", tableau.weights.len()))
+        .replace("const MATRIX: [f64; 0] = [];", &array("MATRIX", &tableau.matrix))
+        .replace("const WEIGHTS: [f64; 0] = [];", &array("WEIGHTS", &tableau.weights))
+        .replace("const NODES: [f64; 0] = [];", &array("NODES", &tableau.nodes))
+}
+
+/// A string literal.
+fn literal(text: &str) -> String {
+    let mut out = String::from("\"");
+    for c in one_line(text).chars() {
+        if matches!(c, '"' | '\\') {
+            out.push('\\');
+        }
+        out.push(c);
+    }
+    out.push('"');
+    out
+}
+
+fn literals(names: impl Iterator<Item = String>) -> String {
+    names.map(|name| format!("    {},\n", literal(&name))).collect()
+}
+
+fn model_file(export: &Export, model: &Model) -> String {
+    let system = export.system;
+    let n = system.degrees();
+    let names = Identifiers::new(export, model, RESERVED, true);
+    let (start_time, start) = export.start_or_default();
+    let mut out = format!("//! The model {}.\n//!\n", one_line(&system.name));
+    out += "//! dq/dt = dH/dp and dp/dt = F - dH/dq.\n\n";
+    let _ = writeln!(out, "/// What the model is called.\npub const NAME: &str = {};", literal(&system.name));
+    let _ = writeln!(out, "/// Degrees of freedom.\npub const DEGREES: usize = {n};");
+    out += "/// Components of the state: q, then p.\npub const SIZE: usize = 2 * DEGREES;\n";
+    for (what, name, variables) in [
+        ("Names of the coordinates.", "COORDINATES", &system.coordinates),
+        ("Names of the momenta.", "MOMENTA", &system.momenta),
+    ] {
+        let items = literals(variables.iter().map(|variable| match &variable.unit_text {
+            Some(unit) => format!("{} [{unit}]", variable.name),
+            None => variable.name.clone(),
+        }));
+        let _ = write!(
+            out,
+            "/// {what}\n#[rustfmt::skip]\npub const {name}: [&str; DEGREES] = [\n{items}];\n"
+        );
+    }
+    let _ = writeln!(out, "/// Name of the time.\npub const TIME: &str = {};", literal(&system.time.name));
+    let _ = writeln!(out, "/// Step of the integrator that the model was fitted with.\npub const STEP: f64 = {};", number(export.step));
+    let items: String = start.iter().map(|&x| format!("    {},\n", number(x))).collect();
+    let _ = writeln!(out, "/// A typical start.\n#[rustfmt::skip]\npub const START: [f64; SIZE] = [\n{items}];");
+    let _ = writeln!(out, "/// Time of the start.\npub const START_TIME: f64 = {};", number(start_time));
+    let integrator = &export.integrator;
+    let _ = writeln!(out, "/// Name of the integrator.\npub const METHOD: &str = {};", literal(&integrator.name));
+    let _ = writeln!(out, "/// Order of the integrator.\npub const ORDER: u32 = {};", integrator.order);
+    let symmetric = !matches!(integrator.kind, IntegratorKind::Explicit(_));
+    let _ = writeln!(out, "/// A step forward and the same step backward cancel.\npub const SYMMETRIC: bool = {symmetric};");
+    let _ = writeln!(out, "/// The energy is a constant of the motion.\npub const CONSERVATIVE: bool = {};", model.conservative);
+    let _ = writeln!(out, "/// The equations have no jump or kink.\npub const SMOOTH: bool = {};\n", model.smooth);
+    for constant in &model.constants {
+        let unit = constant.unit.as_ref().map(|unit| format!(" [{}]", one_line(unit)));
+        let _ = writeln!(
+            out,
+            "/// {}: {}{}\npub const {}: f64 = {};",
+            doc(&constant.meaning),
+            with_uncertainty(constant.value, constant.standard_error),
+            doc(&unit.unwrap_or_default()),
+            names.of(constant.symbol),
+            number(constant.value),
+        );
+    }
+    out.push('\n');
+    if model.functions().iter().any(|f| f.row().rust == "sign") {
+        out += "/// -1, 0 or 1.\nfn sign(x: f64) -> f64 {\n    if x == 0.0 {\n        0.0\n    } else {\n        x.signum()\n    }\n}\n\n";
+    }
+    let functions = Functions { model, names: &names };
+    out += &functions.scalar("The energy H.", "energy", model.energy);
+    out += &functions.scalar("What the energy changes by in time: power of the forces outside H, and dH/dt.", "power", model.power);
+    out += &functions.vector("Velocities dq/dt = dH/dp.", "velocity", "DEGREES", &model.velocities);
+    out += &functions.vector("dp/dt = F - dH/dq.", "acceleration", "DEGREES", &model.accelerations);
+    out += &functions.vector("Forces F outside the energy.", "outside_force", "DEGREES", &model.forces);
+    if matches!(integrator.kind, IntegratorKind::Implicit(_)) {
+        out += &functions.vector(
+            "Derivatives of dq/dt, dp/dt by q, p: row after row.",
+            "jacobian",
+            "SIZE * SIZE",
+            &model.jacobian,
+        );
+    }
+    out.truncate(out.trim_end().len());
+    out.push('\n');
+    out
+}
+
+/// Text in a doc comment: brackets would be links.
+fn doc(text: &str) -> String {
+    one_line(text).replace('[', "\\[").replace(']', "\\]")
+}
+
+struct Functions<'a> {
+    model: &'a Model,
+    names: &'a Identifiers,
+}
+
+impl Functions<'_> {
+    /// The lines of a function's body before its outputs, and its head's arguments.
+    fn start(&self, body: &code::Body) -> (String, String) {
+        let has = |kind: fn(&Symbol) -> bool| body.variables.iter().any(kind);
+        let underscore = |used: bool| if used { "" } else { "_" };
+        let q = underscore(has(|s| matches!(s, Symbol::Coordinate(_))));
+        let p = underscore(has(|s| matches!(s, Symbol::Momentum(_))));
+        let t = underscore(has(|s| matches!(s, Symbol::Time)));
+        let arguments = format!("{q}q: &[f64; DEGREES], {p}p: &[f64; DEGREES], {t}t: f64");
+        let mut lines = String::new();
+        for &symbol in &body.variables {
+            let name = self.names.of(symbol);
+            let _ = match symbol {
+                Symbol::Coordinate(i) => writeln!(lines, "    let {name} = q[{i}];"),
+                Symbol::Momentum(i) => writeln!(lines, "    let {name} = p[{i}];"),
+                _ => writeln!(lines, "    let {name} = t;"),
+            };
+        }
+        for (name, text) in &body.locals {
+            let _ = writeln!(lines, "    let {name} = {text};");
+        }
+        (arguments, lines)
+    }
+
+    fn scalar(&self, meaning: &str, name: &str, expr: Expr) -> String {
+        let body = code::body(self.model, self.names, &DIALECT, &[expr]);
+        let (arguments, lines) = self.start(&body);
+        let value = body.outputs.concat();
+        format!("/// {meaning}\npub fn {name}({arguments}) -> f64 {{\n{lines}    {value}\n}}\n\n")
+    }
+
+    fn vector(&self, meaning: &str, name: &str, size: &str, exprs: &[Expr]) -> String {
+        let body = code::body(self.model, self.names, &DIALECT, exprs);
+        let (arguments, lines) = self.start(&body);
+        let mut values = String::new();
+        // What is zero everywhere stays as it was made.
+        for (i, value) in body.outputs.iter().enumerate().filter(|(_, value)| *value != "0.0") {
+            let _ = writeln!(values, "    out[{i}] = {value};");
+        }
+        let head = format!("pub fn {name}({arguments}) -> [f64; {size}] {{");
+        let head = if head.len() <= 100 {
+            head
+        } else {
+            let arguments = arguments.replace(", ", ",\n    ");
+            format!("pub fn {name}(\n    {arguments},\n) -> [f64; {size}] {{")
+        };
+        if values.is_empty() {
+            return format!("/// {meaning}\n{head}\n    [0.0; {size}]\n}}\n\n");
+        }
+        format!("/// {meaning}\n{head}\n{lines}    let mut out = [0.0; {size}];\n{values}    out\n}}\n\n")
+    }
+}
