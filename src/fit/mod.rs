@@ -47,6 +47,5 @@ pub fn fit(
     monitor: &dyn Monitor,
 ) -> Result<Model> {
     let (training, round) = train::train(system, dataset, options, monitor)?;
-    let reason = stepping::reason(&training);
-    Ok(conclude::conclude(&training, &round, reason))
+    Ok(conclude::conclude(&training, &round))
 }
