@@ -17,6 +17,16 @@ pub struct MethodRow {
     pub source: &'static str,
 }
 
+impl MethodRow {
+    /// The tableau of a Runge-Kutta method.
+    pub fn tableau(&self) -> Option<&Tableau> {
+        match &self.kind {
+            Kind::Splitting(_) => None,
+            Kind::Implicit(tableau) | Kind::Explicit(tableau) => Some(tableau),
+        }
+    }
+}
+
 /// How a method steps, with its coefficients.
 #[derive(Debug)]
 pub enum Kind {
@@ -48,7 +58,8 @@ impl Tableau {
 }
 
 /// An integration method: a row of [`METHODS`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+/// The default is the first row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
 pub struct Method(u8);
 
 impl Method {

@@ -15,6 +15,7 @@ mod observe;
 mod splitting;
 mod steps;
 pub mod systems;
+mod trajectory;
 
 pub use adjoint::{PulledBack, Recording, pull_back, pull_back_observed};
 pub use batch::{Batch, Scratch};
@@ -23,3 +24,4 @@ pub use integrate::advance;
 pub use methods::{Kind, METHODS, Method, MethodRow, Tableau};
 pub use observe::observe;
 pub use steps::{StepChoice, choose_steps};
+pub use trajectory::{Pace, Stop, Trajectory, finest_method, simulate};
