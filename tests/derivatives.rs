@@ -67,7 +67,7 @@ fn odd_and_even_rows_are_odd_and_even() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(5000))]
+    #![proptest_config(ProptestConfig::with_cases(1000))]
 
     #[test]
     fn derivatives_are_the_limits_of_differences(shape in shape(), at in 0.1..1.1_f64) {
@@ -109,9 +109,9 @@ proptest! {
             Symbol::Time => 0.8,
             _ => 0.3,
         });
-        for i in 0..3 {
-            for j in 0..i {
-                let (a, b) = (of(hessian[i][j]), of(hessian[j][i]));
+        for (i, row) in hessian.iter().enumerate() {
+            for (&here, across) in row.iter().zip(&hessian) {
+                let (a, b) = (of(here), of(across[i]));
                 if a.is_finite() && b.is_finite() {
                     prop_assert!((a - b).abs() <= 1e-8 * (1.0 + a.abs()), "{} {}", a, b);
                 }

@@ -1,5 +1,7 @@
 //! Integration methods as rows of one table.
 
+use std::fmt;
+
 /// One integration method.
 #[derive(Debug)]
 pub struct MethodRow {
@@ -93,6 +95,12 @@ impl Method {
     }
 }
 
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.row().name)
+    }
+}
+
 /// 1 / (2 - 2^(1/3)).
 const YOSHIDA_4: f64 = 1.351_207_191_959_657_6;
 
@@ -122,6 +130,7 @@ const fn symmetric<const N: usize>(outer: &[f64]) -> [f64; N] {
 }
 
 /// Every integration method. A new one is one row here; the tests measure it by themselves.
+#[expect(clippy::excessive_precision, reason = "digits as the sources print them")]
 pub static METHODS: &[MethodRow] = &[
     MethodRow {
         name: "leapfrog",

@@ -1,7 +1,14 @@
 //! Equations of motion: compiled, integrated, and differentiated exactly.
 //!
-//! [`Dynamics`] compiles a [`System`](crate::expr::System); [`advance`] moves a [`Batch`] of
-//! trajectories by any row of [`METHODS`], together with the Jacobian of the discrete map.
+//! [`Dynamics`] compiles a [`System`](crate::expr::System) with some of its learned terms;
+//! [`advance`] moves a [`Batch`] of trajectories by any row of [`METHODS`], together with the
+//! Jacobian of the discrete map; [`pull_back`] is the transpose of that Jacobian. [`observe`]
+//! says what is measured of a state, [`choose_steps`] what to integrate with, and [`simulate`]
+//! follows whole trajectories.
+//!
+//! Everything is laid out lane by lane: a state is `[2n][lanes]`, a tangent
+//! `[2n][2n + P][lanes]`, coordinates before momenta, columns of the initial state before those
+//! of theta. 128 lanes, or a multiple, suit the batched evaluator and the caches best.
 
 mod adjoint;
 mod batch;

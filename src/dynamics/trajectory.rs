@@ -147,7 +147,7 @@ impl Walk<'_> {
             Pace::Longest(longest) => {
                 let steps = (span.abs() / longest.abs()).ceil();
                 // A step of nothing asks for more steps than there are: not resolved.
-                if !(steps <= MOST_STEPS as f64) {
+                if steps.is_nan() || steps > MOST_STEPS as f64 {
                     return vec![false; batch.lanes];
                 }
                 (steps as usize).max(1)
