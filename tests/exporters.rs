@@ -8,7 +8,7 @@ use std::process::Command;
 
 use leverrier::export::{EXPORTERS, IntegratorKind, Output, exporter};
 use leverrier::expr::Symbol;
-use support::{Case, cases, case, reference};
+use support::{Case, case, cases, reference};
 
 fn files(output: Output) -> Vec<(String, String)> {
     match output {
@@ -69,13 +69,15 @@ fn every_exporter_writes_every_model() {
             }
             let all: String = written.iter().map(|(_, text)| text.as_str()).collect();
             for variable in case.system.coordinates.iter().chain(&case.system.momenta) {
-                let tex = leverrier::export::tex::name(&variable.name);
+                let tex = leverrier::export::letters::name(&variable.name);
                 let letters = tex.trim_start_matches('\\').split('_').next().unwrap_or("");
                 // MathML writes Greek letters as characters.
                 let greek = row.name == "mathml" && tex.starts_with('\\');
                 assert!(
                     all.contains(&variable.name) || all.contains(letters) || greek,
-                    "{} does not mention {}", row.name, variable.name
+                    "{} does not mention {}",
+                    row.name,
+                    variable.name
                 );
             }
         }
@@ -128,8 +130,8 @@ fn the_rust_simulator_agrees_with_the_model() {
     let folder = tempfile::tempdir().unwrap();
     let target = folder.path().join("target");
     let cargo = std::env::var("CARGO").unwrap_or("cargo".to_string());
-    for case in cases() {
-        let project = folder.path().join(case.system.name.replace(|c: char| !c.is_alphanumeric(), "-"));
+    for (i, case) in cases().into_iter().enumerate() {
+        let project = folder.path().join(format!("project-{i}"));
         write(&project, &run_export("rust", &case));
         if installed("rustfmt") {
             let sources = ["src/lib.rs", "src/main.rs", "tests/checks.rs"];
@@ -160,7 +162,7 @@ fn the_rust_simulator_agrees_with_the_model() {
         assert_eq!(header.len(), 1 + 2 * case.system.degrees());
         let error = largest_difference(&csv, &case, steps);
         // A rounding error a step, each carried on with the phase of a regular orbit.
-        let bound = 1e-14 * steps as f64;
+        let bound = 1e-16 * steps as f64;
         assert!(error <= bound, "{}: {error:e} after {steps} steps", case.system.name);
     }
 }
@@ -171,7 +173,9 @@ fn the_rust_simulator_says_what_is_wrong() {
     let case = case("damped rotor");
     write(folder.path(), &run_export("rust", &case));
     let cargo = std::env::var("CARGO").unwrap_or("cargo".to_string());
-    run(Command::new(&cargo).args(["build", "--offline", "--quiet"]).current_dir(folder.path())
+    run(Command::new(&cargo)
+        .args(["build", "--offline", "--quiet"])
+        .current_dir(folder.path())
         .env("CARGO_TARGET_DIR", folder.path().join("target")));
     let program = folder.path().join("target/debug/simulate_damped_rotor");
     let help = run(Command::new(&program).arg("--help"));
@@ -211,12 +215,20 @@ fn the_c_model_agrees_with_the_model() {
         let folder = tempfile::tempdir().unwrap();
         write(folder.path(), &run_export("c", &case));
         run(Command::new("gcc")
-            .args(["-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", "-pedantic", "-ffp-contract=off"])
+            .args([
+                "-std=c99",
+                "-O1",
+                "-Wall",
+                "-Wextra",
+                "-Werror",
+                "-pedantic",
+                "-ffp-contract=off",
+            ])
             .args(["-o", "example", "example.c", "model.c", "-lm"])
             .current_dir(folder.path()));
         let csv = run(Command::new(folder.path().join("example")).arg("2000"));
         let error = largest_difference(&csv, &case, 2000);
-        assert!(error <= 2e-11, "{}: {error:e}", case.system.name);
+        assert!(error <= 1e-12, "{}: {error:e}", case.system.name);
     }
 }
 
@@ -225,8 +237,10 @@ fn the_python_module_has_the_models_numbers() {
     if !installed("python3") {
         return;
     }
-    let has_sympy =
-        Command::new("python3").args(["-c", "import sympy"]).output().is_ok_and(|o| o.status.success());
+    let has_sympy = Command::new("python3")
+        .args(["-c", "import sympy"])
+        .output()
+        .is_ok_and(|o| o.status.success());
     if !has_sympy {
         eprintln!("sympy is not installed: modules are compiled, not run");
     }
@@ -234,7 +248,9 @@ fn the_python_module_has_the_models_numbers() {
         let folder = tempfile::tempdir().unwrap();
         let written = run_export("python", &case);
         std::fs::write(folder.path().join("model.py"), &written[0].1).unwrap();
-        run(Command::new("python3").args(["-m", "py_compile", "model.py"]).current_dir(folder.path()));
+        run(Command::new("python3")
+            .args(["-m", "py_compile", "model.py"])
+            .current_dir(folder.path()));
         if !has_sympy {
             continue;
         }
@@ -286,7 +302,7 @@ fn mathml_is_one_element_an_equation() {
         let text = &run_export("mathml", &case)[0].1;
         let equations = text.matches("<math").count();
         assert_eq!(equations, text.matches("</math>").count());
-        assert!(equations >= 1 + 2 * case.system.degrees(), "{text}");
+        assert!(equations > 2 * case.system.degrees(), "{text}");
         for element in ["mrow", "mfrac", "msup", "msub"] {
             let open = text.matches(&format!("<{element}>")).count()
                 + text.matches(&format!("<{element} ")).count();
@@ -345,9 +361,9 @@ fn json_holds_the_equations_of_motion() {
         let expected = equations.energy(&case.start.1, case.start.0);
         assert!((energy - expected).abs() <= 1e-13 * expected.abs().max(1.0));
         let field = equations.field(&case.start.1, case.start.0);
-        let lists = ["velocities", "accelerations"].iter().flat_map(|list| {
-            json["equations"][list].as_array().unwrap().clone()
-        });
+        let lists = ["velocities", "accelerations"]
+            .iter()
+            .flat_map(|list| json["equations"][list].as_array().unwrap().clone());
         for (entry, expected) in lists.zip(field) {
             let value = value(&entry["tree"], &of);
             assert!((value - expected).abs() <= 1e-12 * expected.abs().max(1.0));

@@ -136,8 +136,7 @@ pub fn shortest(value: f64) -> (String, i32) {
 
 /// A value with so many digits at most; trailing zeros are cut.
 pub fn significant(value: f64, digits: usize) -> (String, i32) {
-    let rounded: f64 =
-        format!("{:.*e}", digits.saturating_sub(1), value).parse().unwrap_or(value);
+    let rounded: f64 = format!("{:.*e}", digits.saturating_sub(1), value).parse().unwrap_or(value);
     shortest(rounded)
 }
 
@@ -204,7 +203,10 @@ mod tests {
             let read: f64 = measured.digits.parse().unwrap();
             let decimals = measured.digits.split_once('.').map_or(0, |(_, d)| d.len());
             let last = scale * 10f64.powi(-(decimals as i32));
-            assert!((read * scale - value).abs() <= 0.51 * last + 1e-15 * value.abs(), "{value} {error} {measured:?}");
+            assert!(
+                (read * scale - value).abs() <= 0.51 * last + 1e-15 * value.abs(),
+                "{value} {error} {measured:?}"
+            );
             let shown: f64 = measured.uncertainty.clone().unwrap().parse().unwrap();
             assert!((shown * last - error).abs() <= 0.15 * error, "{value} {error} {measured:?}");
         }

@@ -5,19 +5,82 @@ use std::fmt::Write;
 use super::model::{Identifiers, Model};
 use super::{Export, Output, one_line};
 use crate::error::Result;
-use crate::expr::{Expr, Function, Names, Symbol};
+use crate::expr::{Expr, Function, Names, Place, Symbol, System, Variable};
 
 const TEMPLATE: &str = include_str!("templates/model.py.txt");
 
 /// Words of Python, names of the module, and functions of SymPy that are used by name.
 const RESERVED: &[&str] = &[
-    "False", "None", "True", "and", "as", "assert", "async", "await", "break", "class", "continue",
-    "def", "del", "elif", "else", "except", "finally", "for", "from", "global", "if", "import",
-    "in", "is", "lambda", "nonlocal", "not", "or", "pass", "raise", "return", "try", "while",
-    "with", "yield", "sympy", "math", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh",
-    "tanh", "exp", "log", "sqrt", "Abs", "sign", "kinetic", "potential", "hamiltonian", "forces",
-    "coordinates", "momenta", "time", "coefficients", "energy", "velocities", "accelerations",
-    "field", "simulate", "numbers", "SEPARABLE", "STEP", "START", "START_TIME", "_",
+    "False",
+    "None",
+    "True",
+    "and",
+    "as",
+    "assert",
+    "async",
+    "await",
+    "break",
+    "class",
+    "continue",
+    "def",
+    "del",
+    "elif",
+    "else",
+    "except",
+    "finally",
+    "for",
+    "from",
+    "global",
+    "if",
+    "import",
+    "in",
+    "is",
+    "lambda",
+    "nonlocal",
+    "not",
+    "or",
+    "pass",
+    "raise",
+    "return",
+    "try",
+    "while",
+    "with",
+    "yield",
+    "sympy",
+    "math",
+    "sin",
+    "cos",
+    "tan",
+    "asin",
+    "acos",
+    "atan",
+    "sinh",
+    "cosh",
+    "tanh",
+    "exp",
+    "log",
+    "sqrt",
+    "Abs",
+    "sign",
+    "kinetic",
+    "potential",
+    "hamiltonian",
+    "forces",
+    "coordinates",
+    "momenta",
+    "time",
+    "coefficients",
+    "energy",
+    "velocities",
+    "accelerations",
+    "field",
+    "simulate",
+    "numbers",
+    "SEPARABLE",
+    "STEP",
+    "START",
+    "START_TIME",
+    "_",
 ];
 
 /// Writes the module.
@@ -36,9 +99,7 @@ pub fn export(export: &Export) -> Result<Output> {
         coefficients: list(&mut (0..system.terms.len()).map(Symbol::Coefficient)),
     };
     let mut whole = system.clone();
-    let rest = whole.energy(export.active);
     let parts = Parts::new(export, &mut whole);
-    debug_assert!(rest == model.energy);
     let python = |expr: Expr| {
         let text = whole.graph.text(expr, &names);
         // Time has no entry in `Names`: it is always t there.
@@ -46,15 +107,19 @@ pub fn export(export: &Export) -> Result<Output> {
     };
 
     let mut symbols = String::new();
-    let _ = writeln!(symbols, "coordinates = [\n{}]", symbol_list(&system.coordinates, &names.coordinates));
-    let _ = writeln!(symbols, "momenta = [\n{}]", symbol_list(&system.momenta, &names.momenta));
+    let _ = writeln!(symbols, "coordinates = [\n{}]", symbol_list(&system.coordinates));
+    let _ = writeln!(symbols, "momenta = [\n{}]", symbol_list(&system.momenta));
     for (list, names) in [("coordinates", &names.coordinates), ("momenta", &names.momenta)] {
         for (i, name) in names.iter().enumerate() {
             let _ = writeln!(symbols, "{name} = {list}[{i}]");
         }
     }
     let time = identifiers.of(Symbol::Time);
-    let _ = writeln!(symbols, "time = {time} = sympy.Symbol({}, real=True)", literal(&system.time.name));
+    let _ = writeln!(
+        symbols,
+        "time = {time} = sympy.Symbol({}, real=True)",
+        literal(&system.time.name)
+    );
     for constant in &model.constants {
         let name = identifiers.of(constant.symbol);
         let _ = writeln!(
@@ -74,8 +139,11 @@ pub fn export(export: &Export) -> Result<Output> {
         let name = identifiers.of(constant.symbol);
         let _ = writeln!(values, "    {name}: ({:?}, {error}),", constant.value);
     }
-    let forces: String =
-        parts.forces.iter().map(|&force| format!("    sympy.sympify({}),\n", python(force))).collect();
+    let forces: String = parts
+        .forces
+        .iter()
+        .map(|&force| format!("    sympy.sympify({}),\n", python(force)))
+        .collect();
     let (start_time, start) = export.start_or_default();
     let separable = {
         let graph = &model.graph;
@@ -113,15 +181,10 @@ struct Parts {
 }
 
 impl Parts {
-    fn new(export: &Export, system: &mut crate::expr::System) -> Parts {
-        use crate::expr::Place;
+    fn new(export: &Export, system: &mut System) -> Parts {
         let mut part = |place, known| {
-            let active: Vec<usize> = export
-                .active
-                .iter()
-                .copied()
-                .filter(|&k| system.terms[k].place == place)
-                .collect();
+            let active: Vec<usize> =
+                export.active.iter().copied().filter(|&k| system.terms[k].place == place).collect();
             let mut sum = vec![known];
             for k in active {
                 let coefficient = system.graph.symbol(Symbol::Coefficient(k));
@@ -141,14 +204,17 @@ impl Parts {
 
 fn functions(model: &Model) -> String {
     let names: Vec<&str> = model.functions().iter().map(|f| f.row().sympy).collect();
-    if names.is_empty() { String::new() } else { format!("from sympy import {}\n", names.join(", ")) }
+    if names.is_empty() {
+        String::new()
+    } else {
+        format!("from sympy import {}\n", names.join(", "))
+    }
 }
 
-fn symbol_list(variables: &[crate::expr::Variable], identifiers: &[String]) -> String {
+fn symbol_list(variables: &[Variable]) -> String {
     variables
         .iter()
-        .zip(identifiers)
-        .map(|(variable, _)| {
+        .map(|variable| {
             let unit = variable.unit_text.as_ref().map(|unit| format!("  # {}", one_line(unit)));
             let name = literal(&variable.name);
             format!("    sympy.Symbol({name}, real=True),{}\n", unit.unwrap_or_default())
@@ -162,9 +228,8 @@ fn translate(text: &str, time: &str) -> String {
     let mut rest = text;
     while let Some(c) = rest.chars().next() {
         if c.is_ascii_alphabetic() || c == '_' {
-            let length = rest
-                .find(|c: char| !c.is_ascii_alphanumeric() && c != '_')
-                .unwrap_or(rest.len());
+            let length =
+                rest.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(rest.len());
             let (word, behind) = rest.split_at(length);
             match Function::by_name(word).filter(|_| behind.starts_with('(')) {
                 Some(function) => out += function.row().sympy,
@@ -184,7 +249,11 @@ fn translate(text: &str, time: &str) -> String {
             out += &rest[..length];
             rest = &rest[length..];
         } else {
-            if c == '^' { out += "**" } else { out.push(c) }
+            if c == '^' {
+                out += "**"
+            } else {
+                out.push(c)
+            }
             rest = &rest[c.len_utf8()..];
         }
     }

@@ -166,9 +166,12 @@ impl Builder {
         let parameters: Vec<f64> = self.system.parameters.iter().map(|p| p.start).collect();
         let mut pretty = Pretty::plain(&self.system, &active, &coefficients, &standard_errors);
         if let Some(number) = pretty.numbers.first_mut() {
-            *number = PrettyNumber { snapped: Some("1/2".into()), standard_error: 0.0, ..*number };
+            let snapped = Some(number.value.to_string());
+            *number = PrettyNumber { snapped, standard_error: 0.0, ..*number };
         }
-        pretty.notes.push("c1 = 1/2 is 0.3 standard errors from what was learned: 50% & more".into());
+        pretty
+            .notes
+            .push("c1 = 1/2 is 0.3 standard errors from what was learned: 50% & more".into());
         Case {
             parameter_errors: vec![0.01; parameters.len()],
             system: self.system,
@@ -269,8 +272,16 @@ fn magnetic() -> Case {
     b.finish(rk4(), 4, 0.02, (0.0, vec![0.3, -0.2, 0.1, 0.25]))
 }
 
+/// Nothing learned, no potential.
+fn free_particle() -> Case {
+    let mut b = Builder::new("", &["q"], &["p"]);
+    let p = b.p(0);
+    b.system.kinetic = b.system.graph.power(p, 2.0);
+    b.finish(leapfrog(), 2, 1e-6, (0.0, vec![0.0, 1.0]))
+}
+
 pub fn cases() -> Vec<Case> {
-    vec![pendulum(), henon_heiles(), damped_rotor(), magnetic()]
+    vec![pendulum(), henon_heiles(), damped_rotor(), magnetic(), free_particle()]
 }
 
 pub fn case(name: &str) -> Case {
@@ -333,13 +344,7 @@ pub fn reference(case: &Case, steps: usize) -> Vec<Vec<f64>> {
     states
 }
 
-fn step(
-    equations: &Equations,
-    state: &[f64],
-    t: f64,
-    h: f64,
-    kind: &IntegratorKind,
-) -> Vec<f64> {
+fn step(equations: &Equations, state: &[f64], t: f64, h: f64, kind: &IntegratorKind) -> Vec<f64> {
     let n = state.len() / 2;
     match kind {
         IntegratorKind::Splitting { weights } => {
@@ -392,8 +397,8 @@ fn runge_kutta_slopes(
     (0..stages)
         .map(|i| {
             let mut at = state.to_vec();
-            for j in 0..stages {
-                for (x, slope) in at.iter_mut().zip(&slopes[j]) {
+            for (j, slope) in slopes.iter().enumerate() {
+                for (x, slope) in at.iter_mut().zip(slope) {
                     *x += h * tableau.matrix[i * stages + j] * slope;
                 }
             }
