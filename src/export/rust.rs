@@ -72,9 +72,9 @@ const RESERVED: &[&str] = &[
     "unsized",
     "virtual",
     "yield",
-    "q",
-    "p",
-    "t",
+    "qs",
+    "ps",
+    "time",
     "out",
     "sign",
     "_",
@@ -341,14 +341,14 @@ impl Functions<'_> {
         let q = underscore(has(|s| matches!(s, Symbol::Coordinate(_))));
         let p = underscore(has(|s| matches!(s, Symbol::Momentum(_))));
         let t = underscore(has(|s| matches!(s, Symbol::Time)));
-        let arguments = format!("{q}q: &[f64; DEGREES], {p}p: &[f64; DEGREES], {t}t: f64");
+        let arguments = format!("{q}qs: &[f64; DEGREES], {p}ps: &[f64; DEGREES], {t}time: f64");
         let mut lines = String::new();
         for &symbol in &body.variables {
             let name = self.names.of(symbol);
             let _ = match symbol {
-                Symbol::Coordinate(i) => writeln!(lines, "    let {name} = q[{i}];"),
-                Symbol::Momentum(i) => writeln!(lines, "    let {name} = p[{i}];"),
-                _ => writeln!(lines, "    let {name} = t;"),
+                Symbol::Coordinate(i) => writeln!(lines, "    let {name} = qs[{i}];"),
+                Symbol::Momentum(i) => writeln!(lines, "    let {name} = ps[{i}];"),
+                _ => writeln!(lines, "    let {name} = time;"),
             };
         }
         for (name, text) in &body.locals {
