@@ -62,7 +62,8 @@ fn every_spec_says_what_is_expected() {
         }
         if update {
             let end = if spec.ends_with('\n') { "" } else { "\n" };
-            fs::write(&path, format!("{spec}{end}{found}")).unwrap_or_else(|e| panic!("{name}: {e}"));
+            fs::write(&path, format!("{spec}{end}{found}"))
+                .unwrap_or_else(|e| panic!("{name}: {e}"));
         } else {
             wrong.push(format!("--- {name}: expected\n{expected}\n--- found\n{found}"));
         }

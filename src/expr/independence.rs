@@ -127,7 +127,8 @@ fn sample_fields(system: &System) -> Option<DMatrix<f64>> {
                 Node::Number(number) => number.value(),
                 Node::Symbol(symbol) => symbols.get(symbol).copied().unwrap_or(f64::NAN),
                 Node::Sum { constant, terms } => {
-                    let sum: f64 = terms.iter().map(|(t, c)| c.value() * values[t.0 as usize]).sum();
+                    let sum: f64 =
+                        terms.iter().map(|(t, c)| c.value() * values[t.0 as usize]).sum();
                     constant.value() + sum
                 }
                 Node::Product(parts) => {
@@ -185,17 +186,26 @@ mod tests {
 
     #[test]
     fn a_force_that_has_a_potential_is_dependent_on_it() {
-        let found = of("coordinates q; momenta p; T = p^2/2; V = span{ q^2 }; force q += span{ q }");
+        let found =
+            of("coordinates q; momenta p; T = p^2/2; V = span{ q^2 }; force q += span{ q }");
         assert_eq!(found.len(), 1);
         assert_eq!(found[0].len(), 2);
     }
 
     #[test]
     fn high_degrees_are_independent() {
-        assert!(of("coordinates q[1..2]; momenta p[1..2]
-            T = span{ tensor(p; 10) }; V = span{ tensor(q; 10) }").is_empty());
-        assert!(of("coordinates x; momenta p; param a = 0; param b = 0
-            T = p^2/2; V = span{ poly(x; 3), sin((1 + a)*x + b) }").is_empty());
-        assert!(of("coordinates x; momenta p; T = p^2/2; V = span{ log(x), 1/x, sqrt(x) }").is_empty());
+        assert!(
+            of("coordinates q[1..2]; momenta p[1..2]
+            T = span{ tensor(p; 10) }; V = span{ tensor(q; 10) }")
+            .is_empty()
+        );
+        assert!(
+            of("coordinates x; momenta p; param a = 0; param b = 0
+            T = p^2/2; V = span{ poly(x; 3), sin((1 + a)*x + b) }")
+            .is_empty()
+        );
+        assert!(
+            of("coordinates x; momenta p; T = p^2/2; V = span{ log(x), 1/x, sqrt(x) }").is_empty()
+        );
     }
 }

@@ -1,11 +1,13 @@
 //! What `check` prints: the expanded function space, its units, and what cannot be learned.
 
+use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use serde::Serialize;
 
-use super::independence::{MOST_EXAMINED, dependences};
+use super::graph::Expr;
+use super::independence::{Dependence, MOST_EXAMINED, dependences};
 use super::lower::Compiled;
 use super::print::Names;
 use super::system::{Bounds, Observed, Place, System};
@@ -124,12 +126,13 @@ impl FunctionSpace {
             unit: term.unit_text.clone(),
             bounds: bounds_text(term.bounds),
         };
-        let parameter = |(parameter, starts): (&super::system::Parameter, &Vec<f64>)| SpaceParameter {
-            name: parameter.name.clone(),
-            starts: starts.clone(),
-            unit: parameter.unit_text.clone(),
-            bounds: bounds_text(parameter.bounds),
-        };
+        let parameter =
+            |(parameter, starts): (&super::system::Parameter, &Vec<f64>)| SpaceParameter {
+                name: parameter.name.clone(),
+                starts: starts.clone(),
+                unit: parameter.unit_text.clone(),
+                bounds: bounds_text(parameter.bounds),
+            };
         FunctionSpace {
             system: system.name.clone(),
             coordinates: variables(&system.coordinates),
@@ -147,8 +150,11 @@ impl FunctionSpace {
     /// As text for people; `width` columns wide at most.
     pub fn text(&self, width: u16) -> String {
         let mut out = format!("{}\n", self.system);
-        let lists =
-            [("coordinates", &self.coordinates), ("momenta", &self.momenta), ("velocities", &self.velocities)];
+        let lists = [
+            ("coordinates", &self.coordinates),
+            ("momenta", &self.momenta),
+            ("velocities", &self.velocities),
+        ];
         for (title, list) in lists {
             if list.is_empty() {
                 continue;
@@ -157,7 +163,8 @@ impl FunctionSpace {
                 Some(unit) => format!("{} [{unit}]", v.name),
                 None => v.name.clone(),
             };
-            let _ = writeln!(out, "  {title}: {}", list.iter().map(one).collect::<Vec<_>>().join(", "));
+            let _ =
+                writeln!(out, "  {title}: {}", list.iter().map(one).collect::<Vec<_>>().join(", "));
         }
         if let Some(unit) = &self.energy_unit {
             let _ = writeln!(out, "  unit of H: [{unit}]");
@@ -229,7 +236,8 @@ fn gauge(system: &System, names: &Names) -> Vec<String> {
     ];
     if system.observed == Observed::Velocities {
         let zero = |expr| system.graph.is_zero(expr);
-        let nothing_known = zero(system.kinetic) && zero(system.potential) && zero(system.hamiltonian);
+        let nothing_known =
+            zero(system.kinetic) && zero(system.potential) && zero(system.hamiltonian);
         if nothing_known && system.forces.iter().all(|&force| zero(force)) {
             out.push(
                 "The overall scale of H: velocities are measured and no part of H is known, \
@@ -265,32 +273,36 @@ fn gauge(system: &System, names: &Names) -> Vec<String> {
             "Not examined: whether the terms are independent (too few random states lie in their domains)."
                 .to_string(),
         ),
-        Some(found) => out.extend(found.iter().map(|dependence| {
-            let mut parts = String::new();
-            for &(k, factor) in &dependence.combination {
-                let rounded: f64 = format!("{factor:.9e}").parse().unwrap_or(factor);
-                let term = &system.terms[k];
-                let sign = match (parts.is_empty(), rounded < 0.0) {
-                    (true, true) => "-",
-                    (true, false) => "",
-                    (false, true) => " - ",
-                    (false, false) => " + ",
-                };
-                let size = rounded.abs();
-                let number = if size == 1.0 { String::new() } else { format!("{size}*") };
-                let place = system.place_name(term.place);
-                let _ = write!(parts, "{sign}{number}({}) in {place}", term.label);
-            }
-            let list: Vec<&str> = dependence
-                .combination
-                .iter()
-                .filter_map(|&(k, _)| names.coefficients.get(k).map(String::as_str))
-                .collect();
-            format!(
-                "The coefficients {} apart from each other: {parts} moves nothing; take one of these terms away.",
-                list.join(", ")
-            )
-        })),
+        Some(found) => out.extend(found.iter().map(|found| dependence_text(system, names, found))),
     }
     out
+}
+
+/// "The coefficients c1, c2 apart from each other: ... moves nothing".
+fn dependence_text(system: &System, names: &Names, dependence: &Dependence) -> String {
+    let rounded = |factor: f64| format!("{factor:.9e}").parse().unwrap_or(factor);
+    let place = |k: usize| system.terms[k].place;
+    let mut terms = dependence.combination.clone();
+    terms.sort_by_key(|&(k, _)| k);
+    let places: BTreeSet<Place> = terms.iter().map(|&(k, _)| place(k)).collect();
+    // With its largest factor positive and its smallest 1, a combination is easiest to read.
+    let smallest = terms.iter().fold(f64::INFINITY, |least, (_, factor)| least.min(factor.abs()));
+    let sign = terms.first().map_or(1.0, |&(_, factor)| factor.signum());
+    let mut graph = system.graph.clone();
+    let mut parts = Vec::new();
+    for &at in &places {
+        let inside: Vec<(f64, Expr)> = (terms.iter())
+            .filter(|&&(k, _)| place(k) == at)
+            .map(|&(k, factor)| (rounded(sign * factor / smallest), system.terms[k].expr))
+            .collect();
+        let sum = graph.linear(0.0, &inside);
+        parts.push(format!("{} in {}", graph.text(sum, names), system.place_name(at)));
+    }
+    let coefficients: Vec<&str> =
+        terms.iter().filter_map(|&(k, _)| names.coefficients.get(k).map(String::as_str)).collect();
+    format!(
+        "The coefficients {} apart from each other: {} moves nothing; take one of these terms away.",
+        coefficients.join(", "),
+        parts.join(" together with ")
+    )
 }

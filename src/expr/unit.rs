@@ -169,6 +169,25 @@ impl Unit {
         })
     }
 
+    /// A name such as `cm`, `deg` or `min` for a unit that is no product of base units.
+    fn short_name(self) -> Option<String> {
+        if (self.scale - 1.0).abs() < 1e-12 {
+            return None;
+        }
+        let plain = UNITS.iter().find(|row| self.agrees(Unit::of_row(row, 1.0)));
+        if let Some(row) = plain {
+            return Some(row.name.to_string());
+        }
+        UNITS.iter().filter(|row| row.prefixed).find_map(|row| {
+            let common = PREFIXES
+                .iter()
+                .filter(|(prefix, _)| ["k", "c", "m", "u", "n", "M", "G"].contains(prefix));
+            let found =
+                common.into_iter().find(|&&(_, size)| self.agrees(Unit::of_row(row, size)))?;
+            Some(format!("{}{}", found.0, row.name))
+        })
+    }
+
     /// Product of two units; `None` where the powers become absurd.
     pub fn times(self, other: Unit) -> Option<Unit> {
         self.combine(other, 1).map(|powers| Unit { powers, scale: self.scale * other.scale })
@@ -226,10 +245,15 @@ impl fmt::Display for Unit {
                 (n, d) => format!("{name}^({n}/{d})"),
             }
         };
+        if let Some(name) = self.short_name() {
+            return f.write_str(&name);
+        }
         let zero = Ratio::from_integer(0);
-        let all = || self.powers.into_iter().enumerate();
+        // Mass first, as in kg*m^2/s^2.
+        let all = || [1, 0, 2, 3, 4, 5, 6, 7].into_iter().map(|i| (i, self.powers[i]));
         let over: Vec<String> = all().filter(|&(_, p)| p > zero).map(part).collect();
-        let under: Vec<String> = all().filter(|&(_, p)| p < zero).map(|(i, p)| part((i, -p))).collect();
+        let under: Vec<String> =
+            all().filter(|&(_, p)| p < zero).map(|(i, p)| part((i, -p))).collect();
         let mut pieces = Vec::new();
         if (self.scale - 1.0).abs() > 1e-12 {
             let rounded: f64 = format!("{:.12e}", self.scale).parse().unwrap_or(self.scale);
@@ -412,7 +436,8 @@ mod tests {
 
     #[test]
     fn what_is_no_unit_is_said() {
-        for text in ["", "foo", "m^", "m^999999999", "(m", "m)", "/s", "0", "1e999", "m^(1/0)", "-"] {
+        for text in ["", "foo", "m^", "m^999999999", "(m", "m)", "/s", "0", "1e999", "m^(1/0)", "-"]
+        {
             assert!(Unit::parse(text).is_err(), "{text}");
         }
         assert!(Unit::parse(&"(".repeat(100_000)).is_err());

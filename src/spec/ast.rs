@@ -16,6 +16,8 @@ impl PartialEq for Site {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Spec {
     pub statements: Vec<Statement>,
+    /// First words of statements that could not be read.
+    pub lost: Vec<String>,
 }
 
 #[derive(Debug, Clone, PartialEq)]

@@ -24,7 +24,12 @@ pub enum Meaning {
     /// The variable at this place in the list of its role.
     Variable(Role, usize),
     /// `count` variables from `start` on; the first has the index `first`.
-    Family { role: Role, first: i64, start: usize, count: usize },
+    Family {
+        role: Role,
+        first: i64,
+        start: usize,
+        count: usize,
+    },
     Time,
     Constant(usize),
     Parameter(usize),
@@ -76,11 +81,17 @@ pub struct Resolved<'a> {
     pub names: HashMap<String, (Meaning, Span)>,
     /// Constants that are whole numbers: they may stand in indices.
     pub integers: HashMap<String, i64>,
+    /// A statement that declares names could not be read: what is unknown may stand in it.
+    pub lost_names: bool,
 }
 
 /// Gives names their meaning, and says what is missing or doubled.
 pub fn resolve<'a>(spec: &'a Spec, diagnostics: &mut Vec<Diagnostic>) -> Resolved<'a> {
     let mut resolver = Resolver { out: Resolved::default(), diagnostics };
+    let lost = |words: &[&str]| spec.lost.iter().any(|lost| words.contains(&lost.as_str()));
+    let declaring =
+        ["coordinates", "momenta", "velocities", "time", "data", "constant", "let", "param"];
+    resolver.out.lost_names = lost(&declaring) || spec.lost.iter().any(|lost| is_misspelt(lost));
     resolver.constants(spec);
     let mut seen: HashMap<&str, Span> = HashMap::new();
     for statement in &spec.statements {
@@ -88,8 +99,15 @@ pub fn resolve<'a>(spec: &'a Spec, diagnostics: &mut Vec<Diagnostic>) -> Resolve
     }
     resolver.pair_up();
     resolver.name_time();
-    resolver.require_energy();
+    if !lost(&["T", "V", "H"]) && !resolver.out.lost_names {
+        resolver.require_energy();
+    }
     resolver.out
+}
+
+/// Whether a lost statement begins with a word that begins none: it may have been any.
+fn is_misspelt(word: &str) -> bool {
+    may_name(word)
 }
 
 struct Resolver<'a, 'd> {
@@ -214,6 +232,7 @@ impl<'a> Resolver<'a, '_> {
             (Ok(first), Ok(last)) => (first, last),
             (first, last) => {
                 self.diagnostics.extend(first.err().into_iter().chain(last.err()));
+                self.out.lost_names = true;
                 return;
             }
         };
@@ -229,13 +248,17 @@ impl<'a> Resolver<'a, '_> {
                     .label("this range")
                     .hint(format!("write a range of 1 to {MOST_COORDINATES} indices, as in 1..5")),
             );
+            self.out.lost_names = true;
             return;
         }
         let count = usize::try_from(count).unwrap_or(0);
         let meaning = Meaning::Family { role, first, start, count };
         self.name(name, meaning, declaration.name.site.0);
-        let members = (first..=last)
-            .map(|i| Declared { name: format!("{name}[{i}]"), unit: unit.clone(), span });
+        let members = (first..=last).map(|i| Declared {
+            name: format!("{name}[{i}]"),
+            unit: unit.clone(),
+            span,
+        });
         self.list(role).extend(members);
     }
 
@@ -255,14 +278,18 @@ impl<'a> Resolver<'a, '_> {
             [only] => only.span,
             [] => Span::default(),
         };
-        if count == 0 {
-            if self.diagnostics.iter().all(|d| !d.message.contains("variables")) {
-                self.report(
-                    Diagnostic::error(Span::default(), "the spec has no coordinates")
-                        .label("a spec says what moves")
-                        .hint("write for example `coordinates theta [rad]`"),
-                );
+        if self.out.lost_names {
+            if self.out.momenta.is_empty() && !self.out.velocities.is_empty() {
+                self.imply_momenta();
             }
+            return;
+        }
+        if count == 0 {
+            self.report(
+                Diagnostic::error(Span::default(), "the spec has no coordinates")
+                    .label("a spec says what moves")
+                    .hint("write for example `coordinates theta [rad]`"),
+            );
             return;
         }
         let at = whole(&self.out.coordinates);
@@ -306,11 +333,8 @@ impl<'a> Resolver<'a, '_> {
     /// `p_theta` for `theta`, `p_q[1]` for `q[1]`.
     fn imply_momenta(&mut self) {
         self.out.implied_momenta = true;
-        let declared = |c: &Declared| Declared {
-            name: format!("p_{}", c.name),
-            unit: None,
-            span: c.span,
-        };
+        let declared =
+            |c: &Declared| Declared { name: format!("p_{}", c.name), unit: None, span: c.span };
         self.out.momenta = self.out.coordinates.iter().map(declared).collect();
         let mut implied: Vec<(String, Meaning, Span)> = Vec::new();
         for (name, &(meaning, span)) in &self.out.names {
@@ -352,7 +376,9 @@ impl<'a> Resolver<'a, '_> {
             self.report(
                 Diagnostic::error(Span::default(), "the spec has no energy")
                     .label("neither T, V nor H is given")
-                    .hint("write for example `T = span{ poly(p; 2) }` and `V = span{ poly(q; 4) }`"),
+                    .hint(
+                        "write for example `T = span{ poly(p; 2) }` and `V = span{ poly(q; 4) }`",
+                    ),
             );
         }
     }
@@ -368,7 +394,9 @@ pub fn integer(
 ) -> Result<i64, Diagnostic> {
     let span = expression.site.0;
     let too_large = || {
-        Diagnostic::error(span, "this index is too large").label("beyond 64 bits").hint("make it smaller")
+        Diagnostic::error(span, "this index is too large")
+            .label("beyond 64 bits")
+            .hint("make it smaller")
     };
     match &expression.kind {
         ExpressionKind::Number(value) if value.fract() == 0.0 && value.abs() < 1e15 => {

@@ -152,7 +152,7 @@ pub fn spec(source: &str) -> (Spec, Vec<Diagnostic>) {
     let mut diagnostics = Vec::new();
     let tokens = token::tokens(source, &mut diagnostics);
     let mut out = Spec::default();
-    for tokens in token::statements(&tokens, &mut diagnostics) {
+    for tokens in token::statements(&tokens, &mut out.lost, &mut diagnostics) {
         let end = tokens.last().map_or(0, |token| token.span.end);
         let start = tokens.first().map_or(0, |token| token.span.start);
         let input = Tokens { rest: &tokens, source, end, taken: start, depth: 0 };
@@ -161,14 +161,17 @@ pub fn spec(source: &str) -> (Spec, Vec<Diagnostic>) {
                 out.statements.push(statement);
                 continue;
             }
-            Ok((rest, _)) => {
-                Fault { at: rest.place(), expected: vec!["the end of the statement".into()], diagnostic: None }
-            }
+            Ok((rest, _)) => Fault {
+                at: rest.place(),
+                expected: vec!["the end of the statement".into()],
+                diagnostic: None,
+            },
             Err(nom::Err::Error(fault) | nom::Err::Failure(fault)) => fault,
             Err(nom::Err::Incomplete(_)) => {
                 Fault { at: input.place(), expected: vec!["a statement".into()], diagnostic: None }
             }
         };
+        out.lost.extend(tokens.first().map(|token| token.text.to_string()));
         let found = tokens.iter().find(|token| token.span.start >= fault.at.start).copied();
         diagnostics.push(fault.into_diagnostic(found));
     }
@@ -181,7 +184,9 @@ pub fn expression(source: &str) -> Result<super::ast::Expression, Vec<Diagnostic
     let text = format!("H = {source}");
     let (spec, diagnostics) = spec(&text);
     match spec.statements.into_iter().next().map(|statement| statement.kind) {
-        Some(super::ast::StatementKind::Energy { value, .. }) if diagnostics.is_empty() => Ok(value),
+        Some(super::ast::StatementKind::Energy { value, .. }) if diagnostics.is_empty() => {
+            Ok(value)
+        }
         _ => Err(diagnostics),
     }
 }

@@ -79,18 +79,39 @@ fn variables(input: Tokens) -> Parsed<StatementKind> {
         keyword("momenta").map(|()| Role::Momenta),
         keyword("velocities").map(|()| Role::Velocities),
     ));
-    let (rest, (role, list)) =
-        (role, separated_list1(mark(","), cut(declaration))).parse(input)?;
+    let (rest, (role, list)) = (role, separated_list1(mark(","), cut(declaration))).parse(input)?;
     Ok((rest, StatementKind::Variables { role, list }))
 }
 
 /// declaration = name , [ "[" , range , "]" ] , [ unit ] ;
 fn declaration(input: Tokens) -> Parsed<Declaration> {
     let (rest, name) = name(input)?;
-    let (rest, range) = opt(delimited(mark("["), range, mark("]"))).parse(rest)?;
+    // A bracket with dots in it is a range of indices, any other one a unit.
+    let (rest, range) = if holds_dots(rest) {
+        opt(delimited(mark("["), range, cut(mark("]")))).parse(rest)?
+    } else {
+        (rest, None)
+    };
     let (rest, unit) = opt(unit).parse(rest)?;
     let site = Site(Span::new(input.place().start, rest.taken));
     Ok((rest, Declaration { name, range, unit, site }))
+}
+
+/// Whether the bracket that opens here has dots between its ends, outside inner brackets.
+fn holds_dots(input: Tokens) -> bool {
+    let mut depth = 0;
+    for token in input.rest {
+        match token.text {
+            "[" | "(" | "{" => depth += 1,
+            "]" | ")" | "}" => depth -= 1,
+            ".." if depth == 1 => return true,
+            _ => {}
+        }
+        if depth == 0 {
+            break;
+        }
+    }
+    false
 }
 
 /// time = "time" , name , [ unit ] ;
@@ -169,8 +190,7 @@ fn parameter(input: Tokens) -> Parsed<StatementKind> {
 
 /// limits = [ expression ] , ".." , [ expression ] ;
 fn limits(input: Tokens) -> Parsed<Limits> {
-    let (rest, (lower, (), upper)) =
-        (opt(expression), mark(".."), opt(expression)).parse(input)?;
+    let (rest, (lower, (), upper)) = (opt(expression), mark(".."), opt(expression)).parse(input)?;
     let site = Site(Span::new(input.place().start, rest.taken));
     Ok((rest, Limits { lower, upper, site }))
 }
@@ -225,8 +245,7 @@ fn operand(input: Tokens) -> Parsed<Operand> {
         energy_part.map(Target::Energy),
         preceded(keyword("force"), cut(variable)).map(Target::Force),
     ));
-    let (rest, ((), (), target)) =
-        (keyword("terms"), keyword("of"), cut(target)).parse(input)?;
+    let (rest, ((), (), target)) = (keyword("terms"), keyword("of"), cut(target)).parse(input)?;
     let site = Site(Span::new(input.place().start, rest.taken));
     Ok((rest, Operand::Terms(target, site)))
 }
