@@ -1,6 +1,7 @@
 //! The mini-language: text to syntax tree and back.
 
 pub mod ast;
+pub mod edit;
 pub mod families;
 mod parse;
 mod print;
