@@ -63,9 +63,8 @@ fn long_is_not_deep() {
 #[test]
 fn a_hundred_thousand_terms_are_lowered() {
     let text = "coordinates q[1..6]; momenta p[1..6]; T = sum(p[i]^2/2 for i in 1..6)
-        V = span{ tensor(q; 6) }"
-        .replace("1..6]; m", "1..6] [m]; m");
-    let compiled = build("test", &text).unwrap_or_else(|e| panic!("{e}"));
+        V = span{ tensor(q; 6) }";
+    let compiled = build("test", text).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(compiled.system.terms.len(), 7_usize.pow(6) - 1);
 }
 

@@ -85,7 +85,10 @@ V = span{     # searched
     #[test]
     fn an_inserted_statement_follows_the_last_force_or_energy() {
         let edited = insert(NOTEBOOK, FORCE);
-        assert!(edited.contains(&format!("}}  # end of V\n{FORCE}\n\n# trailing remark")), "{edited}");
+        assert!(
+            edited.contains(&format!("}}  # end of V\n{FORCE}\n\n# trailing remark")),
+            "{edited}"
+        );
         assert!(spec(&edited).1.is_empty());
         assert_eq!(insert("T = p", FORCE), format!("T = p\n{FORCE}\n"));
         assert_eq!(insert("", FORCE), format!("{FORCE}\n"));

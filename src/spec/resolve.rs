@@ -60,6 +60,15 @@ pub struct Parameter<'a> {
     pub bounds: Option<&'a Limits>,
 }
 
+/// A statement `constrain a <= k <= b`.
+#[derive(Debug, Clone, Copy)]
+pub struct Constraint<'a> {
+    pub first: &'a Operand,
+    /// Each relation stands before its operand.
+    pub rest: &'a [(Relation, Operand)],
+    pub span: Span,
+}
+
 /// A spec by the meaning of its statements.
 #[derive(Debug, Default)]
 pub struct Resolved<'a> {
@@ -77,7 +86,7 @@ pub struct Resolved<'a> {
     pub parameters: Vec<Parameter<'a>>,
     pub energies: Vec<Energy<'a>>,
     pub forces: Vec<Force<'a>>,
-    pub constraints: Vec<(&'a Operand, &'a [(Relation, Operand)], Span)>,
+    pub constraints: Vec<Constraint<'a>>,
     pub names: HashMap<String, (Meaning, Span)>,
     /// Constants that are whole numbers: they may stand in indices.
     pub integers: HashMap<String, i64>,
@@ -91,7 +100,8 @@ pub fn resolve<'a>(spec: &'a Spec, diagnostics: &mut Vec<Diagnostic>) -> Resolve
     let lost = |words: &[&str]| spec.lost.iter().any(|lost| words.contains(&lost.as_str()));
     let declaring =
         ["coordinates", "momenta", "velocities", "time", "data", "constant", "let", "param"];
-    resolver.out.lost_names = lost(&declaring) || spec.lost.iter().any(|lost| is_misspelt(lost));
+    // A misspelt first word may have been any of them.
+    resolver.out.lost_names = lost(&declaring) || spec.lost.iter().any(|lost| may_name(lost));
     resolver.constants(spec);
     let mut seen: HashMap<&str, Span> = HashMap::new();
     for statement in &spec.statements {
@@ -103,11 +113,6 @@ pub fn resolve<'a>(spec: &'a Spec, diagnostics: &mut Vec<Diagnostic>) -> Resolve
         resolver.require_energy();
     }
     resolver.out
-}
-
-/// Whether a lost statement begins with a word that begins none: it may have been any.
-fn is_misspelt(word: &str) -> bool {
-    may_name(word)
 }
 
 struct Resolver<'a, 'd> {
@@ -190,7 +195,7 @@ impl<'a> Resolver<'a, '_> {
                 self.out.forces.push(Force { coordinate, value, comprehension, span });
             }
             StatementKind::Constrain { first, rest } => {
-                self.out.constraints.push((first, rest, span));
+                self.out.constraints.push(Constraint { first, rest, span });
             }
         }
     }
@@ -436,6 +441,14 @@ pub fn integer(
 }
 
 impl Resolved<'_> {
+    /// What time is called in expressions.
+    pub fn time_name(&self) -> String {
+        let named = |(name, (meaning, _)): (&String, &(Meaning, Span))| {
+            (*meaning == Meaning::Time).then(|| name.clone())
+        };
+        self.names.iter().find_map(named).unwrap_or_else(|| "t".to_string())
+    }
+
     /// The names that a mistyped one may have meant.
     pub fn hint_for(&self, name: &str, more: &[&str]) -> String {
         let mut names: Vec<&str> = self.names.keys().map(String::as_str).collect();

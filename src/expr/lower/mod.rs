@@ -1,6 +1,8 @@
 //! From a spec to the system that it describes: names become symbols, spans become terms.
 
 mod bounds;
+mod loops;
+mod names;
 mod terms;
 mod value;
 
@@ -8,7 +10,6 @@ use std::collections::{HashMap, HashSet};
 
 use super::columns::{self, DataColumns};
 use super::graph::{Expr, Graph};
-use super::print::Names;
 use super::system::{Bounds, Observed, Parameter, Place, System, Term, Variable};
 use super::unit::Unit;
 use crate::diagnostic::{Diagnostic, Severity, Span};
@@ -217,10 +218,10 @@ impl<'a> Lowering<'a> {
         }
         let energy_unit = self.energy_unit(canonical);
         self.check_known(energy_unit, canonical.is_some());
-        let (mut terms, names) = self.finish_terms(energy_unit.map(|(unit, _)| unit));
+        let mut terms = self.finish_terms(energy_unit.map(|(unit, _)| unit));
         let mut parameters = parameters;
         self.constrain(&mut terms, &mut parameters);
-        let system = self.system(terms, &parameters, names);
+        let system = self.system(terms, &parameters);
         Pieces {
             system,
             starts: parameters.into_iter().map(|(_, starts)| starts).collect(),
@@ -230,12 +231,7 @@ impl<'a> Lowering<'a> {
         }
     }
 
-    fn system(
-        &mut self,
-        terms: Vec<Term>,
-        parameters: &[(Parameter, Vec<f64>)],
-        names: Names,
-    ) -> System {
+    fn system(&mut self, terms: Vec<Term>, parameters: &[(Parameter, Vec<f64>)]) -> System {
         let resolved = self.resolved;
         let variables = |list: &[Declared], units: &[Option<Unit>]| -> Vec<Variable> {
             list.iter()
@@ -270,7 +266,7 @@ impl<'a> Lowering<'a> {
             momenta,
             velocities,
             time: Variable {
-                name: names.time_name(resolved),
+                name: resolved.time_name(),
                 unit: self.time,
                 unit_text: resolved.time.and_then(|(_, unit)| unit).map(|unit| unit.text.clone()),
             },
@@ -384,13 +380,12 @@ impl<'a> Lowering<'a> {
 
     /// The numbers behind `constant` statements, in the order of the text.
     fn define_constants(&mut self) {
-        for &(name, value) in &self.resolved.constants {
+        for &(_, value) in &self.resolved.constants {
             let value = self.number(value);
             let value =
                 value.map(|(value, unit, _)| Named { expr: self.graph.number(value), unit });
             // What is wrong with it was said: uses of the name need not say it again.
             self.constants.push(value);
-            let _ = name;
         }
     }
 
@@ -486,12 +481,3 @@ impl<'a> Lowering<'a> {
 
 /// Bounds, and the units that were written with them.
 type LimitValues = (Bounds, Vec<(Option<Unit>, Span)>);
-
-impl Names {
-    fn time_name(&self, resolved: &Resolved) -> String {
-        let found = resolved.names.iter().find_map(|(name, (meaning, _))| {
-            (*meaning == crate::spec::resolve::Meaning::Time).then(|| name.clone())
-        });
-        found.unwrap_or_else(|| "t".to_string())
-    }
-}

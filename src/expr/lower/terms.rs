@@ -468,7 +468,7 @@ impl Lowering<'_> {
     }
 
     /// Terms with labels and units.
-    pub(super) fn finish_terms(&mut self, energy: Option<Unit>) -> (Vec<Term>, Names) {
+    pub(super) fn finish_terms(&mut self, energy: Option<Unit>) -> Vec<Term> {
         let names = self.symbol_names();
         let candidates = std::mem::take(&mut self.candidates);
         let terms = candidates.into_iter().map(|candidate| {
@@ -487,7 +487,7 @@ impl Lowering<'_> {
                 unit_text: unit.map(|unit| unit.to_string()),
             }
         });
-        (terms.collect(), names)
+        terms.collect()
     }
 }
 
