@@ -18,6 +18,7 @@ use crate::diagnostic::Diagnostic;
 pub struct SpaceTerm {
     /// `T`, `V`, `H`, or `force q`.
     pub place: String,
+    /// The term in the syntax of the mini-language, without its coefficient.
     pub label: String,
     /// Name of the coefficient: the user's, or c1, c2, ...
     pub name: String,
@@ -30,41 +31,56 @@ pub struct SpaceTerm {
 /// One part that is known.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SpaceKnown {
+    /// `T`, `V`, `H`, or `force q`.
     pub place: String,
+    /// In the syntax of the mini-language.
     pub expression: String,
 }
 
 /// One inner parameter.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SpaceParameter {
+    /// As written in the spec.
     pub name: String,
+    /// Start values, one or more.
     pub starts: Vec<f64>,
+    /// Its unit, where it is known.
     pub unit: Option<String>,
+    /// `>= 0`, `-1..5`; empty where there is no bound.
     pub bounds: String,
 }
 
 /// A variable and its unit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SpaceVariable {
+    /// As written in the spec.
     pub name: String,
+    /// Its unit, where one was given.
     pub unit: Option<String>,
 }
 
 /// A spec written out.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FunctionSpace {
+    /// Name of the system.
     pub system: String,
+    /// What moves.
     pub coordinates: Vec<SpaceVariable>,
+    /// Conjugate momenta, one for each coordinate.
     pub momenta: Vec<SpaceVariable>,
     /// Measured velocities; empty where momenta are measured.
     pub velocities: Vec<SpaceVariable>,
     /// Unit of H, where it is known.
     pub energy_unit: Option<String>,
+    /// Parts that are not learned.
     pub known: Vec<SpaceKnown>,
+    /// The function space; the order is that of [`System::terms`].
     pub terms: Vec<SpaceTerm>,
+    /// Inner parameters.
     pub parameters: Vec<SpaceParameter>,
     /// Sentences: what no measurement can tell.
     pub cannot_be_learned: Vec<String>,
+    /// Warnings and notes about the text.
     pub warnings: Vec<Diagnostic>,
 }
 

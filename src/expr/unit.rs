@@ -16,6 +16,7 @@ const LARGEST_POWER: i64 = 10_000;
 /// A unit as powers of the base units times a scale; the radian is the number 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unit {
+    /// Powers of metre, kilogram, second, ampere, kelvin, mole, candela, pixel.
     pub powers: [Ratio<i32>; BASES],
     /// How many base units one of this unit is.
     pub scale: f64,
@@ -23,9 +24,11 @@ pub struct Unit {
 
 /// A unit that the program knows by name.
 pub struct UnitRow {
+    /// How it is written between brackets.
     pub name: &'static str,
     /// Powers of metre, kilogram, second, ampere, kelvin, mole, candela, pixel.
     pub powers: [i32; BASES],
+    /// How many base units one of it is.
     pub scale: f64,
     /// Whether kilo, milli and the like may stand before it.
     pub prefixed: bool,
@@ -143,6 +146,7 @@ pub fn simple_fraction(value: f64) -> Option<Ratio<i32>> {
 }
 
 impl Unit {
+    /// The unit of pure numbers and of angles in radians.
     pub const ONE: Unit = Unit { powers: [Ratio::new_raw(0, 1); BASES], scale: 1.0 };
 
     /// Reads a unit without its brackets: `kg*m^2/s^2`, `N m`, `1/s`, `m^(1/2)`.

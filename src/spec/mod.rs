@@ -5,7 +5,7 @@ pub mod edit;
 pub mod families;
 mod parse;
 mod print;
-pub mod resolve;
+pub(crate) mod resolve;
 
 pub use parse::{expression, may_name, spec};
 

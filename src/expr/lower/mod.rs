@@ -28,12 +28,15 @@ const MOST_STEPS: u64 = 5_000_000;
 /// A spec that has no errors, and everything that was made of it.
 #[derive(Debug, Clone)]
 pub struct Compiled {
+    /// Its syntax tree.
     pub spec: Spec,
+    /// What it means.
     pub system: System,
     /// Start values of each parameter, one or more; the first is also in the system.
     pub starts: Vec<Vec<f64>>,
     /// Unit of H and of time, where they are known.
     pub energy_unit: Option<Unit>,
+    /// Unit of time, where it is known.
     pub time_unit: Option<Unit>,
     /// Where the measurements are, if the spec says so.
     pub data: Option<DataColumns>,
