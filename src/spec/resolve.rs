@@ -40,7 +40,6 @@ pub enum Meaning {
 pub struct Energy<'a> {
     pub part: EnergyPart,
     pub value: &'a Expression,
-    pub span: Span,
 }
 
 /// A statement `force q[i] += ...`.
@@ -49,7 +48,6 @@ pub struct Force<'a> {
     pub coordinate: &'a Expression,
     pub value: &'a Expression,
     pub comprehension: Option<&'a Comprehension>,
-    pub span: Span,
 }
 
 /// A statement `param a = ...`.
@@ -188,11 +186,11 @@ impl<'a> Resolver<'a, '_> {
                 if !adds {
                     self.once(part.letter(), span, seen);
                 }
-                self.out.energies.push(Energy { part: *part, value, span });
+                self.out.energies.push(Energy { part: *part, value });
             }
             StatementKind::Force { coordinate, value, comprehension, .. } => {
                 let comprehension = comprehension.as_ref();
-                self.out.forces.push(Force { coordinate, value, comprehension, span });
+                self.out.forces.push(Force { coordinate, value, comprehension });
             }
             StatementKind::Constrain { first, rest } => {
                 self.out.constraints.push(Constraint { first, rest, span });
