@@ -6,9 +6,9 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::process::Command;
 
+use export_cases::{Case, case, cases, reference};
 use leverrier::export::{EXPORTERS, IntegratorKind, Output, exporter};
 use leverrier::expr::Symbol;
-use export_cases::{Case, case, cases, reference};
 
 fn files(output: Output) -> Vec<(String, String)> {
     match output {
