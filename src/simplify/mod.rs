@@ -161,6 +161,7 @@ struct Candidate<'a> {
     cost: f64,
     expr: RecExpr<Math>,
     numbers: Numbers<'a>,
+    snaps: Vec<Snap>,
 }
 
 /// Simplifies a fitted model.
@@ -171,6 +172,7 @@ pub fn simplify(fitted: &Fitted, options: &Options) -> Simplified {
     let mut graph = Graph::new();
     let mut emitter = emit::Emitter::default();
     let mut found = Vec::new();
+    let mut snaps: Vec<Snap> = Vec::new();
     for place in places(system) {
         let Some(raw) = Raw::new(fitted, place) else { continue };
         let samples = Samples::new(fitted, place);
@@ -197,8 +199,8 @@ pub fn simplify(fitted: &Fitted, options: &Options) -> Simplified {
         }
         let Some((atoms, form)) = forms.pop() else { continue };
         let shape = shapes(fitted, options, place, &atoms, &form, &names);
-        let (expr, numbers) = match best {
-            Some(best) => (best.expr, best.numbers),
+        let (expr, numbers, snapped) = match best {
+            Some(best) => (best.expr, best.numbers, best.snaps),
             // Nothing passed: the plain list of terms, numbers as fitted.
             None => {
                 let exact = Tolerance { sigmas: 0.0, relative: 0.0, chance: 0.0 };
@@ -206,23 +208,22 @@ pub fn simplify(fitted: &Fitted, options: &Options) -> Simplified {
                 let (mut atoms, form) = raw.normal(fitted, false);
                 let plain = form::Plan { springs: false, waves: false };
                 let written = part::write(plain, &form, &mut atoms, &mut numbers, &names);
-                (written.unwrap_or_default(), numbers)
+                (written.unwrap_or_default(), numbers, Vec::new())
             }
         };
         emitter.collect(&expr, &numbers, found.len());
-        found.push((place, expr, numbers, atoms, form, shape));
-    }
-    emitter.prepare(&mut graph, system.degrees());
-    let mut parts = Vec::new();
-    let mut snaps: Vec<Snap> = Vec::new();
-    for (index, (place, expr, numbers, atoms, form, shape)) in found.into_iter().enumerate() {
-        let pretty = emitter.build(&mut graph, &expr, index);
-        let exact = atoms.expression(&mut graph, &form);
-        for snap in numbers.rows.into_iter().filter_map(|row| row.snap) {
+        found.push((place, expr, atoms, form, shape));
+        for snap in snapped {
             if !snaps.contains(&snap) {
                 snaps.push(snap);
             }
         }
+    }
+    emitter.prepare(&mut graph, system.degrees());
+    let mut parts = Vec::new();
+    for (index, (place, expr, atoms, form, shape)) in found.into_iter().enumerate() {
+        let pretty = emitter.build(&mut graph, &expr, index);
+        let exact = atoms.expression(&mut graph, &form);
         parts.push(Part { place, exact, pretty, shape });
     }
     Simplified { graph, parts, numbers: emitter.numbers, snaps, names, info }
@@ -309,7 +310,17 @@ fn check_and_rewrite<'a>(
     }
     info.checked_points = info.checked_points.max(samples.len());
     info.largest_difference = info.largest_difference.max(difference).max(change);
-    Some(Candidate { cost, expr, numbers })
+    let mut used: Vec<usize> = written
+        .items()
+        .filter_map(|(_, node)| match node {
+            Math::Fitted(row) => Some(row.0),
+            _ => None,
+        })
+        .collect();
+    used.sort_unstable();
+    used.dedup();
+    let snaps = used.iter().filter_map(|&row| numbers.rows[row].snap.clone()).collect();
+    Some(Candidate { cost, expr, numbers, snaps })
 }
 
 /// Sentences on polynomials in one variable that look like a known function.
@@ -337,10 +348,12 @@ fn shapes(
                     });
                 }
                 // Functions may hold the variable; then nothing is said.
-                _ => alone &= monomial.iter().all(|&(atom, _)| match atoms.get(atom) {
-                    Atom::Symbol(other) => *other != symbol,
-                    _ => false,
-                }),
+                _ => {
+                    alone &= monomial.iter().all(|&(atom, _)| match atoms.get(atom) {
+                        Atom::Symbol(other) => *other != symbol,
+                        _ => false,
+                    })
+                }
             }
         }
         if !alone || powers.len() < 2 {

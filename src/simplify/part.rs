@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use egg::{CostFunction, Extractor, Id, RecExpr, Runner, SimpleScheduler};
+use egg::{BackoffScheduler, CostFunction, Extractor, Id, Language, RecExpr, Runner};
 
 use super::analysis::Folding;
 use super::cost::Reading;
@@ -105,10 +105,8 @@ fn merge_waves(form: &Polynomial, atoms: &mut Atoms) -> Option<Polynomial> {
     let mut changed = false;
     for (monomial, a) in &form.0 {
         let Some(argument) = alone(sin, atoms, monomial) else { continue };
-        let partner = form
-            .0
-            .iter()
-            .find(|(other, _)| alone(cos, atoms, other).as_ref() == Some(&argument));
+        let partner =
+            form.0.iter().find(|(other, _)| alone(cos, atoms, other).as_ref() == Some(&argument));
         let Some((other, b)) = partner else { continue };
         let size = a.value.hypot(b.value);
         if size == 0.0 {
@@ -153,13 +151,25 @@ pub fn with_nice_numbers(expr: &RecExpr<Math>, numbers: &Numbers) -> RecExpr<Mat
                     }
                 }
             },
-            _ => out.add(egg::Language::map_children(node.clone(), |child| {
-                image[usize::from(child)]
-            })),
+            _ => {
+                let node = node.clone().map_children(|child| image[usize::from(child)]);
+                let zero = |id: &Id| out[*id] == Math::Rational(Rational::ZERO);
+                // What snapped to zero takes its product with it.
+                match &node {
+                    Math::Add([a, b]) if zero(a) => *b,
+                    Math::Add([a, b]) if zero(b) => *a,
+                    Math::Multiply([a, _]) | Math::Negate([a]) if zero(a) => *a,
+                    _ => out.add(node),
+                }
+            }
         };
         image.push(id);
     }
-    out
+    // The root stands last, and what nothing refers to is dropped.
+    match image.last() {
+        Some(&root) => out[root].build_recexpr(|id| out[id].clone()),
+        None => out,
+    }
 }
 
 /// The shortest equal expression that the rewrites reach, and its cost.
@@ -174,7 +184,7 @@ pub fn rewritten(expr: &RecExpr<Math>, options: &Options, info: &mut Info) -> (f
         .with_node_limit(options.nodes)
         // Results must not depend on how busy the machine is.
         .with_time_limit(Duration::from_secs(1 << 30))
-        .with_scheduler(SimpleScheduler)
+        .with_scheduler(BackoffScheduler::default())
         .run(rules::rewrites(expr.len() <= SMALL));
     info.iterations += runner.iterations.len();
     info.classes += runner.egraph.number_of_classes();

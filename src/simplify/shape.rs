@@ -115,11 +115,10 @@ pub fn recognise(powers: &[Power], range: Option<f64>) -> Option<Likeness> {
 fn compare(shape: &Shape, powers: &[Power], range: f64) -> Option<(f64, Likeness)> {
     let at_end = |p: &Power| p.value.abs() * range.powi(p.power as i32);
     let largest = powers.iter().map(at_end).fold(0.0, f64::max);
-    let (own, other): (Vec<&Power>, Vec<&Power>) = powers
-        .iter()
-        .filter(|p| p.power > 0)
-        .partition(|p| shape.derivatives[p.power % 4] != 0.0);
-    let absent = |p: &&Power| at_end(p) <= ABSENT * largest || p.value.abs() < 2.0 * p.standard_error;
+    let (own, other): (Vec<&Power>, Vec<&Power>) =
+        powers.iter().filter(|p| p.power > 0).partition(|p| shape.derivatives[p.power % 4] != 0.0);
+    let absent =
+        |p: &&Power| at_end(p) <= ABSENT * largest || p.value.abs() < 2.0 * p.standard_error;
     if own.len() < shape.fewest || !other.iter().all(absent) {
         return None;
     }
@@ -197,11 +196,13 @@ fn distance(
     wave_number: f64,
 ) -> Option<(f64, f64)> {
     let target = best_polynomial(shape, degrees, range, wave_number)?;
-    // Relative least squares: every coefficient counts alike.
-    let ratios: Vec<f64> = own.iter().zip(&target).map(|(p, t)| t / p.value).collect();
-    let square: f64 = ratios.iter().map(|r| r * r).sum();
-    let amplitude = ratios.iter().sum::<f64>() / square;
-    let worst = ratios.iter().map(|r| (amplitude * r - 1.0).abs()).fold(0.0, f64::max);
+    // The amplitude that fits best at the end of the range: large contributions count more.
+    let weight = |p: &Power| range.powi(2 * p.power as i32);
+    let product: f64 = own.iter().zip(&target).map(|(p, t)| weight(p) * p.value * t).sum();
+    let square: f64 = own.iter().zip(&target).map(|(p, t)| weight(p) * t * t).sum();
+    let amplitude = product / square;
+    let ratios = own.iter().zip(&target).map(|(p, t)| t / p.value);
+    let worst = ratios.map(|r| (amplitude * r - 1.0).abs()).fold(0.0, f64::max);
     (worst.is_finite() && amplitude.is_finite()).then_some((worst, amplitude))
 }
 
@@ -219,8 +220,7 @@ fn best_polynomial(
         0 => 1.0,
         _ => x(row).powi(degrees[column - 1] as i32),
     });
-    let values =
-        DVector::from_fn(POINTS, |row, _| (shape.value)(wave_number * range * x(row)));
+    let values = DVector::from_fn(POINTS, |row, _| (shape.value)(wave_number * range * x(row)));
     let solution = matrix.svd(true, true).solve(&values, 1e-14).ok()?;
     Some(
         degrees
