@@ -6,13 +6,13 @@ use egg::{BackoffScheduler, CostFunction, Extractor, Id, Language, RecExpr, Runn
 
 use super::analysis::Folding;
 use super::cost::Reading;
-use super::form::{Addend, Plan, Writer};
+use super::form::{Plan, Writer};
 use super::lang::{Fitted, Math, Rational};
 use super::normal::{Atom, Atoms, Monomial, Polynomial};
 use super::numbers::{Numbers, Printed};
 use super::quantity::Quantity;
 use super::rules;
-use super::springs;
+use super::springs::{self, Springs};
 use super::{Info, Options, StopReason};
 use crate::expr::{Function, Names, Number};
 
@@ -29,14 +29,18 @@ pub const PLANS: &[Plan] = &[
     Plan { springs: true, waves: true },
 ];
 
-/// Writes a form according to a plan; `None` where the plan finds nothing to do.
+/// What it is worth, in description length, that one number follows from others.
+const RELATION: f64 = 12.0;
+
+/// Writes a form according to a plan, and says what the relations that it shows are worth;
+/// `None` where the plan finds nothing to do.
 pub fn write(
     plan: Plan,
     form: &Polynomial,
     atoms: &mut Atoms,
     numbers: &mut Numbers,
     names: &Names,
-) -> Option<RecExpr<Math>> {
+) -> Option<(RecExpr<Math>, f64)> {
     let merged;
     let form = if plan.waves {
         merged = merge_waves(form, atoms)?;
@@ -45,8 +49,9 @@ pub fn write(
         form
     };
     let mut writer = Writer { atoms, numbers, names, expr: RecExpr::default() };
-    let (mut addends, taken): (Vec<Addend>, Vec<Monomial>) =
-        if plan.springs { springs::write(&mut writer, form)? } else { Default::default() };
+    let springs =
+        if plan.springs { springs::write(&mut writer, form)? } else { Springs::default() };
+    let Springs { mut addends, taken, without_wall } = springs;
     // Numbers of the same kind of term may be equal: (pattern of exponents, row).
     let mut kinds: Vec<(String, Vec<usize>)> = Vec::new();
     if plan.springs {
@@ -68,7 +73,7 @@ pub fn write(
         writer.numbers.merge_equal(rows);
     }
     writer.sum(addends);
-    Some(writer.expr)
+    Some((writer.expr, RELATION * without_wall as f64))
 }
 
 /// What terms must share for their coefficients to be comparable: the same kind of

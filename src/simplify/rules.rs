@@ -40,10 +40,15 @@ pub enum Kind {
 /// A rewrite from `left` to `right`, in the language of [`Math`].
 #[derive(Debug, Clone, Copy)]
 pub struct Rule {
+    /// Its own name.
     pub name: &'static str,
+    /// What is found.
     pub left: &'static str,
+    /// What it equals.
     pub right: &'static str,
+    /// When it holds.
     pub condition: Condition,
+    /// What it is for.
     pub kind: Kind,
 }
 

@@ -11,7 +11,9 @@ use crate::expr::Place;
 /// A function that a polynomial may be an approximation of: one row each.
 #[derive(Debug, Clone, Copy)]
 pub struct Shape {
+    /// Its name in the mini-language.
     pub name: &'static str,
+    /// The function.
     pub value: fn(f64) -> f64,
     /// k-th derivative at zero, for k modulo 4.
     pub derivatives: [f64; 4],
@@ -32,16 +34,22 @@ pub static SHAPES: &[Shape] = &[
 /// A polynomial's coefficient of x^power and its standard error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Power {
+    /// The exponent.
     pub power: usize,
+    /// The coefficient.
     pub value: f64,
+    /// Its standard error; zero where exact.
     pub standard_error: f64,
 }
 
 /// amplitude * shape(wave_number * x), up to a constant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Likeness {
+    /// The function's name.
     pub name: &'static str,
+    /// The factor in front.
     pub amplitude: f64,
+    /// The factor of x.
     pub wave_number: f64,
     /// Largest relative difference from the Taylor coefficients.
     pub difference: f64,
