@@ -1,7 +1,7 @@
 //! From a fitted model to the expression that a physicist would print.
 //!
 //! Each part of the model (T, V, H, forces) is brought to a normal form, written
-//! in a few ways (as it was specified, expanded, as [springs], with waves merged),
+//! in a few ways (as it was specified, expanded, as springs, with waves merged),
 //! its learned numbers [snap] to nice ones where their uncertainty allows, the e-graph
 //! applies the [rules], and the shortest result is kept. Every step but snapping is checked
 //! against the original at sampled points, and is left out where it fails.

@@ -37,7 +37,7 @@ pub enum Kind {
     Reorder,
 }
 
-/// A rewrite from `left` to `right`, in the language of [`Math`].
+/// A rewrite from `left` to `right`, in prefix notation: `(+ ?x (- ?y))`, pattern variables with a question mark.
 #[derive(Debug, Clone, Copy)]
 pub struct Rule {
     /// Its own name.
