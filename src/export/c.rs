@@ -18,14 +18,85 @@ const EXAMPLE: &str = include_str!("templates/c/example.c.txt");
 
 /// Words of C, functions of math.h that have names of one's own, and what the file uses itself.
 const RESERVED: &[&str] = &[
-    "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else",
-    "enum", "extern", "float", "for", "goto", "if", "inline", "int", "long", "register",
-    "restrict", "return", "short", "signed", "sizeof", "static", "struct", "switch", "typedef",
-    "union", "unsigned", "void", "volatile", "while", "sin", "cos", "tan", "asin", "acos", "atan",
-    "sinh", "cosh", "tanh", "exp", "log", "sqrt", "fabs", "pow", "sign", "q", "p", "t", "h", "out",
-    "solve", "evaluate", "jacobian", "is_finite_state", "main", "NAN", "INFINITY", "HUGE_VAL",
-    "DEGREES", "SIZE", "STAGES", "UNKNOWNS", "PARTS", "WEIGHTS", "MATRIX", "NODES", "M_PI", "EOF",
-    "NULL", "MODEL_H", "MODEL_DEGREES", "MODEL_STEP", "FP_NAN", "FP_ZERO", "FP_INFINITE",
+    "auto",
+    "break",
+    "case",
+    "char",
+    "const",
+    "continue",
+    "default",
+    "do",
+    "double",
+    "else",
+    "enum",
+    "extern",
+    "float",
+    "for",
+    "goto",
+    "if",
+    "inline",
+    "int",
+    "long",
+    "register",
+    "restrict",
+    "return",
+    "short",
+    "signed",
+    "sizeof",
+    "static",
+    "struct",
+    "switch",
+    "typedef",
+    "union",
+    "unsigned",
+    "void",
+    "volatile",
+    "while",
+    "sin",
+    "cos",
+    "tan",
+    "asin",
+    "acos",
+    "atan",
+    "sinh",
+    "cosh",
+    "tanh",
+    "exp",
+    "log",
+    "sqrt",
+    "fabs",
+    "pow",
+    "sign",
+    "q",
+    "p",
+    "t",
+    "h",
+    "out",
+    "solve",
+    "evaluate",
+    "jacobian",
+    "is_finite_state",
+    "main",
+    "NAN",
+    "INFINITY",
+    "HUGE_VAL",
+    "DEGREES",
+    "SIZE",
+    "STAGES",
+    "UNKNOWNS",
+    "PARTS",
+    "WEIGHTS",
+    "MATRIX",
+    "NODES",
+    "M_PI",
+    "EOF",
+    "NULL",
+    "MODEL_H",
+    "MODEL_DEGREES",
+    "MODEL_STEP",
+    "FP_NAN",
+    "FP_ZERO",
+    "FP_INFINITE",
 ];
 
 fn apply(function: Function, argument: &str, _: bool) -> String {
@@ -62,7 +133,11 @@ fn header(export: &Export) -> String {
         let _ = writeln!(out, " * {}", comment(&line));
     }
     out += " *\n * dq/dt = dH/dp and dp/dt = F - dH/dq.\n */\n#ifndef MODEL_H\n#define MODEL_H\n\n";
-    let _ = writeln!(out, "/* Degrees of freedom. */\n#define MODEL_DEGREES {}", export.system.degrees());
+    let _ = writeln!(
+        out,
+        "/* Degrees of freedom. */\n#define MODEL_DEGREES {}",
+        export.system.degrees()
+    );
     let _ = writeln!(
         out,
         "/* Step of the integrator ({}) that the model was fitted with. */\n#define MODEL_STEP {}\n",
@@ -72,7 +147,11 @@ fn header(export: &Export) -> String {
     for (what, variables) in [("q", &export.system.coordinates), ("p", &export.system.momenta)] {
         for (i, variable) in variables.iter().enumerate() {
             let unit = variable.unit_text.as_ref().map(|u| format!(" [{u}]")).unwrap_or_default();
-            let _ = writeln!(out, "/* {what}[{i}] is {}. */", comment(&(variable.name.clone() + &unit)));
+            let _ = writeln!(
+                out,
+                "/* {what}[{i}] is {}. */",
+                comment(&(variable.name.clone() + &unit))
+            );
         }
     }
     out += "\n/* A typical start; returns its time. */\n\

@@ -123,7 +123,12 @@ impl Writer<'_> {
     }
 
     /// Writes an instruction; operands become locals until it fits in a line.
-    fn instruction(&mut self, instruction: Instruction, inputs: &Inputs, lowered: &Lowered) -> Text {
+    fn instruction(
+        &mut self,
+        instruction: Instruction,
+        inputs: &Inputs,
+        lowered: &Lowered,
+    ) -> Text {
         let operands: Vec<Value> = instruction.operands().into_iter().flatten().collect();
         if let Instruction::Apply { a, .. }
         | Instruction::Raise { a, .. }
@@ -210,8 +215,7 @@ impl Writer<'_> {
     /// `None` for 1.
     fn slot(&self, slot: &Slot) -> (bool, Option<Text>) {
         let size = slot.factor.abs();
-        let mut text: Option<Text> =
-            (size != 1.0).then(|| Text::new(number(size), Strength::Atom));
+        let mut text: Option<Text> = (size != 1.0).then(|| Text::new(number(size), Strength::Atom));
         let mut parts = slot.parts.iter().map(|&(expr, exponent)| {
             let base = self.uniform(expr);
             if exponent == 1.0 { base } else { self.raise(&base, exponent) }

@@ -120,12 +120,7 @@ fn place(place: Place, names: &Names) -> Value {
     }
 }
 
-fn expression(
-    graph: &Graph,
-    expr: Expr,
-    names: &Names,
-    numbers: &[super::PrettyNumber],
-) -> Value {
+fn expression(graph: &Graph, expr: Expr, names: &Names, numbers: &[super::PrettyNumber]) -> Value {
     json!({
         "text": graph.text(expr, names),
         "tree": tree(graph, expr, names),
@@ -170,9 +165,7 @@ fn integrator(export: &Export) -> Value {
     out.insert("name".into(), json!(integrator.name));
     out.insert("order".into(), json!(integrator.order));
     out.insert("step".into(), json!(export.step));
-    let tableau = |tableau: &Tableau| {
-        json!({ "matrix": tableau.matrix, "weights": tableau.weights, "nodes": tableau.nodes })
-    };
+    let tableau = |tableau: &Tableau| json!({ "matrix": tableau.matrix, "weights": tableau.weights, "nodes": tableau.nodes });
     let (kind, value) = match &integrator.kind {
         IntegratorKind::Splitting { weights } => ("splitting", json!({ "weights": weights })),
         IntegratorKind::Implicit(t) => ("implicit", tableau(t)),

@@ -58,7 +58,10 @@ pub fn equations(export: &Export) -> Result<Vec<Equation>> {
         out.push(equation(format!("F_{{{}}}", variable(Symbol::Coordinate(i))), force));
     }
     for i in 0..n {
-        out.push(equation(format!(r"\dot{{{}}}", variable(Symbol::Coordinate(i))), gradient[n + i]));
+        out.push(equation(
+            format!(r"\dot{{{}}}", variable(Symbol::Coordinate(i))),
+            gradient[n + i],
+        ));
     }
     for (i, &slope) in slopes.iter().enumerate() {
         out.push(equation(format!(r"\dot{{{}}}", variable(Symbol::Momentum(i))), slope));
@@ -166,7 +169,11 @@ fn table<const N: usize>(columns: &str, head: &[&str; N], rows: &[[String; N]]) 
     let mut out = String::new();
     // A page takes about forty rows; a table does not break by itself.
     for rows in rows.chunks(40) {
-        let _ = writeln!(out, "\\noindent\\begin{{tabular}}{{{columns}}}\n{} \\\\ \\hline", head.join(" & "));
+        let _ = writeln!(
+            out,
+            "\\noindent\\begin{{tabular}}{{{columns}}}\n{} \\\\ \\hline",
+            head.join(" & ")
+        );
         for row in rows {
             let _ = writeln!(out, "{} \\\\", row.join(" & "));
         }

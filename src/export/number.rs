@@ -136,8 +136,7 @@ pub fn shortest(value: f64) -> (String, i32) {
 
 /// A value with so many digits at most; trailing zeros are cut.
 pub fn significant(value: f64, digits: usize) -> (String, i32) {
-    let rounded: f64 =
-        format!("{:.*e}", digits.saturating_sub(1), value).parse().unwrap_or(value);
+    let rounded: f64 = format!("{:.*e}", digits.saturating_sub(1), value).parse().unwrap_or(value);
     shortest(rounded)
 }
 

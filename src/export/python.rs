@@ -11,13 +11,76 @@ const TEMPLATE: &str = include_str!("templates/model.py.txt");
 
 /// Words of Python, names of the module, and functions of SymPy that are used by name.
 const RESERVED: &[&str] = &[
-    "False", "None", "True", "and", "as", "assert", "async", "await", "break", "class", "continue",
-    "def", "del", "elif", "else", "except", "finally", "for", "from", "global", "if", "import",
-    "in", "is", "lambda", "nonlocal", "not", "or", "pass", "raise", "return", "try", "while",
-    "with", "yield", "sympy", "math", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh",
-    "tanh", "exp", "log", "sqrt", "Abs", "sign", "kinetic", "potential", "hamiltonian", "forces",
-    "coordinates", "momenta", "time", "coefficients", "energy", "velocities", "accelerations",
-    "field", "simulate", "numbers", "SEPARABLE", "STEP", "START", "START_TIME", "_",
+    "False",
+    "None",
+    "True",
+    "and",
+    "as",
+    "assert",
+    "async",
+    "await",
+    "break",
+    "class",
+    "continue",
+    "def",
+    "del",
+    "elif",
+    "else",
+    "except",
+    "finally",
+    "for",
+    "from",
+    "global",
+    "if",
+    "import",
+    "in",
+    "is",
+    "lambda",
+    "nonlocal",
+    "not",
+    "or",
+    "pass",
+    "raise",
+    "return",
+    "try",
+    "while",
+    "with",
+    "yield",
+    "sympy",
+    "math",
+    "sin",
+    "cos",
+    "tan",
+    "asin",
+    "acos",
+    "atan",
+    "sinh",
+    "cosh",
+    "tanh",
+    "exp",
+    "log",
+    "sqrt",
+    "Abs",
+    "sign",
+    "kinetic",
+    "potential",
+    "hamiltonian",
+    "forces",
+    "coordinates",
+    "momenta",
+    "time",
+    "coefficients",
+    "energy",
+    "velocities",
+    "accelerations",
+    "field",
+    "simulate",
+    "numbers",
+    "SEPARABLE",
+    "STEP",
+    "START",
+    "START_TIME",
+    "_",
 ];
 
 /// Writes the module.
@@ -46,7 +109,11 @@ pub fn export(export: &Export) -> Result<Output> {
     };
 
     let mut symbols = String::new();
-    let _ = writeln!(symbols, "coordinates = [\n{}]", symbol_list(&system.coordinates, &names.coordinates));
+    let _ = writeln!(
+        symbols,
+        "coordinates = [\n{}]",
+        symbol_list(&system.coordinates, &names.coordinates)
+    );
     let _ = writeln!(symbols, "momenta = [\n{}]", symbol_list(&system.momenta, &names.momenta));
     for (list, names) in [("coordinates", &names.coordinates), ("momenta", &names.momenta)] {
         for (i, name) in names.iter().enumerate() {
@@ -54,7 +121,11 @@ pub fn export(export: &Export) -> Result<Output> {
         }
     }
     let time = identifiers.of(Symbol::Time);
-    let _ = writeln!(symbols, "time = {time} = sympy.Symbol({}, real=True)", literal(&system.time.name));
+    let _ = writeln!(
+        symbols,
+        "time = {time} = sympy.Symbol({}, real=True)",
+        literal(&system.time.name)
+    );
     for constant in &model.constants {
         let name = identifiers.of(constant.symbol);
         let _ = writeln!(
@@ -74,8 +145,11 @@ pub fn export(export: &Export) -> Result<Output> {
         let name = identifiers.of(constant.symbol);
         let _ = writeln!(values, "    {name}: ({:?}, {error}),", constant.value);
     }
-    let forces: String =
-        parts.forces.iter().map(|&force| format!("    sympy.sympify({}),\n", python(force))).collect();
+    let forces: String = parts
+        .forces
+        .iter()
+        .map(|&force| format!("    sympy.sympify({}),\n", python(force)))
+        .collect();
     let (start_time, start) = export.start_or_default();
     let separable = {
         let graph = &model.graph;
@@ -116,12 +190,8 @@ impl Parts {
     fn new(export: &Export, system: &mut crate::expr::System) -> Parts {
         use crate::expr::Place;
         let mut part = |place, known| {
-            let active: Vec<usize> = export
-                .active
-                .iter()
-                .copied()
-                .filter(|&k| system.terms[k].place == place)
-                .collect();
+            let active: Vec<usize> =
+                export.active.iter().copied().filter(|&k| system.terms[k].place == place).collect();
             let mut sum = vec![known];
             for k in active {
                 let coefficient = system.graph.symbol(Symbol::Coefficient(k));
@@ -141,7 +211,11 @@ impl Parts {
 
 fn functions(model: &Model) -> String {
     let names: Vec<&str> = model.functions().iter().map(|f| f.row().sympy).collect();
-    if names.is_empty() { String::new() } else { format!("from sympy import {}\n", names.join(", ")) }
+    if names.is_empty() {
+        String::new()
+    } else {
+        format!("from sympy import {}\n", names.join(", "))
+    }
 }
 
 fn symbol_list(variables: &[crate::expr::Variable], identifiers: &[String]) -> String {
@@ -162,9 +236,8 @@ fn translate(text: &str, time: &str) -> String {
     let mut rest = text;
     while let Some(c) = rest.chars().next() {
         if c.is_ascii_alphabetic() || c == '_' {
-            let length = rest
-                .find(|c: char| !c.is_ascii_alphanumeric() && c != '_')
-                .unwrap_or(rest.len());
+            let length =
+                rest.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(rest.len());
             let (word, behind) = rest.split_at(length);
             match Function::by_name(word).filter(|_| behind.starts_with('(')) {
                 Some(function) => out += function.row().sympy,
@@ -184,7 +257,11 @@ fn translate(text: &str, time: &str) -> String {
             out += &rest[..length];
             rest = &rest[length..];
         } else {
-            if c == '^' { out += "**" } else { out.push(c) }
+            if c == '^' {
+                out += "**"
+            } else {
+                out.push(c)
+            }
             rest = &rest[c.len_utf8()..];
         }
     }

@@ -21,13 +21,77 @@ const EXPLICIT: &str = include_str!("templates/simulator/explicit.rs.txt");
 
 /// Words of Rust, and names that the generated functions use themselves.
 const RESERVED: &[&str] = &[
-    "as", "async", "await", "break", "const", "continue", "crate", "dyn", "else", "enum", "extern",
-    "false", "fn", "for", "gen", "if", "impl", "in", "let", "loop", "match", "mod", "move", "mut",
-    "pub", "ref", "return", "self", "static", "struct", "super", "trait", "true", "type", "unsafe",
-    "use", "where", "while", "abstract", "become", "box", "do", "final", "macro", "override",
-    "priv", "try", "typeof", "unsized", "virtual", "yield", "q", "p", "t", "out", "sign", "_",
-    "NAME", "DEGREES", "SIZE", "COORDINATES", "MOMENTA", "TIME", "STEP", "START", "START_TIME",
-    "METHOD", "ORDER", "SYMMETRIC", "CONSERVATIVE", "SMOOTH",
+    "as",
+    "async",
+    "await",
+    "break",
+    "const",
+    "continue",
+    "crate",
+    "dyn",
+    "else",
+    "enum",
+    "extern",
+    "false",
+    "fn",
+    "for",
+    "gen",
+    "if",
+    "impl",
+    "in",
+    "let",
+    "loop",
+    "match",
+    "mod",
+    "move",
+    "mut",
+    "pub",
+    "ref",
+    "return",
+    "self",
+    "static",
+    "struct",
+    "super",
+    "trait",
+    "true",
+    "type",
+    "unsafe",
+    "use",
+    "where",
+    "while",
+    "abstract",
+    "become",
+    "box",
+    "do",
+    "final",
+    "macro",
+    "override",
+    "priv",
+    "try",
+    "typeof",
+    "unsized",
+    "virtual",
+    "yield",
+    "q",
+    "p",
+    "t",
+    "out",
+    "sign",
+    "_",
+    "NAME",
+    "DEGREES",
+    "SIZE",
+    "COORDINATES",
+    "MOMENTA",
+    "TIME",
+    "STEP",
+    "START",
+    "START_TIME",
+    "METHOD",
+    "ORDER",
+    "SYMMETRIC",
+    "CONSERVATIVE",
+    "SMOOTH",
 ];
 
 fn apply(function: Function, argument: &str, atom: bool) -> String {
@@ -106,7 +170,10 @@ fn array(name: &str, values: &[f64]) -> String {
 
 fn with_tableau(template: &str, tableau: &Tableau) -> String {
     template
-        .replace("const STAGES: usize = 0;", &format!("const STAGES: usize = {};", tableau.weights.len()))
+        .replace(
+            "const STAGES: usize = 0;",
+            &format!("const STAGES: usize = {};", tableau.weights.len()),
+        )
         .replace("const MATRIX: [f64; 0] = [];", &array("MATRIX", &tableau.matrix))
         .replace("const WEIGHTS: [f64; 0] = [];", &array("WEIGHTS", &tableau.weights))
         .replace("const NODES: [f64; 0] = [];", &array("NODES", &tableau.nodes))
@@ -136,7 +203,11 @@ fn model_file(export: &Export, model: &Model) -> String {
     let (start_time, start) = export.start_or_default();
     let mut out = format!("//! The model {}.\n//!\n", one_line(&system.name));
     out += "//! dq/dt = dH/dp and dp/dt = F - dH/dq.\n\n";
-    let _ = writeln!(out, "/// What the model is called.\npub const NAME: &str = {};", literal(&system.name));
+    let _ = writeln!(
+        out,
+        "/// What the model is called.\npub const NAME: &str = {};",
+        literal(&system.name)
+    );
     let _ = writeln!(out, "/// Degrees of freedom.\npub const DEGREES: usize = {n};");
     out += "/// Components of the state: q, then p.\npub const SIZE: usize = 2 * DEGREES;\n";
     for (what, name, variables) in [
@@ -152,18 +223,49 @@ fn model_file(export: &Export, model: &Model) -> String {
             "/// {what}\n#[rustfmt::skip]\npub const {name}: [&str; DEGREES] = [\n{items}];\n"
         );
     }
-    let _ = writeln!(out, "/// Name of the time.\npub const TIME: &str = {};", literal(&system.time.name));
-    let _ = writeln!(out, "/// Step of the integrator that the model was fitted with.\npub const STEP: f64 = {};", number(export.step));
+    let _ = writeln!(
+        out,
+        "/// Name of the time.\npub const TIME: &str = {};",
+        literal(&system.time.name)
+    );
+    let _ = writeln!(
+        out,
+        "/// Step of the integrator that the model was fitted with.\npub const STEP: f64 = {};",
+        number(export.step)
+    );
     let items: String = start.iter().map(|&x| format!("    {},\n", number(x))).collect();
-    let _ = writeln!(out, "/// A typical start.\n#[rustfmt::skip]\npub const START: [f64; SIZE] = [\n{items}];");
-    let _ = writeln!(out, "/// Time of the start.\npub const START_TIME: f64 = {};", number(start_time));
+    let _ = writeln!(
+        out,
+        "/// A typical start.\n#[rustfmt::skip]\npub const START: [f64; SIZE] = [\n{items}];"
+    );
+    let _ = writeln!(
+        out,
+        "/// Time of the start.\npub const START_TIME: f64 = {};",
+        number(start_time)
+    );
     let integrator = &export.integrator;
-    let _ = writeln!(out, "/// Name of the integrator.\npub const METHOD: &str = {};", literal(&integrator.name));
-    let _ = writeln!(out, "/// Order of the integrator.\npub const ORDER: u32 = {};", integrator.order);
+    let _ = writeln!(
+        out,
+        "/// Name of the integrator.\npub const METHOD: &str = {};",
+        literal(&integrator.name)
+    );
+    let _ =
+        writeln!(out, "/// Order of the integrator.\npub const ORDER: u32 = {};", integrator.order);
     let symmetric = !matches!(integrator.kind, IntegratorKind::Explicit(_));
-    let _ = writeln!(out, "/// A step forward and the same step backward cancel.\npub const SYMMETRIC: bool = {symmetric};");
-    let _ = writeln!(out, "/// The energy is a constant of the motion.\npub const CONSERVATIVE: bool = {};", model.conservative);
-    let _ = writeln!(out, "/// The equations have no jump or kink.\npub const SMOOTH: bool = {};\n", model.smooth);
+    let _ = writeln!(
+        out,
+        "/// A step forward and the same step backward cancel.\npub const SYMMETRIC: bool = {symmetric};"
+    );
+    let _ = writeln!(
+        out,
+        "/// The energy is a constant of the motion.\npub const CONSERVATIVE: bool = {};",
+        model.conservative
+    );
+    let _ = writeln!(
+        out,
+        "/// The equations have no jump or kink.\npub const SMOOTH: bool = {};\n",
+        model.smooth
+    );
     for constant in &model.constants {
         let unit = constant.unit.as_ref().map(|unit| format!(" [{}]", one_line(unit)));
         let _ = writeln!(
@@ -182,10 +284,19 @@ fn model_file(export: &Export, model: &Model) -> String {
     }
     let functions = Functions { model, names: &names };
     out += &functions.scalar("The energy H.", "energy", model.energy);
-    out += &functions.scalar("What the energy changes by in time: power of the forces outside H, and dH/dt.", "power", model.power);
+    out += &functions.scalar(
+        "What the energy changes by in time: power of the forces outside H, and dH/dt.",
+        "power",
+        model.power,
+    );
     out += &functions.vector("Velocities dq/dt = dH/dp.", "velocity", "DEGREES", &model.velocities);
     out += &functions.vector("dp/dt = F - dH/dq.", "acceleration", "DEGREES", &model.accelerations);
-    out += &functions.vector("Forces F outside the energy.", "outside_force", "DEGREES", &model.forces);
+    out += &functions.vector(
+        "Forces F outside the energy.",
+        "outside_force",
+        "DEGREES",
+        &model.forces,
+    );
     if matches!(integrator.kind, IntegratorKind::Implicit(_)) {
         out += &functions.vector(
             "Derivatives of dq/dt, dp/dt by q, p: row after row.",
@@ -258,6 +369,8 @@ impl Functions<'_> {
         if values.is_empty() {
             return format!("/// {meaning}\n{head}\n    [0.0; {size}]\n}}\n\n");
         }
-        format!("/// {meaning}\n{head}\n{lines}    let mut out = [0.0; {size}];\n{values}    out\n}}\n\n")
+        format!(
+            "/// {meaning}\n{head}\n{lines}    let mut out = [0.0; {size}];\n{values}    out\n}}\n\n"
+        )
     }
 }

@@ -11,10 +11,47 @@ const LINE: usize = 68;
 
 /// Names that mean a Greek letter; LaTeX's command is the name itself.
 const GREEK: &[&str] = &[
-    "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa",
-    "lambda", "mu", "nu", "xi", "pi", "rho", "sigma", "tau", "upsilon", "phi", "chi", "psi",
-    "omega", "Gamma", "Delta", "Theta", "Lambda", "Xi", "Pi", "Sigma", "Upsilon", "Phi", "Psi",
-    "Omega", "varepsilon", "vartheta", "varphi", "varrho", "varsigma", "ell", "hbar",
+    "alpha",
+    "beta",
+    "gamma",
+    "delta",
+    "epsilon",
+    "zeta",
+    "eta",
+    "theta",
+    "iota",
+    "kappa",
+    "lambda",
+    "mu",
+    "nu",
+    "xi",
+    "pi",
+    "rho",
+    "sigma",
+    "tau",
+    "upsilon",
+    "phi",
+    "chi",
+    "psi",
+    "omega",
+    "Gamma",
+    "Delta",
+    "Theta",
+    "Lambda",
+    "Xi",
+    "Pi",
+    "Sigma",
+    "Upsilon",
+    "Phi",
+    "Psi",
+    "Omega",
+    "varepsilon",
+    "vartheta",
+    "varphi",
+    "varrho",
+    "varsigma",
+    "ell",
+    "hbar",
 ];
 
 /// Greek letters as characters, in the order alpha to omega without the final sigma.
@@ -63,10 +100,16 @@ fn word(text: &str) -> String {
     if text.chars().all(|c| c.is_ascii_digit()) {
         return text.to_string();
     }
-    let plain: String = text
-        .chars()
-        .map(|c| if c.is_ascii_alphanumeric() { c.to_string() } else { format!("u{:x}", u32::from(c)) })
-        .collect();
+    let plain: String =
+        text.chars()
+            .map(|c| {
+                if c.is_ascii_alphanumeric() {
+                    c.to_string()
+                } else {
+                    format!("u{:x}", u32::from(c))
+                }
+            })
+            .collect();
     format!(r"\mathrm{{{plain}}}")
 }
 
@@ -407,7 +450,11 @@ mod tests {
         let numbers = [
             PrettyNumber { value: 0.501_2, standard_error: 0.001_3, snapped: None },
             PrettyNumber { value: -2.0, standard_error: 0.0, snapped: Some("-2".into()) },
-            PrettyNumber { value: std::f64::consts::PI / 2.0, standard_error: 0.0, snapped: Some("pi/2".into()) },
+            PrettyNumber {
+                value: std::f64::consts::PI / 2.0,
+                standard_error: 0.0,
+                snapped: Some("pi/2".into()),
+            },
         ];
         Writer { graph: &graph, names: &Names::default(), numbers: &numbers }.expression(expr)
     }

@@ -52,11 +52,8 @@ impl System {
     /// Where the observables stand when no `data` statement says otherwise.
     pub fn observed_columns(&self) -> Vec<ObservedColumn> {
         let observables = self.observables();
-        let column = |name: String| ObservedColumn {
-            candidates: candidates(&name),
-            name,
-            scale: 1.0,
-        };
+        let column =
+            |name: String| ObservedColumn { candidates: candidates(&name), name, scale: 1.0 };
         observables.into_iter().map(column).collect()
     }
 }
@@ -81,7 +78,9 @@ pub(super) fn resolve(lowering: &mut Lowering, system: &System) -> Option<DataCo
             DataItemKind::Run(column) => out.run.replace(column.text.clone()).is_some(),
             DataItemKind::Pairs => std::mem::replace(&mut out.pairs, true),
             DataItemKind::Column { variable, column, unit } => {
-                let Some(at) = observable(lowering, system, &out.observables, variable) else { continue };
+                let Some(at) = observable(lowering, system, &out.observables, variable) else {
+                    continue;
+                };
                 let second = match system.observed {
                     Observed::Momenta => &system.momenta,
                     Observed::Velocities => &system.velocities,
@@ -114,13 +113,15 @@ fn observable(
 ) -> Option<usize> {
     let name = match &variable.kind {
         ExpressionKind::Name(name) => name.clone(),
-        ExpressionKind::Index { name, index } => match crate::spec::resolve::integer(index, &|_| None) {
-            Ok(index) => format!("{name}[{index}]"),
-            Err(diagnostic) => {
-                lowering.report(diagnostic);
-                return None;
+        ExpressionKind::Index { name, index } => {
+            match crate::spec::resolve::integer(index, &|_| None) {
+                Ok(index) => format!("{name}[{index}]"),
+                Err(diagnostic) => {
+                    lowering.report(diagnostic);
+                    return None;
+                }
             }
-        },
+        }
         _ => variable.to_string(),
     };
     let found = observables.iter().position(|observed| observed.name == name);
@@ -151,10 +152,13 @@ fn scale(
     let (Some(own), Some(text)) = (own, column_unit) else { return 1.0 };
     if !unit.same_kind(own) {
         lowering.report(
-            Diagnostic::error(text.site.0, format!("units clash: the column is in [{unit}], the variable in [{own}]"))
-                .label(format!("cannot be converted to [{own}]"))
-                .hint("correct the unit of the column or of the variable")
-                .related(column.site.0, "this column"),
+            Diagnostic::error(
+                text.site.0,
+                format!("units clash: the column is in [{unit}], the variable in [{own}]"),
+            )
+            .label(format!("cannot be converted to [{own}]"))
+            .hint("correct the unit of the column or of the variable")
+            .related(column.site.0, "this column"),
         );
         return 1.0;
     }

@@ -229,7 +229,8 @@ impl fmt::Display for Unit {
         let zero = Ratio::from_integer(0);
         let all = || self.powers.into_iter().enumerate();
         let over: Vec<String> = all().filter(|&(_, p)| p > zero).map(part).collect();
-        let under: Vec<String> = all().filter(|&(_, p)| p < zero).map(|(i, p)| part((i, -p))).collect();
+        let under: Vec<String> =
+            all().filter(|&(_, p)| p < zero).map(|(i, p)| part((i, -p))).collect();
         let mut pieces = Vec::new();
         if (self.scale - 1.0).abs() > 1e-12 {
             let rounded: f64 = format!("{:.12e}", self.scale).parse().unwrap_or(self.scale);
@@ -412,7 +413,8 @@ mod tests {
 
     #[test]
     fn what_is_no_unit_is_said() {
-        for text in ["", "foo", "m^", "m^999999999", "(m", "m)", "/s", "0", "1e999", "m^(1/0)", "-"] {
+        for text in ["", "foo", "m^", "m^999999999", "(m", "m)", "/s", "0", "1e999", "m^(1/0)", "-"]
+        {
             assert!(Unit::parse(text).is_err(), "{text}");
         }
         assert!(Unit::parse(&"(".repeat(100_000)).is_err());

@@ -40,9 +40,7 @@ impl Analysis<Math> for Folding {
         let of = |id: &Id| egraph[*id].data;
         let rational = match node {
             Math::Rational(rational) => Some(*rational),
-            Math::Add([a, b]) => {
-                of(a).rational.zip(of(b).rational).and_then(|(a, b)| a.plus(b))
-            }
+            Math::Add([a, b]) => of(a).rational.zip(of(b).rational).and_then(|(a, b)| a.plus(b)),
             Math::Multiply([a, b]) => {
                 of(a).rational.zip(of(b).rational).and_then(|(a, b)| a.times(b))
             }

@@ -194,7 +194,8 @@ impl Writer<'_, '_> {
         let row = function.row();
         let mut argument = argument.clone();
         let mut negative = false;
-        let leading = self.atoms.ordered(&argument).iter().find(|(m, _)| !m.is_empty()).map(|t| t.1.value);
+        let leading =
+            self.atoms.ordered(&argument).iter().find(|(m, _)| !m.is_empty()).map(|t| t.1.value);
         if leading.is_some_and(|value| value < 0.0) && (row.odd || row.even) {
             let mut turned = Polynomial::default();
             turned.add_scaled(&argument, &Quantity::known(-1.0));

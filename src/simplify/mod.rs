@@ -337,10 +337,12 @@ fn shapes(
                     });
                 }
                 // Functions may hold the variable; then nothing is said.
-                _ => alone &= monomial.iter().all(|&(atom, _)| match atoms.get(atom) {
-                    Atom::Symbol(other) => *other != symbol,
-                    _ => false,
-                }),
+                _ => {
+                    alone &= monomial.iter().all(|&(atom, _)| match atoms.get(atom) {
+                        Atom::Symbol(other) => *other != symbol,
+                        _ => false,
+                    })
+                }
             }
         }
         if !alone || powers.len() < 2 {

@@ -227,7 +227,11 @@ impl Atoms {
         let small = a.0.len() * b.0.len() <= LARGEST_EXPANSION;
         let plain = a.0.len() <= 1 || b.0.len() <= 1;
         let one = |sum: &Polynomial| sum.as_constant().is_some();
-        if small && (self.expands || (plain && (one(&a) || one(&b))) || (a.0.len() <= 1 && b.0.len() <= 1)) {
+        if small
+            && (self.expands
+                || (plain && (one(&a) || one(&b)))
+                || (a.0.len() <= 1 && b.0.len() <= 1))
+        {
             return a.times(&b);
         }
         let mut whole = Polynomial::constant(Quantity::known(1.0));

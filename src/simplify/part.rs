@@ -105,10 +105,8 @@ fn merge_waves(form: &Polynomial, atoms: &mut Atoms) -> Option<Polynomial> {
     let mut changed = false;
     for (monomial, a) in &form.0 {
         let Some(argument) = alone(sin, atoms, monomial) else { continue };
-        let partner = form
-            .0
-            .iter()
-            .find(|(other, _)| alone(cos, atoms, other).as_ref() == Some(&argument));
+        let partner =
+            form.0.iter().find(|(other, _)| alone(cos, atoms, other).as_ref() == Some(&argument));
         let Some((other, b)) = partner else { continue };
         let size = a.value.hypot(b.value);
         if size == 0.0 {
@@ -153,9 +151,8 @@ pub fn with_nice_numbers(expr: &RecExpr<Math>, numbers: &Numbers) -> RecExpr<Mat
                     }
                 }
             },
-            _ => out.add(egg::Language::map_children(node.clone(), |child| {
-                image[usize::from(child)]
-            })),
+            _ => out
+                .add(egg::Language::map_children(node.clone(), |child| image[usize::from(child)])),
         };
         image.push(id);
     }

@@ -115,11 +115,10 @@ pub fn recognise(powers: &[Power], range: Option<f64>) -> Option<Likeness> {
 fn compare(shape: &Shape, powers: &[Power], range: f64) -> Option<(f64, Likeness)> {
     let at_end = |p: &Power| p.value.abs() * range.powi(p.power as i32);
     let largest = powers.iter().map(at_end).fold(0.0, f64::max);
-    let (own, other): (Vec<&Power>, Vec<&Power>) = powers
-        .iter()
-        .filter(|p| p.power > 0)
-        .partition(|p| shape.derivatives[p.power % 4] != 0.0);
-    let absent = |p: &&Power| at_end(p) <= ABSENT * largest || p.value.abs() < 2.0 * p.standard_error;
+    let (own, other): (Vec<&Power>, Vec<&Power>) =
+        powers.iter().filter(|p| p.power > 0).partition(|p| shape.derivatives[p.power % 4] != 0.0);
+    let absent =
+        |p: &&Power| at_end(p) <= ABSENT * largest || p.value.abs() < 2.0 * p.standard_error;
     if own.len() < shape.fewest || !other.iter().all(absent) {
         return None;
     }
@@ -219,8 +218,7 @@ fn best_polynomial(
         0 => 1.0,
         _ => x(row).powi(degrees[column - 1] as i32),
     });
-    let values =
-        DVector::from_fn(POINTS, |row, _| (shape.value)(wave_number * range * x(row)));
+    let values = DVector::from_fn(POINTS, |row, _| (shape.value)(wave_number * range * x(row)));
     let solution = matrix.svd(true, true).solve(&values, 1e-14).ok()?;
     Some(
         degrees

@@ -40,9 +40,11 @@ impl Quadratic {
             }
         }
         // A function may hold any coordinate inside.
-        let functions = form.0.keys().flatten().any(|&(a, _)| {
-            !matches!(writer.atoms.get(a), super::normal::Atom::Symbol(_))
-        });
+        let functions = form
+            .0
+            .keys()
+            .flatten()
+            .any(|&(a, _)| !matches!(writer.atoms.get(a), super::normal::Atom::Symbol(_)));
         if functions {
             let all: Vec<usize> = out.linear.keys().copied().collect();
             out.elsewhere.extend(all);
@@ -87,8 +89,7 @@ pub fn write(writer: &mut Writer, form: &Polynomial) -> Option<(Vec<Addend>, Vec
         .copied()
         .chain(quadratic.couplings.keys().flat_map(|&(i, j)| [i, j]))
         .collect();
-    let coupled: BTreeSet<usize> =
-        quadratic.couplings.keys().flat_map(|&(i, j)| [i, j]).collect();
+    let coupled: BTreeSet<usize> = quadratic.couplings.keys().flat_map(|&(i, j)| [i, j]).collect();
     for &atom in &coupled {
         let wall = quadratic.wall(atom);
         if wall.value < 0.0 && !writer.numbers.is_nothing(&wall, quadratic.scale(atom)) {
@@ -128,7 +129,11 @@ pub fn write(writer: &mut Writer, form: &Polynomial) -> Option<(Vec<Addend>, Vec
             (writer.numbers.nothing(&stiffness, what), stiffness.value < 0.0)
         } else {
             let what = || {
-                let kind = if scale { "spring between a wall and" } else { "coefficient of the square of" };
+                let kind = if scale {
+                    "spring between a wall and"
+                } else {
+                    "coefficient of the square of"
+                };
                 format!("{kind} {name}")
             };
             let row = writer.numbers.row(&stiffness, Some(Niceness::Factor), &what);

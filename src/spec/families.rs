@@ -68,8 +68,7 @@ pub static FAMILIES: &[FamilyRow] = &[
         members: |n, d| {
             let of = |harmonic| {
                 (0..n).flat_map(move |variable| {
-                    ["sin", "cos"]
-                        .map(|function| Member::Harmonic { function, variable, harmonic })
+                    ["sin", "cos"].map(|function| Member::Harmonic { function, variable, harmonic })
                 })
             };
             (1..=d).flat_map(of).collect()
@@ -195,7 +194,8 @@ mod tests {
     #[test]
     fn order_is_by_degree_then_earlier_variables_first() {
         let poly = by_name("poly").map(|row| (row.members)(2, 2));
-        let expected = [vec![(0, 1)], vec![(1, 1)], vec![(0, 2)], vec![(0, 1), (1, 1)], vec![(1, 2)]];
+        let expected =
+            [vec![(0, 1)], vec![(1, 1)], vec![(0, 2)], vec![(0, 1), (1, 1)], vec![(1, 2)]];
         assert_eq!(poly, Some(expected.into_iter().map(Member::Monomial).collect()));
     }
 }

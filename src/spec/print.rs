@@ -67,9 +67,8 @@ impl Display for Statement {
             }
             StatementKind::Constrain { first, rest } => {
                 write!(f, "constrain {first}")?;
-                rest.iter().try_for_each(|(relation, operand)| {
-                    write!(f, " {} {operand}", relation.sign())
-                })
+                rest.iter()
+                    .try_for_each(|(relation, operand)| write!(f, " {} {operand}", relation.sign()))
             }
         }
     }

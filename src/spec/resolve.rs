@@ -24,7 +24,12 @@ pub enum Meaning {
     /// The variable at this place in the list of its role.
     Variable(Role, usize),
     /// `count` variables from `start` on; the first has the index `first`.
-    Family { role: Role, first: i64, start: usize, count: usize },
+    Family {
+        role: Role,
+        first: i64,
+        start: usize,
+        count: usize,
+    },
     Time,
     Constant(usize),
     Parameter(usize),
@@ -234,8 +239,11 @@ impl<'a> Resolver<'a, '_> {
         let count = usize::try_from(count).unwrap_or(0);
         let meaning = Meaning::Family { role, first, start, count };
         self.name(name, meaning, declaration.name.site.0);
-        let members = (first..=last)
-            .map(|i| Declared { name: format!("{name}[{i}]"), unit: unit.clone(), span });
+        let members = (first..=last).map(|i| Declared {
+            name: format!("{name}[{i}]"),
+            unit: unit.clone(),
+            span,
+        });
         self.list(role).extend(members);
     }
 
@@ -306,11 +314,8 @@ impl<'a> Resolver<'a, '_> {
     /// `p_theta` for `theta`, `p_q[1]` for `q[1]`.
     fn imply_momenta(&mut self) {
         self.out.implied_momenta = true;
-        let declared = |c: &Declared| Declared {
-            name: format!("p_{}", c.name),
-            unit: None,
-            span: c.span,
-        };
+        let declared =
+            |c: &Declared| Declared { name: format!("p_{}", c.name), unit: None, span: c.span };
         self.out.momenta = self.out.coordinates.iter().map(declared).collect();
         let mut implied: Vec<(String, Meaning, Span)> = Vec::new();
         for (name, &(meaning, span)) in &self.out.names {
@@ -352,7 +357,9 @@ impl<'a> Resolver<'a, '_> {
             self.report(
                 Diagnostic::error(Span::default(), "the spec has no energy")
                     .label("neither T, V nor H is given")
-                    .hint("write for example `T = span{ poly(p; 2) }` and `V = span{ poly(q; 4) }`"),
+                    .hint(
+                        "write for example `T = span{ poly(p; 2) }` and `V = span{ poly(q; 4) }`",
+                    ),
             );
         }
     }
@@ -368,7 +375,9 @@ pub fn integer(
 ) -> Result<i64, Diagnostic> {
     let span = expression.site.0;
     let too_large = || {
-        Diagnostic::error(span, "this index is too large").label("beyond 64 bits").hint("make it smaller")
+        Diagnostic::error(span, "this index is too large")
+            .label("beyond 64 bits")
+            .hint("make it smaller")
     };
     match &expression.kind {
         ExpressionKind::Number(value) if value.fract() == 0.0 && value.abs() < 1e15 => {

@@ -35,7 +35,9 @@ impl Lowering<'_> {
         stack.reverse();
         while let Some(expression) = stack.pop() {
             match &expression.kind {
-                ExpressionKind::Sum(parts) => stack.extend(parts.iter().rev().map(|(_, part)| part)),
+                ExpressionKind::Sum(parts) => {
+                    stack.extend(parts.iter().rev().map(|(_, part)| part))
+                }
                 ExpressionKind::Negate(inner) => stack.push(inner),
                 ExpressionKind::Span(items) => {
                     for word in items.iter().filter_map(|item| item.name.as_ref()) {
@@ -44,10 +46,13 @@ impl Lowering<'_> {
                         seen.entry(&word.text).or_insert(word.site.0);
                         if let Some(first) = first {
                             self.report(
-                                Diagnostic::error(word.site.0, format!("the name `{}` is taken", word.text))
-                                    .label("named again here")
-                                    .hint("give every coefficient a name of its own")
-                                    .related(first, "first named here"),
+                                Diagnostic::error(
+                                    word.site.0,
+                                    format!("the name `{}` is taken", word.text),
+                                )
+                                .label("named again here")
+                                .hint("give every coefficient a name of its own")
+                                .related(first, "first named here"),
                             );
                         }
                     }
@@ -146,7 +151,8 @@ impl Lowering<'_> {
             Operand::Value(value) => match &value.kind {
                 ExpressionKind::Name(name) | ExpressionKind::Index { name, .. } => {
                     let meaning = self.resolved.names.get(name).map(|&(meaning, _)| meaning);
-                    let number = matches!(meaning, Some(crate::spec::resolve::Meaning::Constant(_)));
+                    let number =
+                        matches!(meaning, Some(crate::spec::resolve::Meaning::Constant(_)));
                     !number && name != "pi"
                 }
                 _ => false,
@@ -184,9 +190,12 @@ impl Lowering<'_> {
             }
             _ => {
                 self.report(
-                    Diagnostic::error(value.site.0, "a constraint speaks of one coefficient or parameter")
-                        .label("this is neither")
-                        .hint("write for example `constrain k >= 0`, or `constrain terms of T >= 0`"),
+                    Diagnostic::error(
+                        value.site.0,
+                        "a constraint speaks of one coefficient or parameter",
+                    )
+                    .label("this is neither")
+                    .hint("write for example `constrain k >= 0`, or `constrain terms of T >= 0`"),
                 );
                 return None;
             }
@@ -217,9 +226,12 @@ impl Lowering<'_> {
             None => "name a coefficient in its span, as in `span{ k: q^2 }`".to_string(),
         };
         self.report(
-            Diagnostic::error(value.site.0, format!("no coefficient or parameter is called `{shown}`"))
-                .label("unknown here")
-                .hint(hint),
+            Diagnostic::error(
+                value.site.0,
+                format!("no coefficient or parameter is called `{shown}`"),
+            )
+            .label("unknown here")
+            .hint(hint),
         );
         None
     }

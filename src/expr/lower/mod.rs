@@ -55,8 +55,8 @@ pub fn build(name: &str, text: &str) -> Result<Compiled> {
         // missing may stand in it. Only what was read wrong is worth saying.
         diagnostics.retain(|d| d.span != Span::default());
     }
-    let sound = resolved.coordinates.len() == resolved.momenta.len()
-        && !resolved.coordinates.is_empty();
+    let sound =
+        resolved.coordinates.len() == resolved.momenta.len() && !resolved.coordinates.is_empty();
     let mut built = None;
     if sound {
         let mut lowering = Lowering::new(&resolved, None);
@@ -305,8 +305,9 @@ impl<'a> Lowering<'a> {
                 None => first = Some((unit, span)),
                 Some((energy, at)) if !energy.agrees(unit) => {
                     let name = &self.resolved.coordinates[i].name;
-                    let message =
-                        format!("units clash: [{energy}] and [{unit}] cannot both be the unit of H");
+                    let message = format!(
+                        "units clash: [{energy}] and [{unit}] cannot both be the unit of H"
+                    );
                     let hint = format!(
                         "coordinate * momentum / time must be the same for all; with `{name}` it is [{unit}]"
                     );
@@ -370,7 +371,9 @@ impl<'a> Lowering<'a> {
                 },
                 _ => (Some(energy), "H"),
             };
-            let Some(expected) = expected.filter(|expected| !expected.agrees(unit)) else { continue };
+            let Some(expected) = expected.filter(|expected| !expected.agrees(unit)) else {
+                continue;
+            };
             self.report(
                 Diagnostic::error(
                     span,
@@ -393,7 +396,8 @@ impl<'a> Lowering<'a> {
     fn define_constants(&mut self) {
         for &(name, value) in &self.resolved.constants {
             let value = self.number(value);
-            let value = value.map(|(value, unit, _)| Named { expr: self.graph.number(value), unit });
+            let value =
+                value.map(|(value, unit, _)| Named { expr: self.graph.number(value), unit });
             // What is wrong with it was said: uses of the name need not say it again.
             self.constants.push(value);
             let _ = name;
@@ -472,8 +476,7 @@ impl<'a> Lowering<'a> {
         let mut bounds = Bounds::FREE;
         let mut units = Vec::new();
         let Some(limits) = limits else { return (bounds, units) };
-        for (side, into) in
-            [(&limits.lower, &mut bounds.lower), (&limits.upper, &mut bounds.upper)]
+        for (side, into) in [(&limits.lower, &mut bounds.lower), (&limits.upper, &mut bounds.upper)]
         {
             if let Some((value, unit, span)) = side.as_ref().and_then(|side| self.number(side)) {
                 *into = value;

@@ -1,10 +1,10 @@
 //! The function space: items of `span{ }` become terms, each of them once.
 
+use super::super::functions::Function;
 use super::super::graph::{Expr, Node, Symbol};
 use super::super::print::Names;
 use super::super::system::{Bounds, Place, Term};
 use super::super::unit::Unit;
-use super::super::functions::Function;
 use super::value::Value;
 use super::{Lowering, MOST_TERMS};
 use crate::diagnostic::{Diagnostic, Severity, Span};
@@ -90,9 +90,15 @@ impl Lowering<'_> {
             Node::Symbol(Symbol::Coordinate(i)) => Some(*i),
             _ => {
                 self.report(
-                    Diagnostic::error(expression.site.0, format!("`{expression}` is not a coordinate"))
-                        .label("a force acts on a coordinate")
-                        .hint(format!("write for example `force {} += ...`", self.resolved.coordinates[0].name)),
+                    Diagnostic::error(
+                        expression.site.0,
+                        format!("`{expression}` is not a coordinate"),
+                    )
+                    .label("a force acts on a coordinate")
+                    .hint(format!(
+                        "write for example `force {} += ...`",
+                        self.resolved.coordinates[0].name
+                    )),
                 );
                 None
             }
@@ -154,8 +160,13 @@ impl Lowering<'_> {
         if let Some(expr) = repeated.first {
             let label = self.graph.text(expr, &self.symbol_names());
             let message = match repeated.count {
-                1 => format!("`{label}` also stands elsewhere in the function space; it is kept once"),
-                n => format!("`{label}` and {} more terms also stand elsewhere in the function space; each is kept once", n - 1),
+                1 => format!(
+                    "`{label}` also stands elsewhere in the function space; it is kept once"
+                ),
+                n => format!(
+                    "`{label}` and {} more terms also stand elsewhere in the function space; each is kept once",
+                    n - 1
+                ),
             };
             self.report(
                 Diagnostic::new(Severity::Note, item.body.site.0, message)
@@ -202,7 +213,11 @@ impl Lowering<'_> {
         }
         let variables = self.variables(arguments)?;
         let count = (row.size)(variables.len() as u64, size);
-        self.make_room(count, span, &format!("`{}` of order {degree} in {} variables", row.name, variables.len()))?;
+        self.make_room(
+            count,
+            span,
+            &format!("`{}` of order {degree} in {} variables", row.name, variables.len()),
+        )?;
         for (value, at) in &variables {
             if row.needs_number {
                 let what = format!("an argument of `{}`", row.name);
@@ -255,9 +270,12 @@ impl Lowering<'_> {
                     };
                     if first > last {
                         self.report(
-                            Diagnostic::error(range.site.0, format!("the range {first}..{last} is empty"))
-                                .label("no variable is in it")
-                                .hint("write the smaller index first"),
+                            Diagnostic::error(
+                                range.site.0,
+                                format!("the range {first}..{last} is empty"),
+                            )
+                            .label("no variable is in it")
+                            .hint("write the smaller index first"),
                         );
                         sound = false;
                         continue;
@@ -274,10 +292,8 @@ impl Lowering<'_> {
                 continue;
             };
             for index in first..=last {
-                let index = Expression {
-                    kind: ExpressionKind::Number(index as f64),
-                    site: argument.site,
-                };
+                let index =
+                    Expression { kind: ExpressionKind::Number(index as f64), site: argument.site };
                 let kind = ExpressionKind::Index { name: name.clone(), index: Box::new(index) };
                 match self.value(&Expression { kind, site: argument.site }) {
                     Some(value) => out.push((value, span)),
@@ -288,7 +304,8 @@ impl Lowering<'_> {
                 }
             }
         }
-        let mut seen: Vec<(Expr, Span)> = out.iter().map(|(value, span)| (value.expr, *span)).collect();
+        let mut seen: Vec<(Expr, Span)> =
+            out.iter().map(|(value, span)| (value.expr, *span)).collect();
         seen.sort_by_key(|&(expr, span)| (expr, span));
         for pair in seen.windows(2) {
             if pair[0].0 == pair[1].0 {
@@ -313,10 +330,12 @@ impl Lowering<'_> {
                 for &(i, exponent) in powers {
                     let value = variables[i].0;
                     parts.push((value.expr, f64::from(exponent)));
-                    let exponent = i32::try_from(exponent).ok().map(num_rational::Ratio::from_integer);
-                    unit = unit.zip(value.unit).zip(exponent).and_then(|((unit, base), exponent)| {
-                        unit.times(base.power(exponent)?)
-                    });
+                    let exponent =
+                        i32::try_from(exponent).ok().map(num_rational::Ratio::from_integer);
+                    unit = unit
+                        .zip(value.unit)
+                        .zip(exponent)
+                        .and_then(|((unit, base), exponent)| unit.times(base.power(exponent)?));
                 }
                 Value { expr: self.graph.product(1.0, &parts), unit }
             }
@@ -358,9 +377,12 @@ impl Lowering<'_> {
         if on & (COORDINATE | MOMENTUM) == 0 && force.is_none() {
             let label = self.graph.text(value.expr, &self.symbol_names());
             self.report(
-                Diagnostic::warning(span, format!("the term `{label}` cannot be learned; it is left out"))
-                    .label("does not depend on the state")
-                    .hint("only derivatives of H move anything, so a constant in H has no effect"),
+                Diagnostic::warning(
+                    span,
+                    format!("the term `{label}` cannot be learned; it is left out"),
+                )
+                .label("does not depend on the state")
+                .hint("only derivatives of H move anything, so a constant in H has no effect"),
             );
             return;
         }
@@ -398,7 +420,9 @@ impl Lowering<'_> {
     /// The expression without a number in front of it.
     fn direction(&self, expr: Expr) -> Expr {
         match self.graph.node(expr) {
-            Node::Sum { constant, terms } if constant.value() == 0.0 && terms.len() == 1 => terms[0].0,
+            Node::Sum { constant, terms } if constant.value() == 0.0 && terms.len() == 1 => {
+                terms[0].0
+            }
             _ => expr,
         }
     }

@@ -89,9 +89,12 @@ impl Lowering<'_> {
                 let known = self.graph.as_number(inner.expr).is_some();
                 if !known || inner.unit.is_some_and(|unit| !unit.is_number()) {
                     self.report(
-                        Diagnostic::error(span, "a unit stands after something that is no bare number")
-                            .label("only numbers are given units here")
-                            .hint("give variables their units where they are declared"),
+                        Diagnostic::error(
+                            span,
+                            "a unit stands after something that is no bare number",
+                        )
+                        .label("only numbers are given units here")
+                        .hint("give variables their units where they are declared"),
                     );
                     return None;
                 }
@@ -262,9 +265,12 @@ impl Lowering<'_> {
             "divide by a constant of that unit, or multiply with a `param` that has the inverse unit"
         };
         self.report(
-            Diagnostic::error(span, format!("units clash: {what} must be a number [1], but this is in [{unit}]"))
-                .label(format!("in [{unit}]"))
-                .hint(hint),
+            Diagnostic::error(
+                span,
+                format!("units clash: {what} must be a number [1], but this is in [{unit}]"),
+            )
+            .label(format!("in [{unit}]"))
+            .hint(hint),
         );
     }
 
@@ -283,7 +289,8 @@ impl Lowering<'_> {
             );
             return None;
         }
-        let known = ALIASES.iter().find(|(alias, _)| *alias == name).map_or(name, |&(_, name)| name);
+        let known =
+            ALIASES.iter().find(|(alias, _)| *alias == name).map_or(name, |&(_, name)| name);
         let Some(function) = Function::by_name(known) else {
             let functions = FUNCTIONS.iter().map(|row| row.name);
             let all: Vec<&str> =
@@ -299,7 +306,13 @@ impl Lowering<'_> {
             return None;
         };
         let [argument] = arguments else {
-            self.wrong_arity(name, "one argument", arguments.len(), span, &format!("write `{name}(x)`"));
+            self.wrong_arity(
+                name,
+                "one argument",
+                arguments.len(),
+                span,
+                &format!("write `{name}(x)`"),
+            );
             return None;
         };
         if let Some(order) = order {
@@ -337,7 +350,14 @@ impl Lowering<'_> {
         Some(Value { expr, unit })
     }
 
-    pub(super) fn wrong_arity(&mut self, name: &str, wants: &str, has: usize, span: Span, hint: &str) {
+    pub(super) fn wrong_arity(
+        &mut self,
+        name: &str,
+        wants: &str,
+        has: usize,
+        span: Span,
+        hint: &str,
+    ) {
         let message = format!("`{name}` takes {wants}");
         let label = match has {
             0 => "none is given".to_string(),
@@ -416,7 +436,8 @@ impl Lowering<'_> {
                     Some(place) => self.variable(role, start + place, name, span),
                     None => {
                         let last = first + count as i64 - 1;
-                        let label = self.where_indices(&format!("`{name}[{index}]` does not exist"));
+                        let label =
+                            self.where_indices(&format!("`{name}[{index}]` does not exist"));
                         self.report(
                             Diagnostic::error(span, format!("the index {index} is out of range"))
                                 .label(label)
@@ -470,14 +491,22 @@ impl Lowering<'_> {
                 let momentum = &self.resolved.momenta[i].name;
                 let label = format!("the state holds its momentum `{momentum}`");
                 let hint = format!("write it with `{momentum}`; the velocity follows as dH/dp");
-                Some(misplaced(format!("the velocity `{name}` is not part of the state"), &label, &hint))
+                Some(misplaced(
+                    format!("the velocity `{name}` is not part of the state"),
+                    &label,
+                    &hint,
+                ))
             }
-            (Context::Energy(EnergyPart::Kinetic), Role::Coordinates) => {
-                Some(misplaced(format!("T depends on the coordinate `{name}`"), "a coordinate", energy_hint))
-            }
-            (Context::Energy(EnergyPart::Potential), Role::Momenta) => {
-                Some(misplaced(format!("V depends on the momentum `{name}`"), "a momentum", energy_hint))
-            }
+            (Context::Energy(EnergyPart::Kinetic), Role::Coordinates) => Some(misplaced(
+                format!("T depends on the coordinate `{name}`"),
+                "a coordinate",
+                energy_hint,
+            )),
+            (Context::Energy(EnergyPart::Potential), Role::Momenta) => Some(misplaced(
+                format!("V depends on the momentum `{name}`"),
+                "a momentum",
+                energy_hint,
+            )),
             _ => None,
         };
         if let Some(problem) = problem {
@@ -527,7 +556,8 @@ impl Lowering<'_> {
     ) -> Option<()> {
         let Some((binding, inner)) = bindings.split_first() else {
             for condition in conditions {
-                let (left, right) = (self.integer(&condition.left)?, self.integer(&condition.right)?);
+                let (left, right) =
+                    (self.integer(&condition.left)?, self.integer(&condition.right)?);
                 let holds = match condition.relation {
                     Relation::Less => left < right,
                     Relation::LessOrEqual => left <= right,
@@ -547,10 +577,13 @@ impl Lowering<'_> {
         let (first, last) = (first?, last?);
         if let Some(&(_, taken)) = self.resolved.names.get(&binding.name.text) {
             self.report(
-                Diagnostic::error(binding.name.site.0, format!("the name `{}` is taken", binding.name.text))
-                    .label("an index needs a name of its own")
-                    .hint("choose another letter")
-                    .related(taken, "named here"),
+                Diagnostic::error(
+                    binding.name.site.0,
+                    format!("the name `{}` is taken", binding.name.text),
+                )
+                .label("an index needs a name of its own")
+                .hint("choose another letter")
+                .related(taken, "named here"),
             );
             return None;
         }

@@ -172,7 +172,8 @@ fn primary(input: Tokens) -> Parsed<Expression> {
         Some((Kind::Word, "span")) => span(input),
         Some((Kind::Word, word)) if !RESERVED.contains(&word) => alt((call, variable)).parse(input),
         Some((Kind::Mark, "(")) => {
-            let (rest, inner) = delimited(mark("("), cut(expression), cut(mark(")"))).parse(input)?;
+            let (rest, inner) =
+                delimited(mark("("), cut(expression), cut(mark(")"))).parse(input)?;
             Ok((rest, Expression { site: from_to(input, rest), ..inner }))
         }
         _ => Err(Fault::expected(input, "a number, a name or `(`")),
@@ -214,9 +215,9 @@ fn span(input: Tokens) -> Parsed<Expression> {
             }
             (Err(inner), _) if items.is_empty() => return cut_error(inner),
             _ => {
-                return cut_error(fault.map(|fault| {
-                    nom::error::ParseError::or(fault, Fault::comma(rest))
-                }));
+                return cut_error(
+                    fault.map(|fault| nom::error::ParseError::or(fault, Fault::comma(rest))),
+                );
             }
         },
     };
@@ -289,10 +290,8 @@ pub fn relation(input: Tokens) -> Parsed<Relation> {
 /// call = name , "(" , [ expression , { "," , expression } ] , [ ";" , expression ] , ")" ;
 fn call(input: Tokens) -> Parsed<Expression> {
     let (rest, (function, ())) = (name, mark("(")).parse(input)?;
-    let arguments = (
-        separated_list0(mark(","), expression),
-        opt(preceded(mark(";"), cut(expression))),
-    );
+    let arguments =
+        (separated_list0(mark(","), expression), opt(preceded(mark(";"), cut(expression))));
     let (rest, (arguments, order)) = cut(arguments).parse(rest)?;
     let (rest, ()) = match mark(")")(rest) {
         Ok(closed) => closed,
@@ -300,9 +299,11 @@ fn call(input: Tokens) -> Parsed<Expression> {
             expression(rest).map_err(cut_only)?;
             return Err(Fault::expected(rest, "`)`")).map_err(cut_only);
         }
-        Err(fault) => return cut_error(fault.map(|fault| {
-            nom::error::ParseError::or(fault, Fault::comma(rest))
-        })),
+        Err(fault) => {
+            return cut_error(
+                fault.map(|fault| nom::error::ParseError::or(fault, Fault::comma(rest))),
+            );
+        }
     };
     let kind = ExpressionKind::Call { name: function.text, arguments, order: order.map(Box::new) };
     Ok((rest, Expression { kind, site: from_to(input, rest) }))

@@ -161,9 +161,11 @@ pub fn spec(source: &str) -> (Spec, Vec<Diagnostic>) {
                 out.statements.push(statement);
                 continue;
             }
-            Ok((rest, _)) => {
-                Fault { at: rest.place(), expected: vec!["the end of the statement".into()], diagnostic: None }
-            }
+            Ok((rest, _)) => Fault {
+                at: rest.place(),
+                expected: vec!["the end of the statement".into()],
+                diagnostic: None,
+            },
             Err(nom::Err::Error(fault) | nom::Err::Failure(fault)) => fault,
             Err(nom::Err::Incomplete(_)) => {
                 Fault { at: input.place(), expected: vec!["a statement".into()], diagnostic: None }
@@ -181,7 +183,9 @@ pub fn expression(source: &str) -> Result<super::ast::Expression, Vec<Diagnostic
     let text = format!("H = {source}");
     let (spec, diagnostics) = spec(&text);
     match spec.statements.into_iter().next().map(|statement| statement.kind) {
-        Some(super::ast::StatementKind::Energy { value, .. }) if diagnostics.is_empty() => Ok(value),
+        Some(super::ast::StatementKind::Energy { value, .. }) if diagnostics.is_empty() => {
+            Ok(value)
+        }
         _ => Err(diagnostics),
     }
 }

@@ -79,8 +79,7 @@ fn variables(input: Tokens) -> Parsed<StatementKind> {
         keyword("momenta").map(|()| Role::Momenta),
         keyword("velocities").map(|()| Role::Velocities),
     ));
-    let (rest, (role, list)) =
-        (role, separated_list1(mark(","), cut(declaration))).parse(input)?;
+    let (rest, (role, list)) = (role, separated_list1(mark(","), cut(declaration))).parse(input)?;
     Ok((rest, StatementKind::Variables { role, list }))
 }
 
@@ -169,8 +168,7 @@ fn parameter(input: Tokens) -> Parsed<StatementKind> {
 
 /// limits = [ expression ] , ".." , [ expression ] ;
 fn limits(input: Tokens) -> Parsed<Limits> {
-    let (rest, (lower, (), upper)) =
-        (opt(expression), mark(".."), opt(expression)).parse(input)?;
+    let (rest, (lower, (), upper)) = (opt(expression), mark(".."), opt(expression)).parse(input)?;
     let site = Site(Span::new(input.place().start, rest.taken));
     Ok((rest, Limits { lower, upper, site }))
 }
@@ -225,8 +223,7 @@ fn operand(input: Tokens) -> Parsed<Operand> {
         energy_part.map(Target::Energy),
         preceded(keyword("force"), cut(variable)).map(Target::Force),
     ));
-    let (rest, ((), (), target)) =
-        (keyword("terms"), keyword("of"), cut(target)).parse(input)?;
+    let (rest, ((), (), target)) = (keyword("terms"), keyword("of"), cut(target)).parse(input)?;
     let site = Site(Span::new(input.place().start, rest.taken));
     Ok((rest, Operand::Terms(target, site)))
 }

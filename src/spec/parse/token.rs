@@ -36,8 +36,7 @@ pub struct Token<'a> {
 const MARKS: [&str; 8] = ["..", "+=", "<=", ">=", "==", "!=", "**", "->"];
 
 fn blank(input: &str) -> IResult<&str, &str> {
-    let comment =
-        recognize((tag("#"), take_while(|c: char| c != '\n')));
+    let comment = recognize((tag("#"), take_while(|c: char| c != '\n')));
     let space = take_while1(|c: char| c.is_whitespace() && c != '\n');
     let byte_order_mark = tag("\u{feff}");
     recognize(nom::multi::many0_count(alt((comment, space, byte_order_mark)))).parse(input)
@@ -225,7 +224,10 @@ pub fn statements<'a>(
                     Some(bracket) => {
                         diagnostics.push(
                             Diagnostic::error(token.span, "brackets do not match")
-                                .label(format!("`{}` does not close `{}`", token.text, bracket.text))
+                                .label(format!(
+                                    "`{}` does not close `{}`",
+                                    token.text, bracket.text
+                                ))
                                 .hint("close brackets in the reverse order of opening them")
                                 .related(bracket.span, "opened here"),
                         );
@@ -233,9 +235,12 @@ pub fn statements<'a>(
                     }
                     None => {
                         diagnostics.push(
-                            Diagnostic::error(token.span, format!("`{}` closes nothing", token.text))
-                                .label("no bracket is open here")
-                                .hint("remove it, or open a bracket before it"),
+                            Diagnostic::error(
+                                token.span,
+                                format!("`{}` closes nothing", token.text),
+                            )
+                            .label("no bracket is open here")
+                            .hint("remove it, or open a bracket before it"),
                         );
                         sound = false;
                     }
