@@ -2,9 +2,13 @@
 
 mod support;
 
-use leverrier::dynamics::systems::{SYSTEMS, SystemRow};
-use leverrier::dynamics::{Batch, Dynamics, Kind, METHODS, Method, Scratch, advance};
+use leverrier::dynamics::systems::{SYSTEMS, SystemRow, known_system};
+use leverrier::dynamics::{
+    Batch, Dynamics, Kind, METHODS, Method, Pace, Scratch, Stop, advance, choose_steps,
+    finest_method, observe, pull_back, pull_back_observed, simulate,
+};
 use leverrier::eval::{BACKENDS, Backend};
+use leverrier::expr::Observed;
 use support::{learned_system, symplectic_defect};
 
 /// The systems that a method applies to.
@@ -131,7 +135,7 @@ fn symmetric_methods_come_back() {
 
 /// Coefficients for [`learned_system`], then its inner parameter.
 fn learned_theta(count: usize) -> Vec<f64> {
-    let all = [0.45, 0.2, 0.5, 0.6, 0.35, -0.3, 0.25, -0.15];
+    let all = [0.45, 0.2, 0.5, 0.6, 0.35, -0.3, 0.25, -0.15, 0.1];
     let mut theta = all[..count].to_vec();
     theta.push(0.4);
     theta
@@ -237,4 +241,251 @@ fn backends_agree() {
         assert!(distance(&results[0].state, &other.state) < 1e-14);
         assert!(distance(&results[0].tangent, &other.tangent) < 1e-13);
     }
+}
+
+#[test]
+fn energy_stays_bounded_under_symplectic_methods_and_drifts_under_rk4() {
+    let row = SYSTEMS.iter().find(|row| row.name == "pendulum").unwrap();
+    let dynamics = compiled(row);
+    for method in Method::all() {
+        let mut scratch = Scratch::new();
+        let mut batch = Batch::new(1, 1);
+        batch.set(0, 0.0, row.start);
+        let mut energy = [0.0];
+        dynamics.energy(&batch, &[], &mut energy, &mut scratch);
+        let first = energy[0];
+        // The largest error over the first tenth of the time, and over the last.
+        let mut worst = [0.0_f64; 10];
+        for tenth in &mut worst {
+            for _ in 0..200 {
+                advance(&dynamics, method, &mut batch, &[1.7], 6, &[], &mut scratch);
+                dynamics.energy(&batch, &[], &mut energy, &mut scratch);
+                *tenth = tenth.max((energy[0] - first).abs());
+                assert!(energy[0].is_finite());
+            }
+        }
+        let growth = worst[9] / worst[0].max(1e-12);
+        let name = method.row().name;
+        if method.row().symplectic {
+            assert!(worst[9] < 0.05 && growth < 1.5, "{name}: {worst:?}");
+        } else {
+            assert!(growth > 5.0, "{name}: {worst:?}");
+        }
+    }
+}
+
+#[test]
+fn every_closed_form_and_invariant_is_met() {
+    for row in SYSTEMS {
+        let dynamics = compiled(row);
+        let method = finest_method(&dynamics);
+        let times: Vec<f64> = (0..40).map(|i| 0.13 * row.period * f64::from(i)).collect();
+        let runs = simulate(&dynamics, method, &[], &[row.start.to_vec()], &times, Pace::FINEST);
+        assert_eq!(runs[0].stop, Stop::Finished, "{}", row.name);
+        for (i, (&time, state)) in times.iter().zip(&runs[0].states).enumerate() {
+            if let Some(solution) = row.solution {
+                let error = distance(state, &solution(time));
+                assert!(error < 1e-12, "{} at {time}: {error:e}", row.name);
+            }
+            for invariant in row.invariants {
+                assert!((invariant(state) - invariant(row.start)).abs() < 1e-12, "{}", row.name);
+            }
+            if row.conservative {
+                let drift = (runs[0].energies[i] - runs[0].energies[0]).abs();
+                assert!(drift < 1e-12, "{}: {drift:e}", row.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn every_lane_has_its_own_span_and_explosions_stay_alone() {
+    // V = -q^4: escapes to infinity in finite time.
+    let system = known_system("escape", 1, |g, q, p, _| {
+        let zero = g.number(0.0);
+        let (t, v) = (g.power(p[0], 2.0), g.power(q[0], 4.0));
+        (g.scale(0.5, t), g.negate(v), zero, vec![])
+    });
+    let dynamics = Dynamics::new(&system, &[], Backend::Batched);
+    let spans = [0.3, 50.0, 0.0, -0.2, 0.3];
+    let starts = [[0.5, 0.1], [1.0, 1.0], [1e200, 1e200], [0.5, 0.1], [f64::NAN, 0.0]];
+    for method in Method::all() {
+        let mut batch = Batch::with_tangents(1, 5, 0);
+        for (lane, start) in starts.iter().enumerate() {
+            batch.set(lane, 0.0, start);
+        }
+        let mut scratch = Scratch::new();
+        advance(&dynamics, method, &mut batch, &spans, 8, &[], &mut scratch);
+        let name = method.row().name;
+        for lane in [0, 3] {
+            let alone = run(&dynamics, method, &starts[lane], spans[lane], 8);
+            assert_eq!(batch.get(lane), alone, "{name}");
+        }
+        assert_eq!(batch.get(2), starts[2], "{name}: a lane without a span stays");
+        // Implicit stage equations may have a far-off root where the motion has exploded.
+        let implicit = matches!(method.row().kind, Kind::Implicit(_));
+        for lane in if implicit { 4..5 } else { 1..2 } {
+            assert!(batch.get(lane).iter().all(|x| x.is_nan()), "{name}");
+            assert!((0..4).all(|i| batch.tangent[i * 5 + lane].is_nan()), "{name}");
+        }
+        assert!((0..4).all(|i| batch.tangent[i * 5].is_finite()), "{name}");
+    }
+    let runs = simulate(
+        &dynamics,
+        finest_method(&dynamics),
+        &[],
+        &[vec![1.0, 1.0], vec![0.0, 0.0]],
+        &[0.0, 0.2, 5.0, 6.0],
+        Pace::FINEST,
+    );
+    assert!(!matches!(runs[0].stop, Stop::Finished) && runs[0].times == [0.0, 0.2]);
+    assert_eq!((runs[1].stop, runs[1].states.len()), (Stop::Finished, 4));
+}
+
+#[test]
+fn the_reverse_sweep_is_the_transpose_of_the_tangents() {
+    for method in Method::all() {
+        let separable = method.needs_separable();
+        let system = learned_system(true, separable);
+        let active: Vec<usize> = (0..system.terms.len()).collect();
+        let dynamics = Dynamics::new(&system, &active, Backend::Batched);
+        let theta = learned_theta(active.len());
+        let unknowns = dynamics.unknowns();
+        let columns = 4 + unknowns;
+        let mut start = Batch::with_tangents(2, 3, unknowns);
+        for lane in 0..3 {
+            start.set(lane, 0.3, &[0.2 * lane as f64, 0.3, -0.2, 0.4]);
+        }
+        let spans = [0.5, 0.9, -0.3];
+        let mut scratch = Scratch::new();
+        let mut end = start.clone();
+        advance(&dynamics, method, &mut end, &spans, 4, &theta, &mut scratch);
+        let mut seen = vec![0.0; 12];
+        let mut tangent = vec![0.0; end.tangent.len()];
+        let observed = Observed::Velocities;
+        observe(&dynamics, observed, &end, &theta, &mut seen, Some(&mut tangent), &mut scratch);
+        let weights: Vec<f64> = (0..12).map(|i| (f64::from(i) * 1.3).sin()).collect();
+
+        let mut cotangent = weights.clone();
+        let mut gradient = vec![0.0; unknowns];
+        pull_back_observed(
+            &dynamics,
+            observed,
+            &end,
+            &theta,
+            &mut cotangent,
+            &mut gradient,
+            &mut scratch,
+        );
+        let back =
+            pull_back(&dynamics, method, &start, &spans, 4, &theta, &cotangent, &mut scratch);
+        for column in 0..columns {
+            for lane in 0..3 {
+                let forward = |lane: usize| -> f64 {
+                    (0..4)
+                        .map(|row| {
+                            weights[row * 3 + lane] * tangent[(row * columns + column) * 3 + lane]
+                        })
+                        .sum()
+                };
+                let (expected, found) = match column.checked_sub(4) {
+                    None => (forward(lane), back.cotangent[column * 3 + lane]),
+                    Some(k) => ((0..3).map(forward).sum(), gradient[k] + back.gradient[k]),
+                };
+                assert!(
+                    (expected - found).abs() < 1e-13,
+                    "{} column {column}: {expected} against {found}",
+                    method.row().name
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn observed_velocities_and_their_tangents_are_right() {
+    let system = learned_system(false, false);
+    let active: Vec<usize> = (0..system.terms.len()).collect();
+    let dynamics = Dynamics::new(&system, &active, Backend::Batched);
+    let theta = learned_theta(active.len());
+    let columns = 4 + dynamics.unknowns();
+    let see = |z: &[f64], theta: &[f64]| {
+        let mut batch = Batch::with_tangents(2, 1, dynamics.unknowns());
+        batch.set(0, 0.0, z);
+        let (mut out, mut tangent) = (vec![0.0; 4], vec![0.0; 4 * columns]);
+        let scratch = &mut Scratch::new();
+        let observed = Observed::Velocities;
+        observe(&dynamics, observed, &batch, theta, &mut out, Some(&mut tangent), scratch);
+        (out, tangent)
+    };
+    let z = [0.3, -0.2, 0.5, 0.4];
+    let (out, tangent) = see(&z, &theta);
+    // T = p1^2 / 2 + 0.45 p2^2 + 0.2 p1 p2^3, and the last term of H: theta[7] q1 p2^2.
+    assert!((out[2] - (0.5 + 0.2 * 0.4_f64.powi(3))).abs() < 1e-15);
+    let p2 = 0.9 * 0.4 + 0.2 * 0.5 * 3.0 * 0.16 + theta[7] * 2.0 * 0.3 * 0.4;
+    assert!((out[3] - p2).abs() < 1e-15);
+    for column in 0..columns {
+        let moved = |by: f64| {
+            let (mut z, mut theta) = (z, theta.clone());
+            match column.checked_sub(4) {
+                Some(k) => theta[k] += by,
+                None => z[column] += by,
+            }
+            see(&z, &theta).0
+        };
+        let (below, above) = (moved(-1e-5), moved(1e-5));
+        for row in 0..4 {
+            let slope = (above[row] - below[row]) / 2e-5;
+            assert!((slope - tangent[row * columns + column]).abs() < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn chosen_steps_reach_the_tolerance() {
+    for row in SYSTEMS {
+        let dynamics = compiled(row);
+        let n = dynamics.degrees();
+        let mut sample = Batch::new(n, 8);
+        for lane in 0..8 {
+            let start: Vec<f64> =
+                row.start.iter().map(|z| z * (1.0 - 0.05 * lane as f64)).collect();
+            sample.set(lane, 0.1 * lane as f64, &start);
+        }
+        let spans = [0.1; 8];
+        let mut scratch = Scratch::new();
+        let mut costs = Vec::new();
+        for tolerance in [1e-3, 1e-7, 1e-11] {
+            let tolerances = vec![tolerance; 2 * n];
+            let choice = choose_steps(&dynamics, &[], &sample, &spans, &tolerances, &mut scratch);
+            assert!(choice.reached, "{} {tolerance}: {choice:?}", row.name);
+            costs.push(choice.cost);
+            // Held against another method than any that could be chosen.
+            let (mut batch, mut truth) = (sample.clone(), sample.clone());
+            let rk4 = Method::by_name("rk4").unwrap();
+            let (method, steps) = (choice.method, choice.steps);
+            advance(&dynamics, method, &mut batch, &spans, steps, &[], &mut scratch);
+            advance(&dynamics, rk4, &mut truth, &spans, 400, &[], &mut scratch);
+            for (a, b) in batch.state.iter().zip(&truth.state) {
+                assert!((a - b).abs() < 1.1 * tolerance, "{} {choice:?}", row.name);
+            }
+        }
+        assert!(costs.is_sorted() && costs[0] < costs[2], "{}: {costs:?}", row.name);
+        // Beyond rounding: the tolerance is raised to it and reached.
+        let choice = choose_steps(&dynamics, &[], &sample, &spans, &vec![0.0; 2 * n], &mut scratch);
+        assert!(choice.error.iter().all(|e| *e < 1e-13), "{} {choice:?}", row.name);
+    }
+}
+
+#[test]
+fn the_pace_of_a_simulation_is_kept() {
+    let row = &SYSTEMS[0];
+    let dynamics = compiled(row);
+    let method = Method::by_name("leapfrog").unwrap();
+    let starts = [row.start.to_vec()];
+    let go = |pace| simulate(&dynamics, method, &[], &starts, &[0.0, 1.0, 1.5], pace);
+    assert_eq!(go(Pace::PerInterval(4))[0].states[1], go(Pace::Longest(0.25))[0].states[1]);
+    assert_eq!(go(Pace::PerInterval(2))[0].states.len(), 3);
+    assert!(matches!(go(Pace::Longest(0.0))[0].stop, Stop::Unresolved { after: 0.0 }));
+    assert!(simulate(&dynamics, method, &[], &starts, &[], Pace::FINEST)[0].times.is_empty());
 }

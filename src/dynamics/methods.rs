@@ -1,5 +1,7 @@
 //! Integration methods as rows of one table.
 
+use std::fmt;
+
 /// One integration method.
 #[derive(Debug)]
 pub struct MethodRow {
@@ -15,6 +17,16 @@ pub struct MethodRow {
     pub kind: Kind,
     /// Paper and equation.
     pub source: &'static str,
+}
+
+impl MethodRow {
+    /// The tableau of a Runge-Kutta method.
+    pub fn tableau(&self) -> Option<&Tableau> {
+        match &self.kind {
+            Kind::Splitting(_) => None,
+            Kind::Implicit(tableau) | Kind::Explicit(tableau) => Some(tableau),
+        }
+    }
 }
 
 /// How a method steps, with its coefficients.
@@ -48,7 +60,8 @@ impl Tableau {
 }
 
 /// An integration method: a row of [`METHODS`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+/// The default is the first row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
 pub struct Method(u8);
 
 impl Method {
@@ -82,6 +95,12 @@ impl Method {
     }
 }
 
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.row().name)
+    }
+}
+
 /// 1 / (2 - 2^(1/3)).
 const YOSHIDA_4: f64 = 1.351_207_191_959_657_6;
 
@@ -111,6 +130,7 @@ const fn symmetric<const N: usize>(outer: &[f64]) -> [f64; N] {
 }
 
 /// Every integration method. A new one is one row here; the tests measure it by themselves.
+#[expect(clippy::excessive_precision, reason = "digits as the sources print them")]
 pub static METHODS: &[MethodRow] = &[
     MethodRow {
         name: "leapfrog",

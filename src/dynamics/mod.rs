@@ -1,7 +1,14 @@
 //! Equations of motion: compiled, integrated, and differentiated exactly.
 //!
-//! [`Dynamics`] compiles a [`System`](crate::expr::System); [`advance`] moves a [`Batch`] of
-//! trajectories by any row of [`METHODS`], together with the Jacobian of the discrete map.
+//! [`Dynamics`] compiles a [`System`](crate::expr::System) with some of its learned terms;
+//! [`advance`] moves a [`Batch`] of trajectories by any row of [`METHODS`], together with the
+//! Jacobian of the discrete map; [`pull_back`] is the transpose of that Jacobian. [`observe`]
+//! says what is measured of a state, [`choose_steps`] what to integrate with, and [`simulate`]
+//! follows whole trajectories.
+//!
+//! Everything is laid out lane by lane: a state is `[2n][lanes]`, a tangent
+//! `[2n][2n + P][lanes]`, coordinates before momenta, columns of the initial state before those
+//! of theta. 128 lanes, or a multiple, suit the batched evaluator and the caches best.
 
 mod adjoint;
 mod batch;
@@ -15,6 +22,7 @@ mod observe;
 mod splitting;
 mod steps;
 pub mod systems;
+mod trajectory;
 
 pub use adjoint::{PulledBack, Recording, pull_back, pull_back_observed};
 pub use batch::{Batch, Scratch};
@@ -23,3 +31,4 @@ pub use integrate::advance;
 pub use methods::{Kind, METHODS, Method, MethodRow, Tableau};
 pub use observe::observe;
 pub use steps::{StepChoice, choose_steps};
+pub use trajectory::{Pace, Stop, Trajectory, finest_method, simulate};

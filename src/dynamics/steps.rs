@@ -157,6 +157,7 @@ impl Trial<'_> {
         let lanes = self.sample.lanes;
         let mut steps = 4;
         let mut coarse = self.run(method, steps);
+        let mut before = 0;
         loop {
             steps *= 2;
             let mut fine = self.run(method, steps);
@@ -171,7 +172,10 @@ impl Trial<'_> {
                 .collect();
             let finite = (0..lanes).filter(|&lane| fine[lane].is_finite()).count();
             let count = settled.iter().filter(|&&settled| settled).count();
-            if count == finite || 2 * steps * method.cost() > MOST_EVALUATIONS {
+            // A few lanes that never settle must not cost more than all the others.
+            let stuck = count == before && 10 * count >= 9 * finite;
+            before = count;
+            if count == finite || stuck || 2 * steps * method.cost() > MOST_EVALUATIONS {
                 for row in fine.chunks_exact_mut(lanes.max(1)) {
                     for (value, settled) in row.iter_mut().zip(&settled) {
                         if !settled {

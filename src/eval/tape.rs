@@ -10,7 +10,7 @@ use crate::expr::{Expr, Function, Graph, Node, Number, Symbol, raise};
 const CHUNK: usize = 16;
 /// Chunks of one block: a few dozen registers of a block fit the first-level cache.
 const CHUNKS: usize = 8;
-/// Points of one block.
+/// Points of one block, at most.
 const BLOCK: usize = CHUNK * CHUNKS;
 
 type Chunk = [f64; CHUNK];
@@ -53,12 +53,6 @@ impl Tape {
         Tape { code, stores, slots, scalars, registers, outputs: outputs.len() }
     }
 
-    /// Number of instructions a block of points runs through.
-    #[cfg(test)]
-    pub fn length(&self) -> usize {
-        self.code.len()
-    }
-
     fn slot_values(&self, uniform: &[f64]) -> Vec<f64> {
         let mut values: Vec<f64> = Vec::with_capacity(self.scalars.len());
         for step in &self.scalars {
@@ -84,10 +78,11 @@ impl Tape {
             .collect()
     }
 
-    /// Runs one block. `width` points of each row from `start` are real, the rest is padding.
+    /// Runs one block. `width` points of each row from `start` are real; the last chunk is padded.
     #[inline(always)]
     fn run(&self, block: &mut Block, registers: &mut [Chunk]) {
         let mut stores = self.stores.iter().peekable();
+        let used = block.width.div_ceil(CHUNK);
         for (at, &(instruction, to)) in self.code.iter().enumerate() {
             let to = to as usize * CHUNKS;
             let row = |r: Value| r as usize * CHUNKS;
@@ -99,33 +94,33 @@ impl Tape {
                     }
                 }
                 Instruction::Broadcast { slot } => {
-                    registers[to..to + CHUNKS].fill([block.slots[slot as usize]; CHUNK]);
+                    registers[to..to + used].fill([block.slots[slot as usize]; CHUNK]);
                 }
                 Instruction::Scale { a, slot } => {
                     let s = block.slots[slot as usize];
-                    map(registers, to, row(a), |x| x * s);
+                    map(registers, used, to, row(a), |x| x * s);
                 }
                 Instruction::Shift { a, slot } => {
                     let s = block.slots[slot as usize];
-                    map(registers, to, row(a), |x| x + s);
+                    map(registers, used, to, row(a), |x| x + s);
                 }
                 Instruction::AddScaled { a, b, slot } => {
                     let s = block.slots[slot as usize];
-                    zip(registers, to, row(a), row(b), |x, y| x + y * s);
+                    zip(registers, used, to, row(a), row(b), |x, y| x + y * s);
                 }
                 Instruction::Multiply { a, b } => {
-                    zip(registers, to, row(a), row(b), |x, y| x * y);
+                    zip(registers, used, to, row(a), row(b), |x, y| x * y);
                 }
-                Instruction::Reciprocal { a } => map(registers, to, row(a), |x| 1.0 / x),
+                Instruction::Reciprocal { a } => map(registers, used, to, row(a), |x| 1.0 / x),
                 Instruction::Raise { a, slot } => {
                     let exponent = block.slots[slot as usize];
-                    map(registers, to, row(a), |x| raise(x, exponent));
+                    map(registers, used, to, row(a), |x| raise(x, exponent));
                 }
                 Instruction::Power { a, b } => {
-                    zip(registers, to, row(a), row(b), |x, y| x.powf(y));
+                    zip(registers, used, to, row(a), row(b), |x, y| x.powf(y));
                 }
                 Instruction::Apply { a, function } => {
-                    map(registers, to, row(a), function.row().value);
+                    map(registers, used, to, row(a), function.row().value);
                 }
             }
             while let Some(&&(_, output)) = stores.peek().filter(|s| s.0 == at as u32) {
@@ -203,16 +198,23 @@ struct Block<'a> {
 
 /// Operands are copied to locals first: the compiler then sees that nothing overlaps.
 #[inline(always)]
-fn map(registers: &mut [Chunk], to: usize, a: usize, f: impl Fn(f64) -> f64) {
-    for c in 0..CHUNKS {
+fn map(registers: &mut [Chunk], used: usize, to: usize, a: usize, f: impl Fn(f64) -> f64) {
+    for c in 0..used {
         let x = registers[a + c];
         registers[to + c] = std::array::from_fn(|i| f(x[i]));
     }
 }
 
 #[inline(always)]
-fn zip(registers: &mut [Chunk], to: usize, a: usize, b: usize, f: impl Fn(f64, f64) -> f64) {
-    for c in 0..CHUNKS {
+fn zip(
+    registers: &mut [Chunk],
+    used: usize,
+    to: usize,
+    a: usize,
+    b: usize,
+    f: impl Fn(f64, f64) -> f64,
+) {
+    for c in 0..used {
         let x = registers[a + c];
         let y = registers[b + c];
         registers[to + c] = std::array::from_fn(|i| f(x[i], y[i]));

@@ -67,10 +67,9 @@ const RESERVED: &[&str] = &[
     "fabs",
     "pow",
     "sign",
-    "q",
-    "p",
-    "t",
-    "h",
+    "qs",
+    "ps",
+    "time",
     "out",
     "solve",
     "evaluate",
@@ -157,12 +156,12 @@ fn header(export: &Export) -> String {
     out += "\n/* A typical start; returns its time. */\n\
 double model_start(double q[MODEL_DEGREES], double p[MODEL_DEGREES]);\n\n\
 /* The energy H. */\n\
-double model_energy(const double q[MODEL_DEGREES], const double p[MODEL_DEGREES], double t);\n\n\
+double model_energy(const double qs[MODEL_DEGREES], const double ps[MODEL_DEGREES], double time);\n\n\
 /* dq/dt. */\n\
-void model_velocity(const double q[MODEL_DEGREES], const double p[MODEL_DEGREES], double t,\n\
+void model_velocity(const double qs[MODEL_DEGREES], const double ps[MODEL_DEGREES], double time,\n\
                     double out[MODEL_DEGREES]);\n\n\
 /* dp/dt. */\n\
-void model_acceleration(const double q[MODEL_DEGREES], const double p[MODEL_DEGREES], double t,\n\
+void model_acceleration(const double qs[MODEL_DEGREES], const double ps[MODEL_DEGREES], double time,\n\
                         double out[MODEL_DEGREES]);\n\n\
 /* Advances the state from time t by h; 0, or 1 when there is no finite result. */\n\
 int model_step(double q[MODEL_DEGREES], double p[MODEL_DEGREES], double t, double h);\n\n\
@@ -251,18 +250,18 @@ impl Body<'_> {
         for &symbol in &body.variables {
             let name = self.names.of(symbol);
             let _ = match symbol {
-                Symbol::Coordinate(i) => writeln!(lines, "    const double {name} = q[{i}];"),
-                Symbol::Momentum(i) => writeln!(lines, "    const double {name} = p[{i}];"),
-                _ => writeln!(lines, "    const double {name} = t;"),
+                Symbol::Coordinate(i) => writeln!(lines, "    const double {name} = qs[{i}];"),
+                Symbol::Momentum(i) => writeln!(lines, "    const double {name} = ps[{i}];"),
+                _ => writeln!(lines, "    const double {name} = time;"),
             };
         }
         for (name, text) in &body.locals {
             let _ = writeln!(lines, "    const double {name} = {text};");
         }
         for (argument, used) in [
-            ("q", has(|s| matches!(s, Symbol::Coordinate(_)))),
-            ("p", has(|s| matches!(s, Symbol::Momentum(_)))),
-            ("t", has(|s| matches!(s, Symbol::Time))),
+            ("qs", has(|s| matches!(s, Symbol::Coordinate(_)))),
+            ("ps", has(|s| matches!(s, Symbol::Momentum(_)))),
+            ("time", has(|s| matches!(s, Symbol::Time))),
         ] {
             if !used {
                 let _ = writeln!(lines, "    (void){argument};");
@@ -274,7 +273,7 @@ impl Body<'_> {
     fn scalar(&self, head: &str, expr: Expr) -> String {
         let body = code::body(self.model, self.names, &DIALECT, &[expr]);
         format!(
-            "{head}(const double q[DEGREES], const double p[DEGREES], double t) {{\n{}    return {};\n}}\n\n",
+            "{head}(const double qs[DEGREES], const double ps[DEGREES], double time) {{\n{}    return {};\n}}\n\n",
             self.lines(&body),
             body.outputs.concat()
         )
@@ -288,7 +287,7 @@ impl Body<'_> {
         }
         let indent = " ".repeat(head.len() + 1);
         format!(
-            "{head}(const double q[DEGREES], const double p[DEGREES], double t,\n\
+            "{head}(const double qs[DEGREES], const double ps[DEGREES], double time,\n\
              {indent}double out[{size}]) {{\n{lines}}}\n\n"
         )
     }

@@ -1,11 +1,11 @@
 //! Equations as LaTeX: a fragment, and a document that compiles.
 
-use std::collections::HashMap;
 use std::fmt::Write;
 
+use super::letters;
 use super::model::Model;
 use super::number::Measured;
-use super::tex::{self, Writer};
+use super::tex::Writer;
 use super::{Export, Output};
 use crate::error::Result;
 use crate::expr::{Expr, Graph, Names, Place, Symbol};
@@ -53,18 +53,15 @@ pub fn equations(export: &Export) -> Result<Vec<Equation>> {
     } else {
         out.push(equation("H".to_string(), rest));
     }
-    let variable = |symbol| tex::name(&names.of(symbol));
+    let variable = |symbol| letters::name(&names.of(symbol));
     for (i, &force) in forces.iter().enumerate().filter(|(_, f)| !writer.graph.is_zero(**f)) {
         out.push(equation(format!("F_{{{}}}", variable(Symbol::Coordinate(i))), force));
     }
     for i in 0..n {
-        out.push(equation(
-            format!(r"\dot{{{}}}", variable(Symbol::Coordinate(i))),
-            gradient[n + i],
-        ));
+        out.push(equation(letters::dotted(&names.of(Symbol::Coordinate(i))), gradient[n + i]));
     }
     for (i, &slope) in slopes.iter().enumerate() {
-        out.push(equation(format!(r"\dot{{{}}}", variable(Symbol::Momentum(i))), slope));
+        out.push(equation(letters::dotted(&names.of(Symbol::Momentum(i))), slope));
     }
     Ok(out)
 }
@@ -118,7 +115,7 @@ pub fn document(export: &Export) -> Result<Output> {
                     _ => text(&constant.meaning),
                 };
                 [
-                    format!("${}$", tex::name(&constant.name)),
+                    format!("${}$", letters::name(&constant.name)),
                     format!("${}$", measured.tex()),
                     constant.unit.as_deref().map(text).unwrap_or_default(),
                     meaning,
@@ -127,41 +124,41 @@ pub fn document(export: &Export) -> Result<Output> {
             .collect();
         out += &table("llll", &["", "value", "unit", "term"], &rows);
     }
-    let (snapped, mut seen) = (&export.pretty.numbers, HashMap::new());
-    for number in snapped {
-        if let Some(exact) = &number.snapped
-            && seen.insert(exact.clone(), ()).is_none()
-        {
-            let _ = writeln!(
-                out,
-                "\n\\noindent A learned number was within its uncertainty of {} and is written so.",
-                text(exact)
-            );
-        }
+    let mut snapped: Vec<&str> =
+        export.pretty.numbers.iter().filter_map(|number| number.snapped.as_deref()).collect();
+    snapped.sort_unstable();
+    snapped.dedup();
+    if !snapped.is_empty() {
+        let _ = writeln!(
+            out,
+            "\n\\noindent Learned numbers within their uncertainty of a nice one are written so: {}.",
+            text(&snapped.join(", "))
+        );
     }
     if !export.noise.is_empty() {
         out += "\n\\subsection*{Noise}\n\n";
         let rows: Vec<[String; 2]> = export
             .noise
             .iter()
+            .filter(|(_, deviation)| deviation.is_finite())
             .map(|(name, deviation)| {
                 let (digits, exponent) = super::number::significant(*deviation, 3);
                 let measured = Measured { digits, uncertainty: None, exponent };
-                [format!("${}$", tex::name(name)), format!("${}$", measured.tex())]
+                [format!("${}$", letters::name(name)), format!("${}$", measured.tex())]
             })
             .collect();
         out += &table("ll", &["", "standard deviation"], &rows);
     }
-    out += "\n\\subsection*{Origin}\n\n";
+    out += "\n\\subsection*{Origin}\n\n{\\footnotesize\n";
     let mut facts = export.provenance.lines();
     facts.push(format!(
         "integrated by {} (order {}), step {}",
         export.integrator.name, export.integrator.order, export.step
     ));
     for fact in facts {
-        let _ = writeln!(out, "\\noindent {}\\\\", text(&fact).replace("SHA-256", "SHA-256 "));
+        let _ = writeln!(out, "\\noindent {}\\\\", text(&fact));
     }
-    out += "\\end{document}\n";
+    out += "}\n\\end{document}\n";
     Ok(Output::Text(out))
 }
 
@@ -185,5 +182,5 @@ fn table<const N: usize>(columns: &str, head: &[&str; N], rows: &[[String; N]]) 
 /// Text of a user; letters that plain LaTeX does not know are written as question marks.
 fn text(text: &str) -> String {
     let known = |c: char| if c.is_ascii() || ('\u{a1}'..='\u{ff}').contains(&c) { c } else { '?' };
-    tex::escape(&text.chars().map(known).collect::<String>())
+    letters::escape(&text.chars().map(known).collect::<String>())
 }

@@ -6,6 +6,7 @@ mod c;
 mod code;
 mod json;
 mod latex;
+pub mod letters;
 mod mathml;
 mod model;
 pub mod number;
@@ -189,7 +190,11 @@ impl Export<'_> {
     fn start_or_default(&self) -> (f64, Vec<f64>) {
         let size = 2 * self.system.degrees();
         match &self.start {
-            Some((time, state)) if state.len() == size => (*time, state.clone()),
+            Some((time, state))
+                if state.len() == size && state.iter().chain([time]).all(|x| x.is_finite()) =>
+            {
+                (*time, state.clone())
+            }
             _ => (0.0, (0..size).map(|i| 0.1 / (1.0 + i as f64)).collect()),
         }
     }

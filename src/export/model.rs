@@ -101,6 +101,15 @@ impl Model {
                 return Err(wrong("the integrator's tableau is not square"));
             }
         }
+        let mut roots = field.clone();
+        roots.extend([energy, power]);
+        let infinite = |part: Expr| graph.as_number(part).is_some_and(|x| !x.is_finite());
+        if graph.topological(&roots).into_iter().any(infinite) {
+            return Err(Error::fit(
+                "the equations of motion hold a number that is not finite",
+                "look for a division by zero in the spec",
+            ));
+        }
         let conservative = graph.is_zero(power);
         let smooth = !graph.topological(&[energy]).into_iter().chain(graph.topological(&forces)).any(
             |part| matches!(graph.node(part), Node::Apply(f, _) if ["abs", "sign"].contains(&f.row().name)),
@@ -238,6 +247,10 @@ impl Identifiers {
     }
 }
 
+/// Small letters with accents, and without.
+const ACCENTED: &str = "àáâãäåçèéêëìíîïñòóôõöøùúûüýÿ";
+const BARE: &str = "aaaaaaceeeeiiiinoooooouuuuyy";
+
 /// `q[1]` is q1, `k[1,2]` is k1_2, θ is theta.
 pub fn identifier(name: &str) -> String {
     let mut out = String::new();
@@ -246,8 +259,12 @@ pub fn identifier(name: &str) -> String {
             c if c.is_ascii_alphanumeric() || c == '_' => out.push(c),
             ',' => out.push('_'),
             '[' | ']' | ' ' => {}
+            c if ACCENTED.contains(c) => {
+                let at = ACCENTED.chars().position(|accented| accented == c);
+                out.extend(at.and_then(|at| BARE.chars().nth(at)));
+            }
             c => {
-                let tex = super::tex::name(&c.to_string());
+                let tex = super::letters::name(&c.to_string());
                 out.extend(tex.replace("mathrm", "").chars().filter(char::is_ascii_alphanumeric));
             }
         }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::model::{Identifiers, Model};
 use super::{Export, Output, one_line};
 use crate::error::Result;
-use crate::expr::{Expr, Function, Names, Symbol};
+use crate::expr::{Expr, Function, Names, Place, Symbol, System, Variable};
 
 const TEMPLATE: &str = include_str!("templates/model.py.txt");
 
@@ -99,9 +99,7 @@ pub fn export(export: &Export) -> Result<Output> {
         coefficients: list(&mut (0..system.terms.len()).map(Symbol::Coefficient)),
     };
     let mut whole = system.clone();
-    let rest = whole.energy(export.active);
     let parts = Parts::new(export, &mut whole);
-    debug_assert!(rest == model.energy);
     let python = |expr: Expr| {
         let text = whole.graph.text(expr, &names);
         // Time has no entry in `Names`: it is always t there.
@@ -109,12 +107,8 @@ pub fn export(export: &Export) -> Result<Output> {
     };
 
     let mut symbols = String::new();
-    let _ = writeln!(
-        symbols,
-        "coordinates = [\n{}]",
-        symbol_list(&system.coordinates, &names.coordinates)
-    );
-    let _ = writeln!(symbols, "momenta = [\n{}]", symbol_list(&system.momenta, &names.momenta));
+    let _ = writeln!(symbols, "coordinates = [\n{}]", symbol_list(&system.coordinates));
+    let _ = writeln!(symbols, "momenta = [\n{}]", symbol_list(&system.momenta));
     for (list, names) in [("coordinates", &names.coordinates), ("momenta", &names.momenta)] {
         for (i, name) in names.iter().enumerate() {
             let _ = writeln!(symbols, "{name} = {list}[{i}]");
@@ -187,8 +181,7 @@ struct Parts {
 }
 
 impl Parts {
-    fn new(export: &Export, system: &mut crate::expr::System) -> Parts {
-        use crate::expr::Place;
+    fn new(export: &Export, system: &mut System) -> Parts {
         let mut part = |place, known| {
             let active: Vec<usize> =
                 export.active.iter().copied().filter(|&k| system.terms[k].place == place).collect();
@@ -218,11 +211,10 @@ fn functions(model: &Model) -> String {
     }
 }
 
-fn symbol_list(variables: &[crate::expr::Variable], identifiers: &[String]) -> String {
+fn symbol_list(variables: &[Variable]) -> String {
     variables
         .iter()
-        .zip(identifiers)
-        .map(|(variable, _)| {
+        .map(|variable| {
             let unit = variable.unit_text.as_ref().map(|unit| format!("  # {}", one_line(unit)));
             let name = literal(&variable.name);
             format!("    sympy.Symbol({name}, real=True),{}\n", unit.unwrap_or_default())

@@ -72,9 +72,9 @@ const RESERVED: &[&str] = &[
     "unsized",
     "virtual",
     "yield",
-    "q",
-    "p",
-    "t",
+    "qs",
+    "ps",
+    "time",
     "out",
     "sign",
     "_",
@@ -97,17 +97,28 @@ const RESERVED: &[&str] = &[
 fn apply(function: Function, argument: &str, atom: bool) -> String {
     match function.row().rust {
         "sign" => format!("sign({argument})"),
-        method if atom => format!("{argument}.{method}()"),
-        method => format!("({argument}).{method}()"),
+        method => call(method, argument, "", atom),
     }
 }
 
 fn whole_power(base: &str, exponent: i32, atom: bool) -> String {
-    if atom { format!("{base}.powi({exponent})") } else { format!("({base}).powi({exponent})") }
+    call("powi", base, &exponent.to_string(), atom)
 }
 
 fn power(base: &str, exponent: &str, atom: bool) -> String {
-    if atom { format!("{base}.powf({exponent})") } else { format!("({base}).powf({exponent})") }
+    call("powf", base, exponent, atom)
+}
+
+/// A method of f64; a bare number has no type of its own to call it on.
+fn call(method: &str, on: &str, with: &str, atom: bool) -> String {
+    if on.trim_start_matches('-').parse::<f64>().is_ok() {
+        let comma = if with.is_empty() { "" } else { ", " };
+        format!("f64::{method}({on}{comma}{with})")
+    } else if atom {
+        format!("{on}.{method}({with})")
+    } else {
+        format!("({on}).{method}({with})")
+    }
 }
 
 /// Writes the project.
@@ -278,7 +289,9 @@ fn model_file(export: &Export, model: &Model) -> String {
             number(constant.value),
         );
     }
-    out.push('\n');
+    if !model.constants.is_empty() {
+        out.push('\n');
+    }
     if model.functions().iter().any(|f| f.row().rust == "sign") {
         out += "/// -1, 0 or 1.\nfn sign(x: f64) -> f64 {\n    if x == 0.0 {\n        0.0\n    } else {\n        x.signum()\n    }\n}\n\n";
     }
@@ -328,14 +341,14 @@ impl Functions<'_> {
         let q = underscore(has(|s| matches!(s, Symbol::Coordinate(_))));
         let p = underscore(has(|s| matches!(s, Symbol::Momentum(_))));
         let t = underscore(has(|s| matches!(s, Symbol::Time)));
-        let arguments = format!("{q}q: &[f64; DEGREES], {p}p: &[f64; DEGREES], {t}t: f64");
+        let arguments = format!("{q}qs: &[f64; DEGREES], {p}ps: &[f64; DEGREES], {t}time: f64");
         let mut lines = String::new();
         for &symbol in &body.variables {
             let name = self.names.of(symbol);
             let _ = match symbol {
-                Symbol::Coordinate(i) => writeln!(lines, "    let {name} = q[{i}];"),
-                Symbol::Momentum(i) => writeln!(lines, "    let {name} = p[{i}];"),
-                _ => writeln!(lines, "    let {name} = t;"),
+                Symbol::Coordinate(i) => writeln!(lines, "    let {name} = qs[{i}];"),
+                Symbol::Momentum(i) => writeln!(lines, "    let {name} = ps[{i}];"),
+                _ => writeln!(lines, "    let {name} = time;"),
             };
         }
         for (name, text) in &body.locals {
@@ -372,5 +385,31 @@ impl Functions<'_> {
         format!(
             "/// {meaning}\n{head}\n{lines}    let mut out = [0.0; {size}];\n{values}    out\n}}\n\n"
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn methods_of_bare_numbers_name_their_type() {
+        assert_eq!(call("ln", "0.0", "", true), "f64::ln(0.0)");
+        assert_eq!(call("powf", "-2.0", "0.5", false), "f64::powf(-2.0, 0.5)");
+        assert_eq!(call("sin", "1e-7", "", true), "f64::sin(1e-7)");
+        assert_eq!(call("sin", "x", "", true), "x.sin()");
+        assert_eq!(call("sin", "1.0 + x", "", false), "(1.0 + x).sin()");
+    }
+
+    #[test]
+    fn packages_have_names_that_cargo_takes() {
+        assert_eq!(package_name("Hénon-Heiles, 2"), "simulate_henon_heiles_x2");
+        assert_eq!(package_name("\"\"/*"), "simulate");
+        assert!(package_name(&"long ".repeat(50)).len() < 60);
+    }
+
+    #[test]
+    fn literals_cannot_be_left() {
+        assert_eq!(literal("a\"\\\nb"), "\"a\\\"\\\\ b\"");
     }
 }

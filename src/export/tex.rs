@@ -1,139 +1,14 @@
-//! Expressions and names in LaTeX's mathematics mode.
+//! Expressions in LaTeX's mathematics mode.
 
-use super::number::{Measured, fraction, shortest};
+use super::letters::name;
+use super::number::{Measured, fraction, shortest, significant};
 use super::pretty::PrettyNumber;
 use crate::expr::{Expr, Function, Graph, Names, Node, Symbol};
 
 /// Largest denominator of a number that is printed as a fraction.
 const LARGEST_DENOMINATOR: u32 = 100;
 /// Width of a line of an equation, in characters as they are printed.
-const LINE: usize = 68;
-
-/// Names that mean a Greek letter; LaTeX's command is the name itself.
-const GREEK: &[&str] = &[
-    "alpha",
-    "beta",
-    "gamma",
-    "delta",
-    "epsilon",
-    "zeta",
-    "eta",
-    "theta",
-    "iota",
-    "kappa",
-    "lambda",
-    "mu",
-    "nu",
-    "xi",
-    "pi",
-    "rho",
-    "sigma",
-    "tau",
-    "upsilon",
-    "phi",
-    "chi",
-    "psi",
-    "omega",
-    "Gamma",
-    "Delta",
-    "Theta",
-    "Lambda",
-    "Xi",
-    "Pi",
-    "Sigma",
-    "Upsilon",
-    "Phi",
-    "Psi",
-    "Omega",
-    "varepsilon",
-    "vartheta",
-    "varphi",
-    "varrho",
-    "varsigma",
-    "ell",
-    "hbar",
-];
-
-/// Greek letters as characters, in the order alpha to omega without the final sigma.
-const GREEK_CHARACTERS: &str = "αβγδεζηθικλμνξοπρστυφχψω";
-const GREEK_CHARACTER_NAMES: &[&str] = &[
-    "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa",
-    "lambda", "mu", "nu", "xi", "o", "pi", "rho", "sigma", "tau", "upsilon", "phi", "chi", "psi",
-    "omega",
-];
-
-/// A name of the mini-language: `q[1]` is q_{1}, `p_theta` is p_{\theta}, `drag` is upright.
-pub fn name(name: &str) -> String {
-    // Digits at the end, indices and what follows an underscore are subscripts.
-    let mut parts = name.split(['_', '[', ']', ',', ' ']).filter(|part| !part.is_empty());
-    let Some(first) = parts.next() else {
-        return r"\mathrm{x}".to_string();
-    };
-    let stem = first.trim_end_matches(|c: char| c.is_ascii_digit());
-    let (stem, digits) = if stem.is_empty() { (first, "") } else { first.split_at(stem.len()) };
-    let mut subscripts: Vec<String> = Vec::new();
-    if !digits.is_empty() {
-        subscripts.push(digits.to_string());
-    }
-    subscripts.extend(parts.map(word));
-    if subscripts.is_empty() {
-        word(stem)
-    } else {
-        format!("{}_{{{}}}", word(stem), subscripts.join(","))
-    }
-}
-
-fn word(text: &str) -> String {
-    if GREEK.contains(&text) {
-        return format!(r"\{text}");
-    }
-    let mut characters = text.chars();
-    if let (Some(only), None) = (characters.next(), characters.next()) {
-        if only.is_ascii_alphanumeric() {
-            return only.to_string();
-        }
-        let place = GREEK_CHARACTERS.chars().position(|greek| greek == only);
-        if let Some(name) = place.and_then(|i| GREEK_CHARACTER_NAMES.get(i)) {
-            return if *name == "o" { "o".to_string() } else { format!(r"\{name}") };
-        }
-    }
-    if text.chars().all(|c| c.is_ascii_digit()) {
-        return text.to_string();
-    }
-    let plain: String =
-        text.chars()
-            .map(|c| {
-                if c.is_ascii_alphanumeric() {
-                    c.to_string()
-                } else {
-                    format!("u{:x}", u32::from(c))
-                }
-            })
-            .collect();
-    format!(r"\mathrm{{{plain}}}")
-}
-
-/// Text outside of mathematics: what LaTeX would take as a command is escaped.
-pub fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '\\' => out.push_str(r"\textbackslash{}"),
-            '~' => out.push_str(r"\textasciitilde{}"),
-            '^' => out.push_str(r"\textasciicircum{}"),
-            '<' => out.push_str(r"\textless{}"),
-            '>' => out.push_str(r"\textgreater{}"),
-            '|' => out.push_str(r"\textbar{}"),
-            '&' | '%' | '$' | '#' | '_' | '{' | '}' => {
-                out.push('\\');
-                out.push(c);
-            }
-            c if c.is_control() => out.push(' '),
-            c => out.push(c),
-        }
-    }
-    out
-}
+const LINE: usize = 64;
 
 /// How tightly the text holds together; a looser one gets parentheses.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
@@ -197,7 +72,13 @@ impl Writer<'_> {
     fn write(&self, expr: Expr) -> (String, Strength) {
         match self.graph.node(expr) {
             Node::Number(_) | Node::Sum { .. } | Node::Product(_) => {
-                let terms = self.terms(expr);
+                let mut terms = self.terms(expr);
+                // 1 - x reads better than -x + 1.
+                if terms.first().is_some_and(|term| term.0)
+                    && let Some(positive) = terms.iter().position(|term| !term.0)
+                {
+                    terms[..=positive].rotate_right(1);
+                }
                 let mut out = String::new();
                 for (negative, body) in &terms {
                     append(&mut out, *negative, body);
@@ -246,6 +127,9 @@ impl Writer<'_> {
         if let Some(at) = learned
             && let Node::Symbol(Symbol::Coefficient(j)) = self.graph.node(parts[at].0)
         {
+            if let Some(value) = self.exact(*j, factor) {
+                return (value < 0.0, fraction_of(&over, &under, Some(value.abs())));
+            }
             let (negative, number) = self.number(*j, factor);
             let rest = fraction_of(&over, &under, None);
             let body = match (number.as_str(), rest.as_str()) {
@@ -256,6 +140,13 @@ impl Writer<'_> {
             return (negative, body);
         }
         (factor < 0.0, fraction_of(&over, &under, Some(factor.abs())))
+    }
+
+    /// A snapped number times a factor, where that is a plain fraction.
+    fn exact(&self, j: usize, factor: f64) -> Option<f64> {
+        let number = self.numbers.get(j).filter(|number| number.snapped.is_some())?;
+        let value = number.value * factor;
+        fraction(value, LARGEST_DENOMINATOR).map(|_| value)
     }
 
     /// A learned number times a factor: its sign and its size with uncertainty.
@@ -326,12 +217,12 @@ fn append(out: &mut String, negative: bool, body: &str) {
 /// number * over / under.
 fn fraction_of(over: &[String], under: &[String], number: Option<f64>) -> String {
     let number = number.filter(|&x| x != 1.0);
-    let (numerator, denominator) = match number.map(|x| fraction(x, LARGEST_DENOMINATOR)) {
-        Some(Some((n, d))) => {
+    let (numerator, denominator) = match number.map(|x| (x, nice_fraction(x))) {
+        Some((_, Some((n, d)))) => {
             let show = |x: i64| (x != 1).then(|| x.to_string());
             (show(n), show(d))
         }
-        Some(None) => (number.map(plain), None),
+        Some((x, None)) => (Some(plain(x)), None),
         None => (None, None),
     };
     let join = |number: Option<String>, factors: &[String]| {
@@ -347,20 +238,50 @@ fn fraction_of(over: &[String], under: &[String], number: Option<f64>) -> String
         let number = format!(r"\frac{{{}}}{{{denominator}}}", numerator.unwrap_or("1".to_string()));
         return join(Some(number), over);
     }
-    format!(r"\frac{{{}}}{{{}}}", join(numerator, over), join(denominator, under))
+    let (over, under) = (join(numerator, over), join(denominator, under));
+    format!(r"\frac{{{}}}{{{}}}", without_parentheses(&over), without_parentheses(&under))
+}
+
+/// The bar of a fraction holds together what stands over and under it.
+fn without_parentheses(text: &str) -> &str {
+    let inside = text.strip_prefix(r"\left(").and_then(|rest| rest.strip_suffix(r"\right)"));
+    let Some(inside) = inside else {
+        return text;
+    };
+    // The first parenthesis must be the one that the last one closes.
+    let mut depth = 0;
+    for (at, _) in inside.match_indices('\\') {
+        if inside[at..].starts_with(r"\left") {
+            depth += 1;
+        } else if inside[at..].starts_with(r"\right") {
+            depth -= 1;
+        }
+        if depth < 0 {
+            return text;
+        }
+    }
+    inside
+}
+
+/// A fraction where that reads better than the decimal: 1/3 and 1/2, but 0.4 and 1.7.
+fn nice_fraction(value: f64) -> Option<(i64, i64)> {
+    let (n, d) = fraction(value, LARGEST_DENOMINATOR)?;
+    let short = shortest(value).0.len() <= 6;
+    (!short || [1, 2, 4, 8, 16].contains(&d)).then_some((n, d))
 }
 
 /// A number without an uncertainty: a fraction where it is one.
 fn plain(value: f64) -> String {
-    if let Some((n, d)) = fraction(value, LARGEST_DENOMINATOR) {
+    if !value.is_finite() {
+        return r"\infty".to_string();
+    }
+    if let Some((n, d)) = nice_fraction(value) {
         let sign = if n < 0 { "-" } else { "" };
         let n = n.abs();
         return if d == 1 { format!("{sign}{n}") } else { format!(r"{sign}\frac{{{n}}}{{{d}}}") };
     }
-    if !value.is_finite() {
-        return r"\infty".to_string();
-    }
-    let (digits, exponent) = shortest(value);
+    // The last digits of a known number are rounding: 0.4 * 0.4 is to read 0.16.
+    let (digits, exponent) = significant(value, 15);
     Measured { digits, uncertainty: None, exponent }.tex()
 }
 
@@ -424,24 +345,20 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn names_become_letters_and_subscripts() {
-        for (text, expected) in [
-            ("q", "q"),
-            ("q[1]", "q_{1}"),
-            ("q[12]", "q_{12}"),
-            ("theta", r"\theta"),
-            ("theta2", r"\theta_{2}"),
-            ("p_theta", r"p_{\theta}"),
-            ("p_theta[3]", r"p_{\theta,3}"),
-            ("omega_dot", r"\omega_{\mathrm{dot}}"),
-            ("drag", r"\mathrm{drag}"),
-            ("θ", r"\theta"),
-            ("k1", "k_{1}"),
-            ("", r"\mathrm{x}"),
-            ("Ж", r"\mathrm{u416}"),
+    fn numbers_are_as_short_as_they_can_be() {
+        for (value, expected) in [
+            (0.5, r"\frac{1}{2}"),
+            (1.0 / 3.0, r"\frac{1}{3}"),
+            (1.7, "1.7"),
+            (0.4 * 0.4, "0.16"),
+            (-2.0, "-2"),
+            (1.5e-9, r"1.5 \times 10^{-9}"),
         ] {
-            assert_eq!(name(text), expected, "{text}");
+            assert_eq!(plain(value), expected);
         }
+        assert_eq!(without_parentheses(r"\left(a\right)"), "a");
+        let two = r"\left(a\right) \, \left(b\right)";
+        assert_eq!(without_parentheses(two), two);
     }
 
     fn tex(build: impl FnOnce(&mut Graph) -> Expr) -> String {
@@ -491,7 +408,7 @@ mod tests {
         });
         assert_eq!(
             functions,
-            r"-\frac{\sin^{2}\left(q_{1} + 1\right) \, \left|q_{1}\right|}{\sqrt{q_{1} + 1}} + \left(q_{1} + 1\right)^{\frac{3}{2}}"
+            r"\left(q_{1} + 1\right)^{\frac{3}{2}} - \frac{\sin^{2}\left(q_{1} + 1\right) \, \left|q_{1}\right|}{\sqrt{q_{1} + 1}}"
         );
         assert_eq!(tex(|g| g.symbol(Symbol::Coefficient(2))), r"\frac{\pi}{2}");
         let inverse = tex(|g| {
@@ -558,11 +475,6 @@ mod tests {
             for line in writer.lines(expr) {
                 prop_assert!(balanced(&line), "{}", line);
             }
-        }
-
-        #[test]
-        fn names_balance(text in "\\PC{0,12}") {
-            prop_assert!(balanced(&name(&text)));
         }
     }
 }

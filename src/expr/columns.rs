@@ -9,7 +9,9 @@ use crate::spec::ast::{DataItemKind, Expression, ExpressionKind, UnitText, Word}
 /// A column and the number its cells are multiplied with to be in the spec's unit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColumnScale {
+    /// Name of the column.
     pub column: String,
+    /// The spec's units per unit of the column.
     pub scale: f64,
 }
 
@@ -31,6 +33,7 @@ pub struct DataColumns {
     pub file: String,
     /// `None`: the spec does not say which column is time.
     pub time: Option<ColumnScale>,
+    /// The column that tells runs apart, if the spec names one.
     pub run: Option<String>,
     /// Every two rows are one transition.
     pub pairs: bool,

@@ -48,7 +48,10 @@ impl Graph {
             Node::Symbol(symbol) => (names.of(*symbol), Strength::Atom),
             Node::Sum { constant, terms } => {
                 let mut out = String::new();
-                for &(term, factor) in terms.iter() {
+                // The first term that is added leads: q[3] - q[2], not -q[2] + q[3].
+                let lead = terms.iter().position(|(_, factor)| factor.value() > 0.0).unwrap_or(0);
+                let others = terms[..lead].iter().chain(&terms[lead + 1..]);
+                for &(term, factor) in std::iter::once(&terms[lead]).chain(others) {
                     self.write_term(&mut out, term, factor.value(), names);
                 }
                 let constant = constant.value();

@@ -16,6 +16,7 @@ const LARGEST_POWER: i64 = 10_000;
 /// A unit as powers of the base units times a scale; the radian is the number 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unit {
+    /// Powers of metre, kilogram, second, ampere, kelvin, mole, candela, pixel.
     pub powers: [Ratio<i32>; BASES],
     /// How many base units one of this unit is.
     pub scale: f64,
@@ -23,9 +24,11 @@ pub struct Unit {
 
 /// A unit that the program knows by name.
 pub struct UnitRow {
+    /// How it is written between brackets.
     pub name: &'static str,
     /// Powers of metre, kilogram, second, ampere, kelvin, mole, candela, pixel.
     pub powers: [i32; BASES],
+    /// How many base units one of it is.
     pub scale: f64,
     /// Whether kilo, milli and the like may stand before it.
     pub prefixed: bool,
@@ -143,6 +146,7 @@ pub fn simple_fraction(value: f64) -> Option<Ratio<i32>> {
 }
 
 impl Unit {
+    /// The unit of pure numbers and of angles in radians.
     pub const ONE: Unit = Unit { powers: [Ratio::new_raw(0, 1); BASES], scale: 1.0 };
 
     /// Reads a unit without its brackets: `kg*m^2/s^2`, `N m`, `1/s`, `m^(1/2)`.
@@ -166,6 +170,25 @@ impl Unit {
             let rest = name.strip_prefix(prefix)?;
             let row = UNITS.iter().find(|row| row.prefixed && row.name == rest)?;
             Some(Unit::of_row(row, size))
+        })
+    }
+
+    /// A name such as `cm`, `deg` or `min` for a unit that is no product of base units.
+    fn short_name(self) -> Option<String> {
+        if (self.scale - 1.0).abs() < 1e-12 {
+            return None;
+        }
+        let plain = UNITS.iter().find(|row| self.agrees(Unit::of_row(row, 1.0)));
+        if let Some(row) = plain {
+            return Some(row.name.to_string());
+        }
+        UNITS.iter().filter(|row| row.prefixed).find_map(|row| {
+            let common = PREFIXES
+                .iter()
+                .filter(|(prefix, _)| ["k", "c", "m", "u", "n", "M", "G"].contains(prefix));
+            let found =
+                common.into_iter().find(|&&(_, size)| self.agrees(Unit::of_row(row, size)))?;
+            Some(format!("{}{}", found.0, row.name))
         })
     }
 
@@ -226,8 +249,12 @@ impl fmt::Display for Unit {
                 (n, d) => format!("{name}^({n}/{d})"),
             }
         };
+        if let Some(name) = self.short_name() {
+            return f.write_str(&name);
+        }
         let zero = Ratio::from_integer(0);
-        let all = || self.powers.into_iter().enumerate();
+        // Mass first, as in kg*m^2/s^2.
+        let all = || [1, 0, 2, 3, 4, 5, 6, 7].into_iter().map(|i| (i, self.powers[i]));
         let over: Vec<String> = all().filter(|&(_, p)| p > zero).map(part).collect();
         let under: Vec<String> =
             all().filter(|&(_, p)| p < zero).map(|(i, p)| part((i, -p))).collect();

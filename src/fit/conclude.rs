@@ -19,7 +19,7 @@ const CLOSE: f64 = 6.0;
 const DEPENDENCE: usize = 1000;
 
 /// Sums a finished training up.
-pub fn conclude(training: &Training, round: &Round, reason: String) -> Model {
+pub fn conclude(training: &Training, round: &Round) -> Model {
     let system = training.system;
     let refit = &round.refit;
     let learned = refit.theta.len();
@@ -77,9 +77,9 @@ pub fn conclude(training: &Training, round: &Round, reason: String) -> Model {
         covariance: (0..learned).map(|a| (0..learned).map(|b| spread[(a, b)]).collect()).collect(),
         noise: noise(training),
         integrator: Integrator {
-            method: training.stepping.method.row().name.to_string(),
-            longest_step: training.stepping.longest,
-            reason,
+            method: training.integrator.stepping.method.row().name.to_string(),
+            longest_step: training.integrator.stepping.longest,
+            reason: training.integrator.reason.clone(),
         },
         evidence: Evidence {
             runs: training.dataset.runs.len(),
@@ -160,7 +160,7 @@ fn noise(training: &Training) -> Vec<Noise> {
         .observables()
         .into_iter()
         .zip(&training.noise)
-        .zip(&training.resolution)
+        .zip(&training.integrator.resolution)
         .map(|((observable, &standard_deviation), &resolution)| Noise {
             observable,
             standard_deviation,

@@ -7,6 +7,7 @@
 
 mod conclude;
 pub mod factor;
+pub mod first_order;
 pub mod gauss_newton;
 pub mod loss;
 pub mod model;
@@ -29,7 +30,7 @@ pub use monitor::{Flag, Monitor, Silent};
 pub use options::{Options, Selection, Trainer};
 
 use crate::data::Dataset;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::expr::System;
 
 /// Learns the coefficients and inner parameters of `system` from `dataset`.
@@ -46,7 +47,54 @@ pub fn fit(
     options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Model> {
+    if system.terms.is_empty() && system.parameters.is_empty() {
+        return Err(Error::fit(
+            "the spec has nothing to learn",
+            "put the unknown part into `span{ ... }`, or simulate the spec as it is",
+        ));
+    }
+    let large = system.terms.len() > LARGEST_FACTOR;
+    if options.trainer == Trainer::FirstOrder || large {
+        return screened(system, dataset, options, monitor);
+    }
     let (training, round) = train::train(system, dataset, options, monitor)?;
-    let reason = stepping::reason(&training);
-    Ok(conclude::conclude(&training, &round, reason))
+    Ok(conclude::conclude(&training, &round))
+}
+
+/// Function spaces larger than this are screened by the first-order trainer.
+const LARGEST_FACTOR: usize = 3000;
+/// Survivors of the screening that Gauss-Newton takes on.
+const SURVIVORS: usize = 600;
+
+/// First-order screening of the function space, then Gauss-Newton on what survives.
+fn screened(
+    system: &System,
+    dataset: &Dataset,
+    options: &Options,
+    monitor: &dyn Monitor,
+) -> Result<Model> {
+    let screening = first_order::screen(system, dataset, options, monitor)?;
+    let mut survivors = screening.survivors.clone();
+    if survivors.len() > SURVIVORS {
+        let size = |k: &usize| screening.coefficients[*k].abs();
+        survivors.sort_by(|a, b| size(b).total_cmp(&size(a)));
+        survivors.truncate(SURVIVORS);
+        survivors.sort_unstable();
+    }
+    let mut narrowed = system.clone();
+    narrowed.terms = survivors.iter().map(|&k| system.terms[k].clone()).collect();
+    for (parameter, &value) in narrowed.parameters.iter_mut().zip(&screening.parameters) {
+        parameter.start = value;
+    }
+    let (training, round) = train::train(&narrowed, dataset, options, monitor)?;
+    let mut model = conclude::conclude(&training, &round);
+    model.fingerprint = model::fingerprint(system);
+    model.evidence.function_space = system.terms.len();
+    model.evidence.selection = format!(
+        "{} among the {} of {} terms that first-order screening left",
+        model.evidence.selection,
+        survivors.len(),
+        system.terms.len()
+    );
+    Ok(model)
 }

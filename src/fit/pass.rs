@@ -46,6 +46,8 @@ const BLOCK_BYTES: usize = 12 << 20;
 const STATE_STEPS: usize = 8;
 /// States are settled when the next step promises less than this part of the loss.
 const SETTLED: f64 = 1e-7;
+/// ... or less than this part of what rounding makes of it.
+const ROUNDING: f64 = 0.03;
 
 /// Sums over all segments at the best states for a theta.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -141,7 +143,7 @@ fn settle_block(
                 step[lane] = rows.state_step(lane);
                 length[lane] = 1.0;
                 let rounding = problem.floor.powi(2) * rows.measured[lane] as f64;
-                settled[lane] = rows.promised(lane) <= SETTLED * (loss + rounding);
+                settled[lane] = rows.promised(lane) <= SETTLED * loss + ROUNDING * rounding;
             } else {
                 // The last step overshot: a quarter of it.
                 length[lane] *= 0.25;

@@ -4,49 +4,126 @@ use super::options::Options;
 use super::pass::Stepping;
 use super::train::Training;
 use crate::data::Dataset;
-use crate::dynamics::{Dynamics, Method};
+use crate::dynamics::{Batch, Dynamics, Method, Scratch, choose_steps};
+use crate::error::{Error, Result};
 use crate::expr::System;
 
 /// An integrator with what it can resolve.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Choice {
     pub stepping: Stepping,
+    /// Largest error of each component of the state between two samples; infinite when unknown.
+    pub error: Vec<f64>,
     /// For each observable, the error below which residuals mean nothing.
     pub resolution: Vec<f64>,
+    /// Why this one, in a sentence.
+    pub reason: String,
 }
+
+/// Transitions of the data that the error is estimated on.
+const SAMPLE: usize = 96;
+/// The integrator may err by this part of the noise.
+const SHARE: f64 = 0.02;
+/// Residuals this many times the integrator's error may be the integrator's.
+const SUSPECT: f64 = 20.0;
+/// No instrument resolves this part of a column's spread: such residuals are the integrator's.
+const FINEST: f64 = 1e-5;
+/// The error estimate is a maximum over a sample; others may be worse.
+const MARGIN: f64 = 3.0;
 
 /// Rounding of each observable: a few units in the last place of its largest value.
 pub fn rounding(dataset: &Dataset, observables: usize) -> Vec<f64> {
     (0..observables)
         .map(|row| {
-            let largest = dataset
-                .runs
-                .iter()
-                .filter_map(|run| run.values.get(row))
-                .flatten()
-                .filter(|x| x.is_finite())
-                .fold(0.0f64, |m, x| m.max(x.abs()));
-            8.0 * f64::EPSILON * largest.max(f64::MIN_POSITIVE / f64::EPSILON)
+            let cells = dataset.runs.iter().filter_map(|run| run.values.get(row)).flatten();
+            let largest = cells.filter(|x| x.is_finite()).fold(0.0f64, |m, x| m.max(x.abs()));
+            (8.0 * f64::EPSILON * largest).max(1e-300)
         })
         .collect()
 }
 
 /// For the first round, whose model is rough anyway.
-pub fn coarse(_system: &System, options: &Options, typical: f64) -> Stepping {
-    let method = options.method.or(Method::by_name("forest-ruth")).expect("a row of METHODS");
-    Stepping { method, longest: options.longest_step.unwrap_or(typical) }
-}
-
-pub fn choose(training: &Training, _dynamics: &Dynamics, _theta: &[f64]) -> Choice {
-    let fine = training.noise.iter().all(|s| *s < 1e-4);
-    let method = Method::by_name(if fine { "suzuki-umeno-8" } else { "forest-ruth" }).expect("row");
-    Choice {
-        stepping: Stepping { method, longest: training.stepping.longest },
-        resolution: rounding(training.dataset, training.noise.len()),
+///
+/// # Errors
+///
+/// When a method for separable systems was asked for and the system is not separable.
+pub fn coarse(
+    system: &System,
+    dataset: &Dataset,
+    options: &Options,
+    separable: bool,
+    typical: f64,
+) -> Result<Choice> {
+    let usual = if separable { "forest-ruth" } else { "gauss-legendre-4" };
+    let method = options.method.or(Method::by_name(usual)).expect("a row of METHODS");
+    if method.needs_separable() && !separable {
+        return Err(Error::usage(
+            format!(
+                "`{}` needs H = T(p) + V(q) and forces without momenta, which this system is not",
+                method.row().name
+            ),
+            "leave the method open, or take gauss-legendre-4, gauss-legendre-6 or rk4",
+        ));
     }
+    Ok(Choice {
+        stepping: Stepping { method, longest: options.longest_step.unwrap_or(typical) },
+        error: vec![f64::INFINITY; 2 * system.degrees()],
+        resolution: rounding(dataset, 2 * system.degrees()),
+        reason: "the first guess".to_string(),
+    })
 }
 
-/// Why the integrator of a finished training is the right one, in a sentence.
-pub fn reason(training: &Training) -> String {
-    let given = training.options.method.is_some() || training.options.longest_step.is_some();
-    if given { "as asked for".to_string() } else { "its error is below the noise".to_string() }
+/// The cheapest integrator that is accurate enough for the present noise.
+pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64]) -> Choice {
+    let rounding = rounding(training.dataset, training.noise.len());
+    let (batch, span) = sample(training);
+    let longest_span = span.iter().fold(0.0f64, |m, s| m.max(s.abs()));
+    let options = training.options;
+    let limited = training.noise.iter().zip(&training.spread).zip(&training.integrator.error).any(
+        |((s, spread), error)| error.is_finite() && *s < SUSPECT * error || *s < FINEST * spread,
+    );
+    let share = if limited { 0.0 } else { SHARE };
+    let tolerance: Vec<f64> = training.noise.iter().map(|s| share * s).collect();
+    let mut scratch = Scratch::new();
+    let choice = choose_steps(dynamics, theta, &batch, &span, &tolerance, &mut scratch);
+    let mut stepping = Stepping {
+        method: choice.method,
+        longest: longest_span / choice.steps as f64 * (1.0 + 1e-9),
+    };
+    let mut reason = choice.reason;
+    let mut error = choice.error;
+    if options.method.is_some() || options.longest_step.is_some() {
+        stepping = Stepping {
+            method: options.method.unwrap_or(stepping.method),
+            longest: options.longest_step.unwrap_or(match options.method {
+                Some(_) => training.integrator.stepping.longest,
+                None => stepping.longest,
+            }),
+        };
+        reason = "as asked for".to_string();
+        // What was asked for is taken at its word: its error is not mistaken for noise.
+        error = vec![0.0; error.len()];
+    }
+    let resolution = rounding
+        .iter()
+        .zip(&error)
+        .map(|(r, e)| if e.is_finite() { r.max(MARGIN * e) } else { *r })
+        .collect();
+    Choice { stepping, error, resolution, reason }
+}
+
+/// Starts of segments spread over the data, and the times to their next samples.
+fn sample(training: &Training) -> (Batch, Vec<f64>) {
+    let segments = &training.segments.list;
+    let stride = segments.len().div_ceil(SAMPLE).max(1);
+    let picked: Vec<usize> = (0..segments.len()).step_by(stride).collect();
+    let mut batch = Batch::new(training.system.degrees(), picked.len());
+    let mut span = Vec::with_capacity(picked.len());
+    for (lane, &i) in picked.iter().enumerate() {
+        let segment = segments[i];
+        let times = &training.dataset.runs[segment.run].times;
+        batch.set(lane, times[segment.first], &training.states[i]);
+        span.push(times[segment.first + 1] - times[segment.first]);
+    }
+    (batch, span)
 }

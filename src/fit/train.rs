@@ -9,9 +9,9 @@ use super::factor::Factor;
 use super::gauss_newton::{Refit, StopReason, refit};
 use super::monitor::Monitor;
 use super::options::Options;
-use super::pass::{Problem, States, Stepping, Sums, linearise, settle};
+use super::pass::{Problem, States, Sums, linearise, settle};
 use super::segments::{Segments, cut, first_state, longest_run, typical_step};
-use super::stepping;
+use super::stepping::{self, Choice};
 use super::support::{Candidate, Columns, Criterion, Search, search};
 use crate::data::Dataset;
 use crate::dynamics::Dynamics;
@@ -44,9 +44,11 @@ pub struct Training<'a> {
     pub support: Vec<usize>,
     /// Standard deviation of the noise of each observable.
     pub noise: Vec<f64>,
-    pub stepping: Stepping,
-    /// Error of the integrator and of rounding, for each observable.
-    pub resolution: Vec<f64>,
+    /// Spread of each observable's measurements (1 where there are none).
+    pub spread: Vec<f64>,
+    pub integrator: Choice,
+    /// Whether every term of the function space leaves H = T(p) + V(q).
+    pub separable: bool,
     pub rounds: usize,
 }
 
@@ -75,9 +77,12 @@ impl<'a> Training<'a> {
         }
         let typical = typical_step(dataset);
         let complete = (degrees..2 * degrees).all(measured);
+        let spread: Vec<f64> = spread.iter().map(|s| s.unwrap_or(1.0)).collect();
         let longest = longest_run(dataset);
         let shortest = if complete { 2 } else { 4 };
         let window = options.window.unwrap_or(shortest).clamp(2, longest.max(2));
+        let everything: Vec<usize> = (0..system.terms.len()).collect();
+        let separable = Dynamics::new(system, &everything, Backend::Batched).separable();
         let mut training = Training {
             system,
             dataset,
@@ -88,9 +93,10 @@ impl<'a> Training<'a> {
             coefficients: vec![0.0; system.terms.len()],
             parameters: system.parameters.iter().map(|p| p.bounds.clamp(p.start)).collect(),
             support: Vec::new(),
-            noise: spread.iter().map(|s| s.unwrap_or(1.0)).collect(),
-            stepping: stepping::coarse(system, options, typical),
-            resolution: stepping::rounding(dataset, 2 * degrees),
+            noise: spread.clone(),
+            spread,
+            integrator: stepping::coarse(system, dataset, options, separable, typical)?,
+            separable,
             rounds: 0,
         };
         if system.observed == Observed::Velocities {
@@ -146,12 +152,16 @@ impl<'a> Training<'a> {
     }
 
     fn weights(&self) -> Vec<f64> {
-        self.noise.iter().zip(&self.resolution).map(|(s, floor)| 1.0 / s.max(*floor)).collect()
+        self.noise
+            .iter()
+            .zip(&self.integrator.resolution)
+            .map(|(s, floor)| 1.0 / s.max(*floor))
+            .collect()
     }
 
     /// Resolution in units of the noise, the same for all observables.
     fn floor(&self) -> f64 {
-        let parts = self.resolution.iter().zip(&self.noise);
+        let parts = self.integrator.resolution.iter().zip(&self.noise);
         let squares: f64 = parts.map(|(f, s)| (f / s.max(*f)).powi(2)).sum();
         (squares / self.noise.len().max(1) as f64).sqrt()
     }
@@ -163,7 +173,7 @@ impl<'a> Training<'a> {
             observed: self.system.observed,
             weights,
             loss: self.options.loss,
-            stepping: self.stepping,
+            stepping: self.integrator.stepping,
             floor: self.floor(),
         }
     }
@@ -290,7 +300,7 @@ impl<'a> Training<'a> {
         let share = ((rows - unknowns as f64) / rows).max(1.0 / rows.max(1.0));
         self.noise
             .iter()
-            .zip(&self.resolution)
+            .zip(&self.integrator.resolution)
             .zip(sums.squares.iter().zip(&sums.freedom))
             .map(|((&old, &floor), (&squares, &freedom))| {
                 if freedom <= 1e-9 || !squares.is_finite() {
@@ -332,14 +342,19 @@ impl<'a> Training<'a> {
         let mut seen: Vec<Vec<usize>> = Vec::new();
         loop {
             let before = (self.support.clone(), self.noise.clone());
-            let stepping = self.stepping;
+            let stepping = self.integrator.stepping;
             let round = self.round(monitor)?;
             self.sharpen();
-            let quiet = self.noise.iter().zip(&before.1).all(|(a, b)| (a / b).ln().abs() < 0.05);
+            let quiet = self
+                .noise
+                .iter()
+                .zip(&before.1)
+                .zip(&self.integrator.resolution)
+                .all(|((a, b), floor)| a.max(3.0 * floor) < 1.05 * b.max(3.0 * floor));
             let same = self.support == before.0;
             // A support that comes back in a circle is settled by the criterion of the round.
             let circling = seen.len() + 1 >= ROUNDS || (!same && seen.contains(&self.support));
-            let done = same && quiet && stepping == self.stepping;
+            let done = same && quiet && stepping == self.integrator.stepping;
             if done || circling || monitor.stopped() || round.refit.stop == StopReason::Interrupted
             {
                 return Ok(round);
@@ -348,13 +363,28 @@ impl<'a> Training<'a> {
         }
     }
 
+    /// A model that turned out separable ends with a splitting, whatever the space needed.
+    fn finish(&mut self, round: &mut Round, monitor: &dyn Monitor) {
+        let (dynamics, theta) = self.compile(&self.support);
+        let implicit = !self.integrator.stepping.method.needs_separable();
+        if dynamics.separable() && implicit && self.options.method.is_none() {
+            self.integrator = stepping::choose(self, &dynamics, &theta);
+            round.refit = self.refit(monitor);
+            let refit = &round.refit;
+            self.take(refit);
+        }
+    }
+
     /// Makes the integrator as accurate as the present noise asks for.
     fn sharpen(&mut self) {
-        let (dynamics, theta) = self.compile(&self.support);
-        let choice = stepping::choose(self, &dynamics, &theta);
-        self.stepping = choice.stepping;
-        self.resolution = choice.resolution;
-        for (noise, floor) in self.noise.iter_mut().zip(&self.resolution) {
+        let (mut dynamics, mut theta) = self.compile(&self.support);
+        if dynamics.separable() && !self.separable {
+            // The next round integrates the whole space, which no splitting can.
+            let everything: Vec<usize> = (0..self.system.terms.len()).collect();
+            (dynamics, theta) = self.compile(&everything);
+        }
+        self.integrator = stepping::choose(self, &dynamics, &theta);
+        for (noise, floor) in self.noise.iter_mut().zip(&self.integrator.resolution) {
             *noise = noise.max(*floor);
         }
     }
@@ -370,9 +400,20 @@ pub fn train<'a>(
     let mut training = best_start(Training::new(system, dataset, options)?, monitor)?;
     monitor.stage("searching the function space", 0.2);
     let mut round = training.rounds(monitor)?;
-    if options.window.is_some() {
-        return Ok((training, round));
+    if options.window.is_none() {
+        (training, round) = grow(training, round, monitor)?;
     }
+    training.finish(&mut round, monitor);
+    Ok((training, round))
+}
+
+/// Doubles the length of the segments for as long as the model follows them.
+fn grow<'a>(
+    mut training: Training<'a>,
+    mut round: Round,
+    monitor: &dyn Monitor,
+) -> Result<(Training<'a>, Round)> {
+    let dataset = training.dataset;
     let longest = longest_run(dataset).min(LONGEST);
     while training.window < longest && !monitor.stopped() {
         let window = (2 * training.window).min(longest);
@@ -384,7 +425,7 @@ pub fn train<'a>(
         let follows = longer
             .noise
             .iter()
-            .zip(training.noise.iter().zip(&longer.resolution))
+            .zip(training.noise.iter().zip(&longer.integrator.resolution))
             .all(|(new, (old, floor))| *new <= FOLLOWS * old.max(2.0 * floor));
         if !follows || next.refit.sums.exploded > round.refit.sums.exploded {
             break;
@@ -430,8 +471,7 @@ fn best_start<'a>(first: Training<'a>, monitor: &dyn Monitor) -> Result<Training
     training.coefficients = winner.coefficients;
     training.support = winner.support;
     training.noise = winner.noise;
-    training.stepping = winner.stepping;
-    training.resolution = winner.resolution;
+    training.integrator = winner.integrator;
     Ok(training)
 }
 

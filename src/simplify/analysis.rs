@@ -1,6 +1,6 @@
 //! What the e-graph knows about the value of each class: the rational that it is, and its sign.
 
-use egg::{Analysis, DidMerge, EGraph, Id};
+use egg::{Analysis, DidMerge, EGraph, Id, Language};
 
 use super::lang::{Math, Rational};
 use crate::expr::Domain;
@@ -19,6 +19,8 @@ pub enum Sign {
 pub struct Known {
     pub rational: Option<Rational>,
     pub sign: Sign,
+    /// Whether no variable stands in it.
+    pub number: bool,
 }
 
 /// Folds rationals and keeps signs.
@@ -51,7 +53,7 @@ impl Analysis<Math> for Folding {
             _ => None,
         };
         if let Some(rational) = rational {
-            return Known { rational: Some(rational), sign: sign_of(rational) };
+            return Known { rational: Some(rational), sign: sign_of(rational), number: true };
         }
         let sign = match node {
             Math::Pi | Math::Fitted(_) => Sign::Positive,
@@ -75,13 +77,18 @@ impl Analysis<Math> for Folding {
             },
             _ => Sign::Unknown,
         };
-        Known { rational: None, sign }
+        let number = match node {
+            Math::Variable(_) => false,
+            _ => node.all(|child| egraph[child].data.number),
+        };
+        Known { rational: None, sign, number }
     }
 
     fn merge(&mut self, a: &mut Known, b: Known) -> DidMerge {
         let before = *a;
         a.rational = a.rational.or(b.rational);
         a.sign = a.sign.max(b.sign);
+        a.number |= b.number;
         DidMerge(*a != before, *a != b)
     }
 
@@ -89,6 +96,9 @@ impl Analysis<Math> for Folding {
         if let Some(rational) = egraph[id].data.rational {
             let folded = egraph.add(Math::Rational(rational));
             egraph.union(id, folded);
+            // Other ways to write a rational help nobody, and those of zero grow without end:
+            // 0 = 0 x = 0 (x + y) = ...
+            egraph[id].nodes.retain(Language::is_leaf);
         }
     }
 }

@@ -78,7 +78,7 @@ impl Samples {
     }
 
     /// Largest difference of a form from the model, relative to the largest value.
-    pub fn from_model(&self, expr: &RecExpr<Math>, number: &dyn Fn(usize) -> f64) -> f64 {
+    pub fn against_model(&self, expr: &RecExpr<Math>, number: &dyn Fn(usize) -> f64) -> f64 {
         self.difference(&self.values, &self.evaluate(expr, number))
     }
 

@@ -1,7 +1,7 @@
 //! From a fitted model to the expression that a physicist would print.
 //!
-//! Each part of the model (T, V, H, forces) is brought to a [normal form](normal), written
-//! in a few [ways](form) (as it was specified, expanded, as [springs], with waves merged),
+//! Each part of the model (T, V, H, forces) is brought to a normal form, written
+//! in a few ways (as it was specified, expanded, as springs, with waves merged),
 //! its learned numbers [snap] to nice ones where their uncertainty allows, the e-graph
 //! applies the [rules], and the shortest result is kept. Every step but snapping is checked
 //! against the original at sampled points, and is left out where it fails.
@@ -42,6 +42,7 @@ use quantity::Quantity;
 /// A system with the numbers that were learned for it.
 #[derive(Debug, Clone, Copy)]
 pub struct Fitted<'a> {
+    /// The system with its function space.
     pub system: &'a System,
     /// Which of `system.terms` are in the model.
     pub active: &'a [usize],
@@ -56,9 +57,11 @@ pub struct Fitted<'a> {
 /// What simplification may do.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
+    /// How far a number may be moved to be printed as a nice one.
     pub tolerance: Tolerance,
-    /// Limits of the e-graph. There is no time limit: results must not depend on load.
+    /// Iterations of the e-graph. There is no time limit: results must not depend on load.
     pub iterations: usize,
+    /// Nodes of the e-graph.
     pub nodes: usize,
     /// Largest |value| in the data of each state component (q, then p), where known; for
     /// the comparison of polynomials with Taylor's.
@@ -75,6 +78,7 @@ impl Default for Options {
 /// A simplified model.
 #[derive(Debug, Clone)]
 pub struct Simplified {
+    /// The graph of the parts' expressions.
     pub graph: Graph,
     /// T, V, H and forces, in this order; those that are zero are left out.
     pub parts: Vec<Part>,
@@ -82,13 +86,16 @@ pub struct Simplified {
     pub numbers: Vec<DerivedNumber>,
     /// Every learned number that is printed as another one.
     pub snaps: Vec<Snap>,
+    /// Names of the state's variables, from the system.
     pub names: Names,
+    /// How it went.
     pub info: Info,
 }
 
 /// T, V, H or a force.
 #[derive(Debug, Clone)]
 pub struct Part {
+    /// Which part of the model.
     pub place: Place,
     /// The normal form with the fitted numbers. For energies without its constant.
     pub exact: Expr,
@@ -102,6 +109,7 @@ pub struct Part {
 /// A number of a printed form.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DerivedNumber {
+    /// The number; the nice one where it snapped, see [`Snap`] for what it was.
     pub value: f64,
     /// By the delta method from the covariance of the fit; zero for what is exact or snapped.
     pub standard_error: f64,
@@ -112,7 +120,9 @@ pub struct DerivedNumber {
 /// What a number was replaced by.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Target {
+    /// In the mini-language, or a phrase: "the same as the coefficient of ...".
     pub text: String,
+    /// Its value.
     pub value: f64,
 }
 
@@ -121,8 +131,11 @@ pub struct Target {
 pub struct Snap {
     /// `coefficient of q^2`.
     pub what: String,
+    /// |value| as fitted; signs stand in the expression.
     pub from: f64,
+    /// Standard error of `from`.
     pub standard_error: f64,
+    /// What is printed.
     pub to: Target,
     /// |from - to| in standard errors; zero where the number has no uncertainty.
     pub sigmas: f64,
@@ -134,7 +147,9 @@ pub enum StopReason {
     /// No rewrite says anything new.
     #[default]
     Saturated,
+    /// At [`Options::iterations`].
     Iterations,
+    /// At [`Options::nodes`].
     Nodes,
     /// The form is a long list of terms and was not rewritten.
     TooLarge,
@@ -143,9 +158,11 @@ pub enum StopReason {
 /// How the simplification went.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Info {
+    /// Iterations of all e-graphs.
     pub iterations: usize,
     /// Classes of all e-graphs.
     pub classes: usize,
+    /// Why the rewriting ended.
     pub stop: StopReason,
     /// Points at which the result was compared with the model.
     pub checked_points: usize,
@@ -161,6 +178,7 @@ struct Candidate<'a> {
     cost: f64,
     expr: RecExpr<Math>,
     numbers: Numbers<'a>,
+    snaps: Vec<Snap>,
 }
 
 /// Simplifies a fitted model.
@@ -171,6 +189,7 @@ pub fn simplify(fitted: &Fitted, options: &Options) -> Simplified {
     let mut graph = Graph::new();
     let mut emitter = emit::Emitter::default();
     let mut found = Vec::new();
+    let mut snaps: Vec<Snap> = Vec::new();
     for place in places(system) {
         let Some(raw) = Raw::new(fitted, place) else { continue };
         let samples = Samples::new(fitted, place);
@@ -185,20 +204,20 @@ pub fn simplify(fitted: &Fitted, options: &Options) -> Simplified {
                 }
                 let mut numbers = Numbers::new(fitted.covariance, options.tolerance);
                 let written = part::write(plan, &form, &mut atoms, &mut numbers, &names);
-                let Some(written) = written else { continue };
-                match check_and_rewrite(&written, &samples, numbers, options, &mut info) {
-                    Some(new) if best.as_ref().is_none_or(|old| new.cost < old.cost - 1e-9) => {
-                        best = Some(new);
-                    }
-                    _ => {}
+                let Some((written, worth)) = written else { continue };
+                let new = check_and_rewrite(&written, &samples, numbers, options, &mut info);
+                let Some(mut new) = new else { continue };
+                new.cost -= worth;
+                if best.as_ref().is_none_or(|old| new.cost < old.cost - 1e-9) {
+                    best = Some(new);
                 }
             }
             forms.push((atoms, form));
         }
         let Some((atoms, form)) = forms.pop() else { continue };
         let shape = shapes(fitted, options, place, &atoms, &form, &names);
-        let (expr, numbers) = match best {
-            Some(best) => (best.expr, best.numbers),
+        let (expr, numbers, snapped) = match best {
+            Some(best) => (best.expr, best.numbers, best.snaps),
             // Nothing passed: the plain list of terms, numbers as fitted.
             None => {
                 let exact = Tolerance { sigmas: 0.0, relative: 0.0, chance: 0.0 };
@@ -206,23 +225,27 @@ pub fn simplify(fitted: &Fitted, options: &Options) -> Simplified {
                 let (mut atoms, form) = raw.normal(fitted, false);
                 let plain = form::Plan { springs: false, waves: false };
                 let written = part::write(plain, &form, &mut atoms, &mut numbers, &names);
-                (written.unwrap_or_default(), numbers)
+                (written.unwrap_or_default().0, numbers, Vec::new())
             }
         };
         emitter.collect(&expr, &numbers, found.len());
-        found.push((place, expr, numbers, atoms, form, shape));
-    }
-    emitter.prepare(&mut graph, system.degrees());
-    let mut parts = Vec::new();
-    let mut snaps: Vec<Snap> = Vec::new();
-    for (index, (place, expr, numbers, atoms, form, shape)) in found.into_iter().enumerate() {
-        let pretty = emitter.build(&mut graph, &expr, index);
-        let exact = atoms.expression(&mut graph, &form);
-        for snap in numbers.rows.into_iter().filter_map(|row| row.snap) {
+        found.push((place, expr, atoms, form, shape));
+        for snap in snapped {
             if !snaps.contains(&snap) {
                 snaps.push(snap);
             }
         }
+    }
+    emitter.prepare(&mut graph, system.degrees());
+    // All printed forms first: what is built later must not change their order.
+    let pretty: Vec<Expr> = found
+        .iter()
+        .enumerate()
+        .map(|(index, (_, expr, ..))| emitter.build(&mut graph, expr, index))
+        .collect();
+    let mut parts = Vec::new();
+    for ((place, _, atoms, form, shape), pretty) in found.into_iter().zip(pretty) {
+        let exact = atoms.expression(&mut graph, &form);
         parts.push(Part { place, exact, pretty, shape });
     }
     Simplified { graph, parts, numbers: emitter.numbers, snaps, names, info }
@@ -298,7 +321,7 @@ fn check_and_rewrite<'a>(
     info: &mut Info,
 ) -> Option<Candidate<'a>> {
     let as_fitted = |row: usize| numbers.rows[row].fitted.value;
-    let difference = samples.from_model(written, &as_fitted);
+    let difference = samples.against_model(written, &as_fitted);
     let as_printed = |row: usize| numbers.printed_value(row);
     let nice = part::with_nice_numbers(written, &numbers);
     let (cost, expr) = part::rewritten(&nice, options, info);
@@ -309,7 +332,17 @@ fn check_and_rewrite<'a>(
     }
     info.checked_points = info.checked_points.max(samples.len());
     info.largest_difference = info.largest_difference.max(difference).max(change);
-    Some(Candidate { cost, expr, numbers })
+    let mut used: Vec<usize> = written
+        .items()
+        .filter_map(|(_, node)| match node {
+            Math::Fitted(row) => Some(row.0),
+            _ => None,
+        })
+        .collect();
+    used.sort_unstable();
+    used.dedup();
+    let snaps = used.iter().filter_map(|&row| numbers.rows[row].snap.clone()).collect();
+    Some(Candidate { cost, expr, numbers, snaps })
 }
 
 /// Sentences on polynomials in one variable that look like a known function.

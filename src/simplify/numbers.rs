@@ -29,12 +29,15 @@ pub struct Row {
     what: String,
 }
 
+/// Value and slopes bit by bit, and what the number may be printed as.
+type Key = (u64, Vec<(usize, u64)>, Option<Niceness>);
+
 /// Every number of the forms of one part.
 pub struct Numbers<'a> {
     covariance: &'a DMatrix<f64>,
     tolerance: Tolerance,
     pub rows: Vec<Row>,
-    known: HashMap<(u64, Vec<(usize, u64)>, Option<Niceness>), usize>,
+    known: HashMap<Key, usize>,
 }
 
 /// Standard errors within which a derived number is taken for zero.

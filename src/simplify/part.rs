@@ -2,17 +2,17 @@
 
 use std::time::Duration;
 
-use egg::{CostFunction, Extractor, Id, RecExpr, Runner, SimpleScheduler};
+use egg::{BackoffScheduler, CostFunction, Extractor, Id, Language, RecExpr, Runner};
 
 use super::analysis::Folding;
 use super::cost::Reading;
-use super::form::{Addend, Plan, Writer};
+use super::form::{Plan, Writer};
 use super::lang::{Fitted, Math, Rational};
 use super::normal::{Atom, Atoms, Monomial, Polynomial};
 use super::numbers::{Numbers, Printed};
 use super::quantity::Quantity;
 use super::rules;
-use super::springs;
+use super::springs::{self, Springs};
 use super::{Info, Options, StopReason};
 use crate::expr::{Function, Names, Number};
 
@@ -29,14 +29,18 @@ pub const PLANS: &[Plan] = &[
     Plan { springs: true, waves: true },
 ];
 
-/// Writes a form according to a plan; `None` where the plan finds nothing to do.
+/// What it is worth, in description length, that one number follows from others.
+const RELATION: f64 = 12.0;
+
+/// Writes a form according to a plan, and says what the relations that it shows are worth;
+/// `None` where the plan finds nothing to do.
 pub fn write(
     plan: Plan,
     form: &Polynomial,
     atoms: &mut Atoms,
     numbers: &mut Numbers,
     names: &Names,
-) -> Option<RecExpr<Math>> {
+) -> Option<(RecExpr<Math>, f64)> {
     let merged;
     let form = if plan.waves {
         merged = merge_waves(form, atoms)?;
@@ -45,8 +49,9 @@ pub fn write(
         form
     };
     let mut writer = Writer { atoms, numbers, names, expr: RecExpr::default() };
-    let (mut addends, taken): (Vec<Addend>, Vec<Monomial>) =
-        if plan.springs { springs::write(&mut writer, form)? } else { Default::default() };
+    let springs =
+        if plan.springs { springs::write(&mut writer, form)? } else { Springs::default() };
+    let Springs { mut addends, taken, without_wall } = springs;
     // Numbers of the same kind of term may be equal: (pattern of exponents, row).
     let mut kinds: Vec<(String, Vec<usize>)> = Vec::new();
     if plan.springs {
@@ -68,7 +73,7 @@ pub fn write(
         writer.numbers.merge_equal(rows);
     }
     writer.sum(addends);
-    Some(writer.expr)
+    Some((writer.expr, RELATION * without_wall as f64))
 }
 
 /// What terms must share for their coefficients to be comparable: the same kind of
@@ -151,12 +156,25 @@ pub fn with_nice_numbers(expr: &RecExpr<Math>, numbers: &Numbers) -> RecExpr<Mat
                     }
                 }
             },
-            _ => out
-                .add(egg::Language::map_children(node.clone(), |child| image[usize::from(child)])),
+            _ => {
+                let node = node.clone().map_children(|child| image[usize::from(child)]);
+                let zero = |id: &Id| out[*id] == Math::Rational(Rational::ZERO);
+                // What snapped to zero takes its product with it.
+                match &node {
+                    Math::Add([a, b]) if zero(a) => *b,
+                    Math::Add([a, b]) if zero(b) => *a,
+                    Math::Multiply([a, _]) | Math::Negate([a]) if zero(a) => *a,
+                    _ => out.add(node),
+                }
+            }
         };
         image.push(id);
     }
-    out
+    // The root stands last, and what nothing refers to is dropped.
+    match image.last() {
+        Some(&root) => out[root].build_recexpr(|id| out[id].clone()),
+        None => out,
+    }
 }
 
 /// The shortest equal expression that the rewrites reach, and its cost.
@@ -171,7 +189,7 @@ pub fn rewritten(expr: &RecExpr<Math>, options: &Options, info: &mut Info) -> (f
         .with_node_limit(options.nodes)
         // Results must not depend on how busy the machine is.
         .with_time_limit(Duration::from_secs(1 << 30))
-        .with_scheduler(SimpleScheduler)
+        .with_scheduler(BackoffScheduler::default())
         .run(rules::rewrites(expr.len() <= SMALL));
     info.iterations += runner.iterations.len();
     info.classes += runner.egraph.number_of_classes();

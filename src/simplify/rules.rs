@@ -17,6 +17,9 @@ pub enum Condition {
     NonNegative(&'static str),
     /// This variable is positive.
     Positive(&'static str),
+    /// This variable stands for a number. Not needed for truth: people take 1/2 out of a
+    /// sum, but not q^2.
+    Number(&'static str),
 }
 
 /// What a rewrite is for.
@@ -34,13 +37,18 @@ pub enum Kind {
     Reorder,
 }
 
-/// A rewrite from `left` to `right`, in the language of [`Math`].
+/// A rewrite from `left` to `right`, in prefix notation: `(+ ?x (- ?y))`, pattern variables with a question mark.
 #[derive(Debug, Clone, Copy)]
 pub struct Rule {
+    /// Its own name.
     pub name: &'static str,
+    /// What is found.
     pub left: &'static str,
+    /// What it equals.
     pub right: &'static str,
+    /// When it holds.
     pub condition: Condition,
+    /// What it is for.
     pub kind: Kind,
 }
 
@@ -54,7 +62,7 @@ const fn rule(
     Rule { name, left, right, condition, kind }
 }
 
-use Condition::{Always, NonNegative, Positive};
+use Condition::{Always, NonNegative, Number, Positive};
 use Kind::{Arithmetic, Factor, Reorder, Transcendental, Trigonometric};
 
 /// Every rewrite. A new one is one row here.
@@ -79,9 +87,9 @@ pub static RULES: &[Rule] = &[
     rule(Arithmetic, "power of square",     "(^ (^ ?x 2) 2)",                     "(^ ?x 4)",                Always),
     rule(Arithmetic, "numbers together",    "(* ?x (* ?y ?z))",                   "(* (* ?x ?y) ?z)",        Always),
 
-    rule(Factor, "common factor",           "(+ (* ?c ?x) (* ?c ?y))",            "(* ?c (+ ?x ?y))",        Always),
-    rule(Factor, "common factor, minus",    "(+ (* ?c ?x) (- (* ?c ?y)))",        "(* ?c (+ ?x (- ?y)))",    Always),
-    rule(Factor, "common factor, minus first", "(+ (- (* ?c ?x)) (* ?c ?y))",     "(* ?c (+ (- ?x) ?y))",    Always),
+    rule(Factor, "common factor",           "(+ (* ?c ?x) (* ?c ?y))",            "(* ?c (+ ?x ?y))",        Number("?c")),
+    rule(Factor, "common factor, minus",    "(+ (* ?c ?x) (- (* ?c ?y)))",        "(* ?c (+ ?x (- ?y)))",    Number("?c")),
+    rule(Factor, "common factor, minus first", "(+ (- (* ?c ?x)) (* ?c ?y))",     "(* ?c (+ (- ?x) ?y))",    Number("?c")),
     rule(Factor, "twice",                   "(+ ?x ?x)",                          "(* 2 ?x)",                Always),
     rule(Factor, "square of sum",           "(+ (+ (^ ?x 2) (* 2 (* ?x ?y))) (^ ?y 2))",     "(^ (+ ?x ?y) 2)",     Always),
     rule(Factor, "square of difference",    "(+ (+ (^ ?x 2) (- (* 2 (* ?x ?y)))) (^ ?y 2))", "(^ (+ ?x (- ?y)) 2)", Always),
@@ -165,12 +173,14 @@ impl Rule {
         let right: Pattern<Math> = self.right.parse().ok()?;
         let (name, least) = match self.condition {
             Always => return Rewrite::new(self.name, left, right).ok(),
-            NonNegative(name) => (name, Sign::NonNegative),
-            Positive(name) => (name, Sign::Positive),
+            Number(name) => (name, None),
+            NonNegative(name) => (name, Some(Sign::NonNegative)),
+            Positive(name) => (name, Some(Sign::Positive)),
         };
         let variable: Var = name.parse().ok()?;
         let condition = move |egraph: &mut EGraph<Math, Folding>, _: Id, subst: &Subst| {
-            egraph[subst[variable]].data.sign >= least
+            let known = egraph[subst[variable]].data;
+            least.map_or(known.number, |least| known.sign >= least)
         };
         Rewrite::new(self.name, left, ConditionalApplier { condition, applier: right }).ok()
     }

@@ -11,7 +11,9 @@ use crate::expr::Place;
 /// A function that a polynomial may be an approximation of: one row each.
 #[derive(Debug, Clone, Copy)]
 pub struct Shape {
+    /// Its name in the mini-language.
     pub name: &'static str,
+    /// The function.
     pub value: fn(f64) -> f64,
     /// k-th derivative at zero, for k modulo 4.
     pub derivatives: [f64; 4],
@@ -32,16 +34,22 @@ pub static SHAPES: &[Shape] = &[
 /// A polynomial's coefficient of x^power and its standard error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Power {
+    /// The exponent.
     pub power: usize,
+    /// The coefficient.
     pub value: f64,
+    /// Its standard error; zero where exact.
     pub standard_error: f64,
 }
 
 /// amplitude * shape(wave_number * x), up to a constant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Likeness {
+    /// The function's name.
     pub name: &'static str,
+    /// The factor in front.
     pub amplitude: f64,
+    /// The factor of x.
     pub wave_number: f64,
     /// Largest relative difference from the Taylor coefficients.
     pub difference: f64,
@@ -196,11 +204,13 @@ fn distance(
     wave_number: f64,
 ) -> Option<(f64, f64)> {
     let target = best_polynomial(shape, degrees, range, wave_number)?;
-    // Relative least squares: every coefficient counts alike.
-    let ratios: Vec<f64> = own.iter().zip(&target).map(|(p, t)| t / p.value).collect();
-    let square: f64 = ratios.iter().map(|r| r * r).sum();
-    let amplitude = ratios.iter().sum::<f64>() / square;
-    let worst = ratios.iter().map(|r| (amplitude * r - 1.0).abs()).fold(0.0, f64::max);
+    // The amplitude that fits best at the end of the range: large contributions count more.
+    let weight = |p: &Power| range.powi(2 * p.power as i32);
+    let product: f64 = own.iter().zip(&target).map(|(p, t)| weight(p) * p.value * t).sum();
+    let square: f64 = own.iter().zip(&target).map(|(p, t)| weight(p) * t * t).sum();
+    let amplitude = product / square;
+    let ratios = own.iter().zip(&target).map(|(p, t)| t / p.value);
+    let worst = ratios.map(|r| (amplitude * r - 1.0).abs()).fold(0.0, f64::max);
     (worst.is_finite() && amplitude.is_finite()).then_some((worst, amplitude))
 }
 

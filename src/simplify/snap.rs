@@ -11,6 +11,7 @@ use super::lang::Rational;
 /// A rational number, or a rational multiple of pi.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Nice {
+    /// Carries the sign.
     pub numerator: i64,
     /// Positive, without a common factor with the numerator.
     pub denominator: i64,
@@ -19,6 +20,7 @@ pub struct Nice {
 }
 
 impl Nice {
+    /// As a floating-point number.
     pub fn value(self) -> f64 {
         let ratio = self.numerator as f64 / self.denominator as f64;
         if self.pi { ratio * std::f64::consts::PI } else { ratio }

@@ -69,8 +69,19 @@ impl Quadratic {
     }
 }
 
-/// Writes the quadratic part as springs; says which terms it took. `None` where it is none.
-pub fn write(writer: &mut Writer, form: &Polynomial) -> Option<(Vec<Addend>, Vec<Monomial>)> {
+/// The quadratic part as springs.
+#[derive(Default)]
+pub struct Springs {
+    pub addends: Vec<Addend>,
+    /// The terms that the springs stand for.
+    pub taken: Vec<Monomial>,
+    /// Masses without a spring to a wall: in monomials nothing shows that their coefficients
+    /// depend on each other.
+    pub without_wall: usize,
+}
+
+/// Writes the quadratic part as springs. `None` where it is none.
+pub fn write(writer: &mut Writer, form: &Polynomial) -> Option<Springs> {
     let quadratic = Quadratic::of(writer, form);
     let completes = quadratic
         .linear
@@ -96,8 +107,7 @@ pub fn write(writer: &mut Writer, form: &Polynomial) -> Option<(Vec<Addend>, Vec
             return None;
         }
     }
-    let mut addends = Vec::new();
-    let mut taken = Vec::new();
+    let Springs { mut addends, mut taken, mut without_wall } = Springs::default();
     for &atom in &atoms {
         let one = |atom: usize, power: f64| vec![(atom, crate::expr::Number::new(power))];
         taken.push(one(atom, 2.0));
@@ -125,6 +135,8 @@ pub fn write(writer: &mut Writer, form: &Polynomial) -> Option<(Vec<Addend>, Vec
         let square = writer.square(base);
         let (stiffness, scale) = if half { (wall, true) } else { (wall.scaled(0.5), false) };
         let (row, negative) = if nothing {
+            // Where the specification has springs itself, this is no finding.
+            without_wall += usize::from(!stiffness.is_known());
             let what = format!("spring between {name} and a wall");
             (writer.numbers.nothing(&stiffness, what), stiffness.value < 0.0)
         } else {
@@ -157,7 +169,7 @@ pub fn write(writer: &mut Writer, form: &Polynomial) -> Option<(Vec<Addend>, Vec
         let square = writer.square(difference);
         addends.push(spring(writer, row, false, square, true));
     }
-    Some((addends, taken))
+    Some(Springs { addends, taken, without_wall })
 }
 
 fn variable(writer: &Writer, atom: usize) -> super::lang::Variable {

@@ -1,4 +1,7 @@
 //! The syntax tree of a spec. Every node knows the place that it was read from.
+//!
+//! Nodes and their fields are named after the productions of `grammar/leverrier.ebnf`.
+#![allow(missing_docs, reason = "the grammar says what each part of a production is")]
 
 use crate::diagnostic::Span;
 
@@ -16,6 +19,8 @@ impl PartialEq for Site {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Spec {
     pub statements: Vec<Statement>,
+    /// First words of statements that could not be read.
+    pub lost: Vec<String>,
 }
 
 #[derive(Debug, Clone, PartialEq)]

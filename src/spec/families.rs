@@ -8,11 +8,19 @@ pub enum Member {
     /// Product of variable ^ exponent, by the variable's place; no exponent is 0.
     Monomial(Vec<(usize, u32)>),
     /// function(harmonic * variable).
-    Harmonic { function: &'static str, variable: usize, harmonic: u32 },
+    Harmonic {
+        /// Name of an elementary function.
+        function: &'static str,
+        /// Place of the variable.
+        variable: usize,
+        /// Whole factor of the variable, from 1 on.
+        harmonic: u32,
+    },
 }
 
 /// A family of functions of `n` variables up to an order `d`.
 pub struct FamilyRow {
+    /// Its name in the mini-language.
     pub name: &'static str,
     /// How it is written.
     pub signature: &'static str,

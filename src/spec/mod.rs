@@ -1,10 +1,11 @@
 //! The mini-language: text to syntax tree and back.
 
 pub mod ast;
+pub mod edit;
 pub mod families;
 mod parse;
 mod print;
-pub mod resolve;
+pub(crate) mod resolve;
 
 pub use parse::{expression, may_name, spec};
 

@@ -40,7 +40,6 @@ pub enum Meaning {
 pub struct Energy<'a> {
     pub part: EnergyPart,
     pub value: &'a Expression,
-    pub span: Span,
 }
 
 /// A statement `force q[i] += ...`.
@@ -49,7 +48,6 @@ pub struct Force<'a> {
     pub coordinate: &'a Expression,
     pub value: &'a Expression,
     pub comprehension: Option<&'a Comprehension>,
-    pub span: Span,
 }
 
 /// A statement `param a = ...`.
@@ -58,6 +56,15 @@ pub struct Parameter<'a> {
     pub name: &'a Word,
     pub starts: &'a [Expression],
     pub bounds: Option<&'a Limits>,
+}
+
+/// A statement `constrain a <= k <= b`.
+#[derive(Debug, Clone, Copy)]
+pub struct Constraint<'a> {
+    pub first: &'a Operand,
+    /// Each relation stands before its operand.
+    pub rest: &'a [(Relation, Operand)],
+    pub span: Span,
 }
 
 /// A spec by the meaning of its statements.
@@ -77,15 +84,22 @@ pub struct Resolved<'a> {
     pub parameters: Vec<Parameter<'a>>,
     pub energies: Vec<Energy<'a>>,
     pub forces: Vec<Force<'a>>,
-    pub constraints: Vec<(&'a Operand, &'a [(Relation, Operand)], Span)>,
+    pub constraints: Vec<Constraint<'a>>,
     pub names: HashMap<String, (Meaning, Span)>,
     /// Constants that are whole numbers: they may stand in indices.
     pub integers: HashMap<String, i64>,
+    /// A statement that declares names could not be read: what is unknown may stand in it.
+    pub lost_names: bool,
 }
 
 /// Gives names their meaning, and says what is missing or doubled.
 pub fn resolve<'a>(spec: &'a Spec, diagnostics: &mut Vec<Diagnostic>) -> Resolved<'a> {
     let mut resolver = Resolver { out: Resolved::default(), diagnostics };
+    let lost = |words: &[&str]| spec.lost.iter().any(|lost| words.contains(&lost.as_str()));
+    let declaring =
+        ["coordinates", "momenta", "velocities", "time", "data", "constant", "let", "param"];
+    // A misspelt first word may have been any of them.
+    resolver.out.lost_names = lost(&declaring) || spec.lost.iter().any(|lost| may_name(lost));
     resolver.constants(spec);
     let mut seen: HashMap<&str, Span> = HashMap::new();
     for statement in &spec.statements {
@@ -93,7 +107,9 @@ pub fn resolve<'a>(spec: &'a Spec, diagnostics: &mut Vec<Diagnostic>) -> Resolve
     }
     resolver.pair_up();
     resolver.name_time();
-    resolver.require_energy();
+    if !lost(&["T", "V", "H"]) && !resolver.out.lost_names {
+        resolver.require_energy();
+    }
     resolver.out
 }
 
@@ -170,14 +186,14 @@ impl<'a> Resolver<'a, '_> {
                 if !adds {
                     self.once(part.letter(), span, seen);
                 }
-                self.out.energies.push(Energy { part: *part, value, span });
+                self.out.energies.push(Energy { part: *part, value });
             }
             StatementKind::Force { coordinate, value, comprehension, .. } => {
                 let comprehension = comprehension.as_ref();
-                self.out.forces.push(Force { coordinate, value, comprehension, span });
+                self.out.forces.push(Force { coordinate, value, comprehension });
             }
             StatementKind::Constrain { first, rest } => {
-                self.out.constraints.push((first, rest, span));
+                self.out.constraints.push(Constraint { first, rest, span });
             }
         }
     }
@@ -219,6 +235,7 @@ impl<'a> Resolver<'a, '_> {
             (Ok(first), Ok(last)) => (first, last),
             (first, last) => {
                 self.diagnostics.extend(first.err().into_iter().chain(last.err()));
+                self.out.lost_names = true;
                 return;
             }
         };
@@ -234,6 +251,7 @@ impl<'a> Resolver<'a, '_> {
                     .label("this range")
                     .hint(format!("write a range of 1 to {MOST_COORDINATES} indices, as in 1..5")),
             );
+            self.out.lost_names = true;
             return;
         }
         let count = usize::try_from(count).unwrap_or(0);
@@ -263,14 +281,18 @@ impl<'a> Resolver<'a, '_> {
             [only] => only.span,
             [] => Span::default(),
         };
-        if count == 0 {
-            if self.diagnostics.iter().all(|d| !d.message.contains("variables")) {
-                self.report(
-                    Diagnostic::error(Span::default(), "the spec has no coordinates")
-                        .label("a spec says what moves")
-                        .hint("write for example `coordinates theta [rad]`"),
-                );
+        if self.out.lost_names {
+            if self.out.momenta.is_empty() && !self.out.velocities.is_empty() {
+                self.imply_momenta();
             }
+            return;
+        }
+        if count == 0 {
+            self.report(
+                Diagnostic::error(Span::default(), "the spec has no coordinates")
+                    .label("a spec says what moves")
+                    .hint("write for example `coordinates theta [rad]`"),
+            );
             return;
         }
         let at = whole(&self.out.coordinates);
@@ -417,6 +439,14 @@ pub fn integer(
 }
 
 impl Resolved<'_> {
+    /// What time is called in expressions.
+    pub fn time_name(&self) -> String {
+        let named = |(name, (meaning, _)): (&String, &(Meaning, Span))| {
+            (*meaning == Meaning::Time).then(|| name.clone())
+        };
+        self.names.iter().find_map(named).unwrap_or_else(|| "t".to_string())
+    }
+
     /// The names that a mistyped one may have meant.
     pub fn hint_for(&self, name: &str, more: &[&str]) -> String {
         let mut names: Vec<&str> = self.names.keys().map(String::as_str).collect();

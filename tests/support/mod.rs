@@ -1,7 +1,9 @@
-//! What several test files share.
+//! What several test files share; each of them uses some of it.
+#![allow(dead_code)]
 
 use leverrier::dynamics::systems::known_system;
-use leverrier::expr::{Bounds, Function, Parameter, Place, Symbol, System, Term};
+use leverrier::expr::{Bounds, Expr, Function, Graph, Parameter, Place, Symbol, System, Term};
+use proptest::prelude::*;
 
 /// A system of two degrees of freedom with learned terms in T and V, an inner parameter in V
 /// and one that nothing uses, and on request a learned drive, or a learned drag and coupling.
@@ -83,4 +85,79 @@ pub fn symplectic_defect(
         }
     }
     worst
+}
+
+/// The shape of a random expression.
+#[derive(Debug, Clone)]
+pub enum Shape {
+    Number(f64),
+    /// q1, p1, t, the first coefficient or the first inner parameter.
+    Symbol(usize),
+    Sum(Vec<(f64, Shape)>),
+    Product(Vec<(Shape, f64)>),
+    Power(Box<Shape>, Box<Shape>),
+    Apply(Function, Box<Shape>),
+}
+
+impl Shape {
+    pub fn build(&self, graph: &mut Graph) -> Expr {
+        match self {
+            Shape::Number(value) => graph.number(*value),
+            Shape::Symbol(which) => {
+                let symbols = [
+                    Symbol::Coordinate(0),
+                    Symbol::Momentum(0),
+                    Symbol::Time,
+                    Symbol::Coefficient(0),
+                    Symbol::Parameter(0),
+                ];
+                graph.symbol(symbols[which % symbols.len()])
+            }
+            Shape::Sum(parts) => {
+                let parts: Vec<_> = parts.iter().map(|(c, part)| (*c, part.build(graph))).collect();
+                graph.linear(0.25, &parts)
+            }
+            Shape::Product(parts) => {
+                let parts: Vec<_> = parts.iter().map(|(part, e)| (part.build(graph), *e)).collect();
+                graph.product(1.5, &parts)
+            }
+            Shape::Power(base, exponent) => {
+                let (base, exponent) = (base.build(graph), exponent.build(graph));
+                graph.power_of(base, exponent)
+            }
+            Shape::Apply(function, argument) => {
+                let argument = argument.build(graph);
+                graph.apply(*function, argument)
+            }
+        }
+    }
+}
+
+/// Random expressions of every kind of node and every function.
+pub fn shape() -> impl Strategy<Value = Shape> {
+    let leaf = prop_oneof![
+        1 => (-2.0..2.0_f64).prop_map(Shape::Number),
+        4 => (0..5_usize).prop_map(Shape::Symbol),
+    ];
+    leaf.prop_recursive(4, 24, 3, |inner| {
+        let exponent = prop::sample::select(vec![1.0, 2.0, 3.0, 5.0, -1.0, -2.0, 0.5, 1.5]);
+        let functions: Vec<Function> = Function::all().collect();
+        prop_oneof![
+            prop::collection::vec((-2.0..2.0_f64, inner.clone()), 1..4).prop_map(Shape::Sum),
+            prop::collection::vec((inner.clone(), exponent), 1..3).prop_map(Shape::Product),
+            (inner.clone(), inner.clone())
+                .prop_map(|(base, exponent)| Shape::Power(Box::new(base), Box::new(exponent))),
+            (prop::sample::select(functions), inner)
+                .prop_map(|(function, argument)| Shape::Apply(function, Box::new(argument))),
+        ]
+    })
+}
+
+/// How far a value may be magnified by its parts: a rough bound of its condition.
+pub fn largest_part(graph: &Graph, expr: Expr, of: &dyn Fn(Symbol) -> f64) -> f64 {
+    graph
+        .topological(&[expr])
+        .into_iter()
+        .map(|part| graph.value(part, of).abs())
+        .fold(0.0, |a: f64, b| if b.is_finite() { a.max(b) } else { f64::INFINITY })
 }

@@ -5,6 +5,7 @@ use super::Lowering;
 use crate::diagnostic::{Diagnostic, Span};
 use crate::spec::ast::*;
 use crate::spec::nearest;
+use crate::spec::resolve::{Constraint, Meaning};
 
 /// What a constraint speaks of.
 enum Bounded {
@@ -19,14 +20,14 @@ impl Lowering<'_> {
         terms: &mut [Term],
         parameters: &mut [(Parameter, Vec<f64>)],
     ) {
-        self.unique_names(terms);
-        for &(first, rest, span) in &self.resolved.constraints {
-            self.one_constraint(first, rest, span, terms, parameters);
+        self.unique_names();
+        for constraint in &self.resolved.constraints {
+            self.one_constraint(constraint, terms, parameters);
         }
     }
 
     /// Coefficients share their names with nothing else.
-    fn unique_names(&mut self, terms: &[Term]) {
+    fn unique_names(&mut self) {
         let statements = self.resolved.energies.iter().map(|energy| energy.value);
         let statements: Vec<_> =
             statements.chain(self.resolved.forces.iter().map(|force| force.value)).collect();
@@ -60,17 +61,15 @@ impl Lowering<'_> {
                 _ => {}
             }
         }
-        let _ = terms;
     }
 
     fn one_constraint(
         &mut self,
-        first: &Operand,
-        rest: &[(Relation, Operand)],
-        span: Span,
+        constraint: &Constraint,
         terms: &mut [Term],
         parameters: &mut [(Parameter, Vec<f64>)],
     ) {
+        let &Constraint { first, rest, span } = constraint;
         let operands: Vec<&Operand> =
             std::iter::once(first).chain(rest.iter().map(|(_, operand)| operand)).collect();
         let middle = usize::from(operands.len() == 3);
@@ -151,8 +150,7 @@ impl Lowering<'_> {
             Operand::Value(value) => match &value.kind {
                 ExpressionKind::Name(name) | ExpressionKind::Index { name, .. } => {
                     let meaning = self.resolved.names.get(name).map(|&(meaning, _)| meaning);
-                    let number =
-                        matches!(meaning, Some(crate::spec::resolve::Meaning::Constant(_)));
+                    let number = matches!(meaning, Some(Meaning::Constant(_)));
                     !number && name != "pi"
                 }
                 _ => false,

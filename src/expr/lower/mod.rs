@@ -1,6 +1,8 @@
 //! From a spec to the system that it describes: names become symbols, spans become terms.
 
 mod bounds;
+mod loops;
+mod names;
 mod terms;
 mod value;
 
@@ -8,7 +10,6 @@ use std::collections::{HashMap, HashSet};
 
 use super::columns::{self, DataColumns};
 use super::graph::{Expr, Graph};
-use super::print::Names;
 use super::system::{Bounds, Observed, Parameter, Place, System, Term, Variable};
 use super::unit::Unit;
 use crate::diagnostic::{Diagnostic, Severity, Span};
@@ -27,12 +28,15 @@ const MOST_STEPS: u64 = 5_000_000;
 /// A spec that has no errors, and everything that was made of it.
 #[derive(Debug, Clone)]
 pub struct Compiled {
+    /// Its syntax tree.
     pub spec: Spec,
+    /// What it means.
     pub system: System,
     /// Start values of each parameter, one or more; the first is also in the system.
     pub starts: Vec<Vec<f64>>,
     /// Unit of H and of time, where they are known.
     pub energy_unit: Option<Unit>,
+    /// Unit of time, where it is known.
     pub time_unit: Option<Unit>,
     /// Where the measurements are, if the spec says so.
     pub data: Option<DataColumns>,
@@ -48,13 +52,7 @@ pub struct Compiled {
 /// [`Error::Spec`] with everything that is wrong with the text, in its order.
 pub fn build(name: &str, text: &str) -> Result<Compiled> {
     let (spec, mut diagnostics) = crate::spec::spec(text);
-    let parsed = diagnostics.is_empty();
     let resolved = resolve(&spec, &mut diagnostics);
-    if !parsed {
-        // A statement that could not be read leaves nameless holes: whatever seems to be
-        // missing may stand in it. Only what was read wrong is worth saying.
-        diagnostics.retain(|d| d.span != Span::default());
-    }
     let sound =
         resolved.coordinates.len() == resolved.momenta.len() && !resolved.coordinates.is_empty();
     let mut built = None;
@@ -72,10 +70,6 @@ pub fn build(name: &str, text: &str) -> Result<Compiled> {
         built = Some((pieces, data));
     }
     diagnostics.sort_by_key(|d| (d.span, std::cmp::Reverse(d.severity)));
-    if !parsed {
-        // A name that is declared in a statement with an error is not unknown.
-        diagnostics.retain(|d| !d.message.starts_with("unknown name"));
-    }
     let failed = diagnostics.iter().any(|d| d.severity == Severity::Error);
     match built {
         Some((pieces, data)) if !failed => Ok(Compiled {
@@ -227,10 +221,10 @@ impl<'a> Lowering<'a> {
         }
         let energy_unit = self.energy_unit(canonical);
         self.check_known(energy_unit, canonical.is_some());
-        let (mut terms, names) = self.finish_terms(energy_unit.map(|(unit, _)| unit));
+        let mut terms = self.finish_terms(energy_unit.map(|(unit, _)| unit));
         let mut parameters = parameters;
         self.constrain(&mut terms, &mut parameters);
-        let system = self.system(terms, &parameters, names);
+        let system = self.system(terms, &parameters);
         Pieces {
             system,
             starts: parameters.into_iter().map(|(_, starts)| starts).collect(),
@@ -240,12 +234,7 @@ impl<'a> Lowering<'a> {
         }
     }
 
-    fn system(
-        &mut self,
-        terms: Vec<Term>,
-        parameters: &[(Parameter, Vec<f64>)],
-        names: Names,
-    ) -> System {
+    fn system(&mut self, terms: Vec<Term>, parameters: &[(Parameter, Vec<f64>)]) -> System {
         let resolved = self.resolved;
         let variables = |list: &[Declared], units: &[Option<Unit>]| -> Vec<Variable> {
             list.iter()
@@ -280,7 +269,7 @@ impl<'a> Lowering<'a> {
             momenta,
             velocities,
             time: Variable {
-                name: names.time_name(resolved),
+                name: resolved.time_name(),
                 unit: self.time,
                 unit_text: resolved.time.and_then(|(_, unit)| unit).map(|unit| unit.text.clone()),
             },
@@ -394,13 +383,12 @@ impl<'a> Lowering<'a> {
 
     /// The numbers behind `constant` statements, in the order of the text.
     fn define_constants(&mut self) {
-        for &(name, value) in &self.resolved.constants {
+        for &(_, value) in &self.resolved.constants {
             let value = self.number(value);
             let value =
                 value.map(|(value, unit, _)| Named { expr: self.graph.number(value), unit });
             // What is wrong with it was said: uses of the name need not say it again.
             self.constants.push(value);
-            let _ = name;
         }
     }
 
@@ -496,12 +484,3 @@ impl<'a> Lowering<'a> {
 
 /// Bounds, and the units that were written with them.
 type LimitValues = (Bounds, Vec<(Option<Unit>, Span)>);
-
-impl Names {
-    fn time_name(&self, resolved: &Resolved) -> String {
-        let found = resolved.names.iter().find_map(|(name, (meaning, _))| {
-            (*meaning == crate::spec::resolve::Meaning::Time).then(|| name.clone())
-        });
-        found.unwrap_or_else(|| "t".to_string())
-    }
-}

@@ -235,7 +235,7 @@ impl Lowering<'_> {
         if self.expected <= MOST_TERMS {
             return Some(());
         }
-        let terms = if count == u128::MAX {
+        let terms = if count >= u128::MAX - 1 {
             "more terms than can be counted".to_string()
         } else {
             format!("{count} terms")
@@ -468,7 +468,7 @@ impl Lowering<'_> {
     }
 
     /// Terms with labels and units.
-    pub(super) fn finish_terms(&mut self, energy: Option<Unit>) -> (Vec<Term>, Names) {
+    pub(super) fn finish_terms(&mut self, energy: Option<Unit>) -> Vec<Term> {
         let names = self.symbol_names();
         let candidates = std::mem::take(&mut self.candidates);
         let terms = candidates.into_iter().map(|candidate| {
@@ -487,7 +487,7 @@ impl Lowering<'_> {
                 unit_text: unit.map(|unit| unit.to_string()),
             }
         });
-        (terms.collect(), names)
+        terms.collect()
     }
 }
 

@@ -3,6 +3,7 @@
 use nom::Parser;
 use nom::branch::alt;
 use nom::combinator::{cut, opt};
+use nom::error::ParseError;
 use nom::multi::{many0, separated_list0, separated_list1};
 use nom::sequence::{delimited, preceded};
 
@@ -213,22 +214,13 @@ fn span(input: Tokens) -> Parsed<Expression> {
             (Err(nom::Err::Error(inner)), Some("," | "}") | None) => {
                 return Err(nom::Err::Failure(inner));
             }
-            (Err(inner), _) if items.is_empty() => return cut_error(inner),
+            (Err(inner), _) if items.is_empty() => return Err(cut_only(inner)),
             _ => {
-                return cut_error(
-                    fault.map(|fault| nom::error::ParseError::or(fault, Fault::comma(rest))),
-                );
+                return Err(cut_only(fault.map(|fault| fault.or(Fault::comma(rest)))));
             }
         },
     };
     Ok((rest, Expression { kind: ExpressionKind::Span(items), site: from_to(input, rest) }))
-}
-
-fn cut_error<'a, T>(error: nom::Err<Fault>) -> Parsed<'a, T> {
-    Err(match error {
-        nom::Err::Error(fault) => nom::Err::Failure(fault),
-        other => other,
-    })
 }
 
 /// item = [ name , ":" ] , expression , [ comprehension ] ;
@@ -297,18 +289,17 @@ fn call(input: Tokens) -> Parsed<Expression> {
         Ok(closed) => closed,
         Err(_) if arguments.is_empty() => {
             expression(rest).map_err(cut_only)?;
-            return Err(Fault::expected(rest, "`)`")).map_err(cut_only);
+            return Err(cut_only(Fault::expected(rest, "`)`")));
         }
         Err(fault) => {
-            return cut_error(
-                fault.map(|fault| nom::error::ParseError::or(fault, Fault::comma(rest))),
-            );
+            return Err(cut_only(fault.map(|fault| fault.or(Fault::comma(rest)))));
         }
     };
     let kind = ExpressionKind::Call { name: function.text, arguments, order: order.map(Box::new) };
     Ok((rest, Expression { kind, site: from_to(input, rest) }))
 }
 
+/// What was tried is meant: nothing else is tried in its place.
 fn cut_only(error: nom::Err<Fault>) -> nom::Err<Fault> {
     match error {
         nom::Err::Error(fault) => nom::Err::Failure(fault),

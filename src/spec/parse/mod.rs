@@ -152,7 +152,7 @@ pub fn spec(source: &str) -> (Spec, Vec<Diagnostic>) {
     let mut diagnostics = Vec::new();
     let tokens = token::tokens(source, &mut diagnostics);
     let mut out = Spec::default();
-    for tokens in token::statements(&tokens, &mut diagnostics) {
+    for tokens in token::statements(&tokens, &mut out.lost, &mut diagnostics) {
         let end = tokens.last().map_or(0, |token| token.span.end);
         let start = tokens.first().map_or(0, |token| token.span.start);
         let input = Tokens { rest: &tokens, source, end, taken: start, depth: 0 };
@@ -171,6 +171,7 @@ pub fn spec(source: &str) -> (Spec, Vec<Diagnostic>) {
                 Fault { at: input.place(), expected: vec!["a statement".into()], diagnostic: None }
             }
         };
+        out.lost.extend(tokens.first().map(|token| token.text.to_string()));
         let found = tokens.iter().find(|token| token.span.start >= fault.at.start).copied();
         diagnostics.push(fault.into_diagnostic(found));
     }

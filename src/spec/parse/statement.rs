@@ -86,10 +86,32 @@ fn variables(input: Tokens) -> Parsed<StatementKind> {
 /// declaration = name , [ "[" , range , "]" ] , [ unit ] ;
 fn declaration(input: Tokens) -> Parsed<Declaration> {
     let (rest, name) = name(input)?;
-    let (rest, range) = opt(delimited(mark("["), range, mark("]"))).parse(rest)?;
+    // A bracket with dots in it is a range of indices, any other one a unit.
+    let (rest, range) = if holds_dots(rest) {
+        opt(delimited(mark("["), range, cut(mark("]")))).parse(rest)?
+    } else {
+        (rest, None)
+    };
     let (rest, unit) = opt(unit).parse(rest)?;
     let site = Site(Span::new(input.place().start, rest.taken));
     Ok((rest, Declaration { name, range, unit, site }))
+}
+
+/// Whether the bracket that opens here has dots between its ends, outside inner brackets.
+fn holds_dots(input: Tokens) -> bool {
+    let mut depth = 0;
+    for token in input.rest {
+        match token.text {
+            "[" | "(" | "{" => depth += 1,
+            "]" | ")" | "}" => depth -= 1,
+            ".." if depth == 1 => return true,
+            _ => {}
+        }
+        if depth == 0 {
+            break;
+        }
+    }
+    false
 }
 
 /// time = "time" , name , [ unit ] ;

@@ -181,6 +181,7 @@ const CONTINUED: [&str; 9] = ["+", "-", "*", "/", "^", "=", "+=", ",", ":"];
 /// that nests too deeply.
 pub fn statements<'a>(
     tokens: &[Token<'a>],
+    lost: &mut Vec<String>,
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Vec<Vec<Token<'a>>> {
     let mut out = Vec::new();
@@ -190,8 +191,11 @@ pub fn statements<'a>(
     let mut sound = true;
     let mut finish = |current: &mut Vec<Token<'a>>, sound: &mut bool| {
         let statement = std::mem::take(current);
-        if std::mem::replace(sound, true) && !statement.is_empty() {
+        let Some(first) = statement.first() else { return };
+        if std::mem::replace(sound, true) {
             out.push(statement);
+        } else {
+            lost.push(first.text.to_string());
         }
     };
     for (at, &token) in tokens.iter().enumerate() {

@@ -1,0 +1,31 @@
+" Highlighting of Leverrier specs (*.ham).
+" Put this file into ~/.vim/syntax and `au BufRead,BufNewFile *.ham setf leverrier` into your vimrc.
+if exists("b:current_syntax")
+  finish
+endif
+
+syn keyword leverrierStatement system coordinates momenta velocities time data constant let param force constrain
+syn keyword leverrierWord for in where and span sum terms of run pairs
+syn keyword leverrierFamily poly tensor pairs trig
+syn keyword leverrierFunction sin cos tan asin acos atan sinh cosh tanh exp log sqrt abs sign ln arcsin arccos arctan sgn signum
+syn keyword leverrierConstant pi
+syn match leverrierEnergy "\<[TVH]\>\ze\s*+\?="
+syn match leverrierNumber "\<\d\+\(\.\d\+\)\?\([eE][+-]\?\d\+\)\?"
+syn match leverrierUnit "\s\[[^].]*\]"
+syn match leverrierOperator "+=\|<=\|>=\|==\|!=\|\.\.\|[-+*/^=<>]"
+syn region leverrierString start=+"+ end=+"+ oneline
+syn match leverrierComment "#.*$"
+
+hi def link leverrierStatement Statement
+hi def link leverrierWord Keyword
+hi def link leverrierFamily Type
+hi def link leverrierFunction Function
+hi def link leverrierConstant Constant
+hi def link leverrierEnergy Identifier
+hi def link leverrierNumber Number
+hi def link leverrierUnit Special
+hi def link leverrierOperator Operator
+hi def link leverrierString String
+hi def link leverrierComment Comment
+
+let b:current_syntax = "leverrier"

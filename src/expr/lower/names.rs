@@ -1,0 +1,166 @@
+//! Names in expressions: which quantity each one stands for, and where it may stand.
+
+use super::super::graph::Symbol;
+use super::super::unit::Unit;
+use super::value::Value;
+use super::{Context, Lowering, Named};
+use crate::diagnostic::{Diagnostic, Span};
+use crate::spec::ast::{EnergyPart, Expression, Role};
+use crate::spec::resolve::Meaning;
+
+impl Lowering<'_> {
+    pub(super) fn named(&mut self, name: &str, span: Span) -> Option<Value> {
+        if let Some(&(_, value)) = self.indices.iter().rev().find(|(index, _)| index == name) {
+            let expr = self.graph.number(value as f64);
+            return Some(Value { expr, unit: (value != 0).then_some(Unit::ONE) });
+        }
+        if name == "pi" {
+            let expr = self.graph.number(std::f64::consts::PI);
+            return Some(Value { expr, unit: Some(Unit::ONE) });
+        }
+        let resolved = self.resolved;
+        let named = |named: Named| Value { expr: named.expr, unit: named.unit };
+        match resolved.names.get(name).map(|&(meaning, _)| meaning) {
+            Some(Meaning::Variable(role, i)) => self.variable(role, i, name, span),
+            Some(Meaning::Time) if self.context != Context::Number => {
+                Some(Value { expr: self.graph.symbol(Symbol::Time), unit: self.time })
+            }
+            Some(Meaning::Parameter(i)) if self.context != Context::Number => {
+                self.parameters.get(i).copied().flatten().map(named)
+            }
+            Some(Meaning::Constant(i)) => match self.constants.get(i) {
+                Some(constant) => constant.map(named),
+                None => {
+                    self.report(
+                        Diagnostic::error(span, format!("`{name}` has no value yet"))
+                            .label("used before it is defined")
+                            .hint("move its definition up"),
+                    );
+                    None
+                }
+            },
+            Some(Meaning::Family { first, count, .. }) => {
+                self.report(
+                    Diagnostic::error(span, format!("`{name}` stands for {count} variables"))
+                        .label("an index is missing")
+                        .hint(format!("write for example `{name}[{first}]`, or `{name}[i]` with `for i in {first}..{}`", first + count as i64 - 1)),
+                );
+                None
+            }
+            Some(_) => {
+                self.report(
+                    Diagnostic::error(span, format!("`{name}` is not a known number"))
+                        .label("a known number is needed here")
+                        .hint("write numbers and constants only"),
+                );
+                None
+            }
+            None if resolved.lost_names => None,
+            None => {
+                let hint = resolved.hint_for(name, &["pi"]);
+                self.report(
+                    Diagnostic::error(span, format!("unknown name `{name}`"))
+                        .label("nothing has this name")
+                        .hint(hint),
+                );
+                None
+            }
+        }
+    }
+
+    pub(super) fn indexed(&mut self, name: &str, index: &Expression, span: Span) -> Option<Value> {
+        let resolved = self.resolved;
+        let index = self.integer(index);
+        match resolved.names.get(name).map(|&(meaning, _)| meaning) {
+            Some(Meaning::Family { role, first, start, count }) => {
+                let index = index?;
+                let place = index.checked_sub(first).and_then(|i| usize::try_from(i).ok());
+                match place.filter(|&place| place < count) {
+                    Some(place) => self.variable(role, start + place, name, span),
+                    None => {
+                        let last = first + count as i64 - 1;
+                        let label =
+                            self.where_indices(&format!("`{name}[{index}]` does not exist"));
+                        self.report(
+                            Diagnostic::error(span, format!("the index {index} is out of range"))
+                                .label(label)
+                                .hint(format!("`{name}` has the indices {first}..{last}")),
+                        );
+                        None
+                    }
+                }
+            }
+            Some(_) => {
+                self.report(
+                    Diagnostic::error(span, format!("`{name}` has no index"))
+                        .label("it is a single quantity")
+                        .hint(format!("write `{name}`; a unit needs a space before its bracket")),
+                );
+                None
+            }
+            None if resolved.lost_names => None,
+            None => {
+                let hint = resolved.hint_for(name, &[]);
+                self.report(
+                    Diagnostic::error(span, format!("unknown name `{name}`"))
+                        .label("nothing has this name")
+                        .hint(hint),
+                );
+                None
+            }
+        }
+    }
+
+    fn where_indices(&self, label: &str) -> String {
+        if self.indices.is_empty() {
+            return label.to_string();
+        }
+        let values: Vec<String> =
+            self.indices.iter().map(|(name, value)| format!("{name} = {value}")).collect();
+        format!("{label} ({})", values.join(", "))
+    }
+
+    fn variable(&mut self, role: Role, i: usize, name: &str, span: Span) -> Option<Value> {
+        let misplaced = |message: String, label: &str, hint: &str| {
+            Diagnostic::error(span, message).label(label).hint(hint)
+        };
+        let energy_hint = "write `H = ...` for an energy that mixes coordinates and momenta";
+        let problem = match (self.context, role) {
+            (Context::Number, _) => Some(misplaced(
+                format!("`{name}` is not a known number"),
+                "a known number is needed here",
+                "write numbers and constants only",
+            )),
+            (_, Role::Velocities) => {
+                let momentum = &self.resolved.momenta[i].name;
+                let label = format!("the state holds its momentum `{momentum}`");
+                let hint = format!("write it with `{momentum}`; the velocity follows as dH/dp");
+                Some(misplaced(
+                    format!("the velocity `{name}` is not part of the state"),
+                    &label,
+                    &hint,
+                ))
+            }
+            (Context::Energy(EnergyPart::Kinetic), Role::Coordinates) => Some(misplaced(
+                format!("T depends on the coordinate `{name}`"),
+                "a coordinate",
+                energy_hint,
+            )),
+            (Context::Energy(EnergyPart::Potential), Role::Momenta) => Some(misplaced(
+                format!("V depends on the momentum `{name}`"),
+                "a momentum",
+                energy_hint,
+            )),
+            _ => None,
+        };
+        if let Some(problem) = problem {
+            self.report(problem);
+            return None;
+        }
+        let (symbol, unit) = match role {
+            Role::Coordinates => (Symbol::Coordinate(i), self.coordinates[i]),
+            _ => (Symbol::Momentum(i), self.momenta[i]),
+        };
+        Some(Value { expr: self.graph.symbol(symbol), unit })
+    }
+}

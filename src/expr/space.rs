@@ -1,0 +1,324 @@
+//! What `check` prints: the expanded function space, its units, and what cannot be learned.
+
+use std::collections::BTreeSet;
+use std::fmt::Write;
+
+use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
+use serde::Serialize;
+
+use super::graph::Expr;
+use super::independence::{Dependence, MOST_EXAMINED, dependences};
+use super::lower::Compiled;
+use super::print::Names;
+use super::system::{Bounds, Observed, Place, System};
+use crate::diagnostic::Diagnostic;
+
+/// One learned term, as plain data.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SpaceTerm {
+    /// `T`, `V`, `H`, or `force q`.
+    pub place: String,
+    /// The term in the syntax of the mini-language, without its coefficient.
+    pub label: String,
+    /// Name of the coefficient: the user's, or c1, c2, ...
+    pub name: String,
+    /// Unit of the coefficient, where it is known.
+    pub unit: Option<String>,
+    /// `>= 0`, `-1..5`; empty where there is no bound.
+    pub bounds: String,
+}
+
+/// One part that is known.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SpaceKnown {
+    /// `T`, `V`, `H`, or `force q`.
+    pub place: String,
+    /// In the syntax of the mini-language.
+    pub expression: String,
+}
+
+/// One inner parameter.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SpaceParameter {
+    /// As written in the spec.
+    pub name: String,
+    /// Start values, one or more.
+    pub starts: Vec<f64>,
+    /// Its unit, where it is known.
+    pub unit: Option<String>,
+    /// `>= 0`, `-1..5`; empty where there is no bound.
+    pub bounds: String,
+}
+
+/// A variable and its unit.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SpaceVariable {
+    /// As written in the spec.
+    pub name: String,
+    /// Its unit, where one was given.
+    pub unit: Option<String>,
+}
+
+/// A spec written out.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FunctionSpace {
+    /// Name of the system.
+    pub system: String,
+    /// What moves.
+    pub coordinates: Vec<SpaceVariable>,
+    /// Conjugate momenta, one for each coordinate.
+    pub momenta: Vec<SpaceVariable>,
+    /// Measured velocities; empty where momenta are measured.
+    pub velocities: Vec<SpaceVariable>,
+    /// Unit of H, where it is known.
+    pub energy_unit: Option<String>,
+    /// Parts that are not learned.
+    pub known: Vec<SpaceKnown>,
+    /// The function space; the order is that of [`System::terms`].
+    pub terms: Vec<SpaceTerm>,
+    /// Inner parameters.
+    pub parameters: Vec<SpaceParameter>,
+    /// Sentences: what no measurement can tell.
+    pub cannot_be_learned: Vec<String>,
+    /// Warnings and notes about the text.
+    pub warnings: Vec<Diagnostic>,
+}
+
+/// Bounds as a reader writes them.
+fn bounds_text(bounds: Bounds) -> String {
+    match (bounds.lower.is_finite(), bounds.upper.is_finite()) {
+        (false, false) => String::new(),
+        (true, false) => format!(">= {}", bounds.lower),
+        (false, true) => format!("<= {}", bounds.upper),
+        (true, true) if bounds.lower == bounds.upper => format!("= {}", bounds.lower),
+        (true, true) => format!("{}..{}", bounds.lower, bounds.upper),
+    }
+}
+
+impl System {
+    /// `T`, `V`, `H`, or `force q[2]`.
+    pub fn place_name(&self, place: Place) -> String {
+        match place {
+            Place::Kinetic => "T".to_string(),
+            Place::Potential => "V".to_string(),
+            Place::Hamiltonian => "H".to_string(),
+            Place::Force(i) => {
+                let name = self.coordinates.get(i).map_or("?", |variable| variable.name.as_str());
+                format!("force {name}")
+            }
+        }
+    }
+}
+
+impl FunctionSpace {
+    /// Writes a compiled spec out, and examines what can be learned.
+    pub fn new(compiled: &Compiled) -> FunctionSpace {
+        let system = &compiled.system;
+        let names = system.names();
+        let variables = |list: &[super::system::Variable]| -> Vec<SpaceVariable> {
+            let plain = |v: &super::system::Variable| SpaceVariable {
+                name: v.name.clone(),
+                unit: v.unit_text.clone(),
+            };
+            list.iter().map(plain).collect()
+        };
+        let mut known = Vec::new();
+        let fixed = [
+            (Place::Kinetic, system.kinetic),
+            (Place::Potential, system.potential),
+            (Place::Hamiltonian, system.hamiltonian),
+        ];
+        let forces = system.forces.iter().enumerate().map(|(i, &expr)| (Place::Force(i), expr));
+        for (place, expr) in fixed.into_iter().chain(forces) {
+            if !system.graph.is_zero(expr) {
+                let expression = system.graph.text(expr, &names);
+                known.push(SpaceKnown { place: system.place_name(place), expression });
+            }
+        }
+        let term = |(term, name): (&super::system::Term, &String)| SpaceTerm {
+            place: system.place_name(term.place),
+            label: term.label.clone(),
+            name: name.clone(),
+            unit: term.unit_text.clone(),
+            bounds: bounds_text(term.bounds),
+        };
+        let parameter =
+            |(parameter, starts): (&super::system::Parameter, &Vec<f64>)| SpaceParameter {
+                name: parameter.name.clone(),
+                starts: starts.clone(),
+                unit: parameter.unit_text.clone(),
+                bounds: bounds_text(parameter.bounds),
+            };
+        FunctionSpace {
+            system: system.name.clone(),
+            coordinates: variables(&system.coordinates),
+            momenta: variables(&system.momenta),
+            velocities: variables(&system.velocities),
+            energy_unit: compiled.energy_unit.map(|unit| unit.to_string()),
+            known,
+            terms: system.terms.iter().zip(&names.coefficients).map(term).collect(),
+            parameters: system.parameters.iter().zip(&compiled.starts).map(parameter).collect(),
+            cannot_be_learned: gauge(system, &names),
+            warnings: compiled.warnings.clone(),
+        }
+    }
+
+    /// As text for people; `width` columns wide at most.
+    pub fn text(&self, width: u16) -> String {
+        let mut out = format!("{}\n", self.system);
+        let lists = [
+            ("coordinates", &self.coordinates),
+            ("momenta", &self.momenta),
+            ("velocities", &self.velocities),
+        ];
+        for (title, list) in lists {
+            if list.is_empty() {
+                continue;
+            }
+            let one = |v: &SpaceVariable| match &v.unit {
+                Some(unit) => format!("{} [{unit}]", v.name),
+                None => v.name.clone(),
+            };
+            let _ =
+                writeln!(out, "  {title}: {}", list.iter().map(one).collect::<Vec<_>>().join(", "));
+        }
+        if let Some(unit) = &self.energy_unit {
+            let _ = writeln!(out, "  unit of H: [{unit}]");
+        }
+        if !self.known.is_empty() {
+            out.push_str("\nknown\n");
+            for part in &self.known {
+                let _ = writeln!(out, "  {} = {}", part.place, part.expression);
+            }
+        }
+        let _ = writeln!(out, "\nlearned: {} terms", self.terms.len());
+        if !self.terms.is_empty() {
+            let with_units = self.terms.iter().any(|term| term.unit.is_some());
+            let with_bounds = self.terms.iter().any(|term| !term.bounds.is_empty());
+            let mut table = plain_table(width);
+            let mut header = vec!["", "coefficient", "term"];
+            header.extend(with_units.then_some("unit"));
+            header.extend(with_bounds.then_some("bounds"));
+            table.set_header(header);
+            for term in &self.terms {
+                let mut row = vec![term.place.clone(), term.name.clone(), term.label.clone()];
+                row.extend(with_units.then(|| term.unit.clone().unwrap_or_default()));
+                row.extend(with_bounds.then(|| term.bounds.clone()));
+                table.add_row(row);
+            }
+            push_table(&mut out, &table);
+        }
+        if !self.parameters.is_empty() {
+            out.push_str("\nparameters\n");
+            let mut table = plain_table(width);
+            table.set_header(["", "start", "unit", "bounds"]);
+            for parameter in &self.parameters {
+                let starts: Vec<String> = parameter.starts.iter().map(f64::to_string).collect();
+                let unit = parameter.unit.clone().unwrap_or_default();
+                table.add_row([&parameter.name, &starts.join(", "), &unit, &parameter.bounds]);
+            }
+            push_table(&mut out, &table);
+        }
+        out.push_str("\ncannot be learned\n");
+        for sentence in &self.cannot_be_learned {
+            let _ = writeln!(out, "  - {sentence}");
+        }
+        out
+    }
+}
+
+fn plain_table(width: u16) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING);
+    table.set_content_arrangement(ContentArrangement::Dynamic);
+    table.set_width(width);
+    if let Some(column) = table.column_mut(0) {
+        column.set_cell_alignment(CellAlignment::Left);
+    }
+    table
+}
+
+fn push_table(out: &mut String, table: &Table) {
+    for line in table.to_string().lines() {
+        let _ = writeln!(out, "  {}", line.trim_end());
+    }
+}
+
+/// What no measurement can tell, as sentences.
+fn gauge(system: &System, names: &Names) -> Vec<String> {
+    let mut out = vec![
+        "A constant in H: only derivatives of H move anything, so energies are known up to a constant."
+            .to_string(),
+    ];
+    if system.observed == Observed::Velocities {
+        let zero = |expr| system.graph.is_zero(expr);
+        let nothing_known =
+            zero(system.kinetic) && zero(system.potential) && zero(system.hamiltonian);
+        if nothing_known && system.forces.iter().all(|&force| zero(force)) {
+            out.push(
+                "The overall scale of H: velocities are measured and no part of H is known, \
+                 so H and all momenta may be multiplied by one number; make a part of T known."
+                    .to_string(),
+            );
+        }
+        let linear = |i: usize| {
+            let momentum = super::graph::Symbol::Momentum(i);
+            system.terms.iter().any(|term| {
+                term.place == Place::Kinetic
+                    && matches!(system.graph.node(term.expr), super::graph::Node::Symbol(s) if *s == momentum)
+            })
+        };
+        let shifted: Vec<&str> = (0..system.degrees())
+            .filter(|&i| linear(i))
+            .map(|i| system.momenta[i].name.as_str())
+            .collect();
+        if !shifted.is_empty() {
+            out.push(format!(
+                "The zero of {}: velocities are measured, so a momentum may be shifted by a constant; \
+                 the term linear in it only sets that shift.",
+                shifted.join(", ")
+            ));
+        }
+    }
+    match dependences(system) {
+        None if system.terms.len() > MOST_EXAMINED => out.push(format!(
+            "Not examined: whether the {} terms are independent (done up to {MOST_EXAMINED}).",
+            system.terms.len()
+        )),
+        None => out.push(
+            "Not examined: whether the terms are independent (too few random states lie in their domains)."
+                .to_string(),
+        ),
+        Some(found) => out.extend(found.iter().map(|found| dependence_text(system, names, found))),
+    }
+    out
+}
+
+/// "The coefficients c1, c2 apart from each other: ... moves nothing".
+fn dependence_text(system: &System, names: &Names, dependence: &Dependence) -> String {
+    let rounded = |factor: f64| format!("{factor:.9e}").parse().unwrap_or(factor);
+    let place = |k: usize| system.terms[k].place;
+    let mut terms = dependence.combination.clone();
+    terms.sort_by_key(|&(k, _)| k);
+    let places: BTreeSet<Place> = terms.iter().map(|&(k, _)| place(k)).collect();
+    // With its largest factor positive and its smallest 1, a combination is easiest to read.
+    let smallest = terms.iter().fold(f64::INFINITY, |least, (_, factor)| least.min(factor.abs()));
+    let sign = terms.first().map_or(1.0, |&(_, factor)| factor.signum());
+    let mut graph = system.graph.clone();
+    let mut parts = Vec::new();
+    for &at in &places {
+        let inside: Vec<(f64, Expr)> = (terms.iter())
+            .filter(|&&(k, _)| place(k) == at)
+            .map(|&(k, factor)| (rounded(sign * factor / smallest), system.terms[k].expr))
+            .collect();
+        let sum = graph.linear(0.0, &inside);
+        parts.push(format!("{} in {}", graph.text(sum, names), system.place_name(at)));
+    }
+    let coefficients: Vec<&str> =
+        terms.iter().filter_map(|&(k, _)| names.coefficients.get(k).map(String::as_str)).collect();
+    format!(
+        "The coefficients {} apart from each other: {} moves nothing; take one of these terms away.",
+        coefficients.join(", "),
+        parts.join(" together with ")
+    )
+}

@@ -1,0 +1,418 @@
+//! Models to export, and a plain integrator that generated code is held against.
+
+use leverrier::export::{
+    Export, Integrator, IntegratorKind, Pretty, PrettyNumber, Provenance, Tableau,
+};
+use leverrier::expr::{
+    Bounds, Expr, Function, Graph, Names, Observed, Parameter, Place, Symbol, System, Term,
+    Variable,
+};
+
+/// A model with everything that an export needs.
+pub struct Case {
+    pub system: System,
+    pub active: Vec<usize>,
+    pub coefficients: Vec<f64>,
+    pub standard_errors: Vec<f64>,
+    pub parameters: Vec<f64>,
+    pub parameter_errors: Vec<f64>,
+    pub pretty: Pretty,
+    pub kind: IntegratorKind,
+    pub order: u32,
+    pub step: f64,
+    pub start: (f64, Vec<f64>),
+}
+
+impl Case {
+    pub fn export(&self) -> Export<'_> {
+        Export {
+            system: &self.system,
+            active: &self.active,
+            coefficients: &self.coefficients,
+            standard_errors: &self.standard_errors,
+            parameters: &self.parameters,
+            parameter_errors: &self.parameter_errors,
+            pretty: &self.pretty,
+            integrator: Integrator {
+                name: "test method".to_string(),
+                order: self.order,
+                kind: self.kind.clone(),
+            },
+            step: self.step,
+            noise: vec![("q[1]".to_string(), 0.005), ("theta".to_string(), 1.25e-7)],
+            provenance: Provenance {
+                version: "0.1.0".to_string(),
+                spec: ("a_b%c.ham".to_string(), "5e".repeat(32)),
+                data: Some(("data\\*/\"\"\"{.csv\n#".to_string(), "0a".repeat(32))),
+                seed: 7,
+            },
+            start: Some(self.start.clone()),
+        }
+    }
+}
+
+pub fn leapfrog() -> IntegratorKind {
+    IntegratorKind::Splitting { weights: vec![1.0] }
+}
+
+fn forest_ruth() -> IntegratorKind {
+    let outer = 1.0 / (2.0 - 2f64.cbrt());
+    IntegratorKind::Splitting { weights: vec![outer, 1.0 - 2.0 * outer, outer] }
+}
+
+fn gauss_legendre_4() -> IntegratorKind {
+    let s = 3f64.sqrt() / 6.0;
+    IntegratorKind::Implicit(Tableau {
+        matrix: vec![0.25, 0.25 - s, 0.25 + s, 0.25],
+        weights: vec![0.5, 0.5],
+        nodes: vec![0.5 - s, 0.5 + s],
+    })
+}
+
+fn rk4() -> IntegratorKind {
+    let mut matrix = vec![0.0; 16];
+    (matrix[4], matrix[9], matrix[14]) = (0.5, 0.5, 1.0);
+    IntegratorKind::Explicit(Tableau {
+        matrix,
+        weights: vec![1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0],
+        nodes: vec![0.0, 0.5, 0.5, 1.0],
+    })
+}
+
+fn variable(name: &str, unit: Option<&str>) -> Variable {
+    Variable { name: name.to_string(), unit: None, unit_text: unit.map(str::to_string) }
+}
+
+/// Builds a system term by term.
+struct Builder {
+    system: System,
+    coefficients: Vec<f64>,
+}
+
+impl Builder {
+    fn new(name: &str, coordinates: &[&str], momenta: &[&str]) -> Builder {
+        let mut graph = Graph::new();
+        let zero = graph.number(0.0);
+        let system = System {
+            name: name.to_string(),
+            graph,
+            coordinates: coordinates.iter().map(|name| variable(name, Some("rad"))).collect(),
+            momenta: momenta.iter().map(|name| variable(name, None)).collect(),
+            observed: Observed::Momenta,
+            velocities: Vec::new(),
+            time: variable("t", Some("s")),
+            parameters: Vec::new(),
+            kinetic: zero,
+            potential: zero,
+            hamiltonian: zero,
+            forces: vec![zero; coordinates.len()],
+            terms: Vec::new(),
+        };
+        Builder { system, coefficients: Vec::new() }
+    }
+
+    fn q(&mut self, i: usize) -> Expr {
+        self.system.graph.symbol(Symbol::Coordinate(i))
+    }
+
+    fn p(&mut self, i: usize) -> Expr {
+        self.system.graph.symbol(Symbol::Momentum(i))
+    }
+
+    fn monomial(&mut self, parts: &[(Expr, f64)]) -> Expr {
+        self.system.graph.product(1.0, parts)
+    }
+
+    fn apply(&mut self, name: &str, argument: Expr) -> Expr {
+        self.system.graph.apply(Function::by_name(name).unwrap(), argument)
+    }
+
+    /// A learned term; zero is a term that was not chosen.
+    fn term(&mut self, place: Place, name: Option<&str>, expr: Expr, coefficient: f64) {
+        let names = Names { coefficients: Vec::new(), ..self.system.names() };
+        let label = self.system.graph.text(expr, &names);
+        self.system.terms.push(Term {
+            place,
+            expr,
+            label,
+            name: name.map(str::to_string),
+            bounds: Bounds::FREE,
+            unit: None,
+            unit_text: Some("kg m^2/s^2".to_string()),
+        });
+        self.coefficients.push(coefficient);
+    }
+
+    fn parameter(&mut self, name: &str, start: f64) -> Expr {
+        let i = self.system.parameters.len();
+        self.system.parameters.push(Parameter {
+            name: name.to_string(),
+            start,
+            bounds: Bounds::FREE,
+            unit: None,
+            unit_text: None,
+        });
+        self.system.graph.symbol(Symbol::Parameter(i))
+    }
+
+    fn finish(self, kind: IntegratorKind, order: u32, step: f64, start: (f64, Vec<f64>)) -> Case {
+        let active: Vec<usize> =
+            (0..self.coefficients.len()).filter(|&k| self.coefficients[k] != 0.0).collect();
+        let coefficients: Vec<f64> = active.iter().map(|&k| self.coefficients[k]).collect();
+        // Errors of every kind: usual, unknown, exact.
+        let standard_errors: Vec<f64> = (0..active.len())
+            .map(|i| [1.3e-3, f64::NAN, 0.0, f64::INFINITY, 2e-9][i % 5])
+            .collect();
+        let parameters: Vec<f64> = self.system.parameters.iter().map(|p| p.start).collect();
+        let mut pretty = Pretty::plain(&self.system, &active, &coefficients, &standard_errors);
+        if let Some(number) = pretty.numbers.first_mut() {
+            let snapped = Some(number.value.to_string());
+            *number = PrettyNumber { snapped, standard_error: 0.0, ..*number };
+        }
+        pretty
+            .notes
+            .push("c1 = 1/2 is 0.3 standard errors from what was learned: 50% & more".into());
+        Case {
+            parameter_errors: vec![0.01; parameters.len()],
+            system: self.system,
+            active,
+            coefficients,
+            standard_errors,
+            parameters,
+            pretty,
+            kind,
+            order,
+            step,
+            start,
+        }
+    }
+}
+
+/// Known kinetic energy, cosine, a driven term with a time in it.
+fn pendulum() -> Case {
+    let mut b = Builder::new("pendulum", &["theta"], &["p_theta"]);
+    let (q, p) = (b.q(0), b.p(0));
+    let square = b.monomial(&[(p, 2.0)]);
+    b.system.kinetic = b.system.graph.scale(0.5, square);
+    let cos = b.apply("cos", q);
+    b.term(Place::Potential, Some("k"), cos, -1.3125);
+    b.term(Place::Potential, None, q, 0.0);
+    let fourth = b.monomial(&[(q, 4.0)]);
+    b.term(Place::Potential, Some("K"), fourth, 0.0123);
+    let (a, shift) = (b.parameter("a", 0.25), b.parameter("b", 0.5));
+    let one_plus = b.system.graph.linear(1.0, &[(1.0, a)]);
+    let product = b.system.graph.multiply(one_plus, q);
+    let argument = b.system.graph.add(product, shift);
+    let sin = b.apply("sin", argument);
+    b.term(Place::Potential, None, sin, 0.031);
+    b.finish(leapfrog(), 2, 0.05, (0.0, vec![0.9, 0.1]))
+}
+
+/// Two degrees of freedom, indexed names, fourth order; a regular orbit.
+fn henon_heiles() -> Case {
+    let mut b = Builder::new("Hénon-Heiles", &["q[1]", "q[2]"], &["p[1]", "p[2]"]);
+    let (x, y, u, v) = (b.q(0), b.q(1), b.p(0), b.p(1));
+    for (place, parts, c) in [
+        (Place::Kinetic, vec![(u, 2.0)], 0.5),
+        (Place::Kinetic, vec![(v, 2.0)], 0.500_000_000_1),
+        (Place::Kinetic, vec![(u, 3.0)], 0.0),
+        (Place::Potential, vec![(x, 2.0)], 0.5),
+        (Place::Potential, vec![(y, 2.0)], 0.4999),
+        (Place::Potential, vec![(x, 2.0), (y, 1.0)], 1.0),
+        (Place::Potential, vec![(y, 3.0)], -1.0 / 3.0),
+        (Place::Potential, vec![(x, 7.0), (y, 5.0)], 1.5e-9),
+    ] {
+        let expr = b.monomial(&parts);
+        b.term(place, None, expr, c);
+    }
+    b.finish(forest_ruth(), 4, 0.1, (-1.5, vec![0.1, 0.02, 0.05, 0.12]))
+}
+
+/// A general H, friction, and names that are words of Rust, C or Python.
+fn damped_rotor() -> Case {
+    let mut b = Builder::new("damped rotor", &["in"], &["lambda"]);
+    let (q, p) = (b.q(0), b.p(0));
+    let cos = b.apply("cos", q);
+    let inertia = b.system.graph.linear(2.0, &[(1.0, cos)]);
+    b.system.hamiltonian = b.system.graph.product(0.5, &[(p, 2.0), (inertia, -1.0)]);
+    b.term(Place::Hamiltonian, Some("double"), cos, -0.7);
+    let size = b.apply("abs", p);
+    let drag = b.system.graph.multiply(p, size);
+    b.term(Place::Force(0), Some("x1"), drag, -0.02);
+    let t = b.system.graph.symbol(Symbol::Time);
+    let double = b.system.graph.scale(1.7, t);
+    let drive = b.apply("sin", double);
+    b.term(Place::Force(0), None, drive, 0.1);
+    let sign = b.apply("sign", p);
+    b.term(Place::Force(0), None, sign, 0.0);
+    b.finish(gauss_legendre_4(), 4, 0.05, (0.0, vec![0.4, 0.3]))
+}
+
+/// A magnetic H and a potential of many functions, by an explicit method.
+fn magnetic() -> Case {
+    let mut b = Builder::new("magnetic \"trap\" */ \\", &["x", "X"], &["p_x", "p_X"]);
+    let (x, y, u, v) = (b.q(0), b.q(1), b.p(0), b.p(1));
+    let g = &mut b.system.graph;
+    let a = g.linear(0.0, &[(1.0, u), (0.4, y)]);
+    let c = g.linear(0.0, &[(1.0, v), (-0.4, x)]);
+    let (a2, c2) = (g.power(a, 2.0), g.power(c, 2.0));
+    b.system.hamiltonian = g.linear(0.0, &[(0.5, a2), (0.5, c2)]);
+    let r2 = {
+        let (x2, y2) = (g.power(x, 2.0), g.power(y, 2.0));
+        g.linear(1.0, &[(1.0, x2), (1.0, y2)])
+    };
+    let inverse = g.power(r2, -1.5);
+    b.term(Place::Hamiltonian, None, inverse, -0.3);
+    for (name, c) in [("sqrt", 0.9), ("log", 0.2), ("exp", 0.01), ("tanh", 0.1), ("atan", 0.1)] {
+        let expr = b.apply(name, r2);
+        b.term(Place::Hamiltonian, None, expr, c);
+    }
+    let power = b.system.graph.power_of(r2, x);
+    b.term(Place::Hamiltonian, None, power, 0.02);
+    b.finish(rk4(), 4, 0.02, (0.0, vec![0.3, -0.2, 0.1, 0.25]))
+}
+
+/// Nothing learned, no potential.
+fn free_particle() -> Case {
+    let mut b = Builder::new("", &["q"], &["p"]);
+    let p = b.p(0);
+    b.system.kinetic = b.system.graph.power(p, 2.0);
+    b.finish(leapfrog(), 2, 1e-6, (0.0, vec![0.0, 1.0]))
+}
+
+pub fn cases() -> Vec<Case> {
+    vec![pendulum(), henon_heiles(), damped_rotor(), magnetic(), free_particle()]
+}
+
+pub fn case(name: &str) -> Case {
+    cases().into_iter().find(|case| case.system.name == name).unwrap()
+}
+
+/// Equations of motion by the slow evaluator.
+pub struct Equations<'a> {
+    case: &'a Case,
+    graph: Graph,
+    energy: Expr,
+    field: Vec<Expr>,
+}
+
+impl<'a> Equations<'a> {
+    pub fn new(case: &'a Case) -> Equations<'a> {
+        let mut system = case.system.clone();
+        let n = system.degrees();
+        let energy = system.energy(&case.active);
+        let forces = system.force(&case.active);
+        let gradient = system.graph.gradient(energy, &case.system.state());
+        let mut field = gradient[n..].to_vec();
+        field.extend((0..n).map(|i| system.graph.subtract(forces[i], gradient[i])));
+        Equations { case, graph: system.graph, energy, field }
+    }
+
+    fn value(&self, expr: Expr, state: &[f64], t: f64) -> f64 {
+        let n = state.len() / 2;
+        self.graph.value(expr, &|symbol| match symbol {
+            Symbol::Coordinate(i) => state[i],
+            Symbol::Momentum(i) => state[n + i],
+            Symbol::Time => t,
+            Symbol::Parameter(i) => self.case.parameters[i],
+            Symbol::Coefficient(k) => {
+                let at = self.case.active.iter().position(|&a| a == k).unwrap();
+                self.case.coefficients[at]
+            }
+        })
+    }
+
+    pub fn energy(&self, state: &[f64], t: f64) -> f64 {
+        self.value(self.energy, state, t)
+    }
+
+    /// dq/dt, then dp/dt.
+    pub fn field(&self, state: &[f64], t: f64) -> Vec<f64> {
+        self.field.iter().map(|&expr| self.value(expr, state, t)).collect()
+    }
+}
+
+/// The start and the states after each step.
+pub fn reference(case: &Case, steps: usize) -> Vec<Vec<f64>> {
+    let equations = Equations::new(case);
+    let mut states = vec![case.start.1.clone()];
+    for i in 0..steps {
+        let t = case.start.0 + i as f64 * case.step;
+        let next = step(&equations, &states[i], t, case.step, &case.kind);
+        states.push(next);
+    }
+    states
+}
+
+fn step(equations: &Equations, state: &[f64], t: f64, h: f64, kind: &IntegratorKind) -> Vec<f64> {
+    let n = state.len() / 2;
+    match kind {
+        IntegratorKind::Splitting { weights } => {
+            let mut z = state.to_vec();
+            let drift = |z: &mut Vec<f64>, time: f64, length: f64, half: usize| {
+                let field = equations.field(z, time);
+                for i in half * n..(half + 1) * n {
+                    z[i] += length * field[i];
+                }
+            };
+            let mut time = t;
+            for weight in weights {
+                let w = weight * h;
+                drift(&mut z, time, 0.5 * w, 0);
+                drift(&mut z, time + 0.5 * w, w, 1);
+                time += w;
+                drift(&mut z, time, 0.5 * w, 0);
+            }
+            z
+        }
+        IntegratorKind::Implicit(tableau) => {
+            // Fixed-point iteration: another way to the same solution.
+            let stages = tableau.weights.len();
+            let mut slopes = vec![equations.field(state, t); stages];
+            for _ in 0..60 {
+                slopes = runge_kutta_slopes(equations, state, t, h, tableau, &slopes);
+            }
+            finish(state, h, tableau, &slopes)
+        }
+        IntegratorKind::Explicit(tableau) => {
+            let stages = tableau.weights.len();
+            let mut slopes = vec![vec![0.0; 2 * n]; stages];
+            for _ in 0..stages {
+                slopes = runge_kutta_slopes(equations, state, t, h, tableau, &slopes);
+            }
+            finish(state, h, tableau, &slopes)
+        }
+    }
+}
+
+fn runge_kutta_slopes(
+    equations: &Equations,
+    state: &[f64],
+    t: f64,
+    h: f64,
+    tableau: &Tableau,
+    slopes: &[Vec<f64>],
+) -> Vec<Vec<f64>> {
+    let stages = slopes.len();
+    (0..stages)
+        .map(|i| {
+            let mut at = state.to_vec();
+            for (j, slope) in slopes.iter().enumerate() {
+                for (x, slope) in at.iter_mut().zip(slope) {
+                    *x += h * tableau.matrix[i * stages + j] * slope;
+                }
+            }
+            equations.field(&at, t + tableau.nodes[i] * h)
+        })
+        .collect()
+}
+
+fn finish(state: &[f64], h: f64, tableau: &Tableau, slopes: &[Vec<f64>]) -> Vec<f64> {
+    let mut out = state.to_vec();
+    for (weight, slope) in tableau.weights.iter().zip(slopes) {
+        for (x, slope) in out.iter_mut().zip(slope) {
+            *x += h * weight * slope;
+        }
+    }
+    out
+}
