@@ -89,6 +89,16 @@ impl Cells {
     }
 }
 
+impl<T: AsRef<str>> FromIterator<T> for Cells {
+    fn from_iter<I: IntoIterator<Item = T>>(cells: I) -> Self {
+        let mut out = Cells::default();
+        for cell in cells {
+            out.push(cell.as_ref());
+        }
+        out
+    }
+}
+
 impl Table {
     /// How many rows there are.
     pub fn rows(&self) -> usize {

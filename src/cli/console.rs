@@ -1,0 +1,191 @@
+//! Where results, messages and errors go.
+
+use std::io::{self, IsTerminal, Write};
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::Format;
+use crate::diagnostic::Diagnostic;
+use crate::error::{Error, Result};
+
+/// More errors than this of one spec are counted rather than shown.
+const SHOWN: usize = 20;
+/// Longer lines of a spec are not drawn.
+const LONGEST_LINE: usize = 400;
+
+/// Standard output for results, standard error for everything else.
+pub struct Console {
+    format: Format,
+}
+
+impl Console {
+    pub fn new(format: Format) -> Self {
+        Console { format }
+    }
+
+    pub fn is_json(&self) -> bool {
+        self.format == Format::Json
+    }
+
+    /// Columns of the terminal that results are read on; `None` when they go elsewhere.
+    pub fn width(&self) -> Option<u16> {
+        if !io::stdout().is_terminal() {
+            return None;
+        }
+        comfy_table::Table::new().width()
+    }
+
+    /// Prints a result: the text for people, or the object for programs.
+    pub fn result(&self, text: &str, object: &Value) -> Result<()> {
+        match self.format {
+            Format::Text => self.text(text),
+            Format::Json => self.text(&pretty(object)),
+        }
+    }
+
+    /// Writes text to standard output, ending its last line.
+    pub fn text(&self, text: &str) -> Result<()> {
+        let failed = |error| Error::file("write", Path::new("standard output"), error);
+        let mut out = io::stdout().lock();
+        let end = if text.is_empty() || text.ends_with('\n') { "" } else { "\n" };
+        out.write_all(text.as_bytes())
+            .and_then(|()| out.write_all(end.as_bytes()))
+            .and_then(|()| out.flush())
+            .map_err(failed)
+    }
+
+    /// A message beside the result. Programs get none: what matters is in the object.
+    pub fn message(&self, text: &str) {
+        if self.format == Format::Text {
+            self.stderr(text);
+        }
+    }
+
+    pub fn warning(&self, text: &str) {
+        let mark = if coloured() { "\x1b[33mWarning:\x1b[0m" } else { "Warning:" };
+        self.message(&format!("{mark} {text}"));
+    }
+
+    /// Warnings and notes about a spec.
+    pub fn diagnostics(&self, name: &str, text: &str, diagnostics: &[Diagnostic]) {
+        for diagnostic in diagnostics.iter().take(SHOWN) {
+            self.message(&drawn(diagnostic, name, text));
+        }
+    }
+
+    pub fn error(&self, error: &Error) {
+        if self.format == Format::Json {
+            return self.stderr(&pretty(&error_object(error)));
+        }
+        if let Error::Spec { name, text, diagnostics } = error {
+            for diagnostic in diagnostics.iter().take(SHOWN) {
+                self.stderr(&drawn(diagnostic, name, text));
+            }
+            if let Some(more) = diagnostics.len().checked_sub(SHOWN).filter(|more| *more > 0) {
+                self.stderr(&format!("and {more} more errors"));
+            }
+            if !diagnostics.is_empty() {
+                return;
+            }
+        }
+        let mark = if coloured() { "\x1b[31mError:\x1b[0m" } else { "Error:" };
+        self.stderr(&format!("{mark} {error}"));
+    }
+
+    /// Nothing can be done about a standard error that cannot be written.
+    fn stderr(&self, text: &str) {
+        let _ = writeln!(io::stderr().lock(), "{text}");
+    }
+}
+
+/// Whether standard error takes colours: <https://no-color.org>.
+pub fn coloured() -> bool {
+    let unwanted = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+    let dumb = std::env::var_os("TERM").is_some_and(|value| value == "dumb");
+    io::stderr().is_terminal() && !unwanted && !dumb
+}
+
+pub fn is_broken_pipe(error: &Error) -> bool {
+    matches!(error, Error::File { source, .. } if source.kind() == io::ErrorKind::BrokenPipe)
+}
+
+pub fn pretty(object: &Value) -> String {
+    serde_json::to_string_pretty(object).unwrap_or_default()
+}
+
+/// A diagnostic under the line it speaks of; on one line where that line is too long to draw.
+fn drawn(diagnostic: &Diagnostic, name: &str, text: &str) -> String {
+    let span = diagnostic.span;
+    let end = span.end.min(text.len());
+    let start = span.start.min(end);
+    let before = text.get(..start).and_then(|t| t.rfind('\n')).map_or(0, |at| at + 1);
+    let after = text.get(end..).and_then(|t| t.find('\n')).map_or(text.len(), |at| end + at);
+    if after - before <= LONGEST_LINE {
+        return diagnostic.render(name, text, coloured());
+    }
+    let (line, column) = place(text, start);
+    format!("Error: {name}, line {line}, column {column}: {diagnostic}")
+}
+
+/// Line and column of a byte of a text, both counted from 1; columns in characters.
+fn place(text: &str, at: usize) -> (usize, usize) {
+    let before = text.get(..at).unwrap_or("");
+    let line = before.matches('\n').count() + 1;
+    let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;
+    (line, column)
+}
+
+/// `leverrier.error/1`.
+fn error_object(error: &Error) -> Value {
+    let mut object = json!({
+        "format": "leverrier.error/1",
+        "message": error.to_string(),
+        "hint": null,
+        "exit_code": error.exit_code(),
+        "file": null,
+        "line": null,
+        "column": null,
+        "diagnostics": [],
+    });
+    match error {
+        Error::Spec { name, text, diagnostics } => {
+            object["file"] = json!(name);
+            object["diagnostics"] =
+                diagnostics.iter().map(|diagnostic| diagnostic_object(diagnostic, text)).collect();
+        }
+        Error::Data(data) => {
+            object["message"] = json!(data.message);
+            object["hint"] = json!(data.hint);
+            object["file"] = json!(data.file.display().to_string());
+            object["line"] = json!(data.line);
+            object["column"] = json!(data.column);
+        }
+        Error::Fit { message, hint } | Error::Usage { message, hint } => {
+            object["message"] = json!(message);
+            object["hint"] = json!(hint);
+        }
+        Error::Model { path, message, hint } => {
+            object["message"] = json!(message);
+            object["hint"] = json!(hint);
+            object["file"] = json!(path.display().to_string());
+        }
+        Error::File { path, .. } => object["file"] = json!(path.display().to_string()),
+        Error::Interrupted => {}
+    }
+    object
+}
+
+/// A diagnostic with its place in lines and columns.
+pub fn diagnostic_object(diagnostic: &Diagnostic, text: &str) -> Value {
+    let (line, column) = place(text, diagnostic.span.start);
+    json!({
+        "severity": diagnostic.severity,
+        "message": diagnostic.message,
+        "label": diagnostic.label,
+        "hint": diagnostic.hint,
+        "line": line,
+        "column": column,
+        "span": diagnostic.span,
+    })
+}

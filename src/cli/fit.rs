@@ -1,0 +1,222 @@
+//! `leverrier fit`: learns a model and writes it beside its spec.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::{Args, ValueEnum};
+use serde_json::json;
+
+use super::console::Console;
+use super::progress::Progress;
+use super::project::{FileDigest, ModelFile, Origin, Project, digest};
+use crate::data::{DataReport, Dataset, write_atomically};
+use crate::dynamics::{METHODS, Method};
+use crate::error::{Error, Result};
+use crate::expr::{Observed, System};
+use crate::fit::{self, LOSSES, Loss, Model, Options, Selection, Trainer};
+use crate::report::{self, FitReport, present};
+
+/// Learn the unknown part of a spec's energy and forces from its data.
+///
+/// Prints the Hamiltonian, the table of its coefficients with uncertainties, and how sure all
+/// of it is; writes the model file beside the spec (pendulum.ham -> pendulum.model.json).
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    leverrier fit pendulum.ham\n  \
+    leverrier fit pendulum.ham --data tuesday.csv -o tuesday.model.json\n  \
+    leverrier fit pendulum.ham --loss huber            outliers in the data\n  \
+    leverrier fit pendulum.ham --select unseen         choose terms by error on unseen data\n  \
+    leverrier fit pendulum.ham --format json > fit.json\n\n\
+    Ctrl-C keeps the best model so far; a second Ctrl-C ends at once.")]
+pub struct Arguments {
+    /// The spec.
+    pub spec: PathBuf,
+    /// Measurements to learn from, instead of those that the spec names.
+    #[arg(long, value_name = "FILE")]
+    pub data: Option<PathBuf>,
+    /// How the terms are chosen.
+    #[arg(long, value_enum, default_value_t = Select::Information)]
+    pub select: Select,
+    /// How much a residual counts.
+    #[arg(long, value_name = "LOSS", default_value = "squares",
+          value_parser = LOSSES.iter().map(|row| row.name).collect::<Vec<_>>())]
+    pub loss: String,
+    /// Integrator; by default the cheapest that is accurate enough.
+    #[arg(long, value_name = "NAME",
+          value_parser = METHODS.iter().map(|row| row.name).collect::<Vec<_>>())]
+    pub method: Option<String>,
+    /// Longest step of the integrator, in the spec's unit of time.
+    #[arg(long, value_name = "TIME")]
+    pub step: Option<f64>,
+    /// Samples of a segment, at most; by default as many as the model can follow.
+    #[arg(long, value_name = "SAMPLES")]
+    pub window: Option<usize>,
+    /// Further starts of the inner parameters.
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    pub starts: usize,
+    /// Seed of whatever is random: the same seed gives the same result.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Threads to use; by default all cores. The result does not depend on it.
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// Keep every term: no search for a sparse model.
+    #[arg(long)]
+    pub dense: bool,
+    /// How to train; first-order is for function spaces too large for the other.
+    #[arg(long, value_enum, default_value_t = Train::GaussNewton)]
+    pub trainer: Train,
+    /// Where to write the model.
+    #[arg(short, long, value_name = "MODEL")]
+    pub output: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum Select {
+    /// By the extended Bayesian information criterion.
+    Information,
+    /// By the error on data that a candidate was not fitted to.
+    Unseen,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum Train {
+    GaussNewton,
+    FirstOrder,
+}
+
+impl Arguments {
+    fn options(&self) -> Result<Options> {
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        if self.step.is_some_and(|step| !positive(step)) {
+            return Err(Error::usage("--step must be positive", "give a time, such as 0.01"));
+        }
+        if self.window.is_some_and(|window| window < 2) {
+            return Err(Error::usage(
+                "--window must be at least 2",
+                "motion takes two samples; leave it out to let the fit choose",
+            ));
+        }
+        Ok(Options {
+            trainer: match self.trainer {
+                Train::GaussNewton => Trainer::GaussNewton,
+                Train::FirstOrder => Trainer::FirstOrder,
+            },
+            selection: match self.select {
+                Select::Information => Selection::Information,
+                Select::Unseen => Selection::Unseen,
+            },
+            loss: Loss::by_name(&self.loss).unwrap_or(Loss::SQUARES),
+            method: self.method.as_deref().and_then(Method::by_name),
+            longest_step: self.step,
+            window: self.window,
+            starts: self.starts,
+            sparse: !self.dense,
+            seed: self.seed,
+        })
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+    let options = arguments.options()?;
+    let project = Project::open(&arguments.spec)?;
+    console.diagnostics(&project.name(), &project.text, &project.compiled.warnings);
+    let (dataset, about) = project.data(arguments.data.as_deref())?;
+    for warning in &about.warnings {
+        console.warning(warning);
+    }
+    let clock = Instant::now();
+    let progress = Progress::new();
+    let learned = learn(project.system(), &dataset, &options, arguments.threads, &progress);
+    drop(progress);
+    let model = learned?;
+    let elapsed = clock.elapsed().as_secs_f64();
+
+    let path = arguments.output.clone().unwrap_or_else(|| project.model_path());
+    let file = ModelFile { model, origin: origin(&project, &dataset, &about) };
+    write_model(&path, &file)?;
+    let report = FitReport::new(
+        project.system(),
+        &file.model,
+        present::simplified(project.system(), &file.model, &file.origin.ranges),
+        elapsed,
+    );
+    let mut object = report.to_json();
+    object["model_file"] = json!(path.display().to_string());
+    object["data"] = json!(about);
+    let text = report::fit_text(&report, console.width());
+    console.result(&text, &object)?;
+    console.message(&format!("Model written to {}.", path.display()));
+    Ok(())
+}
+
+/// Fits on the given number of threads.
+pub fn learn(
+    system: &System,
+    dataset: &Dataset,
+    options: &Options,
+    threads: Option<usize>,
+    progress: &Progress,
+) -> Result<Model> {
+    if system.terms.is_empty() && system.parameters.is_empty() {
+        return Err(Error::fit(
+            "there is nothing to learn: the spec has no `span{...}` and no `param`",
+            "write the unknown part as `span{...}`; `simulate` and `export` take the spec as it is",
+        ));
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build().map_err(
+        |error| Error::fit(format!("cannot start the threads: {error}"), "ask for fewer"),
+    )?;
+    pool.install(|| fit::fit(system, dataset, options, progress))
+}
+
+/// Where a model comes from.
+pub fn origin(project: &Project, dataset: &Dataset, about: &DataReport) -> Origin {
+    let source = about.source.as_ref();
+    let name = source.and_then(|s| s.file.file_name());
+    Origin {
+        spec: digest(&project.path, project.text.as_bytes()),
+        data: FileDigest {
+            name: name.map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+            sha256: source.map_or_else(String::new, |s| s.sha256.clone()),
+        },
+        ranges: ranges(project.system(), about),
+        start: first_state(project.system(), dataset),
+    }
+}
+
+/// Largest |value| of each state component; 0 for momenta that were not measured.
+pub fn ranges(system: &System, about: &DataReport) -> Vec<f64> {
+    let n = system.degrees();
+    let largest = about.columns.iter().enumerate().map(|(at, column)| {
+        if at >= n && system.observed == Observed::Velocities {
+            return 0.0;
+        }
+        let ends = [column.minimum, column.maximum];
+        ends.into_iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()))
+    });
+    largest.collect()
+}
+
+fn first_state(system: &System, dataset: &Dataset) -> Option<(f64, Vec<f64>)> {
+    if system.observed == Observed::Velocities {
+        return None;
+    }
+    dataset.runs.iter().find_map(|run| {
+        (0..run.times.len()).find_map(|at| {
+            let state: Vec<f64> = run.values.iter().filter_map(|c| c.get(at).copied()).collect();
+            let complete =
+                state.len() == 2 * system.degrees() && state.iter().all(|x| x.is_finite());
+            complete.then(|| (run.times[at], state))
+        })
+    })
+}
+
+/// Writes a model file, whole or not at all.
+pub fn write_model(path: &Path, file: &ModelFile) -> Result<()> {
+    let mut bytes = serde_json::to_vec_pretty(file)
+        .map_err(|error| Error::file("write", path, std::io::Error::other(error)))?;
+    bytes.push(b'\n');
+    write_atomically(path, &bytes)
+}

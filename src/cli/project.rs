@@ -1,0 +1,288 @@
+//! A spec with its data and its model file, as they lie in a folder.
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::DMatrix;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use crate::data::{
+    self, Cells, Column, ColumnMap, DataReport, Dataset, Mapping, ObservableMap, Table,
+};
+use crate::error::{DataError, Error, Result};
+use crate::expr::{self, Compiled, System};
+use crate::fit::Model;
+use crate::fit::model::FORMAT;
+use crate::report::present;
+use crate::simplify::Fitted;
+
+/// Larger files than this are not specs.
+const LARGEST_SPEC: u64 = 16 << 20;
+
+/// A spec that was read and compiled.
+pub struct Project {
+    pub path: PathBuf,
+    pub text: String,
+    pub compiled: Compiled,
+}
+
+/// What a model was made from and where its motion starts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Origin {
+    pub spec: FileDigest,
+    pub data: FileDigest,
+    /// Largest |value| of each state component in the data (q, then p); 0 where unknown.
+    pub ranges: Vec<f64>,
+    /// Time and state (q, then p) of the first complete sample.
+    pub start: Option<(f64, Vec<f64>)>,
+}
+
+/// A file's name, without its folder, and its SHA-256 in hexadecimal digits.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FileDigest {
+    pub name: String,
+    pub sha256: String,
+}
+
+/// The model file: the model and its origin side by side.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ModelFile {
+    #[serde(flatten)]
+    pub model: Model,
+    pub origin: Origin,
+}
+
+/// A system with a number for everything in it: learned, or known from the start.
+pub struct Law {
+    pub active: Vec<usize>,
+    pub coefficients: Vec<f64>,
+    /// One for each of the system's parameters.
+    pub parameters: Vec<f64>,
+    /// Of the coefficients, then all parameters.
+    pub covariance: DMatrix<f64>,
+    /// Standard errors: the square roots of the diagonal of `covariance`.
+    pub errors: Vec<f64>,
+    /// `None` for a fully known system.
+    pub file: Option<ModelFile>,
+}
+
+impl Law {
+    /// What simplification takes.
+    pub fn fitted<'a>(&'a self, system: &'a System) -> Fitted<'a> {
+        Fitted {
+            system,
+            active: &self.active,
+            coefficients: &self.coefficients,
+            parameters: &self.parameters,
+            covariance: &self.covariance,
+        }
+    }
+
+    /// Largest |value| of each state component in the data that it was learned from.
+    pub fn ranges(&self) -> &[f64] {
+        self.file.as_ref().map_or(&[], |file| &file.origin.ranges)
+    }
+}
+
+impl Project {
+    /// Reads and compiles a spec.
+    ///
+    /// # Errors
+    /// The file cannot be read or is not text, or everything that is wrong with the spec.
+    pub fn open(path: &Path) -> Result<Self> {
+        let failed = |error| Error::file("read", path, error);
+        let about = std::fs::metadata(path).map_err(failed)?;
+        if about.is_dir() {
+            return Err(failed(std::io::Error::other("it is a folder; name the spec in it")));
+        }
+        if about.len() > LARGEST_SPEC {
+            let message = format!("it has {} MB and is no spec", about.len() >> 20);
+            return Err(failed(std::io::Error::other(message)));
+        }
+        let bytes = std::fs::read(path).map_err(failed)?;
+        let text = String::from_utf8(bytes).map_err(|_| {
+            failed(std::io::Error::other("it is not a text file in UTF-8; a spec is plain text"))
+        })?;
+        let name = path.display().to_string();
+        let compiled = expr::build(&name, &text)?;
+        Ok(Project { path: path.to_path_buf(), text, compiled })
+    }
+
+    pub fn name(&self) -> String {
+        self.path.display().to_string()
+    }
+
+    pub fn system(&self) -> &System {
+        &self.compiled.system
+    }
+
+    /// `pendulum.ham` has its model in `pendulum.model.json`.
+    pub fn model_path(&self) -> PathBuf {
+        self.path.with_extension("model.json")
+    }
+
+    /// The file of measurements: the one asked for, or the spec's.
+    pub fn data_path(&self, asked: Option<&Path>) -> Result<PathBuf> {
+        if let Some(path) = asked {
+            return Ok(path.to_path_buf());
+        }
+        let Some(data) = &self.compiled.data else {
+            return Err(Error::usage(
+                format!("{} does not name its data", self.name()),
+                "write `data \"file.csv\" { time t }` in it, or give --data FILE",
+            ));
+        };
+        let folder = self.path.parent().unwrap_or(Path::new(""));
+        Ok(folder.join(&data.file))
+    }
+
+    /// Reads the measurements as the spec says.
+    pub fn data(&self, asked: Option<&Path>) -> Result<(Dataset, DataReport)> {
+        let path = self.data_path(asked)?;
+        let mut table = data::read(&path)?;
+        let mapping = self.mapping(&mut table)?;
+        data::dataset(&table, &mapping)
+    }
+
+    fn mapping(&self, table: &mut Table) -> Result<Mapping> {
+        let columns = self.compiled.data.as_ref();
+        let mut mapping = Mapping {
+            time: columns.and_then(|c| c.time.as_ref()).map(|time| ColumnMap {
+                column: time.column.clone(),
+                scale: time.scale,
+                offset: 0.0,
+            }),
+            run: columns.and_then(|c| c.run.clone()),
+            observables: Vec::new(),
+        };
+        let observed =
+            columns.map_or_else(|| self.system().observed_columns(), |c| c.observables.clone());
+        mapping.observables = observed
+            .into_iter()
+            .map(|column| ObservableMap {
+                name: column.name,
+                columns: column.candidates,
+                scale: column.scale,
+                offset: 0.0,
+                required: true,
+            })
+            .collect();
+        if columns.is_some_and(|c| c.pairs) {
+            mapping.run = Some(number_pairs(table, mapping.run.as_deref())?);
+        }
+        Ok(mapping)
+    }
+
+    /// The fitted model beside the spec, or the spec's own numbers when it is fully known.
+    pub fn law(&self, asked: Option<&Path>) -> Result<Law> {
+        let system = self.system();
+        let path = asked.map_or_else(|| self.model_path(), Path::to_path_buf);
+        let fully_known = system.terms.is_empty();
+        if asked.is_none() && fully_known && (system.parameters.is_empty() || !path.exists()) {
+            let parameters: Vec<f64> = system.parameters.iter().map(|p| p.start).collect();
+            let covariance = DMatrix::zeros(parameters.len(), parameters.len());
+            let errors = vec![0.0; parameters.len()];
+            let (active, coefficients) = (Vec::new(), Vec::new());
+            return Ok(Law { active, coefficients, parameters, covariance, errors, file: None });
+        }
+        let again = format!("run `leverrier fit {}`", self.name());
+        let wrong =
+            |message: String, hint: String| Error::Model { path: path.clone(), message, hint };
+        let bytes = match std::fs::read(&path) {
+            Ok(bytes) => bytes,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                let message = "there is no model yet".to_string();
+                return Err(wrong(message, format!("{again} first")));
+            }
+            Err(error) => return Err(Error::file("read", &path, error)),
+        };
+        let value: serde_json::Value = serde_json::from_slice(&bytes).map_err(|error| {
+            let what =
+                if error.is_eof() { "the file is cut off" } else { "this is not a model file" };
+            wrong(format!("{what} ({error})"), format!("{again} to write it anew"))
+        })?;
+        match value.get("format").and_then(|format| format.as_str()) {
+            Some(FORMAT) => {}
+            Some(other) => {
+                let message = format!("its format is `{other}`, but this version reads `{FORMAT}`");
+                return Err(wrong(message, format!("{again} to write it anew")));
+            }
+            None => {
+                let message = "this is not a model file".to_string();
+                return Err(wrong(message, format!("{again} to write one")));
+            }
+        }
+        let file: ModelFile = serde_json::from_value(value).map_err(|error| {
+            wrong(format!("the file is damaged ({error})"), format!("{again} to write it anew"))
+        })?;
+        let Some((active, coefficients)) = file.model.active(system) else {
+            return Err(wrong(
+                format!(
+                    "this model was fitted to another spec (`{}`, or {} before it was edited)",
+                    file.model.system,
+                    self.name()
+                ),
+                format!("{again} again"),
+            ));
+        };
+        let parameters = file.model.parameter_values(system);
+        if !coefficients.iter().chain(&parameters).all(|x| x.is_finite()) {
+            let message = "the file is damaged: it has a number that is not finite".to_string();
+            return Err(wrong(message, format!("{again} to write it anew")));
+        }
+        let covariance = file.model.full_covariance(system);
+        let errors = present::standard_errors(&covariance);
+        Ok(Law { active, coefficients, parameters, covariance, errors, file: Some(file) })
+    }
+}
+
+/// Adds a column that numbers the pairs: every two rows (of one run) are one.
+fn number_pairs(table: &mut Table, run: Option<&str>) -> Result<String> {
+    let runs = match run {
+        Some(name) => table.find(name)?.map(|column| column.cells.clone()),
+        None => None,
+    };
+    if table.rows() % 2 == 1 {
+        return Err(Error::Data(DataError {
+            file: table.path.clone(),
+            line: table.lines.last().copied(),
+            column: None,
+            message: format!("there are {} rows, but pairs need an even number", table.rows()),
+            hint: "the last row has no partner: add it, or remove the row".to_string(),
+        }));
+    }
+    let cells: Cells = (0..table.rows())
+        .map(|row| match &runs {
+            Some(runs) => format!("{}/{}", runs.get(row - row % 2), row / 2 + 1),
+            None => format!("{}", row / 2 + 1),
+        })
+        .collect();
+    let mut name = "pair".to_string();
+    while table.find(&name)?.is_some() {
+        name.push('_');
+    }
+    table.columns.push(Column { name: name.clone(), header: name.clone(), unit: None, cells });
+    Ok(name)
+}
+
+/// A file's name and digest.
+pub fn digest(path: &Path, bytes: &[u8]) -> FileDigest {
+    let name =
+        path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    FileDigest { name, sha256: format!("{:x}", Sha256::digest(bytes)) }
+}
+
+/// Refuses to overwrite a file unless that is asked for.
+pub fn refuse_overwrite(path: &Path, force: bool) -> Result<()> {
+    if force || !path.exists() {
+        return Ok(());
+    }
+    // Terminals, pipes and the like are there to be written to.
+    if std::fs::metadata(path).is_ok_and(|about| !about.is_file() && !about.is_dir()) {
+        return Ok(());
+    }
+    Err(Error::usage(
+        format!("{} exists", path.display()),
+        "give --force to overwrite it, or another name with -o",
+    ))
+}

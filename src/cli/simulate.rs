@@ -1,0 +1,480 @@
+//! `leverrier simulate`: trajectories of a law, and data sets made of them.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::console::Console;
+use super::project::{Project, refuse_overwrite};
+use crate::data::{Dataset, Layout, to_csv, write_atomically};
+use crate::error::{Error, Result};
+use crate::expr::{DataColumns, System, candidates};
+use crate::simulate::{
+    Box, Noise, Sampling, Simulator, add_noise, consecutive_pairs, draw, drop_samples,
+};
+
+/// More numbers than this are refused rather than kept in memory.
+const MOST_NUMBERS: usize = 200_000_000;
+
+/// Make trajectories from a fitted model, or from a spec in which everything is known.
+///
+/// Integrates to the limit of double precision; adds noise and gaps if asked to. The file
+/// has the columns that the spec's `data` line reads, so that `fit` can take it as it is.
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    leverrier simulate pendulum.ham --start theta=1.4,omega=0 --duration 20 --dt 0.1\n  \
+    leverrier simulate pendulum.ham --start 1.4,0 --dt 0.1 --samples 200 --noise 0.01 -o swings.csv\n  \
+    leverrier simulate pendulum.ham --runs 8 --sample theta=-2..2 --sample omega=-1..1 \\\n      \
+    --duration 10 --dt 0.05 --noise 1% --seed 3 -o runs.csv\n  \
+    leverrier simulate henon-heiles.ham --pairs --runs 5000 --sample q[1]=-1..1 \\\n      \
+    --sample q[2]=-0.5..1 --sample p=-1..1 --energy 1/12..1/6 --dt 0.1 -o pairs.csv")]
+pub struct Arguments {
+    /// The spec.
+    pub spec: PathBuf,
+    /// An initial state: `q=0.1,p=0` or all numbers in order, `0.1,0`. Repeat it for more runs.
+    /// With --sample: the components that are the same in all runs.
+    #[arg(long, value_name = "STATE", allow_hyphen_values = true)]
+    pub start: Vec<String>,
+    /// Draw initial states: `q[1]=-1..1`; `q=-1..1` for all of a family. Repeat it for others.
+    #[arg(long, value_name = "NAME=LOW..HIGH", allow_hyphen_values = true)]
+    pub sample: Vec<String>,
+    /// With --sample: how many runs.
+    #[arg(long, visible_alias = "starts", value_name = "N")]
+    pub runs: Option<usize>,
+    /// With --sample: only states with an energy in this range.
+    #[arg(long, value_name = "LOW..HIGH", allow_hyphen_values = true)]
+    pub energy: Option<String>,
+    /// Time from the first to the last sample of a run.
+    #[arg(long, value_name = "TIME")]
+    pub duration: Option<f64>,
+    /// Time between samples.
+    #[arg(long, value_name = "TIME")]
+    pub dt: Option<f64>,
+    /// Samples of a run, the first included.
+    #[arg(long, value_name = "N")]
+    pub samples: Option<usize>,
+    /// Time of the first sample.
+    #[arg(long, value_name = "TIME", default_value_t = 0.0, allow_hyphen_values = true)]
+    pub from: f64,
+    /// Every run is one transition: two samples, --dt apart.
+    #[arg(long, conflicts_with_all = ["duration", "samples"])]
+    pub pairs: bool,
+    /// Every two neighbouring samples become a run, with independent noise.
+    #[arg(long, conflicts_with = "pairs")]
+    pub consecutive_pairs: bool,
+    /// Gaussian noise: its standard deviation, `1%` of each column's spread, or `theta=0.01`.
+    #[arg(long, value_name = "SIGMA")]
+    pub noise: Vec<String>,
+    /// Lose this part of the samples, 0 to 1.
+    #[arg(long, value_name = "FRACTION")]
+    pub gaps: Option<f64>,
+    /// Seed of starts, noise and gaps: the same seed makes the same file.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Say how well the energy is kept.
+    #[arg(long)]
+    pub check_energy: bool,
+    /// The model file, if it is not beside the spec.
+    #[arg(long, value_name = "FILE")]
+    pub model: Option<PathBuf>,
+    /// The CSV file; by default standard output.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Overwrite a file that exists.
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+    let times = arguments.times()?;
+    let project = Project::open(&arguments.spec)?;
+    console.diagnostics(&project.name(), &project.text, &project.compiled.warnings);
+    if let Some(path) = &arguments.output {
+        refuse_overwrite(path, arguments.force)?;
+    }
+    let system = project.system();
+    let law = project.law(arguments.model.as_deref())?;
+    let simulator = Simulator::new(system, &law.active, &law.coefficients, &law.parameters);
+    let starts = arguments.starts(system, &simulator)?;
+    let noise = noise(system, &arguments.noise)?;
+    if starts.len().saturating_mul(times.len()).saturating_mul(2 * system.degrees()) > MOST_NUMBERS
+    {
+        return Err(Error::usage(
+            format!("{} runs of {} samples do not fit in memory", starts.len(), times.len()),
+            "ask for fewer",
+        ));
+    }
+    let trajectories = simulator.trajectories(&starts, &times)?;
+    let mut data = trajectories.dataset(system);
+    if arguments.consecutive_pairs {
+        data = consecutive_pairs(&data);
+    }
+    let sigmas = add_noise(&mut data, &noise, arguments.seed)?;
+    if let Some(fraction) = arguments.gaps {
+        if !(0.0..1.0).contains(&fraction) {
+            return Err(Error::usage("--gaps must be from 0 to below 1", "0.1 loses every tenth"));
+        }
+        drop_samples(&mut data, fraction, arguments.seed);
+    }
+
+    let drift = trajectories.drift;
+    let mut object = json!({
+        "format": "leverrier.simulate/1",
+        "system": system.name,
+        "runs": data.runs.len(),
+        "samples": data.samples(),
+        "observables": data.observables,
+        "noise": sigmas,
+        "seed": arguments.seed,
+        "integrator": {
+            "method": trajectories.method().row().name,
+            "steps_per_sample": trajectories.integration.steps,
+            "reason": trajectories.integration.reason,
+        },
+        "energy_drift": { "largest": drift.largest, "relative": drift.relative },
+        "path": arguments.output.as_ref().map(|path| path.display().to_string()),
+    });
+    if arguments.check_energy {
+        let relative =
+            drift.relative.map_or(String::new(), |r| format!(" ({r:.1e} of the energy)"));
+        console.message(&format!(
+            "The energy of no run strays by more than {:.1e}{relative}; {} with {} steps a sample.",
+            drift.largest,
+            trajectories.method().row().name,
+            trajectories.integration.steps,
+        ));
+    }
+    let path = arguments.output.clone().unwrap_or_else(|| "standard output".into());
+    let (written, layout) = in_columns(&data, system, project.compiled.data.as_ref());
+    match &arguments.output {
+        Some(_) => {
+            write_atomically(&path, &to_csv(&path, &written, &layout)?)?;
+            let what = format!("{} samples in {} runs", data.samples(), data.runs.len());
+            console.result(&format!("{what} written to {}", path.display()), &object)
+        }
+        None if console.is_json() => {
+            object["data"] = data.runs.iter().map(run_object).collect();
+            console.result("", &object)
+        }
+        None => console.text(&String::from_utf8_lossy(&to_csv(&path, &written, &layout)?)),
+    }
+}
+
+fn run_object(run: &crate::data::Run) -> Value {
+    json!({ "run": run.name, "times": run.times, "values": run.values })
+}
+
+impl Arguments {
+    /// The times of the samples.
+    fn times(&self) -> Result<Vec<f64>> {
+        let positive = |name: &str, value: Option<f64>| match value {
+            Some(x) if !(x.is_finite() && x > 0.0) => {
+                Err(Error::usage(format!("{name} must be positive"), "give a time, such as 0.1"))
+            }
+            _ => Ok(()),
+        };
+        positive("--dt", self.dt)?;
+        positive("--duration", self.duration)?;
+        if !self.from.is_finite() {
+            return Err(Error::usage("--from must be a finite time", "give a time, such as 0"));
+        }
+        if self.samples.is_some_and(|n| n < 2) {
+            return Err(Error::usage("--samples must be at least 2", "motion takes two samples"));
+        }
+        let (dt, samples) = match (self.dt, self.duration, self.samples) {
+            (Some(dt), None, None) if self.pairs => (dt, 2),
+            (Some(dt), None, Some(samples)) => (dt, samples),
+            (Some(dt), Some(duration), None) => {
+                let intervals = (duration / dt * (1.0 + 1e-12)).floor();
+                if intervals >= MOST_NUMBERS as f64 {
+                    return Err(Error::usage("too many samples", "lengthen --dt"));
+                }
+                (dt, intervals as usize + 1)
+            }
+            (None, Some(duration), Some(samples)) => (duration / (samples - 1) as f64, samples),
+            (None, None, None) | (None, _, None) | (None, None, _) if self.pairs => {
+                return Err(Error::usage("--pairs needs --dt", "give the time between the two"));
+            }
+            (Some(_), Some(_), Some(_)) => {
+                return Err(Error::usage(
+                    "--dt, --duration and --samples together say it twice",
+                    "leave one of them out",
+                ));
+            }
+            _ => {
+                return Err(Error::usage(
+                    "when to sample is not said",
+                    "give two of --dt, --duration and --samples, such as --duration 20 --dt 0.1",
+                ));
+            }
+        };
+        if samples < 2 || samples > MOST_NUMBERS {
+            return Err(Error::usage(
+                format!("{samples} samples cannot be made"),
+                "--duration must hold at least one --dt",
+            ));
+        }
+        Ok((0..samples).map(|at| self.from + at as f64 * dt).collect())
+    }
+
+    /// The initial states.
+    fn starts(&self, system: &System, simulator: &Simulator) -> Result<Vec<Vec<f64>>> {
+        let names = state_names(system);
+        if self.sample.is_empty() {
+            if self.start.is_empty() {
+                return Err(Error::usage(
+                    "no initial state is given",
+                    format!("give one with --start {}", example(&names)),
+                ));
+            }
+            if let Some(what) =
+                self.energy.as_ref().map(|_| "--energy").or(self.runs.map(|_| "--runs"))
+            {
+                return Err(Error::usage(
+                    format!("{what} goes with --sample"),
+                    "draw the initial states with --sample NAME=LOW..HIGH",
+                ));
+            }
+            return self
+                .start
+                .iter()
+                .map(|text| {
+                    let state = state(text, &names)?;
+                    let missing: Vec<&str> = state
+                        .iter()
+                        .zip(&names)
+                        .filter(|(value, _)| value.is_none())
+                        .map(|(_, name)| name.as_str())
+                        .collect();
+                    if missing.is_empty() {
+                        return Ok(state.into_iter().flatten().collect());
+                    }
+                    Err(Error::usage(
+                        format!("the initial state `{text}` does not say {}", missing.join(", ")),
+                        format!("give all of it, as in --start {}", example(&names)),
+                    ))
+                })
+                .collect();
+        }
+        let mut boxes: Vec<Option<Box>> = vec![None; names.len()];
+        for text in &self.start {
+            for (side, value) in boxes.iter_mut().zip(state(text, &names)?) {
+                *side = value.map(|x| Box { lower: x, upper: x }).or(*side);
+            }
+        }
+        for text in &self.sample {
+            let (name, range) = text.split_once('=').ok_or_else(|| {
+                Error::usage(format!("`{text}` is no box"), "write --sample NAME=LOW..HIGH")
+            })?;
+            let range = range_of(range)?;
+            let found = matching(&names, name.trim())?;
+            for at in found {
+                boxes[at] = Some(range);
+            }
+        }
+        let missing: Vec<&str> = boxes
+            .iter()
+            .zip(&names)
+            .filter(|(side, _)| side.is_none())
+            .map(|(_, name)| name.as_str())
+            .collect();
+        if !missing.is_empty() {
+            return Err(Error::usage(
+                format!("nothing is said about {}", missing.join(", ")),
+                "give a --sample box or a --start value for every component of the state",
+            ));
+        }
+        let energy = self.energy.as_deref().map(range_of).transpose()?;
+        let sampling = Sampling { boxes: boxes.into_iter().flatten().collect(), energy };
+        draw(simulator, &sampling, self.runs.unwrap_or(1).max(1), self.from, self.seed)
+    }
+}
+
+/// Names of the components of the state: coordinates, then momenta.
+fn state_names(system: &System) -> Vec<String> {
+    system.coordinates.iter().chain(&system.momenta).map(|v| v.name.clone()).collect()
+}
+
+fn example(names: &[String]) -> String {
+    names.iter().map(|name| format!("{name}=0.1")).collect::<Vec<_>>().join(",")
+}
+
+/// Components that a name means: itself, `q1` for `q[1]`, or `q` for all of a family.
+fn matching(names: &[String], name: &str) -> Result<Vec<usize>> {
+    let exact = names.iter().position(|n| n == name || candidates(n).iter().any(|c| c == name));
+    if let Some(at) = exact {
+        return Ok(vec![at]);
+    }
+    let family: Vec<usize> = names
+        .iter()
+        .enumerate()
+        .filter(|(_, n)| n.strip_prefix(name).is_some_and(|rest| rest.starts_with('[')))
+        .map(|(at, _)| at)
+        .collect();
+    if !family.is_empty() {
+        return Ok(family);
+    }
+    let hint = match crate::spec::nearest(name, names.iter().map(String::as_str)) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None => format!("the state has {}", names.join(", ")),
+    };
+    Err(Error::usage(format!("the state has no component `{name}`"), hint))
+}
+
+/// `q=0.1,p=0` or `0.1,0`; `None` for what is not said.
+fn state(text: &str, names: &[String]) -> Result<Vec<Option<f64>>> {
+    // A comma inside brackets belongs to a name.
+    let mut parts = vec![String::new()];
+    let mut depth = 0;
+    for c in text.chars() {
+        match c {
+            ',' if depth == 0 => parts.push(String::new()),
+            _ => {
+                depth += i32::from(c == '[') - i32::from(c == ']');
+                if let Some(last) = parts.last_mut() {
+                    last.push(c);
+                }
+            }
+        }
+    }
+    if !text.contains('=') {
+        if parts.len() != names.len() {
+            return Err(Error::usage(
+                format!("`{text}` has {} numbers, but the state has {}", parts.len(), names.len()),
+                format!("give {}, in this order, or by name", names.join(", ")),
+            ));
+        }
+        return parts.iter().map(|part| number(part).map(Some)).collect();
+    }
+    let mut out = vec![None; names.len()];
+    for part in parts {
+        let (name, value) = part.split_once('=').ok_or_else(|| {
+            Error::usage(
+                format!("`{part}` is not NAME=NUMBER"),
+                format!("write {}", example(names)),
+            )
+        })?;
+        let value = number(value)?;
+        for at in matching(names, name.trim())? {
+            out[at] = Some(value);
+        }
+    }
+    Ok(out)
+}
+
+/// A number, a fraction `1/12` or a multiple of pi: any constant of the mini-language.
+fn number(text: &str) -> Result<f64> {
+    let wrong =
+        || Error::usage(format!("`{}` is not a number", text.trim()), "write it as 0.1 or 1/12");
+    let expression = crate::spec::expression(text.trim()).map_err(|_| wrong())?;
+    constant(&expression).filter(|x| x.is_finite()).ok_or_else(wrong)
+}
+
+fn constant(expression: &crate::spec::ast::Expression) -> Option<f64> {
+    use crate::spec::ast::ExpressionKind::{Name, Negate, Number, Power, Product, Sum};
+    Some(match &expression.kind {
+        Number(x) => *x,
+        Name(name) if name == "pi" => std::f64::consts::PI,
+        Negate(inner) => -constant(inner)?,
+        Sum(terms) => {
+            let mut sum = 0.0;
+            for (minus, term) in terms {
+                sum += constant(term)? * if *minus { -1.0 } else { 1.0 };
+            }
+            sum
+        }
+        Product(factors) => {
+            let mut product = 1.0;
+            for (over, factor) in factors {
+                let value = constant(factor)?;
+                product = if *over { product / value } else { product * value };
+            }
+            product
+        }
+        Power(base, exponent) => constant(base)?.powf(constant(exponent)?),
+        _ => return None,
+    })
+}
+
+/// `-1..1`.
+fn range_of(text: &str) -> Result<Box> {
+    let wrong =
+        |message: String| Error::usage(message, "write the range as LOW..HIGH, such as -1..1");
+    let (lower, upper) =
+        text.split_once("..").ok_or_else(|| wrong(format!("`{}` is not a range", text.trim())))?;
+    let (lower, upper) = (number(lower)?, number(upper)?);
+    if lower > upper {
+        return Err(wrong(format!("the range {lower}..{upper} is empty")));
+    }
+    Ok(Box { lower, upper })
+}
+
+/// One noise for each observable.
+fn noise(system: &System, texts: &[String]) -> Result<Vec<Noise>> {
+    let names = system.observables();
+    let mut out = vec![Noise::Absolute(0.0); names.len()];
+    for text in texts {
+        let (name, amount) = match text.split_once('=') {
+            Some((name, amount)) => (Some(name.trim()), amount),
+            None => (None, text.as_str()),
+        };
+        let noise = match amount.trim().strip_suffix('%') {
+            Some(percent) => Noise::Relative(number(percent)? / 100.0),
+            None => Noise::Absolute(number(amount)?),
+        };
+        let at = match name {
+            Some(name) => matching(&names, name)?,
+            None => (0..names.len()).collect(),
+        };
+        for row in at {
+            out[row] = noise;
+        }
+    }
+    Ok(out)
+}
+
+/// The data in the columns and units that the spec's `data` line reads.
+fn in_columns(data: &Dataset, system: &System, columns: Option<&DataColumns>) -> (Dataset, Layout) {
+    let mut out = data.clone();
+    let observed = columns.map_or_else(|| system.observed_columns(), |c| c.observables.clone());
+    let second = match system.observed {
+        crate::expr::Observed::Momenta => &system.momenta,
+        crate::expr::Observed::Velocities => &system.velocities,
+    };
+    let variables: Vec<_> = system.coordinates.iter().chain(second).collect();
+    let mut units = Vec::new();
+    for (row, column) in observed.iter().enumerate() {
+        // `q[1]` would read as a column `q` in a unit `1`.
+        let plain = column.candidates.iter().find(|name| !name.contains('['));
+        if let (Some(name), Some(plain)) = (out.observables.get_mut(row), plain) {
+            name.clone_from(plain);
+        }
+        let scaled = column.scale != 1.0;
+        if scaled {
+            for run in &mut out.runs {
+                if let Some(values) = run.values.get_mut(row) {
+                    values.iter_mut().for_each(|x| *x /= column.scale);
+                }
+            }
+        }
+        units.push(variables.get(row).and_then(|v| v.unit_text.clone()).filter(|_| !scaled));
+    }
+    let time = columns.and_then(|c| c.time.as_ref());
+    let scale = time.map_or(1.0, |time| time.scale);
+    if scale != 1.0 {
+        for run in &mut out.runs {
+            run.times.iter_mut().for_each(|t| *t /= scale);
+        }
+    }
+    let run = columns.and_then(|c| c.run.clone());
+    let several = out.runs.len() > 1;
+    let layout = Layout {
+        run: run.or_else(|| several.then(|| "run".to_string())),
+        time: time.map_or_else(|| system.time.name.clone(), |time| time.column.clone()),
+        time_unit: system.time.unit_text.clone().filter(|_| scale == 1.0),
+        units,
+    };
+    (out, layout)
+}

@@ -1,0 +1,38 @@
+//! Results as people read them.
+
+pub mod present;
+mod text;
+
+use serde_json::{Value, json};
+
+pub use text::fit_text;
+
+use crate::expr::System;
+use crate::fit::Model;
+use crate::simplify::{Simplified, Style};
+
+/// Everything that is printed about a fit.
+pub struct FitReport<'a> {
+    pub system: &'a System,
+    pub model: &'a Model,
+    pub simplified: Simplified,
+    /// Seconds that the fit took.
+    pub elapsed: f64,
+}
+
+impl<'a> FitReport<'a> {
+    pub fn new(system: &'a System, model: &'a Model, simplified: Simplified, elapsed: f64) -> Self {
+        FitReport { system, model, simplified, elapsed }
+    }
+
+    /// `leverrier.fit/1`, without what only the command knows.
+    pub fn to_json(&self) -> Value {
+        json!({
+            "format": "leverrier.fit/1",
+            "system": self.system.name,
+            "hamiltonian": present::equations_json(&self.simplified, Style::default()),
+            "model": self.model,
+            "elapsed": self.elapsed,
+        })
+    }
+}

@@ -1,0 +1,10 @@
+//! Data sets made by a law: trajectories near machine precision, then what an instrument
+//! does to them.
+
+mod draw;
+mod instrument;
+mod trajectory;
+
+pub use draw::{Box, Sampling, draw};
+pub use instrument::{Noise, add_noise, consecutive_pairs, drop_samples};
+pub use trajectory::{EnergyDrift, Simulator, Trajectories};
