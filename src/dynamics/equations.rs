@@ -26,8 +26,13 @@ pub struct Dynamics {
     hamiltonian: Expr,
     slope: Gradient,
     velocity: Gradient,
+    /// Effects of terms that are only probed: derivatives without values.
+    probed_slope: Vec<Vec<(usize, Expr)>>,
+    probed_velocity: Vec<Vec<(usize, Expr)>>,
     kick: OnceLock<Flow>,
     drift: OnceLock<Flow>,
+    probed_kick: OnceLock<Option<Flow>>,
+    probed_drift: OnceLock<Option<Flow>>,
     field: OnceLock<Flow>,
     energy: OnceLock<Box<dyn Evaluator>>,
 }
@@ -53,10 +58,30 @@ impl Dynamics {
     /// Equations of motion with the terms `active` (indices into `system.terms`; others are
     /// left out, indices that do not exist are ignored).
     pub fn new(system: &System, active: &[usize], backend: Backend) -> Dynamics {
+        Dynamics::with_probes(system, active, &[], backend)
+    }
+
+    /// Equations of motion with the terms `active`, and tangents for the terms `probes` besides.
+    ///
+    /// The coefficients of probes are taken as zero, whatever theta says: only what they would
+    /// do to first order is computed. So a separable system stays separable under probes that
+    /// are not; its splitting evaluates them in the middle of every kick and drift. Probes are
+    /// unknowns after the active terms and before the parameters.
+    pub fn with_probes(
+        system: &System,
+        active: &[usize],
+        probes: &[usize],
+        backend: Backend,
+    ) -> Dynamics {
+        let exists = |k: &usize| *k < system.terms.len();
+        let mut active: Vec<usize> = active.iter().copied().filter(exists).collect();
+        let mut probes: Vec<usize> = probes.iter().copied().filter(exists).collect();
+        if !probes.is_empty() && !Dynamics::new(system, &active, backend).separable() {
+            // Methods for such systems take every term in their stride.
+            active.append(&mut probes);
+        }
         let mut graph = system.graph.clone();
         let degrees = system.degrees();
-        let active: Vec<usize> =
-            active.iter().copied().filter(|&k| k < system.terms.len()).collect();
         let state = system.state();
 
         let known = graph.sum(&[system.kinetic, system.potential, system.hamiltonian]);
@@ -66,6 +91,20 @@ impl Dynamics {
             Gradient::conservative(&mut graph, system, &active, known, &state[degrees..]);
         slope.subtract_forces(&mut graph, system, &active);
         let hamiltonian = energy(&mut graph, system, &active, known);
+        let zero = graph.number(0.0);
+        let mut probed =
+            Gradient::conservative(&mut graph, system, &probes, zero, &state[..degrees]);
+        probed.subtract_forces(&mut graph, system, &probes);
+        let probed_velocity =
+            Gradient::conservative(&mut graph, system, &probes, zero, &state[degrees..]);
+        let after_active = |rows: Vec<Vec<(usize, Expr)>>| -> Vec<Vec<(usize, Expr)>> {
+            let shift = |list: Vec<(usize, Expr)>| {
+                list.into_iter().map(|(unknown, expr)| (unknown + active.len(), expr)).collect()
+            };
+            rows.into_iter().map(shift).collect()
+        };
+        let probed_slope = after_active(probed.linear);
+        let probed_velocity = after_active(probed_velocity.linear);
 
         let mut all = slope.rows.clone();
         all.extend_from_slice(&velocity.rows);
@@ -82,6 +121,7 @@ impl Dynamics {
         let of_velocity = graph.symbols(&velocity.rows);
         let separable = !of_slope.iter().any(|s| matches!(s, Symbol::Momentum(_)))
             && !of_velocity.iter().any(|s| matches!(s, Symbol::Coordinate(_)));
+        active.append(&mut probes);
         let unknowns = active
             .iter()
             .map(|&k| Symbol::Coefficient(k))
@@ -100,8 +140,12 @@ impl Dynamics {
             hamiltonian,
             slope,
             velocity,
+            probed_slope,
+            probed_velocity,
             kick: OnceLock::new(),
             drift: OnceLock::new(),
+            probed_kick: OnceLock::new(),
+            probed_drift: OnceLock::new(),
             field: OnceLock::new(),
             energy: OnceLock::new(),
         }
@@ -164,6 +208,25 @@ impl Dynamics {
         let start = if self.separable { self.degrees } else { 0 };
         let inputs = start..2 * self.degrees;
         self.drift.get_or_init(|| self.flow(&self.velocity.rows, &self.velocity.linear, inputs))
+    }
+
+    /// Derivatives of g (or of v) by the probes, as functions of the whole state; none without
+    /// probes.
+    pub(super) fn probed(&self, drift: bool) -> Option<&Flow> {
+        let (cell, linear) = if drift {
+            (&self.probed_drift, &self.probed_velocity)
+        } else {
+            (&self.probed_kick, &self.probed_slope)
+        };
+        let flow = cell.get_or_init(|| {
+            if linear.iter().all(Vec::is_empty) {
+                return None;
+            }
+            let mut graph = self.graph.clone();
+            let zeros = vec![graph.number(0.0); self.degrees];
+            Some(self.compile(&mut graph, &zeros, linear, 0..2 * self.degrees))
+        });
+        flow.as_ref()
     }
 
     /// (v, -g) as a function of the whole state.

@@ -84,11 +84,28 @@ fn apply(
     for (state, change) in target.iter_mut().zip(values) {
         *state += change;
     }
-    if tangents {
-        let (q, p) = batch.tangent.split_at_mut(degrees * columns * lanes);
-        let (target, source) = if stage.drift { (q, &*p) } else { (p, &*q) };
-        flow.push(target, source, entries, 2 * degrees, columns, lanes);
+    if !tangents {
+        return;
     }
+    let half = degrees * columns * lanes;
+    let (q, p) = batch.tangent.split_at_mut(half);
+    let (target, source) = if stage.drift { (q, &*p) } else { (p, &*q) };
+    flow.push(target, source, entries, 2 * degrees, columns, lanes);
+
+    let Some(probed) = dynamics.probed(stage.drift) else { return };
+    // In the middle of the change, which keeps the step symmetric.
+    let mut middle = batch.state.clone();
+    let changed = if stage.drift { 0 } else { degrees * lanes };
+    for (state, change) in middle[changed..].iter_mut().zip(&out[..flow.rows * lanes]) {
+        *state -= 0.5 * change;
+    }
+    probed.evaluate(&middle, lanes, theta, true, scratch);
+    let Scratch { out, scale, .. } = scratch;
+    let out = &mut out[..probed.outputs() * lanes];
+    rescale(out, scale);
+    let (q, p) = batch.tangent.split_at_mut(half);
+    let (target, source) = if stage.drift { (q, &*p) } else { (p, &*q) };
+    probed.push(target, source, &out[probed.rows * lanes..], 2 * degrees, columns, lanes);
 }
 
 impl Stage {
