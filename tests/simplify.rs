@@ -32,6 +32,7 @@ fn system(degrees: usize) -> System {
         potential: zero,
         hamiltonian: zero,
         forces: vec![zero; degrees],
+        sensors: vec![zero; 2 * degrees],
         terms: Vec::new(),
     }
 }
@@ -81,6 +82,8 @@ impl Model {
         self.system.terms.push(Term {
             place,
             expr,
+            also: Vec::new(),
+            effect: None,
             label: String::new(),
             name: None,
             bounds: Bounds::FREE,

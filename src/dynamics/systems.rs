@@ -51,6 +51,7 @@ pub fn known_system(
         potential,
         hamiltonian,
         forces,
+        sensors: vec![zero; 2 * degrees],
         terms: Vec::new(),
     }
 }

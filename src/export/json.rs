@@ -117,6 +117,7 @@ fn place(place: Place, names: &Names) -> Value {
         Place::Potential => json!("V"),
         Place::Hamiltonian => json!("H"),
         Place::Force(i) => json!({ "force": names.of(Symbol::Coordinate(i)) }),
+        Place::Sensor(i) => json!({ "sensor": i }),
     }
 }
 

@@ -40,15 +40,16 @@ impl Pretty {
             (Place::Hamiltonian, system.hamiltonian),
         ];
         known.extend(system.forces.iter().enumerate().map(|(i, &f)| (Place::Force(i), f)));
+        known.extend(system.sensors.iter().enumerate().map(|(i, &s)| (Place::Sensor(i), s)));
         let mut parts = Vec::new();
         for (place, known) in known {
             let mut sum = vec![(1.0, known)];
             for (j, &k) in active.iter().enumerate() {
-                let Some(term) = system.terms.get(k).filter(|term| term.place == place) else {
+                let Some(term) = system.terms.get(k).and_then(|term| term.part(place)) else {
                     continue;
                 };
                 let number = graph.symbol(Symbol::Coefficient(j));
-                sum.push((1.0, graph.multiply(number, term.expr)));
+                sum.push((1.0, graph.multiply(number, term)));
             }
             let whole = graph.linear(0.0, &sum);
             if !graph.is_zero(whole) {

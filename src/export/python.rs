@@ -183,12 +183,10 @@ struct Parts {
 impl Parts {
     fn new(export: &Export, system: &mut System) -> Parts {
         let mut part = |place, known| {
-            let active: Vec<usize> =
-                export.active.iter().copied().filter(|&k| system.terms[k].place == place).collect();
             let mut sum = vec![known];
-            for k in active {
+            for &k in export.active {
+                let Some(term) = system.terms[k].part(place) else { continue };
                 let coefficient = system.graph.symbol(Symbol::Coefficient(k));
-                let term = system.terms[k].expr;
                 sum.push(system.graph.multiply(coefficient, term));
             }
             system.graph.sum(&sum)

@@ -106,6 +106,10 @@ impl System {
                 let name = self.coordinates.get(i).map_or("?", |variable| variable.name.as_str());
                 format!("force {name}")
             }
+            Place::Sensor(i) => {
+                let observables = self.observables();
+                format!("sensor {}", observables.get(i).map_or("?", String::as_str))
+            }
         }
     }
 }
@@ -129,7 +133,8 @@ impl FunctionSpace {
             (Place::Hamiltonian, system.hamiltonian),
         ];
         let forces = system.forces.iter().enumerate().map(|(i, &expr)| (Place::Force(i), expr));
-        for (place, expr) in fixed.into_iter().chain(forces) {
+        let sensors = system.sensors.iter().enumerate().map(|(i, &expr)| (Place::Sensor(i), expr));
+        for (place, expr) in fixed.into_iter().chain(forces).chain(sensors) {
             if !system.graph.is_zero(expr) {
                 let expression = system.graph.text(expr, &names);
                 known.push(SpaceKnown { place: system.place_name(place), expression });

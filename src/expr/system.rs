@@ -35,6 +35,20 @@ pub enum Place {
     Hamiltonian,
     /// The generalised force on coordinate i, outside H.
     Force(usize),
+    /// What the instrument adds to observable i, in the order of [`System::observables`].
+    Sensor(usize),
+}
+
+impl Place {
+    /// Whether it is a part of H.
+    pub fn is_energy(self) -> bool {
+        matches!(self, Place::Kinetic | Place::Potential | Place::Hamiltonian)
+    }
+
+    /// Whether it is a part of the instrument, and moves nothing.
+    pub fn is_sensor(self) -> bool {
+        matches!(self, Place::Sensor(_))
+    }
 }
 
 /// Allowed values of a coefficient or parameter; infinite where there is no bound.
@@ -61,6 +75,10 @@ impl Bounds {
 pub struct Term {
     pub place: Place,
     pub expr: Expr,
+    /// Further places where the same coefficient stands, with what it multiplies there.
+    pub also: Vec<(Place, Expr)>,
+    /// The catalogue effect or candidate that the term came with: `viscous_drag(theta)`.
+    pub effect: Option<String>,
     /// The term in the syntax of the mini-language, without its coefficient.
     pub label: String,
     /// The name that the user gave to the coefficient, if any.
@@ -69,6 +87,18 @@ pub struct Term {
     /// Unit of the coefficient, where units were given.
     pub unit: Option<Unit>,
     pub unit_text: Option<String>,
+}
+
+impl Term {
+    /// Every place of the term with what its coefficient multiplies there.
+    pub fn parts(&self) -> impl Iterator<Item = (Place, Expr)> + '_ {
+        std::iter::once((self.place, self.expr)).chain(self.also.iter().copied())
+    }
+
+    /// What the coefficient multiplies at one place, where it stands there.
+    pub fn part(&self, place: Place) -> Option<Expr> {
+        self.parts().find(|part| part.0 == place).map(|part| part.1)
+    }
 }
 
 /// An inner parameter: a number inside terms that is learned and not penalised.
@@ -84,6 +114,8 @@ pub struct Parameter {
 /// dq/dt = dH/dp, dp/dt = -dH/dq + F with
 /// H = known + sum of c_k phi_k over the terms of T, V and H, and
 /// F_i = known_i + sum of c_k psi_k over the terms of the force on coordinate i.
+/// What is measured is the observable of the state, plus the sensor's known part, plus the
+/// sum of c_k chi_k over the terms of that sensor.
 ///
 /// Every known part is an expression in [`Symbol`]s; zero where nothing is known.
 #[derive(Debug, Clone)]
@@ -103,6 +135,9 @@ pub struct System {
     pub hamiltonian: Expr,
     /// One for each coordinate.
     pub forces: Vec<Expr>,
+    /// What the instrument adds to each observable, in the order of [`System::observables`];
+    /// zero where it adds nothing.
+    pub sensors: Vec<Expr>,
     /// The function space. The coefficient of `terms[k]` is `Symbol::Coefficient(k)`.
     pub terms: Vec<Term>,
 }
@@ -147,9 +182,8 @@ impl System {
     pub fn energy(&mut self, active: &[usize]) -> Expr {
         let mut parts = vec![(1.0, self.kinetic), (1.0, self.potential), (1.0, self.hamiltonian)];
         for &k in active {
-            if !matches!(self.terms[k].place, Place::Force(_)) {
+            for (_, term) in self.terms[k].parts().filter(|(place, _)| place.is_energy()) {
                 let coefficient = self.graph.symbol(Symbol::Coefficient(k));
-                let term = self.terms[k].expr;
                 parts.push((1.0, self.graph.multiply(coefficient, term)));
             }
         }
@@ -158,18 +192,25 @@ impl System {
 
     /// The force on each coordinate outside H, learned terms included.
     pub fn force(&mut self, active: &[usize]) -> Vec<Expr> {
-        (0..self.degrees())
-            .map(|i| {
-                let mut parts = vec![(1.0, self.forces[i])];
-                for &k in active {
-                    if self.terms[k].place == Place::Force(i) {
-                        let coefficient = self.graph.symbol(Symbol::Coefficient(k));
-                        let term = self.terms[k].expr;
-                        parts.push((1.0, self.graph.multiply(coefficient, term)));
-                    }
-                }
-                self.graph.linear(0.0, &parts)
-            })
+        (0..self.degrees()).map(|i| self.total(self.forces[i], Place::Force(i), active)).collect()
+    }
+
+    /// What the instrument adds to each observable, learned terms included.
+    pub fn sensor(&mut self, active: &[usize]) -> Vec<Expr> {
+        (0..self.sensors.len())
+            .map(|i| self.total(self.sensors[i], Place::Sensor(i), active))
             .collect()
+    }
+
+    /// A known part and the learned terms of one place, coefficients as symbols.
+    fn total(&mut self, known: Expr, place: Place, active: &[usize]) -> Expr {
+        let mut parts = vec![(1.0, known)];
+        for &k in active {
+            if let Some(term) = self.terms[k].part(place) {
+                let coefficient = self.graph.symbol(Symbol::Coefficient(k));
+                parts.push((1.0, self.graph.multiply(coefficient, term)));
+            }
+        }
+        self.graph.linear(0.0, &parts)
     }
 }

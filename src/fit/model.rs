@@ -210,15 +210,7 @@ impl Model {
 
 /// "T", "V", "H", or "force" and its coordinate.
 pub fn place_name(system: &System, place: Place) -> String {
-    match place {
-        Place::Kinetic => "T".to_string(),
-        Place::Potential => "V".to_string(),
-        Place::Hamiltonian => "H".to_string(),
-        Place::Force(i) => {
-            let name = system.coordinates.get(i).map_or("?", |v| v.name.as_str());
-            format!("force {name}")
-        }
-    }
+    system.place_name(place)
 }
 
 /// A hash of what a system means: variables, known parts, function space, parameters.

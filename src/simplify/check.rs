@@ -36,16 +36,17 @@ impl Samples {
             Place::Potential => Some(system.potential),
             Place::Hamiltonian => Some(system.hamiltonian),
             Place::Force(i) => system.forces.get(i).copied(),
+            Place::Sensor(i) => system.sensors.get(i).copied(),
         };
         let mut terms: Vec<(f64, Expr)> = known.into_iter().map(|known| (1.0, known)).collect();
         for (&index, &coefficient) in fitted.active.iter().zip(fitted.coefficients) {
             if let Some(term) = system.terms.get(index)
-                && term.place == place
+                && let Some(expr) = term.part(place)
             {
-                terms.push((coefficient, term.expr));
+                terms.push((coefficient, expr));
             }
         }
-        let energy = !matches!(place, Place::Force(_));
+        let energy = place.is_energy();
         let mut out = Samples { degrees, points: Vec::new(), values: Vec::new(), energy };
         for k in 0..TRIED {
             // Half of the points in a box around the origin, half where all is positive, for

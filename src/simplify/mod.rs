@@ -253,7 +253,9 @@ pub fn simplify(fitted: &Fitted, options: &Options) -> Simplified {
 
 fn places(system: &System) -> Vec<Place> {
     let forces = (0..system.degrees()).map(Place::Force);
-    [Place::Kinetic, Place::Potential, Place::Hamiltonian].into_iter().chain(forces).collect()
+    let sensors = (0..system.sensors.len()).map(Place::Sensor);
+    let energy = [Place::Kinetic, Place::Potential, Place::Hamiltonian];
+    energy.into_iter().chain(forces).chain(sensors).collect()
 }
 
 /// A part as it was specified: the known expression and the learned terms.
@@ -273,17 +275,17 @@ impl Raw {
             Place::Potential => system.potential,
             Place::Hamiltonian => system.hamiltonian,
             Place::Force(i) => *system.forces.get(i)?,
+            Place::Sensor(i) => *system.sensors.get(i)?,
         };
         let terms: Vec<(usize, Expr)> = fitted
             .active
             .iter()
             .enumerate()
             .filter_map(|(k, &index)| Some((k, system.terms.get(index)?)))
-            .filter(|(_, term)| term.place == place)
-            .map(|(k, term)| (k, term.expr))
+            .filter_map(|(k, term)| Some((k, term.part(place)?)))
             .collect();
         let empty = terms.is_empty() && system.graph.is_zero(known);
-        let energy = !matches!(place, Place::Force(_));
+        let energy = place.is_energy();
         (!empty).then_some(Raw { known, terms, energy })
     }
 
@@ -394,7 +396,7 @@ impl Simplified {
     /// The printed H at a state (q, then p; a further number is the time, otherwise 0), with
     /// the printed numbers. It differs from the model by a constant and by what snapped.
     pub fn pretty_value(&self, state: &[f64]) -> f64 {
-        let energies = self.parts.iter().filter(|part| !matches!(part.place, Place::Force(_)));
+        let energies = self.parts.iter().filter(|part| part.place.is_energy());
         energies.map(|part| self.part_value(part, state)).sum()
     }
 

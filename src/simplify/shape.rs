@@ -63,6 +63,7 @@ impl Likeness {
             Place::Potential => "V",
             Place::Hamiltonian => "H",
             Place::Force(_) => "the force",
+            Place::Sensor(_) => "what the instrument adds",
         };
         let ordinal = |power: usize| match power {
             1 => "linear".to_string(),

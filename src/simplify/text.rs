@@ -86,12 +86,13 @@ enum Strength {
 }
 
 impl Simplified {
-    /// H on one line, then the force on each coordinate that has one.
+    /// H on one line, then the force on each coordinate that has one; what the instrument
+    /// adds is no part of the motion and stands in the parts only.
     ///
     /// Close to the mini-language, with a space for products: `H = p^2/2 - 0.5012(13) cos(q)`.
     pub fn text(&self, style: Style) -> String {
         let mut out = String::new();
-        for part in self.parts.iter().filter(|part| !matches!(part.place, Place::Force(_))) {
+        for part in self.parts.iter().filter(|part| part.place.is_energy()) {
             let text = self.part_text(part, style);
             match (out.is_empty(), text.strip_prefix('-')) {
                 (true, _) => {

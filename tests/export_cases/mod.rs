@@ -106,6 +106,7 @@ impl Builder {
             potential: zero,
             hamiltonian: zero,
             forces: vec![zero; coordinates.len()],
+            sensors: vec![zero; 2 * coordinates.len()],
             terms: Vec::new(),
         };
         Builder { system, coefficients: Vec::new() }
@@ -134,6 +135,8 @@ impl Builder {
         self.system.terms.push(Term {
             place,
             expr,
+            also: Vec::new(),
+            effect: None,
             label,
             name: name.map(str::to_string),
             bounds: Bounds::FREE,

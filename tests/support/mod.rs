@@ -43,6 +43,8 @@ pub fn learned_system(driven: bool, separable: bool) -> System {
         .map(|(place, expr)| Term {
             place,
             expr,
+            also: Vec::new(),
+            effect: None,
             label: String::new(),
             name: None,
             bounds: Bounds::FREE,

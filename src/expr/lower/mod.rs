@@ -261,6 +261,7 @@ impl<'a> Lowering<'a> {
         let potential = total(Place::Potential);
         let hamiltonian = total(Place::Hamiltonian);
         let forces = (0..coordinates.len()).map(|i| total(Place::Force(i))).collect();
+        let sensors = (0..2 * coordinates.len()).map(|i| total(Place::Sensor(i))).collect();
         System {
             name: resolved.title.clone().unwrap_or_else(|| "system".to_string()),
             graph: std::mem::take(&mut self.graph),
@@ -278,6 +279,7 @@ impl<'a> Lowering<'a> {
             potential,
             hamiltonian,
             forces,
+            sensors,
             terms,
         }
     }

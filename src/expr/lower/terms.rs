@@ -479,6 +479,8 @@ impl Lowering<'_> {
             let unit = whole.zip(candidate.unit).and_then(|(whole, unit)| whole.over(unit));
             Term {
                 place: candidate.place,
+                also: Vec::new(),
+                effect: None,
                 label: self.graph.text(candidate.expr, &names),
                 expr: candidate.expr,
                 name: candidate.name,
