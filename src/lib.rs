@@ -42,6 +42,7 @@
 
 pub mod cli;
 pub mod data;
+pub mod diagnose;
 pub mod diagnostic;
 pub mod dynamics;
 pub mod error;

@@ -209,16 +209,21 @@ pub fn pull_back_observed(
     gradient: &mut [f64],
     scratch: &mut Scratch,
 ) {
-    if observed == Observed::Momenta {
-        return;
-    }
     let (lanes, degrees) = (batch.lanes, dynamics.degrees());
-    let flow = dynamics.drift();
-    scratch.time.clone_from(&batch.time);
-    flow.evaluate(&batch.state, lanes, theta, true, scratch);
-    let entries = &scratch.out[flow.rows * lanes..flow.outputs() * lanes];
-    let velocities = cotangent[degrees * lanes..].to_vec();
-    cotangent[degrees * lanes..].fill(0.0);
-    let source = &mut cotangent[flow.inputs.start * lanes..];
-    flow.pull(&velocities, source, entries, gradient, lanes);
+    let observables = cotangent.to_vec();
+    if observed == Observed::Velocities {
+        let flow = dynamics.drift();
+        scratch.time.clone_from(&batch.time);
+        flow.evaluate(&batch.state, lanes, theta, true, scratch);
+        let entries = &scratch.out[flow.rows * lanes..flow.outputs() * lanes];
+        cotangent[degrees * lanes..].fill(0.0);
+        let source = &mut cotangent[flow.inputs.start * lanes..];
+        flow.pull(&observables[degrees * lanes..], source, entries, gradient, lanes);
+    }
+    if let Some(instrument) = dynamics.instrument() {
+        scratch.time.clone_from(&batch.time);
+        instrument.evaluate(&batch.state, lanes, theta, true, scratch);
+        let entries = &scratch.out[instrument.rows * lanes..instrument.outputs() * lanes];
+        instrument.pull(&observables, cotangent, entries, gradient, lanes);
+    }
 }

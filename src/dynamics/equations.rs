@@ -29,8 +29,10 @@ pub struct Dynamics {
     /// Effects of terms that are only probed: derivatives without values.
     probed_slope: Vec<Vec<(usize, Expr)>>,
     probed_velocity: Vec<Vec<(usize, Expr)>>,
+    instrument: Gradient,
     kick: OnceLock<Flow>,
     drift: OnceLock<Flow>,
+    instrument_flow: OnceLock<Option<Flow>>,
     probed_kick: OnceLock<Option<Flow>>,
     probed_drift: OnceLock<Option<Flow>>,
     field: OnceLock<Flow>,
@@ -91,6 +93,7 @@ impl Dynamics {
             Gradient::conservative(&mut graph, system, &active, known, &state[degrees..]);
         slope.subtract_forces(&mut graph, system, &active);
         let hamiltonian = energy(&mut graph, system, &active, known);
+        let instrument = instrument(&mut graph, system, &active, &probes);
         let zero = graph.number(0.0);
         let mut probed =
             Gradient::conservative(&mut graph, system, &probes, zero, &state[..degrees]);
@@ -108,6 +111,7 @@ impl Dynamics {
 
         let mut all = slope.rows.clone();
         all.extend_from_slice(&velocity.rows);
+        all.extend_from_slice(&instrument.rows);
         let timed = graph.symbols(&all).contains(&Symbol::Time);
         let parameters: Vec<usize> = graph
             .symbols(&all)
@@ -142,6 +146,8 @@ impl Dynamics {
             velocity,
             probed_slope,
             probed_velocity,
+            instrument,
+            instrument_flow: OnceLock::new(),
             kick: OnceLock::new(),
             drift: OnceLock::new(),
             probed_kick: OnceLock::new(),
@@ -229,6 +235,20 @@ impl Dynamics {
         flow.as_ref()
     }
 
+    /// What the instrument adds to each observable, as a function of the whole state; none for
+    /// an instrument that adds nothing.
+    pub(super) fn instrument(&self) -> Option<&Flow> {
+        let flow = self.instrument_flow.get_or_init(|| {
+            let Gradient { rows, linear } = &self.instrument;
+            let silent = rows.iter().all(|&row| self.graph.is_zero(row));
+            if silent && linear.iter().all(Vec::is_empty) {
+                return None;
+            }
+            Some(self.flow(rows, linear, 0..2 * self.degrees))
+        });
+        flow.as_ref()
+    }
+
     /// (v, -g) as a function of the whole state.
     pub(super) fn field(&self) -> &Flow {
         self.field.get_or_init(|| {
@@ -275,11 +295,19 @@ impl Gradient {
         known: Expr,
         symbols: &[Symbol],
     ) -> Gradient {
-        let conservative: Vec<usize> = (0..active.len())
-            .filter(|&unknown| !matches!(system.terms[active[unknown]].place, Place::Force(_)))
-            .collect();
+        let mut conservative: Vec<usize> = Vec::new();
         let mut exprs = vec![known];
-        exprs.extend(conservative.iter().map(|&unknown| system.terms[active[unknown]].expr));
+        for (unknown, &k) in active.iter().enumerate() {
+            let parts: Vec<Expr> = system.terms[k]
+                .parts()
+                .filter(|(place, _)| place.is_energy())
+                .map(|(_, expr)| expr)
+                .collect();
+            if !parts.is_empty() {
+                conservative.push(unknown);
+                exprs.push(graph.sum(&parts));
+            }
+        }
         let mut gradient = Gradient { rows: Vec::new(), linear: Vec::new() };
         for &symbol in symbols {
             let derivatives = graph.derivatives(&exprs, symbol);
@@ -304,8 +332,7 @@ impl Gradient {
             let mut parts = vec![(1.0, *row)];
             parts.extend(system.forces.get(i).map(|&force| (-1.0, force)));
             for (unknown, &k) in active.iter().enumerate() {
-                if system.terms[k].place == Place::Force(i) {
-                    let expr = system.terms[k].expr;
+                if let Some(expr) = system.terms[k].part(Place::Force(i)) {
                     let coefficient = graph.symbol(Symbol::Coefficient(k));
                     parts.push((-1.0, graph.multiply(coefficient, expr)));
                     linear.push((unknown, graph.negate(expr)));
@@ -320,10 +347,45 @@ impl Gradient {
 fn energy(graph: &mut Graph, system: &System, active: &[usize], known: Expr) -> Expr {
     let mut parts = vec![(1.0, known)];
     for &k in active {
-        if !matches!(system.terms[k].place, Place::Force(_)) {
-            let coefficient = graph.symbol(Symbol::Coefficient(k));
-            parts.push((1.0, graph.multiply(coefficient, system.terms[k].expr)));
+        let coefficient = graph.symbol(Symbol::Coefficient(k));
+        for (_, expr) in system.terms[k].parts().filter(|(place, _)| place.is_energy()) {
+            parts.push((1.0, graph.multiply(coefficient, expr)));
         }
     }
     graph.linear(0.0, &parts)
+}
+
+/// What the instrument adds to each observable, and its derivatives by the unknowns.
+fn instrument(graph: &mut Graph, system: &System, active: &[usize], probes: &[usize]) -> Gradient {
+    let mut gradient = Gradient { rows: Vec::new(), linear: Vec::new() };
+    for observable in 0..2 * system.degrees() {
+        let place = Place::Sensor(observable);
+        let mut parts: Vec<(f64, Expr)> =
+            system.sensors.get(observable).map(|&known| (1.0, known)).into_iter().collect();
+        for &k in active {
+            if let Some(expr) = system.terms[k].part(place) {
+                let coefficient = graph.symbol(Symbol::Coefficient(k));
+                parts.push((1.0, graph.multiply(coefficient, expr)));
+            }
+        }
+        let row = graph.linear(0.0, &parts);
+        // The rate of an observable holds the coefficients of H: every one is derived by.
+        let mut linear: Vec<(usize, Expr)> = Vec::new();
+        if !graph.is_zero(row) {
+            for (unknown, &k) in active.iter().enumerate() {
+                let derivative = graph.derivative(row, Symbol::Coefficient(k));
+                if !graph.is_zero(derivative) {
+                    linear.push((unknown, derivative));
+                }
+            }
+        }
+        for (probe, &k) in probes.iter().enumerate() {
+            if let Some(expr) = system.terms[k].part(place) {
+                linear.push((active.len() + probe, expr));
+            }
+        }
+        gradient.rows.push(row);
+        gradient.linear.push(linear);
+    }
+    gradient
 }

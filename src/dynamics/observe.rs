@@ -4,7 +4,8 @@ use super::batch::{Batch, Scratch};
 use super::equations::Dynamics;
 use crate::expr::Observed;
 
-/// h(z): coordinates, then momenta or velocities dH/dp, into `out`, `[2n][lanes]`.
+/// h(z): coordinates, then momenta or velocities dH/dp, with what the instrument adds to each,
+/// into `out`, `[2n][lanes]`.
 ///
 /// `out_tangent`, `[2n][2n + P][lanes]`, gets the derivative by (initial state, theta) if the
 /// batch has tangents, and is left alone otherwise.
@@ -14,11 +15,36 @@ pub fn observe(
     batch: &Batch,
     theta: &[f64],
     out: &mut [f64],
+    mut out_tangent: Option<&mut [f64]>,
+    scratch: &mut Scratch,
+) {
+    out_tangent = out_tangent.filter(|_| batch.has_tangents());
+    ideal(dynamics, observed, batch, theta, out, out_tangent.as_deref_mut(), scratch);
+    let Some(instrument) = dynamics.instrument() else { return };
+    let (lanes, columns) = (batch.lanes, batch.columns());
+    scratch.time.clone_from(&batch.time);
+    instrument.evaluate(&batch.state, lanes, theta, out_tangent.is_some(), scratch);
+    let (added, entries) = scratch.out.split_at(instrument.rows * lanes);
+    for (value, added) in out.iter_mut().zip(added) {
+        *value += added;
+    }
+    if let Some(out_tangent) = out_tangent {
+        let first = 2 * batch.degrees();
+        instrument.push(out_tangent, &batch.tangent, entries, first, columns, lanes);
+    }
+}
+
+/// What an ideal instrument shows.
+fn ideal(
+    dynamics: &Dynamics,
+    observed: Observed,
+    batch: &Batch,
+    theta: &[f64],
+    out: &mut [f64],
     out_tangent: Option<&mut [f64]>,
     scratch: &mut Scratch,
 ) {
     let (lanes, degrees, columns) = (batch.lanes, batch.degrees(), batch.columns());
-    let out_tangent = out_tangent.filter(|_| batch.has_tangents());
     out[..batch.state.len()].copy_from_slice(&batch.state);
     if observed == Observed::Momenta {
         if let Some(out_tangent) = out_tangent {
