@@ -1,11 +1,12 @@
 //! Results as people read them.
 
+pub mod layout;
 pub mod present;
 mod text;
 
 use serde_json::{Value, json};
 
-pub use text::fit_text;
+pub use text::{fit_text, seconds};
 
 use crate::expr::System;
 use crate::fit::Model;
