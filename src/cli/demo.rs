@@ -149,7 +149,7 @@ const SIGMA: f64 = 0.005;
 fn henon_heiles(stage: &Stage) -> Result<Value> {
     let say = |text: &str| match stage.console.is_json() {
         true => Ok(()),
-        false => stage.console.text(text),
+        false => stage.console.text(&format!("{}\n\n", text.trim_end())),
     };
     let pairs = if stage.quick { 1_000 } else { 5_000 };
     let clock = Instant::now();

@@ -45,6 +45,16 @@ fn hamiltonian(report: &FitReport, width: usize) -> String {
     lines.join("\n")
 }
 
+/// Three significant digits, zeros too: `1.00`.
+fn three(value: f64) -> String {
+    match value.abs() {
+        size if (0.01..0.9995).contains(&size) => format!("{value:.3}"),
+        size if (0.9995..9.995).contains(&size) => format!("{value:.2}"),
+        size if (9.995..99.95).contains(&size) => format!("{value:.1}"),
+        _ => significant(value, 3),
+    }
+}
+
 fn unit(text: &Option<String>) -> String {
     text.as_ref().map_or(String::new(), |unit| if unit == "1" { String::new() } else { unit.clone() })
 }
@@ -83,7 +93,10 @@ fn parameters(model: &Model, width: usize) -> String {
 
 fn quality(report: &FitReport, width: usize) -> String {
     let model = report.model;
-    let rows = model.noise.iter().map(|noise| {
+    let rows = model.noise.iter().enumerate().map(|(row, noise)| {
+        if report.measured.get(row) == Some(&false) {
+            return vec![noise.observable.clone(), String::new(), "not measured".to_string()];
+        }
         let below = noise.standard_deviation <= 2.0 * noise.resolution;
         vec![
             noise.observable.clone(),
@@ -94,8 +107,8 @@ fn quality(report: &FitReport, width: usize) -> String {
     let mut text = table(&["noise of", "standard deviation", ""], rows.collect(), &[1], width);
     let evidence = &model.evidence;
     let sentence = format!(
-        "Residuals are {} of the noise (root mean square of {}; {} in {}, cut into {}).",
-        significant(evidence.error, 3),
+        "The residuals are {} times the noise (root mean square of {}; {} in {}, cut into {}).",
+        three(evidence.error),
         counted(evidence.residuals, "residual"),
         counted(evidence.samples, "sample"),
         counted(evidence.runs, "run"),
@@ -134,7 +147,7 @@ fn front(model: &Model, width: usize) -> String {
         rows.push(vec![
             if point.chosen { "->".to_string() } else { String::new() },
             point.terms.len().to_string(),
-            significant(point.error, 3),
+            three(point.error),
             format!("{:.1}", point.criterion - best),
             change,
         ]);
