@@ -15,6 +15,8 @@ use crate::expr::System;
 const RUNNERS_UP: usize = 8;
 /// Exchanges that cost the criterion less are named: odds of 20 to 1.
 const CLOSE: f64 = 6.0;
+/// Combinations of this many terms are not spelled out.
+const SHOWN: usize = 6;
 /// Largest function space that is searched for exact dependences.
 const DEPENDENCE: usize = 1000;
 
@@ -93,7 +95,9 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
             learned,
             criterion: chosen,
             selection: match training.options.selection {
-                Selection::Information => "extended Bayesian information criterion".to_string(),
+                Selection::Information => {
+                    "Bayesian information criterion and description length".to_string()
+                }
                 Selection::Unseen => "error on unseen folds".to_string(),
             },
             loss: training.options.loss.row().name.to_string(),
@@ -238,13 +242,15 @@ fn sentence(system: &System, terms: &usize, found: &Unlearnable) -> Option<Strin
             let term = name(*column)?;
             let parts: Vec<String> =
                 on.iter().filter_map(|&(c, x)| Some(format!("{x:.4} * {}", name(c)?))).collect();
-            Some(if parts.is_empty() {
-                format!("`{term}` changes nothing that was measured: it cannot be learned")
-            } else {
-                format!(
+            Some(match parts.len() {
+                0 | SHOWN.. => format!(
+                    "`{term}` does what a combination of other terms does, to rounding: these \
+                     data cannot tell them apart"
+                ),
+                _ => format!(
                     "`{term}` does exactly what {} does: these data cannot tell them apart",
                     parts.join(" + ")
-                )
+                ),
             })
         }
     }

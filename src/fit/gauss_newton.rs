@@ -3,10 +3,10 @@
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
+use super::bounded::solve_bounded;
 use super::factor::Factor;
 use super::monitor::Monitor;
 use super::pass::{Linearised, Problem, States, Sums, linearise, settle};
-use super::support::solve_bounded;
 use crate::dynamics::Dynamics;
 use crate::expr::Bounds;
 

@@ -5,7 +5,10 @@
 //! ([`pass`]), gathered in a triangular factor ([`factor`]) on which the support is searched
 //! ([`path`], [`support`]) and refitted ([`gauss_newton`]); rounds of this are [`train`].
 
+pub mod bounded;
 mod conclude;
+pub mod criterion;
+pub mod elimination;
 pub mod factor;
 pub mod first_order;
 pub mod gauss_newton;

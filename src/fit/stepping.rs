@@ -82,7 +82,9 @@ pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64]) -> Choice
     let limited = training.noise.iter().zip(&training.spread).zip(&training.integrator.error).any(
         |((s, spread), error)| error.is_finite() && *s < SUSPECT * error || *s < FINEST * spread,
     );
-    let share = if limited { 0.0 } else { SHARE };
+    // Errors of consecutive intervals add up along a segment.
+    let intervals = training.window.saturating_sub(1).max(1) as f64;
+    let share = if limited { 0.0 } else { SHARE / intervals };
     let tolerance: Vec<f64> = training.noise.iter().map(|s| share * s).collect();
     let mut scratch = Scratch::new();
     let choice = choose_steps(dynamics, theta, &batch, &span, &tolerance, &mut scratch);
@@ -107,7 +109,7 @@ pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64]) -> Choice
     let resolution = rounding
         .iter()
         .zip(&error)
-        .map(|(r, e)| if e.is_finite() { r.max(MARGIN * e) } else { *r })
+        .map(|(r, e)| if e.is_finite() { r.max(MARGIN * intervals * e) } else { *r })
         .collect();
     Choice { stepping, error, resolution, reason }
 }

@@ -1,14 +1,17 @@
 //! The search for the support: which terms of the function space the data ask for.
 //!
 //! Everything happens on the triangular factor, where trying a support costs microseconds.
-//! Candidates come from the L1 path, from backward elimination of the whole space and from
-//! forward selection; the best by the criterion is polished by additions, removals and
-//! exchanges until none of them pays.
+//! Candidates come from the L1 path, from backward elimination of the whole space and of the
+//! nested spaces of its simplest terms, and from forward selection; the best by the criterion
+//! are polished by additions, removals and exchanges until none of them pays.
 
 use std::collections::{BTreeMap, HashMap};
 
 use nalgebra::{DMatrix, DVector};
 
+use super::bounded::solve_bounded;
+use super::criterion::Criterion;
+use super::elimination::Elimination;
 use super::factor::Factor;
 use super::path::{PathPoint, Settings, path};
 use crate::expr::Bounds;
@@ -24,6 +27,10 @@ pub struct Columns {
     pub forced: Vec<usize>,
     /// Allowed values, for each column.
     pub bounds: Vec<Bounds>,
+    /// [`complexity`](super::criterion::complexity) of each term.
+    pub complexity: Vec<u32>,
+    /// [`choice_costs`](super::criterion::choice_costs) of each term.
+    pub costs: Vec<f64>,
 }
 
 impl Columns {
@@ -51,31 +58,9 @@ impl Columns {
                 .collect(),
             forced: self.forced.iter().filter_map(place).collect(),
             bounds: kept.iter().map(|&c| self.bounds[c]).collect(),
+            complexity: terms.iter().map(|&k| self.complexity[k]).collect(),
+            costs: terms.iter().map(|&k| self.costs[k]).collect(),
         }
-    }
-}
-
-/// How supports are compared: smaller is better.
-///
-/// `rows log(squares / rows + floor^2) + unknowns log(rows) + 2 terms log(space)`: the extended
-/// Bayesian information criterion (Chen and Chen, Biometrika 95, 2008, eq. 2.2, gamma = 1) with
-/// `space ^ terms` for the number of supports, as if every term were the first to be looked
-/// for: a term that is noise gets in about once in a thousand fits, whatever the size of the
-/// space. Residuals below the floor (rounding, the integrator's own error) earn nothing.
-#[derive(Debug, Clone, Copy)]
-pub struct Criterion {
-    /// In units of the weighted residuals.
-    pub floor: f64,
-    /// Size of the function space.
-    pub terms: usize,
-}
-
-impl Criterion {
-    pub fn value(&self, squares: f64, rows: usize, terms: usize, parameters: usize) -> f64 {
-        let n = rows.max(1) as f64;
-        let variance = (squares / n + self.floor * self.floor).max(f64::MIN_POSITIVE);
-        let choice = 2.0 * terms as f64 * (self.terms.max(1) as f64).ln();
-        n * variance.ln() + (terms + parameters) as f64 * n.ln() + choice
     }
 }
 
@@ -102,6 +87,8 @@ pub struct Search {
 
 /// The largest support that is looked at closely.
 const LARGEST: usize = 80;
+/// Nested spaces that are searched, at most.
+const NESTED: usize = 8;
 /// Rounds of additions, removals and exchanges before the search gives up.
 const ROUNDS: usize = 60;
 /// How many of the best candidates are polished.
@@ -109,7 +96,7 @@ const POLISHED: usize = 3;
 
 /// Searches the supports of a factor whose unknowns are absolute (not increments).
 pub fn search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Search {
-    let mut pool = Pool { factor, columns, criterion, known: HashMap::new() };
+    let mut pool = Pool::new(factor, columns, criterion);
     let penalised: Vec<bool> = (0..factor.columns()).map(|k| k < columns.terms).collect();
     let settings = Settings { most_terms: LARGEST, ..Settings::default() };
     let path = path(factor, &penalised, &columns.bounds, &settings);
@@ -126,7 +113,9 @@ pub fn search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Searc
         let start: Vec<usize> = widest.into_iter().filter(|&k| k < columns.terms).collect();
         pool.eliminate(start);
     }
-    pool.eliminate((0..columns.terms).collect());
+    for level in levels(&columns.complexity) {
+        pool.eliminate((0..columns.terms).filter(|&k| columns.complexity[k] <= level).collect());
+    }
     pool.grow();
     for candidate in pool.best(POLISHED) {
         pool.polish(candidate);
@@ -135,9 +124,22 @@ pub fn search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Searc
     Search { candidates: pool.best(usize::MAX), path, tried }
 }
 
+/// Complexities up to which nested spaces are taken, the largest last.
+fn levels(complexity: &[u32]) -> Vec<u32> {
+    let mut levels = complexity.to_vec();
+    levels.sort_unstable();
+    levels.dedup();
+    if levels.len() > NESTED {
+        let last = levels.len() - 1;
+        let spread = (0..NESTED).map(|i| levels[i * last / (NESTED - 1)]).collect();
+        levels = spread;
+    }
+    levels
+}
+
 /// Backward elimination and forward selection alone: for resampling, where speed counts.
 pub fn quick_search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Candidate {
-    let mut pool = Pool { factor, columns, criterion, known: HashMap::new() };
+    let mut pool = Pool::new(factor, columns, criterion);
     pool.try_support(Vec::new());
     pool.eliminate((0..columns.terms).collect());
     pool.grow();
@@ -162,12 +164,13 @@ pub fn alternatives(
     within: f64,
 ) -> Vec<Alternative> {
     const EACH: usize = 4;
-    let mut pool = Pool { factor, columns, criterion, known: HashMap::new() };
+    let mut pool = Pool::new(factor, columns, criterion);
     let best = pool.try_support(support.to_vec()).criterion;
     let mut found = Vec::new();
-    for &term in support {
+    let moves = pool.moves(support);
+    for (&term, exchanges) in support.iter().zip(&moves.exchanges) {
         let rest: Vec<usize> = support.iter().copied().filter(|&k| k != term).collect();
-        for (instead, _) in pool.gains(&rest).into_iter().filter(|g| g.0 != term).take(EACH) {
+        for &(instead, _) in exchanges.iter().take(EACH) {
             let mut exchanged = rest.clone();
             exchanged.push(instead);
             let difference = pool.try_support(exchanged).criterion - best;
@@ -182,7 +185,7 @@ pub fn alternatives(
 
 /// The whole function space as the only candidate: a fit without sparsity.
 pub fn whole(factor: &Factor, columns: &Columns, criterion: Criterion) -> Search {
-    let mut pool = Pool { factor, columns, criterion, known: HashMap::new() };
+    let mut pool = Pool::new(factor, columns, criterion);
     pool.try_support((0..columns.terms).collect());
     Search { candidates: pool.best(usize::MAX), path: Vec::new(), tried: 1 }
 }
@@ -212,9 +215,24 @@ struct Pool<'a> {
     columns: &'a Columns,
     criterion: Criterion,
     known: HashMap<Vec<usize>, Candidate>,
+    design: DMatrix<f64>,
+    target: DVector<f64>,
+    norms: Vec<f64>,
 }
 
-impl Pool<'_> {
+impl<'a> Pool<'a> {
+    fn new(factor: &'a Factor, columns: &'a Columns, criterion: Criterion) -> Self {
+        Pool {
+            factor,
+            columns,
+            criterion,
+            known: HashMap::new(),
+            design: factor.design(),
+            target: factor.target(),
+            norms: factor.norms(),
+        }
+    }
+
     /// Refits a support without penalty; a coefficient that ends on a bound of zero leaves it.
     fn try_support(&mut self, mut support: Vec<usize>) -> Candidate {
         support.sort_unstable();
@@ -234,9 +252,9 @@ impl Pool<'_> {
             let smaller = support.iter().copied().filter(|&k| !stuck(k)).collect();
             return self.try_support(smaller);
         }
-        let parameters = columns.len() - support.len();
-        let criterion =
-            self.criterion.value(solution.squares, self.factor.rows(), support.len(), parameters);
+        let choice = support.iter().map(|&k| self.columns.costs[k]).sum();
+        let rows = self.factor.rows();
+        let criterion = self.criterion.value(solution.squares, rows, columns.len(), choice);
         let candidate =
             Candidate { support: support.clone(), values, squares: solution.squares, criterion };
         self.known.insert(support, candidate.clone());
@@ -273,7 +291,7 @@ impl Pool<'_> {
         let mut best = current.criterion;
         let mut idle = 0;
         while idle < 3 && current.support.len() < LARGEST.min(self.columns.terms) {
-            let Some(&(add, _)) = self.gains(&current.support).first() else { return };
+            let Some(&(add, _)) = self.moves(&current.support).additions.first() else { return };
             let mut support = current.support.clone();
             support.push(add);
             let next = self.try_support(support);
@@ -286,45 +304,76 @@ impl Pool<'_> {
         }
     }
 
-    /// Terms outside a support by how much each alone would take off the squares, best first.
-    fn gains(&self, support: &[usize]) -> Vec<(usize, f64)> {
+    /// What additions to a support and exchanges of one of its terms would do to the squares.
+    fn moves(&self, support: &[usize]) -> Moves {
         let columns = self.columns.of(support);
-        let basis = orthonormal(&self.factor.design().select_columns(&columns));
-        let design = self.factor.design();
-        let target = self.factor.target();
-        let residual = &target - &basis * basis.tr_mul(&target);
-        let shadows = basis.tr_mul(&design);
-        let mut gains: Vec<(usize, f64)> = (0..self.columns.terms)
-            .filter(|k| support.binary_search(k).is_err())
-            .filter_map(|k| {
-                let norm = design.column(k).norm_squared();
-                let left = norm - shadows.column(k).norm_squared();
-                // A column inside the span of the support cannot help; what is left is rounding.
-                (left > 1e-20 * norm && left > 0.0).then(|| {
-                    let deflated = design.column(k) - &basis * shadows.column(k);
-                    let left = deflated.norm_squared();
-                    (k, deflated.dot(&residual).powi(2) / left.max(f64::MIN_POSITIVE))
-                })
+        let chosen = self.design.select_columns(&columns);
+        let (basis, duals) = basis_and_duals(&chosen);
+        let residual = &self.target - &basis * basis.tr_mul(&self.target);
+        let terms: Vec<usize> =
+            (0..self.columns.terms).filter(|k| support.binary_search(k).is_err()).collect();
+        let outside = self.design.select_columns(&terms);
+        let shadows = basis.tr_mul(&outside);
+        let along = duals.tr_mul(&outside);
+        let slopes = outside.tr_mul(&residual);
+        let heights = duals.tr_mul(&self.target);
+        // What is left of a column outside the support's span; below rounding nothing is.
+        let left: Vec<f64> = terms
+            .iter()
+            .enumerate()
+            .map(|(c, &k)| {
+                let norm = self.norms[k] * self.norms[k];
+                let left = norm - shadows.column(c).norm_squared();
+                if left > 1e-8 * norm {
+                    return left;
+                }
+                let deflated = outside.column(c) - &basis * shadows.column(c);
+                let left = deflated.norm_squared();
+                if left > 1e-22 * norm { left } else { 0.0 }
             })
             .collect();
-        gains.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        gains
+        let mut additions: Vec<(usize, f64)> = terms
+            .iter()
+            .enumerate()
+            .filter(|&(c, _)| left[c] > 0.0)
+            .map(|(c, &k)| (k, slopes[c] * slopes[c] / left[c]))
+            .collect();
+        additions.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        let exchanges = (0..support.len())
+            .map(|out| {
+                let height = heights[out];
+                let mut rises: Vec<(usize, f64)> = terms
+                    .iter()
+                    .enumerate()
+                    .filter(|&(c, _)| left[c] + along[(out, c)].powi(2) > 0.0)
+                    .map(|(c, &k)| {
+                        let d = along[(out, c)];
+                        let slope = slopes[c] + height * d;
+                        (k, height * height - slope * slope / (left[c] + d * d))
+                    })
+                    .collect();
+                rises.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+                rises
+            })
+            .collect();
+        Moves { additions, exchanges }
     }
 
     /// Additions, removals and exchanges until none of them pays.
     fn polish(&mut self, start: Candidate) {
         let mut current = start;
         for _ in 0..ROUNDS {
+            let moves = self.moves(&current.support);
             let mut neighbours = Vec::new();
-            for &(add, _) in self.gains(&current.support).iter().take(3) {
+            for &(add, _) in moves.additions.iter().take(3) {
                 let mut support = current.support.clone();
                 support.push(add);
                 neighbours.push(support);
             }
-            for out in 0..current.support.len() {
+            for (out, exchanges) in moves.exchanges.iter().enumerate() {
                 let mut rest = current.support.clone();
                 rest.remove(out);
-                for &(add, _) in self.gains(&rest).iter().take(2) {
+                for &(add, _) in exchanges.iter().take(2) {
                     let mut support = rest.clone();
                     support.push(add);
                     neighbours.push(support);
@@ -343,170 +392,30 @@ impl Pool<'_> {
     }
 }
 
-/// Backward elimination: the inverse triangle is updated with every column that leaves.
-struct Elimination {
-    support: Vec<usize>,
-    /// Factor columns in the order of the triangle.
-    columns: Vec<usize>,
-    triangle: DMatrix<f64>,
-    inverse: DMatrix<f64>,
-    target: DVector<f64>,
+/// Changes of a support by one term, by what they do to the sum of squares.
+struct Moves {
+    /// (term, fall), best first.
+    additions: Vec<(usize, f64)>,
+    /// For each term of the support: (term in its place, rise), best first.
+    exchanges: Vec<Vec<(usize, f64)>>,
 }
 
-impl Elimination {
-    fn new(factor: &Factor, columns: &Columns, support: Vec<usize>) -> Self {
-        let chosen: Vec<usize> =
-            columns.of(&support).into_iter().filter(|&k| factor.norms()[k] > 0.0).collect();
-        let mut selected = factor.select(&chosen);
-        // A trace of ridge keeps dependent columns apart; it is far below what is looked at.
-        let norms = selected.norms();
-        let mut ridge = DMatrix::zeros(chosen.len(), chosen.len() + 1);
-        for (k, norm) in norms.iter().enumerate() {
-            ridge[(k, k)] = 1e-13 * norm;
-        }
-        selected.push(&mut ridge, 0);
-        let triangle = selected.design();
-        let size = chosen.len();
-        let inverse = triangle
-            .solve_upper_triangular(&DMatrix::identity(size, size))
-            .unwrap_or_else(|| DMatrix::identity(size, size));
-        let support = support.into_iter().filter(|k| chosen.contains(k)).collect();
-        Elimination { support, columns: chosen, triangle, inverse, target: selected.target() }
+/// An orthonormal basis of the columns' span, and for each column the unit vector of the span
+/// that all other columns are perpendicular to (zero where a column depends on the others).
+fn basis_and_duals(columns: &DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+    let (rows, size) = columns.shape();
+    if size == 0 {
+        return (DMatrix::zeros(rows, 0), DMatrix::zeros(rows, 0));
     }
-
-    fn remove_weakest(&mut self, columns: &Columns) {
-        let solution = &self.inverse * &self.target;
-        let weakest = self
-            .columns
-            .iter()
-            .enumerate()
-            .filter(|&(_, &c)| c < columns.terms)
-            .map(|(i, &c)| {
-                let spread = self.inverse.row(i).norm_squared();
-                (i, c, solution[i] * solution[i] / spread)
-            })
-            .min_by(|a, b| a.2.total_cmp(&b.2));
-        let Some((at, term, _)) = weakest else {
-            self.support.clear();
-            return;
-        };
-        self.remove(at);
-        self.support.retain(|&k| k != term);
-        let keep = columns.of(&self.support);
-        while let Some(at) = self.columns.iter().position(|c| !keep.contains(c)) {
-            self.remove(at);
-        }
+    let decomposition = columns.clone().qr();
+    let (q, r) = (decomposition.q(), decomposition.r());
+    let mut duals = match r.solve_upper_triangular(&DMatrix::identity(size, size)) {
+        Some(inverse) => &q * inverse.transpose(),
+        None => DMatrix::zeros(rows, size),
+    };
+    for mut dual in duals.column_iter_mut() {
+        let norm = dual.norm();
+        dual.scale_mut(if norm > 0.0 && norm.is_finite() { 1.0 / norm } else { 0.0 });
     }
-
-    /// Takes one column out and rotates the triangle back into shape.
-    fn remove(&mut self, at: usize) {
-        let size = self.columns.len();
-        self.columns.remove(at);
-        let mut triangle = std::mem::replace(&mut self.triangle, DMatrix::zeros(0, 0));
-        triangle = triangle.remove_column(at);
-        for k in at..size - 1 {
-            let (a, b) = (triangle[(k, k)], triangle[(k + 1, k)]);
-            let length = a.hypot(b);
-            if length == 0.0 {
-                continue;
-            }
-            let (c, s) = (a / length, b / length);
-            for column in k..size - 1 {
-                let (x, y) = (triangle[(k, column)], triangle[(k + 1, column)]);
-                triangle[(k, column)] = c * x + s * y;
-                triangle[(k + 1, column)] = c * y - s * x;
-            }
-            let (x, y) = (self.target[k], self.target[k + 1]);
-            self.target[k] = c * x + s * y;
-            self.target[k + 1] = c * y - s * x;
-            let (mut left, mut right) = self.inverse.columns_range_pair_mut(k, k + 1);
-            for row in 0..size {
-                let (x, y) = (left[row], right[row]);
-                left[row] = c * x + s * y;
-                right[row] = c * y - s * x;
-            }
-        }
-        self.triangle = triangle.remove_row(size - 1);
-        let inverse = std::mem::replace(&mut self.inverse, DMatrix::zeros(0, 0));
-        self.inverse = inverse.remove_row(at).remove_column(size - 1);
-        let target = std::mem::replace(&mut self.target, DVector::zeros(0));
-        self.target = target.remove_row(size - 1);
-    }
-}
-
-/// An orthonormal basis of the columns' span.
-fn orthonormal(columns: &DMatrix<f64>) -> DMatrix<f64> {
-    if columns.ncols() == 0 {
-        return DMatrix::zeros(columns.nrows(), 0);
-    }
-    columns.clone().qr().q()
-}
-
-/// Least squares within bounds.
-pub struct Bounded {
-    pub values: DVector<f64>,
-    pub squares: f64,
-    /// Unknowns that ended on a bound.
-    pub bound: Vec<usize>,
-}
-
-/// Solves `min |A x - b|` with `lower <= x <= upper` by an active set: what leaves its bounds
-/// is fixed on them, what pulls back inside is freed again
-/// (Stark and Parker, "Bounded-variable least squares", Comput. Stat. 10, 1995).
-pub fn solve_bounded(factor: &Factor, bounds: impl Fn(usize) -> Bounds) -> Bounded {
-    let size = factor.columns();
-    let mut fixed: Vec<Option<f64>> = vec![None; size];
-    let mut values = DVector::zeros(size);
-    for _ in 0..=3 * size {
-        let free: Vec<usize> = (0..size).filter(|&k| fixed[k].is_none()).collect();
-        let mut reduced = factor.clone();
-        let held = DVector::from_fn(size, |k, _| fixed[k].unwrap_or(0.0));
-        reduced.shift(&held);
-        let solution = solve_triangle(&reduced.select(&free));
-        values = held;
-        for (&k, &x) in free.iter().zip(solution.iter()) {
-            values[k] = x;
-        }
-        let outside = free.iter().copied().find(|&k| bounds(k).clamp(values[k]) != values[k]);
-        if let Some(k) = outside {
-            fixed[k] = Some(bounds(k).clamp(values[k]));
-            continue;
-        }
-        let slope = factor.design().tr_mul(&(factor.target() - factor.design() * &values));
-        let release = (0..size).find(|&k| {
-            let inward = match fixed[k] {
-                Some(x) if x <= bounds(k).lower => slope[k],
-                Some(_) => -slope[k],
-                None => return false,
-            };
-            bounds(k).lower < bounds(k).upper && inward > 1e-12 * slope.amax()
-        });
-        match release {
-            Some(k) => fixed[k] = None,
-            None => break,
-        }
-    }
-    let bound = (0..size).filter(|&k| fixed[k].is_some()).collect();
-    Bounded { squares: factor.squares(&values), values, bound }
-}
-
-/// Back substitution; an unknown that the data do not touch, or that earlier ones span, is zero.
-pub fn solve_triangle(factor: &Factor) -> DVector<f64> {
-    let triangle = factor.design();
-    let target = factor.target();
-    let norms = factor.norms();
-    let size = factor.columns();
-    let mut solution = DVector::zeros(size);
-    for k in (0..size).rev() {
-        let pivot = triangle[(k, k)];
-        if pivot.abs() <= 1e-14 * norms[k] || pivot == 0.0 {
-            continue;
-        }
-        let mut sum = target[k];
-        for j in k + 1..size {
-            sum -= triangle[(k, j)] * solution[j];
-        }
-        solution[k] = sum / pivot;
-    }
-    solution
+    (q, duals)
 }

@@ -5,6 +5,7 @@
 //! until the support and the noise stand still; segments grow for as long as the model
 //! follows them; the integrator is made as accurate as the noise asks for.
 
+use super::criterion::{Criterion, choice_costs, complexity};
 use super::factor::Factor;
 use super::gauss_newton::{Refit, StopReason, refit};
 use super::monitor::Monitor;
@@ -12,7 +13,7 @@ use super::options::Options;
 use super::pass::{Problem, States, Sums, linearise, settle};
 use super::segments::{Segments, cut, first_state, longest_run, typical_step};
 use super::stepping::{self, Choice};
-use super::support::{Candidate, Columns, Criterion, Search, search};
+use super::support::{Candidate, Columns, Search, search};
 use crate::data::Dataset;
 use crate::dynamics::Dynamics;
 use crate::error::{Error, Result};
@@ -219,7 +220,7 @@ impl<'a> Training<'a> {
             ));
         }
         let columns = self.columns(&whole);
-        let criterion = Criterion { floor: self.floor(), terms: self.system.terms.len() };
+        let criterion = Criterion { floor: self.floor() };
         // Coefficients are looked for as they are, parameters as increments.
         let terms = self.system.terms.len();
         let origin =
@@ -334,7 +335,10 @@ impl<'a> Training<'a> {
             let Bounds { lower, upper } = self.system.parameters[j].bounds;
             Bounds { lower: lower - self.parameters[j], upper: upper - self.parameters[j] }
         }));
-        Columns { terms, companions, forced, bounds }
+        let complexity: Vec<u32> =
+            self.system.terms.iter().map(|t| complexity(&self.system.graph, t.expr)).collect();
+        let costs = choice_costs(&complexity);
+        Columns { terms, companions, forced, bounds, complexity, costs }
     }
 
     /// Rounds until the support and the noise stand still.
@@ -450,13 +454,13 @@ fn best_start<'a>(first: Training<'a>, monitor: &dyn Monitor) -> Result<Training
         trial.thin(TRIAL_SEGMENTS);
         let Ok(round) = trial.rounds(monitor) else { continue };
         let unknowns = round.refit.theta.len();
-        let terms = trial.support.len();
+        let choice = trial.support.iter().map(|&k| round.columns.costs[k]).sum();
         // The criterion in absolute units: every try has its own estimate of the noise.
         let rows = round.refit.sums.rows;
         let noise: f64 = trial.noise.iter().map(|s| s.ln()).sum::<f64>();
         let scale = 2.0 * noise / trial.noise.len() as f64;
-        let value = rows as f64 * scale
-            + round.criterion.value(1.0 * rows as f64, rows, terms, unknowns - terms);
+        let value =
+            rows as f64 * scale + round.criterion.value(rows as f64, rows, unknowns, choice);
         let better = best.as_ref().is_none_or(|(least, _)| value < *least);
         if better && value.is_finite() {
             best = Some((value, trial));

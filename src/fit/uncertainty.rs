@@ -5,8 +5,9 @@ use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+use super::criterion::Criterion;
 use super::factor::Factor;
-use super::support::{Candidate, Columns, Criterion, quick_search};
+use super::support::{Candidate, Columns, quick_search};
 
 /// Covariance of the unknowns of a factor for residuals of the given variance.
 ///
@@ -73,9 +74,10 @@ pub fn inclusion(
             }
         }
         for k in quick_search(&drawn, &narrowed, criterion).support {
-            frequency[pool[k]] += 1.0 / DRAWS as f64;
+            frequency[pool[k]] += 1.0;
         }
     }
+    frequency.iter_mut().for_each(|count| *count /= DRAWS as f64);
     frequency
 }
 
@@ -84,13 +86,16 @@ pub fn inclusion(
 pub enum Unlearnable {
     /// It does not change any measured value.
     Untouched { column: usize },
-    /// It does the same as a combination of others.
+    /// It does the same as a combination of others (empty: which one was not looked for).
     Dependent { column: usize, on: Vec<(usize, f64)> },
 }
 
 /// Columns that are zero, or a combination of the others to rounding.
 pub fn unlearnable(factor: &Factor) -> Vec<Unlearnable> {
-    const SMALL: f64 = 1e-11;
+    const SMALL: f64 = 1e-12;
+    /// So many dependences are taken apart; the rest are only named.
+    const MADE_OF: usize = 4;
+    let mut made_of = 0;
     let norms = factor.norms();
     let mut found: Vec<Unlearnable> = (0..norms.len())
         .filter(|&k| norms[k] == 0.0)
@@ -119,11 +124,16 @@ pub fn unlearnable(factor: &Factor) -> Vec<Unlearnable> {
             independent.push(k);
             continue;
         }
+        if made_of == MADE_OF {
+            found.push(Unlearnable::Dependent { column: k, on: Vec::new() });
+            continue;
+        }
+        made_of += 1;
         let mut target = factor.select(&independent);
         let with = factor.select(&[independent.clone(), vec![k]].concat());
         let size = independent.len();
         target = replace_target(&target, &with.design().column(size).rows(0, size).clone_owned());
-        let mix = super::support::solve_triangle(&target);
+        let mix = super::bounded::solve_triangle(&target);
         let on = independent
             .iter()
             .zip(mix.iter())

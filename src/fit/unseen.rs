@@ -1,7 +1,8 @@
 //! Choosing the support by the error on data that a candidate was not fitted to.
 
+use super::bounded::solve_bounded;
 use super::factor::Factor;
-use super::support::{Candidate, Columns, solve_bounded};
+use super::support::{Candidate, Columns};
 
 /// Candidates that are compared, at most.
 const COMPARED: usize = 120;
