@@ -13,7 +13,7 @@ use crate::data::{DataReport, Dataset, write_atomically};
 use crate::dynamics::{METHODS, Method};
 use crate::error::{Error, Result};
 use crate::expr::{Observed, System};
-use crate::fit::{self, LOSSES, Loss, Model, Options, Selection, Trainer};
+use crate::fit::{self, LOSSES, Loss, Model, Options, Selection, StopReason, Trainer};
 use crate::report::{self, FitReport, present};
 
 /// Learn the unknown part of a spec's energy and forces from its data.
@@ -110,6 +110,7 @@ impl Arguments {
             method: self.method.as_deref().and_then(Method::by_name),
             longest_step: self.step,
             window: self.window,
+            parameter_starts: Vec::new(),
             starts: self.starts,
             sparse: !self.dense,
             seed: self.seed,
@@ -119,13 +120,16 @@ impl Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
-    let options = arguments.options()?;
+    let mut options = arguments.options()?;
     let project = Project::open(&arguments.spec)?;
+    options.parameter_starts.clone_from(&project.compiled.starts);
     console.diagnostics(&project.name(), &project.text, &project.compiled.warnings);
     let (dataset, about) = project.data(arguments.data.as_deref())?;
     for warning in &about.warnings {
         console.warning(warning);
     }
+    let path = arguments.output.clone().unwrap_or_else(|| project.model_path());
+    require_writable(&path)?;
     let clock = Instant::now();
     let progress = Progress::new();
     let learned = learn(project.system(), &dataset, &options, arguments.threads, &progress);
@@ -133,22 +137,52 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let model = learned?;
     let elapsed = clock.elapsed().as_secs_f64();
 
-    let path = arguments.output.clone().unwrap_or_else(|| project.model_path());
     let file = ModelFile { model, origin: origin(&project, &dataset, &about) };
-    write_model(&path, &file)?;
-    let report = FitReport::new(
-        project.system(),
-        &file.model,
-        present::simplified(project.system(), &file.model, &file.origin.ranges),
-        elapsed,
-    );
+    // A result that cannot be kept is still printed: it may have taken hours.
+    let written = write_model(&path, &file);
+    let simplified = present::simplified(project.system(), &file.model, &file.origin.ranges);
+    let measured = about.columns.iter().map(|column| column.measured > 0).collect();
+    let report =
+        FitReport { system: project.system(), model: &file.model, simplified, measured, elapsed };
     let mut object = report.to_json();
-    object["model_file"] = json!(path.display().to_string());
+    let path_text = written.is_ok().then(|| path.display().to_string());
+    object["model_file"] = json!(path_text);
     object["data"] = json!(about);
     let text = report::fit_text(&report, console.width());
     console.result(&text, &object)?;
+    written?;
+    if file.model.stop.reason == StopReason::Interrupted {
+        console.warning("Interrupted: this is the best model up to then.");
+    }
     console.message(&format!("Model written to {}.", path.display()));
     Ok(())
+}
+
+/// Whether a file can be made there: to be known before the work, not after it.
+fn require_writable(path: &Path) -> Result<()> {
+    let failed = |error| Error::file("write", path, error);
+    if path.is_dir() {
+        return Err(failed(std::io::Error::other("it is a folder; name a file with -o")));
+    }
+    if path.exists() {
+        return Ok(());
+    }
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    let advice = "name a file in a folder that can be written with -o";
+    match tempfile::tempfile_in(folder) {
+        Ok(_) => Ok(()),
+        Err(error) => {
+            let what = match error.kind() {
+                std::io::ErrorKind::NotFound => "there is no such folder".to_string(),
+                std::io::ErrorKind::PermissionDenied => "the folder is read-only".to_string(),
+                kind => kind.to_string(),
+            };
+            Err(failed(std::io::Error::new(error.kind(), format!("{what}; {advice}"))))
+        }
+    }
 }
 
 /// Fits on the given number of threads.

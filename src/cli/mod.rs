@@ -9,6 +9,7 @@ mod new;
 mod progress;
 mod project;
 mod simulate;
+mod values;
 
 use std::process::ExitCode;
 

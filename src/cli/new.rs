@@ -1,9 +1,354 @@
-//! `leverrier new`
+//! `leverrier new`: looks at a file of measurements and writes a first spec.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde_json::json;
+
 use super::console::Console;
-use crate::error::Result;
-/// New.
-#[derive(clap::Args)]
-pub struct Arguments {}
-pub fn run(_: &Arguments, _: &Console) -> Result<()> {
-    Ok(())
+use super::project::refuse_overwrite;
+use crate::data::{self, Column, Table, write_atomically};
+use crate::error::{Error, Result};
+use crate::expr::{self, FunctionSpace, Unit};
+
+/// Look at the columns of a data file and write a first spec for it.
+///
+/// Guesses which columns are time, run, coordinates, and velocities or momenta, from their
+/// names; says what it assumed. The spec is a plain text to be edited.
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    leverrier new swings.csv                 writes swings.ham\n  \
+    leverrier new swings.csv -o bench.ham\n\n\
+    Column names that are understood: t, time; run, trial, id; theta with omega; x with v (x1 \
+    with\nv1, x with x_dot or vx); q with p. Units are taken from headers such as `theta [rad]`.")]
+pub struct Arguments {
+    /// The file of measurements.
+    pub data: PathBuf,
+    /// The spec to write; by default the data's name with the ending .ham.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Overwrite a spec that exists.
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// What run columns are called.
+const RUN_NAMES: &[&str] = &["run", "trial", "id", "experiment", "trajectory", "series"];
+
+/// What the second column of a pair is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Role {
+    Velocity,
+    Momentum,
+}
+
+/// Names that go together, without the index behind them: coordinate, its partner, and what
+/// the partner is. A new habit is one row here. `*` is any name.
+const PARTNERS: &[(&str, &str, Role)] = &[
+    ("theta", "omega", Role::Velocity),
+    ("phi", "omega", Role::Velocity),
+    ("alpha", "omega", Role::Velocity),
+    ("angle", "angular_velocity", Role::Velocity),
+    ("angle", "omega", Role::Velocity),
+    ("angle", "rate", Role::Velocity),
+    ("position", "velocity", Role::Velocity),
+    ("pos", "vel", Role::Velocity),
+    ("displacement", "velocity", Role::Velocity),
+    ("x", "v", Role::Velocity),
+    ("q", "v", Role::Velocity),
+    ("q", "p", Role::Momentum),
+    ("x", "p", Role::Momentum),
+    ("theta", "p", Role::Momentum),
+    ("*", "*_dot", Role::Velocity),
+    ("*", "*dot", Role::Velocity),
+    ("*", "d*", Role::Velocity),
+    ("*", "d*_dt", Role::Velocity),
+    ("*", "d*dt", Role::Velocity),
+    ("*", "v*", Role::Velocity),
+    ("*", "v_*", Role::Velocity),
+    ("*", "p*", Role::Momentum),
+    ("*", "p_*", Role::Momentum),
+];
+
+/// Coordinates that are angles.
+const ANGLES: &[&str] = &["theta", "phi", "alpha", "angle", "psi"];
+
+/// What the columns were taken for.
+struct Guess<'a> {
+    time: &'a Column,
+    run: Option<&'a Column>,
+    /// Coordinate and its partner.
+    pairs: Vec<(&'a Column, &'a Column)>,
+    role: Role,
+    unused: Vec<&'a Column>,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+    let table = data::read(&arguments.data)?;
+    let path = arguments.output.clone().unwrap_or_else(|| arguments.data.with_extension("ham"));
+    if path == arguments.data {
+        return Err(Error::usage("the spec would take the place of the data", "name it with -o"));
+    }
+    refuse_overwrite(&path, arguments.force)?;
+    let guess = guess(&table)?;
+    let (text, assumed) = spec(&table, &guess, &arguments.data, &path);
+    // What is written must be a spec that can be fitted.
+    let compiled = expr::build(&path.display().to_string(), &text)?;
+    let warnings = constant_columns(&table, &guess);
+    write_atomically(&path, text.as_bytes())?;
+    for warning in &warnings {
+        console.warning(warning);
+    }
+    let object = json!({
+        "format": "leverrier.new/1",
+        "path": path.display().to_string(),
+        "spec": text,
+        "assumed": assumed,
+        "warnings": warnings,
+        "function_space": FunctionSpace::new(&compiled).terms.len(),
+    });
+    let mut lines = vec![format!("{} written. Assumed:", path.display())];
+    lines.extend(assumed.iter().map(|line| format!("  {line}")));
+    lines.push(format!("Edit it, then run `leverrier fit {}`.", path.display()));
+    console.result(&lines.join("\n"), &object)
+}
+
+/// A name in small letters, and the index behind it: `q[1]` and `q_1` are `q` and `1`.
+fn parted(name: &str) -> (String, String) {
+    let lower = name.trim().to_lowercase().replace(['[', ']', ' '], "");
+    let stem = lower.trim_end_matches(|c: char| c.is_ascii_digit());
+    let index = lower[stem.len()..].to_string();
+    (stem.trim_end_matches('_').to_string(), index)
+}
+
+/// Whether two columns are a coordinate and its partner, and what kind.
+fn partners(coordinate: &str, other: &str) -> Option<Role> {
+    let ((stem, index), (other_stem, other_index)) = (parted(coordinate), parted(other));
+    let whole = coordinate.trim().to_lowercase();
+    let other_whole = other.trim().to_lowercase();
+    PARTNERS
+        .iter()
+        .find(|(first, second, _)| {
+            if *first == "*" {
+                second.replace('*', &whole) == other_whole
+                    || index == other_index && second.replace('*', &stem) == other_stem
+            } else {
+                stem == *first && other_stem == *second && index == other_index
+            }
+        })
+        .map(|row| row.2)
+}
+
+fn guess(table: &Table) -> Result<Guess<'_>> {
+    let is = |column: &Column, names: &[&str]| names.contains(&column.name.to_lowercase().as_str());
+    let wrong = |message: String, hint: String| {
+        Error::Data(crate::error::DataError {
+            file: table.path.clone(),
+            line: Some(table.reading.header_line),
+            column: None,
+            message,
+            hint,
+        })
+    };
+    let numeric: Vec<&Column> = table.columns.iter().filter(|c| table.is_numeric(c)).collect();
+    let headers: Vec<String> = table.columns.iter().map(|c| format!("`{}`", c.header)).collect();
+    let time = numeric
+        .iter()
+        .find(|c| is(c, data::TIME_NAMES))
+        .or_else(|| numeric.iter().find(|c| c.name.to_lowercase().starts_with("time")));
+    let Some(&time) = time else {
+        return Err(wrong(
+            format!("no column looks like the time; there are {}", headers.join(", ")),
+            "call it `t` or `time`".to_string(),
+        ));
+    };
+    let run = table.columns.iter().find(|c| is(c, RUN_NAMES));
+    let rest: Vec<&Column> = numeric
+        .iter()
+        .copied()
+        .filter(|c| c.header != time.header && run.is_none_or(|run| run.header != c.header))
+        .collect();
+    let mut pairs: Vec<(&Column, &Column, Role)> = Vec::new();
+    for &coordinate in &rest {
+        for &other in &rest {
+            let taken =
+                |c: &Column| pairs.iter().any(|p| p.0.header == c.header || p.1.header == c.header);
+            if coordinate.header == other.header || taken(coordinate) || taken(other) {
+                continue;
+            }
+            if let Some(role) = partners(&coordinate.name, &other.name) {
+                pairs.push((coordinate, other, role));
+            }
+        }
+    }
+    if pairs.is_empty() {
+        return Err(wrong(
+            format!(
+                "no two columns look like a coordinate and its velocity or momentum; there are {}",
+                headers.join(", ")
+            ),
+            "call them for example `theta` and `omega`, `x` and `v`, or `q` and `p`".to_string(),
+        ));
+    }
+    let momenta = pairs.iter().all(|pair| pair.2 == Role::Momentum);
+    let role = if momenta { Role::Momentum } else { Role::Velocity };
+    let used = |c: &Column| pairs.iter().any(|p| p.0.header == c.header || p.1.header == c.header);
+    let unused = rest.iter().copied().filter(|c| !used(c)).collect();
+    let pairs: Vec<(&Column, &Column)> = pairs.iter().map(|pair| (pair.0, pair.1)).collect();
+    Ok(Guess { time, run, pairs, role, unused })
+}
+
+/// A column's name as a name of the mini-language.
+fn word(name: &str) -> String {
+    let mut out: String = name
+        .trim()
+        .chars()
+        .map(|c| if c.is_alphanumeric() { c } else { '_' })
+        .collect::<String>()
+        .trim_matches('_')
+        .to_string();
+    if !out.starts_with(char::is_alphabetic) {
+        out.insert_str(0, "x_");
+    }
+    if !crate::spec::may_name(&out) || out == "pi" {
+        out.push_str("_1");
+    }
+    out
+}
+
+/// The unit of a header, where the mini-language knows it.
+fn unit(column: &Column) -> Option<String> {
+    column.unit.clone().filter(|unit| Unit::parse(unit).is_ok())
+}
+
+fn bracketed(unit: Option<&String>) -> String {
+    unit.map_or(String::new(), |unit| format!(" [{unit}]"))
+}
+
+/// A name of a column as it may stand in a `data` statement.
+fn quoted(name: &str) -> String {
+    let plain = name.chars().all(|c| c.is_alphanumeric() || c == '_')
+        && name.starts_with(char::is_alphabetic)
+        && crate::spec::may_name(name);
+    if plain { name.to_string() } else { format!("\"{}\"", name.replace('"', "'")) }
+}
+
+/// The text of the spec, and what it assumes in sentences.
+fn spec(table: &Table, guess: &Guess, data: &Path, path: &Path) -> (String, Vec<String>) {
+    let mut assumed = vec![format!("time is `{}`", guess.time.header)];
+    match guess.run {
+        Some(run) => assumed.push(format!("`{}` tells the runs apart", run.header)),
+        None => assumed.push("all rows are one run".to_string()),
+    }
+    let role = match guess.role {
+        Role::Velocity => "velocity",
+        Role::Momentum => "momentum",
+    };
+    let names: Vec<(String, String)> =
+        guess.pairs.iter().map(|(q, v)| (word(&q.name), word(&v.name))).collect();
+    let time_unit = unit(guess.time);
+    // Units are all or nothing: half of them would only be half checked.
+    let all = time_unit.is_some()
+        && guess.pairs.iter().all(|(q, v)| unit(q).is_some() && unit(v).is_some());
+    let shown = |column: &Column| unit(column).filter(|_| all);
+    for (q, v) in &guess.pairs {
+        assumed.push(format!("`{}` is a coordinate and `{}` its {role}", q.header, v.header));
+    }
+    if guess.role == Role::Velocity {
+        assumed.push("every mass is 1 (change T in the spec if you know better)".to_string());
+    }
+    for column in &guess.unused {
+        assumed.push(format!("`{}` is not used", column.header));
+    }
+    let list = |second: bool| -> String {
+        let one = |((q, v), (name_q, name_v)): (&(&Column, &Column), &(String, String))| {
+            let (column, name) = if second { (v, name_v) } else { (q, name_q) };
+            // Degrees are converted: angles are in radians inside functions.
+            let unit = shown(column).map(|unit| unit.replace("deg", "rad"));
+            format!("{name}{}", bracketed(unit.as_ref()))
+        };
+        guess.pairs.iter().zip(&names).map(one).collect::<Vec<_>>().join(", ")
+    };
+    let file = data.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    let same_folder = data.parent() == path.parent();
+    let file = if same_folder { file } else { absolute(data) };
+    let stem = path.file_stem().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+
+    let mut items =
+        format!("time {}{}", quoted(&guess.time.name), bracketed(shown(guess.time).as_ref()));
+    if let Some(run) = guess.run {
+        items.push_str(&format!("  run {}", quoted(&run.name)));
+    }
+    for ((q, v), (name_q, name_v)) in guess.pairs.iter().zip(&names) {
+        for (column, name) in [(q, name_q), (v, name_v)] {
+            let degrees = shown(column).filter(|unit| unit.contains("deg"));
+            if *name != column.name || degrees.is_some() {
+                let header = quoted(&column.name);
+                items.push_str(&format!("  {name} = {header}{}", bracketed(degrees.as_ref())));
+            }
+        }
+    }
+    let momenta: Vec<String> = names
+        .iter()
+        .map(|(q, v)| if guess.role == Role::Velocity { format!("p_{q}") } else { v.clone() })
+        .collect();
+    let kinetic: Vec<String> = momenta.iter().map(|p| format!("{p}^2/2")).collect();
+    let coordinates: Vec<String> = names.iter().map(|(q, _)| q.clone()).collect();
+    let mut space = vec![format!("poly({}; 4)", coordinates.join(", "))];
+    for q in &coordinates {
+        if ANGLES.contains(&parted(q).0.as_str()) {
+            space.push(format!("cos({q})"));
+            space.push(format!("sin({q})"));
+        }
+    }
+    let (keyword, about) = match guess.role {
+        Role::Velocity => ("velocities ", "measured velocities; momenta are called p_..."),
+        Role::Momentum => ("momenta    ", "the momenta that belong to them"),
+    };
+    let text = format!(
+        "# A first spec for {file}, to be edited. Text behind a # is a comment.\n\
+         #   leverrier check {own}     shows what it means\n\
+         #   leverrier fit {own}       learns the unknown part\n\n\
+         system \"{title}\"\n\n\
+         coordinates {coordinates}    # what moves\n\
+         {keyword} {seconds}    # {about}\n\
+         data \"{path}\" {{ {items} }}\n\n\
+         # The energy is T + V. What is known is written as it is; what is unknown is a\n\
+         # span{{...}}: a list of terms, each of which gets a coefficient if the data ask for it.\n\
+         T = {kinetic}\n\
+         V = span{{ {space} }}\n\n\
+         # Friction and other forces that are not in the energy (remove the # to try it):\n\
+         # force {first} += span{{ -{momentum} }}\n",
+        own = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
+        title = stem.replace('"', "'"),
+        coordinates = list(false),
+        seconds = list(true),
+        path = file.replace('"', "'"),
+        kinetic = kinetic.join(" + "),
+        space = space.join(", "),
+        first = coordinates.first().map_or("", String::as_str),
+        momentum = momenta.first().map_or("", String::as_str),
+    );
+    let _ = table;
+    (text, assumed)
+}
+
+fn absolute(path: &Path) -> String {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf()).display().to_string()
+}
+
+/// Columns of the guess that never change.
+fn constant_columns(table: &Table, guess: &Guess) -> Vec<String> {
+    let used = guess.pairs.iter().flat_map(|(q, v)| [*q, *v]);
+    used.filter_map(|column| {
+        let numbers = table.numbers(column).ok()?;
+        let mut known = numbers.iter().filter(|x| !x.is_nan());
+        let first = known.next()?;
+        let constant = numbers.len() > 1 && known.all(|x| x == first);
+        constant.then(|| {
+            format!("`{}` is always {first}: nothing can be learned from it.", column.header)
+        })
+    })
+    .collect()
 }

@@ -90,7 +90,7 @@ impl Project {
     /// # Errors
     /// The file cannot be read or is not text, or everything that is wrong with the spec.
     pub fn open(path: &Path) -> Result<Self> {
-        let failed = |error| Error::file("read", path, error);
+        let failed = |error| Error::file("read", path, explained(error, NO_SPEC));
         let about = std::fs::metadata(path).map_err(failed)?;
         if about.is_dir() {
             return Err(failed(std::io::Error::other("it is a folder; name the spec in it")));
@@ -139,7 +139,10 @@ impl Project {
     /// Reads the measurements as the spec says.
     pub fn data(&self, asked: Option<&Path>) -> Result<(Dataset, DataReport)> {
         let path = self.data_path(asked)?;
-        let mut table = data::read(&path)?;
+        let mut table = data::read(&path).map_err(|error| match error {
+            Error::File { source, .. } => Error::file("read", &path, explained(source, NO_DATA)),
+            other => other,
+        })?;
         let mapping = self.mapping(&mut table)?;
         data::dataset(&table, &mapping)
     }
@@ -157,14 +160,23 @@ impl Project {
         };
         let observed =
             columns.map_or_else(|| self.system().observed_columns(), |c| c.observables.clone());
+        // Coordinates alone will do; but a momentum that is named, or of which there are others,
+        // is missed.
+        let second = observed.get(self.system().degrees()..).unwrap_or(&[]);
+        let usual = self.system().observed_columns();
+        let mut present = second.iter().any(|column| !usual.contains(column));
+        for name in second.iter().flat_map(|column| &column.candidates) {
+            present |= table.find(name)?.is_some();
+        }
         mapping.observables = observed
             .into_iter()
-            .map(|column| ObservableMap {
+            .enumerate()
+            .map(|(row, column)| ObservableMap {
                 name: column.name,
                 columns: column.candidates,
                 scale: column.scale,
                 offset: 0.0,
-                required: true,
+                required: present || row < self.system().degrees(),
             })
             .collect();
         if columns.is_some_and(|c| c.pairs) {
@@ -263,6 +275,18 @@ fn number_pairs(table: &mut Table, run: Option<&str>) -> Result<String> {
     }
     table.columns.push(Column { name: name.clone(), header: name.clone(), unit: None, cells });
     Ok(name)
+}
+
+const NO_SPEC: &str = "there is no such file; `leverrier new DATA.csv` writes a first spec";
+const NO_DATA: &str = "there is no such file; the spec's `data` line names it, as seen from the \
+                       spec's folder, or give --data FILE";
+
+/// Says what to do about a file that is not there.
+fn explained(error: std::io::Error, advice: &str) -> std::io::Error {
+    match error.kind() {
+        std::io::ErrorKind::NotFound => std::io::Error::new(error.kind(), advice.to_string()),
+        _ => error,
+    }
 }
 
 /// A file's name and digest.

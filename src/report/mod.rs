@@ -1,11 +1,12 @@
 //! Results as people read them.
 
+pub mod layout;
 pub mod present;
 mod text;
 
 use serde_json::{Value, json};
 
-pub use text::fit_text;
+pub use text::{fit_text, seconds};
 
 use crate::expr::System;
 use crate::fit::Model;
@@ -16,15 +17,13 @@ pub struct FitReport<'a> {
     pub system: &'a System,
     pub model: &'a Model,
     pub simplified: Simplified,
+    /// For each observable, whether anything was measured of it.
+    pub measured: Vec<bool>,
     /// Seconds that the fit took.
     pub elapsed: f64,
 }
 
-impl<'a> FitReport<'a> {
-    pub fn new(system: &'a System, model: &'a Model, simplified: Simplified, elapsed: f64) -> Self {
-        FitReport { system, model, simplified, elapsed }
-    }
-
+impl FitReport<'_> {
     /// `leverrier.fit/1`, without what only the command knows.
     pub fn to_json(&self) -> Value {
         json!({

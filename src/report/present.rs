@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use crate::dynamics::{Kind, Method, Tableau};
 use crate::export::{self, Export, Integrator, IntegratorKind, Pretty, PrettyNumber, Provenance};
-use crate::expr::System;
+use crate::expr::{Place, Symbol, System};
 use crate::fit::Model;
 use crate::simplify::{self, Fitted, Options, Simplified, Style};
 
@@ -116,6 +116,10 @@ pub fn equations_json(simplified: &Simplified, style: Style) -> Value {
     let plain = Style { uncertainties: false, digits: 17 };
     json!({
         "text": simplified.text(style),
+        "parts": simplified.parts.iter().map(|part| json!({
+            "place": place_name(simplified, part.place),
+            "text": simplified.part_text(part, style),
+        })).collect::<Vec<_>>(),
         "snapped": simplified.snaps.iter().map(|snap| json!({
             "what": snap.what,
             "value": snap.from,
@@ -127,6 +131,15 @@ pub fn equations_json(simplified: &Simplified, style: Style) -> Value {
         "notes": simplified.parts.iter().flat_map(|part| part.shape.clone()).collect::<Vec<_>>(),
         "digits": simplified.text(plain),
     })
+}
+
+fn place_name(simplified: &Simplified, place: Place) -> String {
+    match place {
+        Place::Kinetic => "T".to_string(),
+        Place::Potential => "V".to_string(),
+        Place::Hamiltonian => "H".to_string(),
+        Place::Force(i) => format!("force {}", simplified.names.of(Symbol::Coordinate(i))),
+    }
 }
 
 /// JSON has no infinity: null.

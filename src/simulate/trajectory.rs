@@ -57,11 +57,6 @@ impl<'a> Simulator<'a> {
         Simulator { system, dynamics, theta }
     }
 
-    /// Whether the energy is a constant of the motion, as far as the form of the law tells.
-    pub fn system(&self) -> &System {
-        self.system
-    }
-
     /// H at states (q, then p), at time `time`.
     pub fn energies(&self, states: &[Vec<f64>], time: f64) -> Vec<f64> {
         let batch = self.batch(states, time);
