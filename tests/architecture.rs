@@ -169,8 +169,7 @@ fn only_the_evaluators_are_unsafe() {
 
 #[test]
 fn nothing_panics_but_what_cannot() {
-    let calls =
-        [".unwrap()", ".expect(", "panic!(", "todo!(", "unimplemented!(", "unreachable!("];
+    let calls = [".unwrap()", ".expect(", "panic!(", "todo!(", "unimplemented!(", "unreachable!("];
     let mut wrong = Vec::new();
     let mut used = vec![false; PANICS.len()];
     for source in sources() {
@@ -178,8 +177,9 @@ fn nothing_panics_but_what_cannot() {
             if !calls.iter().any(|call| code.contains(call)) {
                 continue;
             }
-            let allowed =
-                PANICS.iter().position(|(file, call, _)| source.name == *file && code.contains(call));
+            let allowed = PANICS
+                .iter()
+                .position(|(file, call, _)| source.name == *file && code.contains(call));
             match allowed {
                 Some(row) => used[row] = true,
                 None => wrong.push(format!("{}:{line}: {}", source.name, code.trim())),

@@ -139,6 +139,12 @@ fn place_name(simplified: &Simplified, place: Place) -> String {
         Place::Potential => "V".to_string(),
         Place::Hamiltonian => "H".to_string(),
         Place::Force(i) => format!("force {}", simplified.names.of(Symbol::Coordinate(i))),
+        Place::Sensor(i) => {
+            let degrees = simplified.names.coordinates.len();
+            let symbol =
+                if i < degrees { Symbol::Coordinate(i) } else { Symbol::Momentum(i - degrees) };
+            format!("sensor {}", simplified.names.of(symbol))
+        }
     }
 }
 

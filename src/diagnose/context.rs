@@ -1,0 +1,157 @@
+//! A model before its data: what every question about the misfit starts from.
+
+use super::score::Scores;
+use crate::data::Dataset;
+use crate::dynamics::{Dynamics, Method};
+use crate::error::{Error, Result};
+use crate::eval::Backend;
+use crate::expr::{System, Term};
+use crate::fit::factor::Factor;
+use crate::fit::pass::{Problem, States, Stepping, Sums, linearise, settle};
+use crate::fit::segments::{Segments, cut, first_state};
+use crate::fit::{Loss, Model};
+
+/// A learned model and measurements that it is held against.
+pub struct Context<'a> {
+    pub system: &'a System,
+    pub dataset: &'a Dataset,
+    /// Indices of the model's terms in the system's function space.
+    pub support: Vec<usize>,
+    pub coefficients: Vec<f64>,
+    /// One value for each inner parameter of the system.
+    pub parameters: Vec<f64>,
+    /// Noise of each observable.
+    pub noise: Vec<f64>,
+    pub stepping: Stepping,
+    /// Samples of a segment.
+    pub window: usize,
+}
+
+impl<'a> Context<'a> {
+    /// # Errors
+    ///
+    /// When the model belongs to another spec.
+    pub fn new(system: &'a System, model: &Model, dataset: &'a Dataset) -> Result<Self> {
+        let foreign = || {
+            Error::fit(
+                "the model belongs to another spec",
+                "fit the spec again, then ask what is missing",
+            )
+        };
+        let (support, coefficients) = model.active(system).ok_or_else(foreign)?;
+        let method = Method::by_name(&model.integrator.method).ok_or_else(foreign)?;
+        Ok(Context {
+            system,
+            dataset,
+            support,
+            coefficients,
+            parameters: model.parameter_values(system),
+            noise: model.noise.iter().map(|n| n.standard_deviation).collect(),
+            stepping: Stepping { method, longest: model.integrator.longest_step },
+            window: model.evidence.window,
+        })
+    }
+
+    /// The same model before other measurements.
+    pub fn with_data(&self, dataset: &'a Dataset) -> Context<'a> {
+        Context {
+            dataset,
+            support: self.support.clone(),
+            coefficients: self.coefficients.clone(),
+            parameters: self.parameters.clone(),
+            noise: self.noise.clone(),
+            ..*self
+        }
+    }
+
+    fn weights(&self) -> Vec<f64> {
+        self.noise.iter().map(|s| 1.0 / s.max(f64::MIN_POSITIVE)).collect()
+    }
+
+    fn problem<'b>(&'b self, segments: &'b Segments, weights: &'b [f64]) -> Problem<'b> {
+        Problem {
+            dataset: self.dataset,
+            segments,
+            observed: self.system.observed,
+            weights,
+            loss: Loss::SQUARES,
+            stepping: self.stepping,
+            floor: 1e-3,
+        }
+    }
+
+    /// Theta of a dynamics whose first active terms are the model's, in order.
+    fn theta(&self, dynamics: &Dynamics) -> Vec<f64> {
+        let mut theta = self.coefficients.clone();
+        theta.resize(dynamics.active().len(), 0.0);
+        theta.extend(dynamics.parameters().iter().map(|&j| self.parameters[j]));
+        theta
+    }
+
+    /// Best states of all segments of at most `window` samples, and what is left then.
+    pub fn settle(&self, window: usize) -> (Segments, States, Sums) {
+        let segments = cut(self.dataset, window);
+        let mut states: States = segments
+            .list
+            .iter()
+            .map(|&segment| first_state(self.dataset, segment, self.system.degrees()))
+            .collect();
+        let dynamics = Dynamics::new(self.system, &self.support, Backend::Batched);
+        let theta = self.theta(&dynamics);
+        let weights = self.weights();
+        let sums = {
+            let problem = self.problem(&segments, &weights);
+            settle(&problem, &dynamics, &theta, &mut states)
+        };
+        (segments, states, sums)
+    }
+
+    /// Scores of terms that are not in the model, one column each, orthogonal to the model's
+    /// own unknowns and to all initial states.
+    ///
+    /// `extended` is the system with whatever its graph must hold for the expressions of
+    /// `probes`; its own terms are those of the system, or begin with them.
+    pub fn probe(&self, extended: &System, probes: &[Term]) -> Result<Scores> {
+        let (segments, states, _) = self.settle(self.window);
+        let mut system = extended.clone();
+        let first = system.terms.len();
+        system.terms.extend_from_slice(probes);
+        let extra: Vec<usize> = (first..system.terms.len()).collect();
+        let dynamics = Dynamics::with_probes(&system, &self.support, &extra, Backend::Batched);
+        let count = self.support.len();
+        let theta = self.theta(&dynamics);
+        let weights = self.weights();
+        let problem = self.problem(&segments, &weights);
+        let linearised = linearise(&problem, &dynamics, &theta, &states);
+        if linearised.sums.rows <= count + dynamics.parameters().len() {
+            return Err(Error::fit(
+                "there are too few measurements to ask what is missing",
+                "measure longer runs, or more of them",
+            ));
+        }
+        // The model's unknowns first: coefficients, inner parameters, then the probes.
+        let terms = dynamics.active().len();
+        let order: Vec<usize> = (0..count)
+            .chain(terms..terms + dynamics.parameters().len())
+            .chain(count..terms)
+            .collect();
+        let base = count + dynamics.parameters().len();
+        let factor = linearised.merged().select(&order);
+        let variance = noise_variance(&factor, base);
+        Ok(Scores::new(&factor, base, variance))
+    }
+}
+
+/// Variance of the weighted residuals with everything that was probed taken out, or of the
+/// model's own where there are too many probes for that.
+fn noise_variance(factor: &Factor, base: usize) -> f64 {
+    let (rows, columns) = (factor.rows(), factor.columns());
+    let variance = if rows > 3 * columns {
+        factor.least() / (rows - columns) as f64
+    } else {
+        let size = columns - base;
+        let left = factor.target().rows(base, size).norm_squared() + factor.least();
+        left / rows.saturating_sub(base).max(1) as f64
+    };
+    variance.max(1e-12)
+}
