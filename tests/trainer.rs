@@ -296,13 +296,15 @@ fn bounds_are_kept_and_those_that_do_not_matter_do_no_harm() {
 
 #[test]
 fn robust_losses_stand_outliers_that_squares_do_not() {
-    let mut data = noisy(measure(DUFFING, &spiral(40, 1, 1.4), &even(2, 0.1)), 2e-3, 2);
-    let mut more = noisy(measure(DUFFING, &spiral(260, 1, 1.4), &even(2, 0.1)), 2e-3, 3);
-    data.runs.append(&mut more.runs);
+    let mut data = noisy(measure(DUFFING, &spiral(12, 1, 1.4), &even(60, 0.1)), 2e-3, 2);
     // Five in a hundred values are off by hundreds of standard deviations.
-    for (i, run) in data.runs.iter_mut().enumerate() {
-        if i % 5 == 0 {
-            run.values[i / 5 % 2][i / 10 % 2] += if i % 3 == 0 { 1.5 } else { -0.9 };
+    let mut cells = 0;
+    for run in &mut data.runs {
+        for x in run.values.iter_mut().flatten() {
+            cells += 1;
+            if cells * 7 % 20 == 3 {
+                *x += if cells % 3 == 0 { 1.5 } else { -0.9 };
+            }
         }
     }
     let space = "coordinates q\nmomenta p\nT = span{ p^2 }\nV = span{ q^2, q^4 }\n";
