@@ -27,6 +27,8 @@ pub struct Spec {
 pub struct Statement {
     pub kind: StatementKind,
     pub site: Site,
+    /// The effect that it was made from, `viscous_drag(theta)`; none in what was read.
+    pub effect: Option<String>,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -52,8 +54,30 @@ pub enum StatementKind {
         value: Expression,
         comprehension: Option<Comprehension>,
     },
+    /// `sensor theta += ... for i in 1..5`
+    Sensor { observable: Expression, value: Expression, comprehension: Option<Comprehension> },
+    /// `effect harmonic_drive(theta; frequency = 2)`
+    Effect { name: Word, arguments: Vec<Expression>, settings: Vec<Setting> },
+    /// `candidates { wall: V += span{ q^4 } }`
+    Candidates(Vec<Candidate>),
     /// `constrain -1 <= k <= 5`: operands with a relation between each and the next.
     Constrain { first: Operand, rest: Vec<(Relation, Operand)> },
+}
+
+/// `frequency = 2.5 [1/s]`
+#[derive(Debug, Clone, PartialEq)]
+pub struct Setting {
+    pub name: Word,
+    pub value: Expression,
+    pub site: Site,
+}
+
+/// An effect of the user's own: statements that belong to the model once it is added.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Candidate {
+    pub name: Word,
+    pub statements: Vec<Statement>,
+    pub site: Site,
 }
 
 /// A name, or the inside of a quoted text.

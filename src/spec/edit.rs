@@ -4,7 +4,7 @@ use super::ast::{Statement, StatementKind};
 use super::parse::spec;
 use crate::diagnostic::Span;
 
-/// Adds a statement on a line of its own, after the last energy or force statement.
+/// Adds a statement on a line of its own, after the last energy, force, sensor or effect.
 ///
 /// A comment behind that statement stays on its line. Without such a statement, the new
 /// one goes to the end of the text.
@@ -14,7 +14,13 @@ pub fn insert(text: &str, statement: &str) -> String {
         .statements
         .iter()
         .filter(|statement| {
-            matches!(statement.kind, StatementKind::Energy { .. } | StatementKind::Force { .. })
+            matches!(
+                statement.kind,
+                StatementKind::Energy { .. }
+                    | StatementKind::Force { .. }
+                    | StatementKind::Sensor { .. }
+                    | StatementKind::Effect { .. }
+            )
         })
         .map(|statement| statement.site.0.end)
         .max();

@@ -2,11 +2,14 @@
 
 pub mod ast;
 pub mod edit;
+pub mod effects;
+mod expand;
 pub mod families;
 mod parse;
 mod print;
 pub(crate) mod resolve;
 
+pub(crate) use expand::expand;
 pub use parse::{expression, may_name, spec};
 
 /// The candidate that a mistyped word is most likely to mean, if one is near.

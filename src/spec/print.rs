@@ -65,12 +65,46 @@ impl Display for Statement {
                 write!(f, "force {coordinate} {} {value}", equals(*adds))?;
                 comprehension.iter().try_for_each(|comprehension| write!(f, " {comprehension}"))
             }
+            StatementKind::Sensor { observable, value, comprehension } => {
+                write!(f, "sensor {observable} += {value}")?;
+                comprehension.iter().try_for_each(|comprehension| write!(f, " {comprehension}"))
+            }
+            StatementKind::Effect { name, arguments, settings } => {
+                f.write_str("effect ")?;
+                f.write_str(&name.text)?;
+                if arguments.is_empty() && settings.is_empty() {
+                    return Ok(());
+                }
+                f.write_str("(")?;
+                list(f, arguments, ", ")?;
+                f.write_str(if settings.is_empty() { "" } else { "; " })?;
+                list(f, settings, ", ")?;
+                f.write_str(")")
+            }
+            StatementKind::Candidates(candidates) => {
+                f.write_str("candidates { ")?;
+                list(f, candidates, "; ")?;
+                f.write_str(if candidates.is_empty() { "}" } else { " }" })
+            }
             StatementKind::Constrain { first, rest } => {
                 write!(f, "constrain {first}")?;
                 rest.iter()
                     .try_for_each(|(relation, operand)| write!(f, " {} {operand}", relation.sign()))
             }
         }
+    }
+}
+
+impl Display for Setting {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        write!(f, "{} = {}", self.name.text, self.value)
+    }
+}
+
+impl Display for Candidate {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        write!(f, "{}: ", self.name.text)?;
+        list(f, &self.statements, "; ")
     }
 }
 

@@ -40,6 +40,8 @@ pub enum Meaning {
 pub struct Energy<'a> {
     pub part: EnergyPart,
     pub value: &'a Expression,
+    /// The effect that it came with.
+    pub effect: Option<&'a str>,
 }
 
 /// A statement `force q[i] += ...`.
@@ -48,6 +50,18 @@ pub struct Force<'a> {
     pub coordinate: &'a Expression,
     pub value: &'a Expression,
     pub comprehension: Option<&'a Comprehension>,
+    /// The effect that it came with.
+    pub effect: Option<&'a str>,
+}
+
+/// A statement `sensor theta += ...`.
+#[derive(Debug, Clone, Copy)]
+pub struct Sensor<'a> {
+    pub observable: &'a Expression,
+    pub value: &'a Expression,
+    pub comprehension: Option<&'a Comprehension>,
+    /// The effect that it came with.
+    pub effect: Option<&'a str>,
 }
 
 /// A statement `param a = ...`.
@@ -84,6 +98,7 @@ pub struct Resolved<'a> {
     pub parameters: Vec<Parameter<'a>>,
     pub energies: Vec<Energy<'a>>,
     pub forces: Vec<Force<'a>>,
+    pub sensors: Vec<Sensor<'a>>,
     pub constraints: Vec<Constraint<'a>>,
     pub names: HashMap<String, (Meaning, Span)>,
     /// Constants that are whole numbers: they may stand in indices.
@@ -153,6 +168,7 @@ impl<'a> Resolver<'a, '_> {
 
     fn statement(&mut self, statement: &'a Statement, seen: &mut HashMap<&'a str, Span>) {
         let span = statement.site.0;
+        let effect = statement.effect.as_deref();
         match &statement.kind {
             StatementKind::System(title) => {
                 self.once("system", span, seen);
@@ -186,12 +202,18 @@ impl<'a> Resolver<'a, '_> {
                 if !adds {
                     self.once(part.letter(), span, seen);
                 }
-                self.out.energies.push(Energy { part: *part, value });
+                self.out.energies.push(Energy { part: *part, value, effect });
             }
             StatementKind::Force { coordinate, value, comprehension, .. } => {
                 let comprehension = comprehension.as_ref();
-                self.out.forces.push(Force { coordinate, value, comprehension });
+                self.out.forces.push(Force { coordinate, value, comprehension, effect });
             }
+            StatementKind::Sensor { observable, value, comprehension } => {
+                let comprehension = comprehension.as_ref();
+                self.out.sensors.push(Sensor { observable, value, comprehension, effect });
+            }
+            // Their statements stand in their places where the spec was expanded.
+            StatementKind::Effect { .. } | StatementKind::Candidates(_) => {}
             StatementKind::Constrain { first, rest } => {
                 self.out.constraints.push(Constraint { first, rest, span });
             }

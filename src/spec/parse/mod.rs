@@ -12,7 +12,7 @@ use std::iter::{Copied, Enumerate};
 use nom::error::{ErrorKind, ParseError};
 use nom::{IResult, Input, Needed};
 
-use super::ast::Spec;
+use super::ast::{Spec, Statement};
 use crate::diagnostic::{Diagnostic, Span};
 pub use statement::may_name;
 use token::{Kind, Token};
@@ -177,6 +177,36 @@ pub fn spec(source: &str) -> (Spec, Vec<Diagnostic>) {
     }
     diagnostics.sort_by_key(|diagnostic| diagnostic.span);
     (out, diagnostics)
+}
+
+/// The statements of a template, every site of them at one place in the user's text.
+///
+/// # Errors
+/// Where the text is no sequence of statements.
+pub(super) fn template(source: &str, span: Span) -> Result<Vec<Statement>, Diagnostic> {
+    let mut diagnostics = Vec::new();
+    let mut tokens = token::tokens(source, &mut diagnostics);
+    tokens.iter_mut().for_each(|token| token.span = span);
+    let mut out = Vec::new();
+    for tokens in token::statements(&tokens, &mut Vec::new(), &mut diagnostics) {
+        // Templates hold no units: nothing is looked up in the text by its place.
+        let input = Tokens { rest: &tokens, source: "", end: span.end, taken: span.start, depth: 0 };
+        match statement::statement(input) {
+            Ok((rest, statement)) if rest.rest.is_empty() => out.push(statement),
+            Err(nom::Err::Error(fault) | nom::Err::Failure(fault)) => {
+                diagnostics.push(fault.into_diagnostic(None));
+            }
+            _ => diagnostics.push(
+                Diagnostic::error(span, "this effect cannot be written for these variables")
+                    .label("its statements do not end where they should")
+                    .hint("write its terms yourself"),
+            ),
+        }
+    }
+    match diagnostics.into_iter().next() {
+        Some(diagnostic) => Err(diagnostic),
+        None => Ok(out),
+    }
 }
 
 /// expression, as a whole text of its own.

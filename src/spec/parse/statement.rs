@@ -3,7 +3,7 @@
 use nom::Parser;
 use nom::branch::alt;
 use nom::combinator::{cut, opt};
-use nom::multi::{many0, separated_list1};
+use nom::multi::{many0, separated_list0, separated_list1};
 use nom::sequence::{delimited, preceded};
 
 use super::expression::{
@@ -16,7 +16,7 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::spec::ast::*;
 
 /// Every word that begins a statement.
-pub const STATEMENTS: [&str; 14] = [
+pub const STATEMENTS: [&str; 17] = [
     "system",
     "coordinates",
     "momenta",
@@ -30,10 +30,14 @@ pub const STATEMENTS: [&str; 14] = [
     "V",
     "H",
     "force",
+    "sensor",
+    "effect",
+    "candidates",
     "constrain",
 ];
 
-/// statement = system | variables | time | data | constant | parameter | energy | force | constrain ;
+/// statement = system | variables | time | data | constant | parameter | energy | force
+///           | sensor | effect | candidates | constrain ;
 pub fn statement(input: Tokens) -> Parsed<Statement> {
     let Some(first) = input.first() else { return Err(Fault::expected(input, "a statement")) };
     let (rest, kind) = match first.text {
@@ -45,11 +49,14 @@ pub fn statement(input: Tokens) -> Parsed<Statement> {
         "param" => cut(parameter).parse(input)?,
         "T" | "V" | "H" => cut(energy).parse(input)?,
         "force" => cut(force).parse(input)?,
+        "sensor" => cut(sensor).parse(input)?,
+        "effect" => cut(effect).parse(input)?,
+        "candidates" => cut(candidates).parse(input)?,
         "constrain" => cut(constrain).parse(input)?,
         other => return Err(unknown_statement(other, first.kind, first.span)),
     };
     let site = Site(Span::new(first.span.start, rest.taken));
-    Ok((rest, Statement { kind, site }))
+    Ok((rest, Statement { kind, site, effect: None }))
 }
 
 fn unknown_statement(word: &str, kind: Kind, span: Span) -> nom::Err<Fault> {
@@ -225,6 +232,90 @@ fn force(input: Tokens) -> Parsed<StatementKind> {
     let (rest, value) = expression(rest)?;
     let (rest, comprehension) = opt(comprehension).parse(rest)?;
     Ok((rest, StatementKind::Force { coordinate, adds, value, comprehension }))
+}
+
+/// sensor = "sensor" , variable , "+=" , expression , [ comprehension ] ;
+fn sensor(input: Tokens) -> Parsed<StatementKind> {
+    let (rest, ((), observable, ())) = (keyword("sensor"), variable, mark("+=")).parse(input)?;
+    let (rest, (value, comprehension)) = (expression, opt(comprehension)).parse(rest)?;
+    Ok((rest, StatementKind::Sensor { observable, value, comprehension }))
+}
+
+/// effect = "effect" , name , [ "(" , [ variable , { "," , variable } ] ,
+///          [ ";" , [ setting , { "," , setting } ] ] , ")" ] ;
+fn effect(input: Tokens) -> Parsed<StatementKind> {
+    let (rest, name) = preceded(keyword("effect"), name).parse(input)?;
+    let Ok((rest, ())) = mark("(")(rest) else {
+        let (arguments, settings) = (Vec::new(), Vec::new());
+        return Ok((rest, StatementKind::Effect { name, arguments, settings }));
+    };
+    let (rest, arguments) = separated_list0(mark(","), variable).parse(rest)?;
+    let (rest, settings) =
+        opt(preceded(mark(";"), separated_list0(mark(","), setting))).parse(rest)?;
+    let (rest, ()) = mark(")")(rest)?;
+    let settings = settings.unwrap_or_default();
+    Ok((rest, StatementKind::Effect { name, arguments, settings }))
+}
+
+/// setting = name , "=" , expression ;
+fn setting(input: Tokens) -> Parsed<Setting> {
+    let (rest, (name, (), value)) = (name, cut(mark("=")), cut(expression)).parse(input)?;
+    let site = Site(Span::new(input.place().start, rest.taken));
+    Ok((rest, Setting { name, value, site }))
+}
+
+/// candidates = "candidates" , "{" , { candidate } , "}" ;
+fn candidates(input: Tokens) -> Parsed<StatementKind> {
+    let (mut rest, ((), ())) = (keyword("candidates"), mark("{")).parse(input)?;
+    let mut list = Vec::new();
+    loop {
+        if let Ok((rest, ())) = mark("}")(rest) {
+            return Ok((rest, StatementKind::Candidates(list)));
+        }
+        let (after, one) = cut(candidate).parse(rest)?;
+        list.push(one);
+        rest = after;
+    }
+}
+
+/// candidate = name , ":" , { addition , [ ";" ] } ;
+fn candidate(input: Tokens) -> Parsed<Candidate> {
+    let (mut rest, (name, ())) = (name, mark(":")).parse(input)?;
+    let mut statements = Vec::new();
+    let mut end = rest.taken;
+    loop {
+        let over = match rest.rest {
+            [] => true,
+            [first, ..] if first.text == "}" => true,
+            [_, second, ..] => second.kind == Kind::Mark && second.text == ":",
+            _ => false,
+        };
+        if over && !statements.is_empty() {
+            let site = Site(Span::new(input.place().start, end));
+            return Ok((rest, Candidate { name, statements, site }));
+        }
+        let (after, one) = cut(addition).parse(rest)?;
+        statements.push(one);
+        end = after.taken;
+        (rest, _) = opt(mark(";")).parse(after)?;
+    }
+}
+
+/// addition = parameter | energy | force | sensor | constrain ;
+fn addition(input: Tokens) -> Parsed<Statement> {
+    let (rest, kind) = match input.first().map_or("", |token| token.text) {
+        "param" => cut(parameter).parse(input)?,
+        "T" | "V" | "H" => cut(energy).parse(input)?,
+        "force" => cut(force).parse(input)?,
+        "sensor" => cut(sensor).parse(input)?,
+        "constrain" => cut(constrain).parse(input)?,
+        _ => {
+            let words = "a statement that adds: `param`, `T`, `V`, `H`, `force`, `sensor` or `constrain`";
+            return Err(Fault::expected(input, words));
+        }
+    };
+    let site = Site(Span::new(input.place().start, rest.taken));
+    Ok((rest, Statement { kind, site, effect: None }))
 }
 
 /// constrain = "constrain" , operand , relation , operand , [ relation , operand ] ;

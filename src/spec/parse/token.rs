@@ -146,7 +146,7 @@ fn next<'a>(
 }
 
 /// Statements that begin with a word of their own and go on with a name or a text.
-const OPENERS: [&str; 10] = [
+const OPENERS: [&str; 12] = [
     "system",
     "coordinates",
     "momenta",
@@ -156,8 +156,13 @@ const OPENERS: [&str; 10] = [
     "let",
     "param",
     "force",
+    "sensor",
+    "effect",
     "constrain",
 ];
+
+/// Statements that stand in the braces of `candidates`, on lines of their own.
+const ADDITIONS: [&str; 7] = ["param", "T", "V", "H", "force", "sensor", "constrain"];
 
 /// Whether a statement plainly begins here, whatever bracket is still open.
 fn begins_statement(tokens: &[Token]) -> bool {
@@ -202,7 +207,11 @@ pub fn statements<'a>(
         if token.kind == Kind::Newline {
             let unfinished = !open.is_empty()
                 || current.last().is_some_and(|last| CONTINUED.contains(&last.text));
-            if unfinished && !begins_statement(&tokens[at..]) {
+            let among_candidates = open.len() == 1
+                && current.first().is_some_and(|first| first.text == "candidates")
+                && (tokens[at..].iter().find(|token| token.kind != Kind::Newline))
+                    .is_some_and(|next| ADDITIONS.contains(&next.text));
+            if unfinished && (among_candidates || !begins_statement(&tokens[at..])) {
                 continue;
             }
             if let Some(bracket) = open.first() {

@@ -1,0 +1,444 @@
+//! The catalogue of physical effects that a model may lack: one row each.
+//!
+//! A row holds statements of the mini-language with placeholders. The statement
+//! `effect viscous_drag(theta)` stands for them, with the placeholders filled in.
+
+mod conservative;
+mod dissipative;
+mod driven;
+mod motion;
+mod sensor;
+
+use super::nearest;
+
+/// What an effect does to the motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Kind {
+    /// It takes energy away, or feeds it in.
+    Dissipative,
+    /// It is a part of the potential.
+    Conservative,
+    /// It changes how energy depends on momenta.
+    Kinetic,
+    /// It turns velocities and does no work, or comes from a turning frame.
+    Gyroscopic,
+    /// It depends on time itself.
+    TimeDependent,
+    /// It is in the instrument: it moves nothing.
+    Sensor,
+}
+
+impl Kind {
+    /// Every kind, in the order in which they are listed.
+    pub const ALL: [Kind; 6] = [
+        Kind::Dissipative,
+        Kind::Conservative,
+        Kind::Kinetic,
+        Kind::Gyroscopic,
+        Kind::TimeDependent,
+        Kind::Sensor,
+    ];
+
+    /// In words.
+    pub fn text(self) -> &'static str {
+        match self {
+            Kind::Dissipative => "dissipative",
+            Kind::Conservative => "conservative",
+            Kind::Kinetic => "kinetic",
+            Kind::Gyroscopic => "gyroscopic",
+            Kind::TimeDependent => "time-dependent",
+            Kind::Sensor => "sensor",
+        }
+    }
+}
+
+/// What an effect acts on: its arguments.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum On {
+    /// One coordinate.
+    Coordinate,
+    /// Two coordinates; which comes first makes no difference.
+    Pair,
+    /// Two coordinates; the first is not treated like the second.
+    OrderedPair,
+    /// One measured column.
+    Observable,
+    /// Two measured columns: what is wrong, and where it comes from.
+    ObservablePair,
+}
+
+impl On {
+    /// How many arguments it takes.
+    pub fn count(self) -> usize {
+        match self {
+            On::Coordinate | On::Observable => 1,
+            On::Pair | On::OrderedPair | On::ObservablePair => 2,
+        }
+    }
+
+    /// Whether the arguments are measured columns, not coordinates.
+    pub fn observes(self) -> bool {
+        matches!(self, On::Observable | On::ObservablePair)
+    }
+
+    /// In words, as what an effect takes.
+    pub fn text(self) -> &'static str {
+        match self {
+            On::Coordinate => "one coordinate",
+            On::Pair | On::OrderedPair => "two coordinates",
+            On::Observable => "one observable",
+            On::ObservablePair => "two observables",
+        }
+    }
+}
+
+/// How an inner parameter is looked for, and what it measures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ScanBy {
+    /// An angular frequency: from one turn in a whole run to half the sampling rate.
+    Frequency,
+    /// A value of the coordinate, over the range of the data.
+    Position,
+    /// A distance of the coordinate, over fractions of the range of the data.
+    Length,
+    /// A number of radians a unit of the coordinate.
+    WaveNumber,
+    /// An instant of time, over the runs.
+    Instant,
+    /// A stretch of time, from a sample to a run.
+    Duration,
+    /// A pure number, as a power.
+    Exponent,
+    /// A size of the momentum, over fractions of the range of the data.
+    Momentum,
+    /// The inverse of a stretch of time.
+    Rate,
+}
+
+impl ScanBy {
+    /// The unit as a text in which `{q}`, `{p}` and `{t}` stand for those of the coordinate,
+    /// its momentum and time; empty for a pure number.
+    fn unit(self) -> &'static str {
+        match self {
+            ScanBy::Frequency | ScanBy::Rate => "1/({t})",
+            ScanBy::Position | ScanBy::Length => "{q}",
+            ScanBy::WaveNumber => "1/({q})",
+            ScanBy::Instant | ScanBy::Duration => "{t}",
+            ScanBy::Exponent => "",
+            ScanBy::Momentum => "{p}",
+        }
+    }
+
+    /// The unit in the units of the variables; `None` where one that it needs is not known.
+    pub fn unit_text(
+        self,
+        coordinate: Option<&str>,
+        momentum: Option<&str>,
+        time: Option<&str>,
+    ) -> Option<String> {
+        let mut text = self.unit().to_string();
+        for (placeholder, unit) in [("{q}", coordinate), ("{p}", momentum), ("{t}", time)] {
+            if text.contains(placeholder) {
+                text = text.replace(placeholder, unit?);
+            }
+        }
+        (!text.is_empty()).then_some(text)
+    }
+}
+
+/// An inner parameter of an effect.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scan {
+    /// As in `effect harmonic_drive(theta; frequency = 2)`, and between braces in the template.
+    pub name: &'static str,
+    /// How it is looked for.
+    pub by: ScanBy,
+    /// A plain value, for examples.
+    pub example: f64,
+}
+
+/// A physical effect.
+#[derive(Debug, Clone, Copy)]
+pub struct EffectRow {
+    /// Its name in the mini-language.
+    pub name: &'static str,
+    /// Other names that it goes by.
+    pub aliases: &'static [&'static str],
+    pub kind: Kind,
+    pub on: On,
+    /// Statements with placeholders: {q} {p} the first argument's coordinate and momentum,
+    /// {r} {s} those of the second, {o} {u} the observables, {t} time, {n} a name made of the
+    /// effect and its arguments, and the inner parameters by their names.
+    /// Empty where no statement describes it; then `detector` says what finds it.
+    pub template: &'static str,
+    pub parameters: &'static [Scan],
+    /// Its coordinates must be angles: pure numbers.
+    pub angle: bool,
+    /// Why it needs two arguments, where it does.
+    pub why_two: &'static str,
+    /// What finds it, when it is no term of a model.
+    pub detector: Option<&'static str>,
+    /// The physics in a sentence.
+    pub physics: &'static str,
+    /// What it looks like in data.
+    pub telltale: &'static str,
+    /// Where it is described.
+    pub reference: &'static str,
+}
+
+/// What rows leave out.
+const ROW: EffectRow = EffectRow {
+    name: "",
+    aliases: &[],
+    kind: Kind::Conservative,
+    on: On::Coordinate,
+    template: "",
+    parameters: &[],
+    angle: false,
+    why_two: "",
+    detector: None,
+    physics: "",
+    telltale: "",
+    reference: "",
+};
+
+/// The tables of rows, by kind. A new effect is one row in one of them.
+static TABLES: [&[EffectRow]; 5] =
+    [dissipative::ROWS, conservative::ROWS, motion::ROWS, driven::ROWS, sensor::ROWS];
+
+/// Every effect of the catalogue.
+pub fn catalogue() -> impl Iterator<Item = &'static EffectRow> {
+    TABLES.iter().flat_map(|rows| rows.iter())
+}
+
+/// Looks an effect up by its name or another one that it goes by.
+pub fn by_name(name: &str) -> Option<&'static EffectRow> {
+    catalogue().find(|row| row.name == name || row.aliases.contains(&name))
+}
+
+/// Names that a mistyped one may have meant, `more` names among them; a sentence.
+pub fn hint_for(name: &str, more: &[&str]) -> String {
+    let names = catalogue().flat_map(|row| row.aliases.iter().copied().chain([row.name]));
+    match nearest(name, names.chain(more.iter().copied())) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None => {
+            // A word of the name may still be one of an effect's.
+            let words: Vec<&str> = name.split('_').filter(|word| word.len() > 3).collect();
+            let related: Vec<&str> = catalogue()
+                .filter(|row| words.iter().any(|word| row.name.contains(word)))
+                .map(|row| row.name)
+                .collect();
+            if related.is_empty() {
+                "`leverrier effects` lists every effect".to_string()
+            } else {
+                format!("near to it are {}", related.join(", "))
+            }
+        }
+    }
+}
+
+/// The names that an effect meets in a spec.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Scene {
+    pub coordinates: Vec<String>,
+    /// As many as coordinates.
+    pub momenta: Vec<String>,
+    /// Coordinates, then what is measured with them.
+    pub observables: Vec<String>,
+    pub time: String,
+}
+
+/// An effect on its arguments.
+#[derive(Debug, Clone)]
+pub struct Instance {
+    pub effect: &'static EffectRow,
+    /// Names of coordinates or observables.
+    pub arguments: Vec<String>,
+    /// The statement that adds it, inner parameters at their example values.
+    pub statement: String,
+}
+
+impl Instance {
+    /// `viscous_drag(theta)`.
+    pub fn label(&self) -> String {
+        self.effect.label(&self.arguments)
+    }
+
+    /// The statement that adds it, with these inner parameters in the order of the row.
+    pub fn statement_with(&self, values: &[f64]) -> String {
+        self.effect.statement(&self.arguments, values)
+    }
+}
+
+impl EffectRow {
+    /// `viscous_drag(theta)`; arguments in the order of the text, sorted where order means nothing.
+    pub fn label(&self, arguments: &[String]) -> String {
+        let mut arguments = arguments.to_vec();
+        if self.on == On::Pair {
+            arguments.sort();
+        }
+        format!("{}({})", self.name, arguments.join(", "))
+    }
+
+    /// What terms of it are called: `viscous_drag_theta`, `coupling_spring_q1_q2`.
+    pub fn term_name(&self, arguments: &[String]) -> String {
+        let mut out = self.name.to_string();
+        for argument in arguments {
+            out.push('_');
+            out.extend(argument.chars().filter_map(|c| match c {
+                '-' => Some('m'),
+                c => (c.is_alphanumeric() || c == '_').then_some(c),
+            }));
+        }
+        out
+    }
+
+    /// What an inner parameter is called in the model: `frequency_harmonic_drive_theta`.
+    pub fn parameter_name(&self, parameter: &str, arguments: &[String]) -> String {
+        format!("{parameter}_{}", self.term_name(arguments))
+    }
+
+    /// `effect harmonic_drive(theta; frequency = 2.5)`; values that are missing are examples.
+    pub fn statement(&self, arguments: &[String], values: &[f64]) -> String {
+        let settings: Vec<String> = (self.parameters.iter().enumerate())
+            .map(|(i, scan)| {
+                let value = values.get(i).copied().filter(|value| value.is_finite());
+                format!("{} = {}", scan.name, value.unwrap_or(scan.example))
+            })
+            .collect();
+        let gap = if settings.is_empty() { "" } else { "; " };
+        format!("effect {}({}{gap}{})", self.name, arguments.join(", "), settings.join(", "))
+    }
+
+    /// The template filled in for arguments of a scene; `None` where one is none of its names.
+    pub fn filled(&self, scene: &Scene, arguments: &[String]) -> Option<String> {
+        let mut text = self.template.replace("{n}", &self.term_name(arguments));
+        for scan in self.parameters {
+            let name = self.parameter_name(scan.name, arguments);
+            text = text.replace(&format!("{{{}}}", scan.name), &name);
+        }
+        for (i, argument) in arguments.iter().enumerate() {
+            let [variable, momentum] = if i == 0 { ["{q}", "{p}"] } else { ["{r}", "{s}"] };
+            if self.on.observes() {
+                text = text.replace(if i == 0 { "{o}" } else { "{u}" }, argument);
+            } else {
+                let at = scene.coordinates.iter().position(|name| name == argument)?;
+                text = text.replace(variable, argument).replace(momentum, scene.momenta.get(at)?);
+            }
+        }
+        Some(text.replace("{t}", &scene.time))
+    }
+
+    /// Why it cannot act in a scene, whatever its arguments; `None` where it can.
+    pub fn cannot(&self, scene: &Scene) -> Option<String> {
+        if let Some(detector) = self.detector {
+            return Some(format!("it is no term of a model; {detector}"));
+        }
+        let there = if self.on.observes() { &scene.observables } else { &scene.coordinates };
+        if there.len() >= self.on.count() {
+            return None;
+        }
+        let what = if self.on.observes() { "observable" } else { "coordinate" };
+        let because = if self.why_two.is_empty() { "" } else { ": " };
+        Some(format!(
+            "it needs two {what}s, and the system has {}{because}{}",
+            match there.len() {
+                0 => "none".to_string(),
+                n => format!("only {n}"),
+            },
+            self.why_two
+        ))
+    }
+
+    /// Every choice of arguments in a scene.
+    fn choices(&self, scene: &Scene) -> Vec<Vec<String>> {
+        let names = if self.on.observes() { &scene.observables } else { &scene.coordinates };
+        let mut out = Vec::new();
+        for (i, first) in names.iter().enumerate() {
+            if self.on.count() == 1 {
+                out.push(vec![first.clone()]);
+                continue;
+            }
+            for (j, second) in names.iter().enumerate() {
+                if i < j || (i > j && self.on != On::Pair) {
+                    out.push(vec![first.clone(), second.clone()]);
+                }
+            }
+        }
+        out
+    }
+}
+
+/// Every effect with a template, on every choice of arguments that a scene allows.
+pub fn instances(scene: &Scene) -> Vec<Instance> {
+    let rows = catalogue().filter(|row| row.cannot(scene).is_none());
+    rows.flat_map(|effect| {
+        effect.choices(scene).into_iter().map(move |arguments| {
+            let statement = effect.statement(&arguments, &[]);
+            Instance { effect, arguments, statement }
+        })
+    })
+    .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use super::*;
+
+    #[test]
+    fn every_row_is_complete_and_has_a_name_of_its_own() {
+        let mut names = HashSet::new();
+        for row in catalogue() {
+            for name in row.aliases.iter().copied().chain([row.name]) {
+                assert!(names.insert(name), "{name} twice");
+                assert!(super::super::may_name(name), "{name} is a word of the language");
+            }
+            for text in [row.physics, row.telltale, row.reference] {
+                assert!(text.len() > 15, "{}: {text}", row.name);
+            }
+            assert_eq!(row.template.is_empty(), row.detector.is_some(), "{}", row.name);
+            for scan in row.parameters {
+                assert!(row.template.contains(&format!("{{{}}}", scan.name)), "{}", row.name);
+            }
+            let pairs = matches!(row.on, On::Pair | On::OrderedPair);
+            assert_eq!(pairs, !row.why_two.is_empty(), "{}", row.name);
+        }
+        assert!(catalogue().count() >= 36);
+        assert!(Kind::ALL.iter().all(|&kind| catalogue().any(|row| row.kind == kind)));
+    }
+
+    #[test]
+    fn pairs_are_taken_once_where_order_means_nothing() {
+        let names = |letter: &str| (1..=3).map(|i| format!("{letter}[{i}]")).collect::<Vec<_>>();
+        let scene = Scene {
+            coordinates: names("q"),
+            momenta: names("p"),
+            observables: [names("q"), names("p")].concat(),
+            time: "t".into(),
+        };
+        let count = |name: &str| {
+            instances(&scene).iter().filter(|instance| instance.effect.name == name).count()
+        };
+        assert_eq!(count("viscous_drag"), 3);
+        assert_eq!(count("coupling_spring"), 3);
+        assert_eq!(count("magnetic_gradient"), 6);
+        assert_eq!(count("sensor_offset"), 6);
+        assert_eq!(count("sensor_cross_talk"), 30);
+        let row = by_name("coupling_spring").map(|row| {
+            let arguments = ["q[2]".to_string(), "q[1]".to_string()];
+            (row.label(&arguments), row.term_name(&arguments))
+        });
+        let expected = ("coupling_spring(q[1], q[2])", "coupling_spring_q2_q1");
+        assert_eq!(row, Some((expected.0.to_string(), expected.1.to_string())));
+    }
+
+    #[test]
+    fn a_mistyped_name_finds_the_nearest() {
+        assert_eq!(hint_for("viscous_darg", &[]), "did you mean `viscous_drag`?");
+        assert_eq!(hint_for("my_wal", &["my_wall"]), "did you mean `my_wall`?");
+        assert!(hint_for("drag_linear", &[]).contains("viscous_drag"));
+        assert!(hint_for("zzz", &[]).contains("leverrier effects"));
+    }
+}

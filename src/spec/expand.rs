@@ -1,0 +1,372 @@
+//! `effect` statements as the statements that they stand for.
+
+use std::collections::HashMap;
+
+use super::ast::*;
+use super::effects::{self, EffectRow, On, Scene};
+use super::parse::template;
+use super::resolve::{Meaning, Resolved, integer, resolve};
+use crate::diagnostic::{Diagnostic, Span};
+
+/// The spec with every effect written out, candidates left aside.
+///
+/// Statements that were made from an effect say so, and stand where it stands.
+pub fn expand(spec: &Spec, diagnostics: &mut Vec<Diagnostic>) -> Spec {
+    let expands = |s: &&Statement| {
+        matches!(s.kind, StatementKind::Effect { .. } | StatementKind::Candidates(_))
+    };
+    if !spec.statements.iter().any(|statement| expands(&statement)) {
+        return spec.clone();
+    }
+    let mut expander = Expander {
+        // What is wrong with declarations is said when the whole spec is resolved.
+        resolved: resolve(spec, &mut Vec::new()),
+        scene: Scene::default(),
+        candidates: HashMap::new(),
+        seen: HashMap::new(),
+        diagnostics,
+    };
+    expander.scene = expander.resolved.scene();
+    for statement in &spec.statements {
+        if let StatementKind::Candidates(list) = &statement.kind {
+            list.iter().for_each(|candidate| expander.declare(candidate));
+        }
+    }
+    let mut out = Spec { statements: Vec::new(), lost: spec.lost.clone() };
+    for statement in &spec.statements {
+        match &statement.kind {
+            StatementKind::Effect { name, arguments, settings } => {
+                let asked = Asked { name, arguments, settings, span: statement.site.0 };
+                out.statements.extend(expander.effect(asked).unwrap_or_default());
+            }
+            StatementKind::Candidates(_) => {}
+            _ => out.statements.push(statement.clone()),
+        }
+    }
+    out
+}
+
+/// An `effect` statement.
+#[derive(Clone, Copy)]
+struct Asked<'a> {
+    name: &'a Word,
+    arguments: &'a [Expression],
+    settings: &'a [Setting],
+    span: Span,
+}
+
+struct Expander<'a, 'd> {
+    resolved: Resolved<'a>,
+    scene: Scene,
+    candidates: HashMap<&'a str, &'a Candidate>,
+    /// Effects that the spec has, by their labels.
+    seen: HashMap<String, Span>,
+    diagnostics: &'d mut Vec<Diagnostic>,
+}
+
+impl<'a> Expander<'a, '_> {
+    fn report(&mut self, diagnostic: Diagnostic) {
+        self.diagnostics.push(diagnostic);
+    }
+
+    fn declare(&mut self, candidate: &'a Candidate) {
+        let (name, span) = (candidate.name.text.as_str(), candidate.name.site.0);
+        if effects::by_name(name).is_some() {
+            self.report(
+                Diagnostic::error(span, format!("the catalogue has an effect called `{name}`"))
+                    .label("named again here")
+                    .hint("give your own effect another name"),
+            );
+        } else if let Some(first) = self.candidates.get(name) {
+            let diagnostic = Diagnostic::error(span, format!("the candidate `{name}` is given twice"))
+                .label("given again here")
+                .hint("give every candidate a name of its own")
+                .related(first.name.site.0, "first given here");
+            self.report(diagnostic);
+        } else {
+            self.candidates.insert(name, candidate);
+        }
+    }
+
+    /// The statements of one effect; `None` after a diagnostic.
+    fn effect(&mut self, asked: Asked) -> Option<Vec<Statement>> {
+        let name = asked.name.text.as_str();
+        if let Some(&candidate) = self.candidates.get(name) {
+            return self.candidate(asked, candidate);
+        }
+        let Some(row) = effects::by_name(name) else {
+            let own: Vec<&str> = self.candidates.keys().copied().collect();
+            let hint = effects::hint_for(name, &own);
+            self.report(
+                Diagnostic::error(asked.name.site.0, format!("unknown effect `{name}`"))
+                    .label("neither the catalogue nor `candidates` has it")
+                    .hint(hint),
+            );
+            return None;
+        };
+        if self.resolved.lost_names || self.resolved.coordinates.len() != self.resolved.momenta.len()
+        {
+            return None;
+        }
+        if let Some(reason) = row.cannot(&self.scene) {
+            self.report(
+                Diagnostic::error(asked.span, format!("`{}` does not apply here", row.name))
+                    .label(reason)
+                    .hint("take it away; `leverrier effects` says what each effect needs"),
+            );
+            return None;
+        }
+        let arguments = self.arguments(row, asked)?;
+        let mut out = self.parameters(row, asked, &arguments)?;
+        self.once(row.label(&arguments), asked.span)?;
+        let text = row.filled(&self.scene, &arguments)?;
+        match template(&text, asked.span) {
+            Ok(statements) => out.extend(statements),
+            Err(diagnostic) => {
+                self.report(diagnostic);
+                return None;
+            }
+        }
+        let label = row.label(&arguments);
+        out.iter_mut().for_each(|statement| statement.effect = Some(label.clone()));
+        Some(out)
+    }
+
+    fn candidate(&mut self, asked: Asked, candidate: &Candidate) -> Option<Vec<Statement>> {
+        let name = &candidate.name.text;
+        if !asked.arguments.is_empty() || !asked.settings.is_empty() {
+            self.report(
+                Diagnostic::error(asked.span, format!("`{name}` takes nothing in parentheses"))
+                    .label("it is a candidate of this spec, with its variables in it")
+                    .hint(format!("write `effect {name}`"))
+                    .related(candidate.name.site.0, "declared here"),
+            );
+            return None;
+        }
+        self.once(name.clone(), asked.span)?;
+        let mut out = candidate.statements.clone();
+        for statement in &mut out {
+            statement.effect = Some(name.clone());
+            if let StatementKind::Energy { adds, .. } = &mut statement.kind {
+                *adds = true;
+            }
+        }
+        Some(out)
+    }
+
+    fn once(&mut self, label: String, span: Span) -> Option<()> {
+        let Some(&first) = self.seen.get(&label) else {
+            self.seen.insert(label, span);
+            return Some(());
+        };
+        self.report(
+            Diagnostic::error(span, format!("the effect `{label}` is there already"))
+                .label("added again here")
+                .hint("keep one of them")
+                .related(first, "first added here"),
+        );
+        None
+    }
+
+    /// The names that the arguments stand for.
+    fn arguments(&mut self, row: &EffectRow, asked: Asked) -> Option<Vec<String>> {
+        let there = if row.on.observes() { &self.scene.observables } else { &self.scene.coordinates };
+        let example: Vec<String> = there.iter().take(row.on.count()).cloned().collect();
+        let hint = format!("write for example `{}`", row.statement(&example, &[]));
+        if asked.arguments.len() != row.on.count() {
+            let label = match asked.arguments.len() {
+                0 => "none is given".to_string(),
+                1 => "one is given".to_string(),
+                n => format!("{n} are given"),
+            };
+            let message = format!("`{}` takes {}", row.name, row.on.text());
+            self.report(Diagnostic::error(asked.span, message).label(label).hint(hint));
+            return None;
+        }
+        let mut out: Vec<String> = Vec::new();
+        for argument in asked.arguments {
+            let span = argument.site.0;
+            let (name, partner) = self.variable(row.on, argument)?;
+            let Some(name) = name else {
+                let what = if row.on.observes() { "an observable" } else { "a coordinate" };
+                let hint = match partner {
+                    Some(partner) => format!("write `{partner}`, to which it belongs"),
+                    None => hint,
+                };
+                self.report(
+                    Diagnostic::error(span, format!("`{argument}` is not {what}"))
+                        .label(format!("`{}` takes {}", row.name, row.on.text()))
+                        .hint(hint),
+                );
+                return None;
+            };
+            if out.contains(&name) {
+                self.report(
+                    Diagnostic::error(span, format!("`{}` takes two different arguments", row.name))
+                        .label(format!("`{name}` stands here again"))
+                        .hint(hint),
+                );
+                return None;
+            }
+            out.push(name);
+        }
+        Some(out)
+    }
+
+    /// The name of a coordinate or observable, where the expression is one; else what it
+    /// belongs to. `None` after a diagnostic.
+    fn variable(
+        &mut self,
+        on: On,
+        expression: &Expression,
+    ) -> Option<(Option<String>, Option<String>)> {
+        let (name, index) = match &expression.kind {
+            ExpressionKind::Name(name) => (name, None),
+            ExpressionKind::Index { name, index } => (name, Some(index)),
+            _ => return Some((None, None)),
+        };
+        let resolved = &self.resolved;
+        let Some(&(meaning, _)) = resolved.names.get(name) else {
+            let hint = resolved.hint_for(name, &[]);
+            self.report(
+                Diagnostic::error(expression.site.0, format!("unknown name `{name}`"))
+                    .label("nothing has this name")
+                    .hint(hint),
+            );
+            return None;
+        };
+        let known = |name: &str| resolved.integers.get(name).copied();
+        let (role, at) = match (meaning, index) {
+            (Meaning::Variable(role, at), None) => (role, at),
+            (Meaning::Family { role, first, start, count }, Some(index)) => {
+                let value = match integer(index, &known) {
+                    Ok(value) => value,
+                    Err(diagnostic) => {
+                        self.report(diagnostic);
+                        return None;
+                    }
+                };
+                let place = value.checked_sub(first).and_then(|i| usize::try_from(i).ok());
+                let Some(place) = place.filter(|&place| place < count) else {
+                    let last = first + count as i64 - 1;
+                    self.report(
+                        Diagnostic::error(
+                            expression.site.0,
+                            format!("the index {value} is out of range"),
+                        )
+                        .label(format!("`{name}[{value}]` does not exist"))
+                        .hint(format!("`{name}` has the indices {first}..{last}")),
+                    );
+                    return None;
+                };
+                (role, start + place)
+            }
+            _ => return Some((None, None)),
+        };
+        let of = |role| match role {
+            Role::Coordinates => resolved.coordinates.get(at),
+            Role::Momenta => resolved.momenta.get(at),
+            Role::Velocities => resolved.velocities.get(at),
+        };
+        let name = of(role).map(|declared| declared.name.clone());
+        let fits = match role {
+            Role::Coordinates => true,
+            Role::Momenta => on.observes() && resolved.velocities.is_empty(),
+            Role::Velocities => on.observes(),
+        };
+        let partner = of(Role::Coordinates).map(|declared| declared.name.clone());
+        Some(if fits { (name, None) } else { (None, partner) })
+    }
+
+    /// One `param` statement for each inner parameter.
+    fn parameters(
+        &mut self,
+        row: &EffectRow,
+        asked: Asked,
+        arguments: &[String],
+    ) -> Option<Vec<Statement>> {
+        let at = self.scene.coordinates.iter().position(|name| Some(name) == arguments.first());
+        let resolved = &self.resolved;
+        let unit = |list: &[super::resolve::Declared]| {
+            Some(list.get(at?)?.unit.as_ref()?.text.clone())
+        };
+        let (q, p) = (unit(&resolved.coordinates), unit(&resolved.momenta));
+        let time = resolved.time.and_then(|(_, unit)| unit).map(|unit| unit.text.clone());
+        for (i, setting) in asked.settings.iter().enumerate() {
+            let name = setting.name.text.as_str();
+            let twice = asked.settings[..i].iter().find(|other| other.name.text == name);
+            if let Some(first) = twice {
+                let diagnostic = Diagnostic::error(setting.site.0, format!("`{name}` is given twice"))
+                    .label("given again here")
+                    .hint("keep one of them")
+                    .related(first.site.0, "first given here");
+                self.report(diagnostic);
+                return None;
+            }
+            if !row.parameters.iter().any(|scan| scan.name == name) {
+                let known: Vec<&str> = row.parameters.iter().map(|scan| scan.name).collect();
+                let hint = match super::nearest(name, known.iter().copied()) {
+                    _ if known.is_empty() => "it has no inner parameter: take it away".to_string(),
+                    Some(near) => format!("did you mean `{near}`?"),
+                    None => format!("it has {}", known.join(" and ")),
+                };
+                let message = format!("`{}` has no parameter `{name}`", row.name);
+                self.report(
+                    Diagnostic::error(setting.site.0, message).label("unknown here").hint(hint),
+                );
+                return None;
+            }
+        }
+        let mut out = Vec::new();
+        for scan in row.parameters {
+            let Some(setting) = asked.settings.iter().find(|s| s.name.text == scan.name) else {
+                self.report(
+                    Diagnostic::error(
+                        asked.span,
+                        format!("`{}` needs a start for its {}", row.name, scan.name),
+                    )
+                    .label("not given here")
+                    .hint(format!(
+                        "write for example `{}`; `leverrier diagnose` looks for the best one",
+                        row.statement(arguments, &[])
+                    )),
+                );
+                return None;
+            };
+            let site = Site(asked.span);
+            let text = scan.by.unit_text(q.as_deref(), p.as_deref(), time.as_deref());
+            // A bare number is in the units of the variables.
+            let bare = !matches!(setting.value.kind, ExpressionKind::Quantity(..));
+            let start = match text {
+                Some(text) if bare => Expression {
+                    kind: ExpressionKind::Quantity(
+                        Box::new(setting.value.clone()),
+                        Word { text, site: setting.value.site },
+                    ),
+                    site: setting.value.site,
+                },
+                _ => setting.value.clone(),
+            };
+            let name = Word { text: row.parameter_name(scan.name, arguments), site };
+            let kind = StatementKind::Parameter { name, starts: vec![start], bounds: None };
+            out.push(Statement { kind, site, effect: None });
+        }
+        Some(out)
+    }
+}
+
+impl Resolved<'_> {
+    /// The names that an effect meets.
+    fn scene(&self) -> Scene {
+        let names = |list: &[super::resolve::Declared]| -> Vec<String> {
+            list.iter().map(|declared| declared.name.clone()).collect()
+        };
+        let second = if self.velocities.is_empty() { &self.momenta } else { &self.velocities };
+        Scene {
+            coordinates: names(&self.coordinates),
+            momenta: names(&self.momenta),
+            observables: [names(&self.coordinates), names(second)].concat(),
+            time: self.time_name(),
+        }
+    }
+}
