@@ -333,6 +333,32 @@ impl Graph {
         image[&expr]
     }
 
+    /// The same expression as one of another graph, symbols replaced by numbers where given.
+    pub fn import(&mut self, other: &Graph, expr: Expr, values: &HashMap<Symbol, f64>) -> Expr {
+        let mut image: HashMap<Expr, Expr> = HashMap::new();
+        for part in other.topological(&[expr]) {
+            let new = match other.node(part) {
+                Node::Number(number) => self.number(number.value()),
+                Node::Symbol(symbol) => match values.get(symbol) {
+                    Some(&value) => self.number(value),
+                    None => self.symbol(*symbol),
+                },
+                Node::Sum { constant, terms } => {
+                    let parts: Vec<_> = terms.iter().map(|(t, c)| (c.value(), image[t])).collect();
+                    self.linear(constant.value(), &parts)
+                }
+                Node::Product(parts) => {
+                    let parts: Vec<_> = parts.iter().map(|(b, e)| (image[b], e.value())).collect();
+                    self.product(1.0, &parts)
+                }
+                Node::Power(base, exponent) => self.power_of(image[base], image[exponent]),
+                Node::Apply(function, argument) => self.apply(*function, image[argument]),
+            };
+            image.insert(part, new);
+        }
+        image[&expr]
+    }
+
     /// The value of an expression; slow and plain, the truth for tests of the evaluators.
     pub fn value(&self, expr: Expr, of: &dyn Fn(Symbol) -> f64) -> f64 {
         let mut values: HashMap<Expr, f64> = HashMap::new();
