@@ -120,14 +120,7 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
             difference: a.difference,
         })
         .collect(),
-        unlearnable: if merged.columns() <= DEPENDENCE {
-            unlearnable(&merged)
-                .iter()
-                .filter_map(|u| sentence(system, &round.columns.terms, u))
-                .collect()
-        } else {
-            Vec::new()
-        },
+        unlearnable: open_questions(system, &merged),
         path: path_entries(training, round),
         stop: Stop {
             reason: refit.stop,
@@ -231,8 +224,24 @@ fn path_entries(training: &Training, round: &Round) -> Vec<PathEntry> {
         .collect()
 }
 
-fn sentence(system: &System, terms: &usize, found: &Unlearnable) -> Option<String> {
-    let name = |column: usize| (column < *terms).then(|| label(system, column));
+/// What these data cannot tell, in sentences.
+fn open_questions(system: &System, factor: &Factor) -> Vec<String> {
+    let (unknowns, residuals) = (factor.columns(), factor.rows());
+    let mut sentences = Vec::new();
+    if unknowns > residuals {
+        sentences.push(format!(
+            "{residuals} independent residuals cannot settle the {unknowns} unknowns of the \
+             function space: measure more, or write a smaller space"
+        ));
+    } else if unknowns <= DEPENDENCE {
+        let found = unlearnable(factor);
+        sentences.extend(found.iter().filter_map(|u| sentence(system, u)));
+    }
+    sentences
+}
+
+fn sentence(system: &System, found: &Unlearnable) -> Option<String> {
+    let name = |column: usize| (column < system.terms.len()).then(|| label(system, column));
     match found {
         Unlearnable::Untouched { column } => {
             let term = name(*column)?;

@@ -151,6 +151,15 @@ impl Factor {
         }
     }
 
+    /// Sets the columns of A to zero that `negligible(column, norm)` names.
+    pub fn silence(&mut self, negligible: impl Fn(usize, f64) -> bool) {
+        for (k, norm) in self.norms().into_iter().enumerate() {
+            if norm > 0.0 && negligible(k, norm) {
+                self.triangle.column_mut(k).fill(0.0);
+            }
+        }
+    }
+
     /// Euclidean norm of each column of A.
     pub fn norms(&self) -> Vec<f64> {
         (0..self.columns()).map(|k| self.triangle.view((0, k), (k + 1, 1)).norm()).collect()

@@ -26,13 +26,24 @@ impl Loss {
         &LOSSES[self.0 as usize]
     }
 
+    /// Whether it is plain least squares.
     pub fn is_squares(self) -> bool {
         self == Loss::SQUARES
+    }
+
+    /// What a residual adds to the estimate of the noise's variance, whose expectation is one
+    /// for Gaussian noise: the square, or for robust losses what Huber's second proposal makes
+    /// of it (Huber, Ann. Math. Stat. 35, 1964, section 7), so that outliers do not hide the
+    /// noise that they stand out of.
+    pub fn scale(self, r: f64) -> f64 {
+        if self.is_squares() { r * r } else { (r * r).min(HUBER * HUBER) / CLIPPED }
     }
 }
 
 /// Where Huber's loss turns from squares to absolute values: 95 % efficiency for Gaussian noise.
 const HUBER: f64 = 1.345;
+/// Expectation of min(z^2, HUBER^2) for a standard normal z.
+const CLIPPED: f64 = 0.710_164;
 /// Scale of the Cauchy loss: 95 % efficiency for Gaussian noise.
 const CAUCHY: f64 = 2.3849;
 /// Below this residual the absolute loss is rounded off, so that its weight stays finite.

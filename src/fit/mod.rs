@@ -11,6 +11,7 @@ pub mod criterion;
 pub mod elimination;
 pub mod factor;
 pub mod first_order;
+mod gauge;
 pub mod gauss_newton;
 pub mod loss;
 pub mod model;
@@ -56,6 +57,26 @@ pub fn fit(
             "put the unknown part into `span{ ... }`, or simulate the spec as it is",
         ));
     }
+    if let Some(settled) = gauge::settle_scale(system, dataset) {
+        if settled.system.terms.is_empty() && settled.system.parameters.is_empty() {
+            return Err(Error::fit(
+                "without momenta and known parts the only term sets the scale of H",
+                "put more terms into `span{ ... }`, or measure momenta",
+            ));
+        }
+        let mut model = learn(&settled.system, dataset, options, monitor)?;
+        settled.restore(system, &mut model);
+        return Ok(model);
+    }
+    learn(system, dataset, options, monitor)
+}
+
+fn learn(
+    system: &System,
+    dataset: &Dataset,
+    options: &Options,
+    monitor: &dyn Monitor,
+) -> Result<Model> {
     let large = system.terms.len() > LARGEST_FACTOR;
     if options.trainer == Trainer::FirstOrder || large {
         return screened(system, dataset, options, monitor);

@@ -34,6 +34,9 @@ pub struct Options {
     pub longest_step: Option<f64>,
     /// Samples of a segment, at most; `None`: as long as the model can follow.
     pub window: Option<usize>,
+    /// Start values that the spec lists for each inner parameter (in the order of
+    /// [`System::parameters`](crate::expr::System)); where there are none, its single start.
+    pub parameter_starts: Vec<Vec<f64>>,
     /// Starts of the inner parameters that are tried beside the spec's own.
     pub starts: usize,
     /// Whether to search a support; without it every term stays.
@@ -50,6 +53,7 @@ impl Default for Options {
             method: None,
             longest_step: None,
             window: None,
+            parameter_starts: Vec::new(),
             starts: 8,
             sparse: true,
             seed: 0,

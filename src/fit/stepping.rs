@@ -75,7 +75,10 @@ pub fn coarse(
 
 /// The cheapest integrator that is accurate enough for the present noise.
 pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64]) -> Choice {
-    let rounding = rounding(training.dataset, training.noise.len());
+    // Rounding accumulates along a segment.
+    let along = (training.window.max(2) - 1) as f64;
+    let mut rounding = rounding(training.dataset, training.noise.len());
+    rounding.iter_mut().for_each(|r| *r *= along);
     let (batch, span) = sample(training);
     let longest_span = span.iter().fold(0.0f64, |m, s| m.max(s.abs()));
     let options = training.options;
