@@ -220,6 +220,22 @@ fn a_closed_pipe_is_no_error() {
 }
 
 #[test]
+fn coordinates_alone_will_do() {
+    let folder = pendulum();
+    let path = folder.path();
+    let data = fs::read_to_string(path.join("swings.csv")).expect("made");
+    let without = data.lines().map(|line| line.rsplit_once(',').expect("columns").0);
+    fs::write(path.join("swings.csv"), without.collect::<Vec<_>>().join("\n")).expect("written");
+    let done = good(path, &["fit", "swings.ham"]);
+    assert!(done.err.contains("omega was never measured"), "{}", done.err);
+    assert!(
+        done.out.contains("H = p_theta^2/2 - 1.") && done.out.contains("not measured"),
+        "{}",
+        done.out
+    );
+}
+
+#[test]
 fn pairs_need_no_run_column() {
     let folder = pendulum();
     let path = folder.path();

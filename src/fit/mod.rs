@@ -19,6 +19,7 @@ pub mod monitor;
 pub mod options;
 pub mod pass;
 pub mod path;
+mod prune;
 pub mod segments;
 pub mod starts;
 pub mod stepping;

@@ -162,7 +162,7 @@ impl<'a> Training<'a> {
     }
 
     /// Resolution in units of the noise, the same for all observables.
-    fn floor(&self) -> f64 {
+    pub fn floor(&self) -> f64 {
         let parts = self.integrator.resolution.iter().zip(&self.noise);
         let squares: f64 = parts.map(|(f, s)| (f / s.max(*f)).powi(2)).sum();
         (squares / self.noise.len().max(1) as f64).sqrt()
@@ -412,6 +412,7 @@ pub fn train<'a>(
     if options.window.is_none() {
         (training, round) = grow(training, round, monitor)?;
     }
+    super::prune::prune(&mut training, &mut round, monitor);
     training.finish(&mut round, monitor);
     Ok((training, round))
 }

@@ -1,0 +1,64 @@
+//! The last look at a support: terms that do not pay their price are taken out.
+//!
+//! The search compares supports on a factor in which the coefficients are absolute. On clean
+//! data the weights are near 1e15, and rounding in that factor can hide that a term does
+//! nothing. Here the same criterion is asked again, of the model linearised at its own
+//! coefficients, where nothing cancels.
+
+use super::criterion::Criterion;
+use super::monitor::Monitor;
+use super::train::{Round, Training};
+use super::uncertainty::covariance;
+
+/// Takes terms out one by one, the weakest first, and refits after each.
+pub fn prune(training: &mut Training, round: &mut Round, monitor: &dyn Monitor) {
+    if !training.options.sparse {
+        return;
+    }
+    let searched = training.support.len();
+    while let Some(weakest) = superfluous(training, round) {
+        let mut fewer = training.clone();
+        fewer.support.retain(|&k| k != weakest);
+        fewer.coefficients[weakest] = 0.0;
+        let refit = fewer.refit(monitor);
+        if refit.sums.exploded > round.refit.sums.exploded {
+            break;
+        }
+        fewer.take(&refit);
+        *training = fewer;
+        round.refit = refit;
+    }
+    if training.support.len() < searched {
+        // What is reported as chosen is what was kept.
+        let candidates = &mut round.search.candidates;
+        if let Some(kept) = candidates.iter().position(|c| c.support == training.support) {
+            candidates[..=kept].rotate_right(1);
+        }
+    }
+}
+
+/// The term whose absence betters the criterion most, if there is one.
+fn superfluous(training: &Training, round: &Round) -> Option<usize> {
+    let refit = &round.refit;
+    let floor = training.floor().max(round.criterion.floor);
+    let criterion = Criterion { floor };
+    let rows = refit.sums.rows;
+    let inverse = covariance(&refit.linearised.merged(), 1.0);
+    let value = |squares: f64, unknowns: usize| criterion.value(squares, rows, unknowns, 0.0);
+    let unknowns = refit.theta.len();
+    let present = value(refit.sums.loss, unknowns);
+    let change = |(place, &k): (usize, &usize)| {
+        // What the sum of squares grows by when the others take over as well as they can.
+        let growth = training.coefficients[k].powi(2) / inverse[(place, place)];
+        let without = value(refit.sums.loss + growth, unknowns.saturating_sub(1));
+        (k, without - present - round.columns.costs[k])
+    };
+    training
+        .support
+        .iter()
+        .enumerate()
+        .map(change)
+        .filter(|(_, change)| *change < 0.0)
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .map(|(k, _)| k)
+}
