@@ -80,8 +80,7 @@ impl Candidate {
             .iter()
             .map(|&k| {
                 let term = &self.system.terms[k];
-                let mut import =
-                    |expr| into.graph.import(&self.system.graph, expr, &numbers);
+                let mut import = |expr| into.graph.import(&self.system.graph, expr, &numbers);
                 let expr = import(term.expr);
                 let also = term.also.iter().map(|&(place, expr)| (place, import(expr))).collect();
                 Term { expr, also, ..term.clone() }
@@ -125,12 +124,15 @@ fn grid(
     let spread = upper - lower;
     let step = typical_step(dataset).max(f64::MIN_POSITIVE);
     let times = dataset.runs.iter().flat_map(|run| run.times.first().zip(run.times.last()));
-    let (start, end) = times.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), (&s, &e)| {
-        (a.min(s), b.max(e))
-    });
+    let (start, end) =
+        times.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), (&s, &e)| (a.min(s), b.max(e)));
     let duration = (longest_run(dataset).saturating_sub(1).max(1)) as f64 * step;
     let turn = std::f64::consts::TAU;
-    let most = if scans.len() > 1 { (TOGETHER as f64).powf(1.0 / scans.len() as f64) as usize } else { POINTS };
+    let most = if scans.len() > 1 {
+        (TOGETHER as f64).powf(1.0 / scans.len() as f64) as usize
+    } else {
+        POINTS
+    };
     let even = |a: f64, b: f64, count: usize| -> Vec<f64> {
         let count = count.min(most).max(2);
         (0..count).map(|i| a + (b - a) * i as f64 / (count - 1) as f64).collect()

@@ -220,7 +220,8 @@ fn refit(
     for (&j, &value) in candidate.parameters.iter().zip(&scored.values) {
         system.parameters[j].start = system.parameters[j].bounds.clamp(value);
     }
-    let support: Vec<usize> = support_in(context, &system).chain(candidate.terms.iter().copied()).collect();
+    let support: Vec<usize> =
+        support_in(context, &system).chain(candidate.terms.iter().copied()).collect();
     let options = Options { window: Some(context.window), ..Options::default() };
     let silent = crate::fit::Silent;
     let mut training = Training::new(&system, context.dataset, &options).ok()?;
@@ -260,8 +261,7 @@ fn refit(
     after.parameters.clone_from(&training.parameters);
     after.stepping = training.integrator.stepping;
     let (unseen_error_after, _) = error(&after, context.window);
-    let values: Vec<f64> =
-        candidate.parameters.iter().map(|&j| training.parameters[j]).collect();
+    let values: Vec<f64> = candidate.parameters.iter().map(|&j| training.parameters[j]).collect();
     let unknowns = (candidate.terms.len() + candidate.parameters.len()) as f64;
     let merit = deviance / variance - unknowns * (refit.sums.rows.max(1) as f64).ln();
     let _ = model;

@@ -384,6 +384,12 @@ impl<'a> Training<'a> {
         }
     }
 
+    /// Makes the integrator as accurate as the present model and noise ask for.
+    pub fn choose_integrator(&mut self) {
+        let (dynamics, theta) = self.compile(&self.support);
+        self.integrator = stepping::choose(self, &dynamics, &theta);
+    }
+
     /// Makes the integrator as accurate as the present noise asks for.
     fn sharpen(&mut self) {
         let (mut dynamics, mut theta) = self.compile(&self.support);
