@@ -78,10 +78,11 @@ impl<'a> Expander<'a, '_> {
                     .hint("give your own effect another name"),
             );
         } else if let Some(first) = self.candidates.get(name) {
-            let diagnostic = Diagnostic::error(span, format!("the candidate `{name}` is given twice"))
-                .label("given again here")
-                .hint("give every candidate a name of its own")
-                .related(first.name.site.0, "first given here");
+            let diagnostic =
+                Diagnostic::error(span, format!("the candidate `{name}` is given twice"))
+                    .label("given again here")
+                    .hint("give every candidate a name of its own")
+                    .related(first.name.site.0, "first given here");
             self.report(diagnostic);
         } else {
             self.candidates.insert(name, candidate);
@@ -104,7 +105,8 @@ impl<'a> Expander<'a, '_> {
             );
             return None;
         };
-        if self.resolved.lost_names || self.resolved.coordinates.len() != self.resolved.momenta.len()
+        if self.resolved.lost_names
+            || self.resolved.coordinates.len() != self.resolved.momenta.len()
         {
             return None;
         }
@@ -170,7 +172,8 @@ impl<'a> Expander<'a, '_> {
 
     /// The names that the arguments stand for.
     fn arguments(&mut self, row: &EffectRow, asked: Asked) -> Option<Vec<String>> {
-        let there = if row.on.observes() { &self.scene.observables } else { &self.scene.coordinates };
+        let there =
+            if row.on.observes() { &self.scene.observables } else { &self.scene.coordinates };
         let example: Vec<String> = there.iter().take(row.on.count()).cloned().collect();
         let hint = format!("write for example `{}`", row.statement(&example, &[]));
         if asked.arguments.len() != row.on.count() {
@@ -202,9 +205,12 @@ impl<'a> Expander<'a, '_> {
             };
             if out.contains(&name) {
                 self.report(
-                    Diagnostic::error(span, format!("`{}` takes two different arguments", row.name))
-                        .label(format!("`{name}` stands here again"))
-                        .hint(hint),
+                    Diagnostic::error(
+                        span,
+                        format!("`{}` takes two different arguments", row.name),
+                    )
+                    .label(format!("`{name}` stands here again"))
+                    .hint(hint),
                 );
                 return None;
             }
@@ -287,19 +293,19 @@ impl<'a> Expander<'a, '_> {
     ) -> Option<Vec<Statement>> {
         let at = self.scene.coordinates.iter().position(|name| Some(name) == arguments.first());
         let resolved = &self.resolved;
-        let unit = |list: &[super::resolve::Declared]| {
-            Some(list.get(at?)?.unit.as_ref()?.text.clone())
-        };
+        let unit =
+            |list: &[super::resolve::Declared]| Some(list.get(at?)?.unit.as_ref()?.text.clone());
         let (q, p) = (unit(&resolved.coordinates), unit(&resolved.momenta));
         let time = resolved.time.and_then(|(_, unit)| unit).map(|unit| unit.text.clone());
         for (i, setting) in asked.settings.iter().enumerate() {
             let name = setting.name.text.as_str();
             let twice = asked.settings[..i].iter().find(|other| other.name.text == name);
             if let Some(first) = twice {
-                let diagnostic = Diagnostic::error(setting.site.0, format!("`{name}` is given twice"))
-                    .label("given again here")
-                    .hint("keep one of them")
-                    .related(first.site.0, "first given here");
+                let diagnostic =
+                    Diagnostic::error(setting.site.0, format!("`{name}` is given twice"))
+                        .label("given again here")
+                        .hint("keep one of them")
+                        .related(first.site.0, "first given here");
                 self.report(diagnostic);
                 return None;
             }
@@ -336,9 +342,8 @@ impl<'a> Expander<'a, '_> {
             let site = Site(asked.span);
             let text = scan.by.unit_text(q.as_deref(), p.as_deref(), time.as_deref());
             // A bare number is in the units of the variables.
-            let bare = !matches!(setting.value.kind, ExpressionKind::Quantity(..));
             let start = match text {
-                Some(text) if bare => Expression {
+                Some(text) if bare(&setting.value) => Expression {
                     kind: ExpressionKind::Quantity(
                         Box::new(setting.value.clone()),
                         Word { text, site: setting.value.site },
@@ -352,6 +357,20 @@ impl<'a> Expander<'a, '_> {
             out.push(Statement { kind, site, effect: None });
         }
         Some(out)
+    }
+}
+
+/// Whether an expression is made of numbers alone, none with a unit.
+fn bare(expression: &Expression) -> bool {
+    match &expression.kind {
+        ExpressionKind::Number(_) => true,
+        ExpressionKind::Name(name) => name == "pi",
+        ExpressionKind::Negate(inner) => bare(inner),
+        ExpressionKind::Sum(parts) | ExpressionKind::Product(parts) => {
+            parts.iter().all(|(_, part)| bare(part))
+        }
+        ExpressionKind::Power(base, exponent) => bare(base) && bare(exponent),
+        _ => false,
     }
 }
 

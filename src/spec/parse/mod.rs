@@ -190,7 +190,8 @@ pub(super) fn template(source: &str, span: Span) -> Result<Vec<Statement>, Diagn
     let mut out = Vec::new();
     for tokens in token::statements(&tokens, &mut Vec::new(), &mut diagnostics) {
         // Templates hold no units: nothing is looked up in the text by its place.
-        let input = Tokens { rest: &tokens, source: "", end: span.end, taken: span.start, depth: 0 };
+        let input =
+            Tokens { rest: &tokens, source: "", end: span.end, taken: span.start, depth: 0 };
         match statement::statement(input) {
             Ok((rest, statement)) if rest.rest.is_empty() => out.push(statement),
             Err(nom::Err::Error(fault) | nom::Err::Failure(fault)) => {

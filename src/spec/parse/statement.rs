@@ -310,7 +310,8 @@ fn addition(input: Tokens) -> Parsed<Statement> {
         "sensor" => cut(sensor).parse(input)?,
         "constrain" => cut(constrain).parse(input)?,
         _ => {
-            let words = "a statement that adds: `param`, `T`, `V`, `H`, `force`, `sensor` or `constrain`";
+            let words =
+                "a statement that adds: `param`, `T`, `V`, `H`, `force`, `sensor` or `constrain`";
             return Err(Fault::expected(input, words));
         }
     };
