@@ -22,13 +22,17 @@ impl System {
 /// Every effect of the catalogue on every choice of arguments where it makes sense.
 ///
 /// Effects of angles are left out for coordinates that have another unit than that of a
-/// pure number.
+/// pure number, and effects of a distance for coordinates in different units.
 pub fn instances(system: &System) -> Vec<Instance> {
-    let angle = |name: &String| {
-        let variable = system.coordinates.iter().find(|variable| variable.name == *name);
-        variable.and_then(|variable| variable.unit).is_none_or(Unit::is_number)
+    let unit =
+        |name: &String| system.coordinates.iter().find(|variable| variable.name == *name)?.unit;
+    let angle = |name: &String| unit(name).is_none_or(Unit::is_number);
+    let alike = |names: &[String]| match names {
+        [first, second] => unit(first).zip(unit(second)).is_none_or(|(a, b)| a.agrees(b)),
+        _ => true,
     };
     let mut out = effects::instances(&system.scene());
     out.retain(|instance| !instance.effect.angle || instance.arguments.iter().all(angle));
+    out.retain(|instance| !instance.effect.alike || alike(&instance.arguments));
     out
 }

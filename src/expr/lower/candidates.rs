@@ -4,6 +4,7 @@ use std::collections::HashSet;
 
 use super::Lowering;
 use crate::diagnostic::{Diagnostic, Severity, Span};
+use crate::spec::MOST_CANDIDATES;
 use crate::spec::ast::{Spec, StatementKind};
 use crate::spec::resolve::resolve;
 
@@ -51,9 +52,12 @@ pub(super) fn check(spec: &Spec) -> Vec<Diagnostic> {
         })
         .cloned()
         .collect();
-    for statement in &spec.statements {
-        let StatementKind::Candidates(list) = &statement.kind else { continue };
-        for candidate in list {
+    let lists = spec.statements.iter().filter_map(|statement| match &statement.kind {
+        StatementKind::Candidates(list) => Some(list),
+        _ => None,
+    });
+    for list in lists {
+        for candidate in list.iter().take(MOST_CANDIDATES) {
             let mut alone = Spec { statements: declarations.clone(), lost: spec.lost.clone() };
             alone.statements.extend(candidate.statements.iter().cloned());
             for statement in &mut alone.statements[declarations.len()..] {

@@ -421,8 +421,12 @@ impl Lowering<'_> {
         if first.explicit && explicit {
             let first_span = first.span;
             let label = self.graph.text(value.expr, &self.symbol_names());
+            let again = match &self.effect {
+                Some(effect) => format!("`{effect}` adds what stands elsewhere"),
+                None => "stands here again".to_string(),
+            };
             let mut diagnostic = Diagnostic::error(span, format!("duplicate term `{label}`"))
-                .label("stands here again")
+                .label(again)
                 .hint("keep one of them; two coefficients of one term cannot be told apart");
             if first_span != span {
                 diagnostic = diagnostic.related(first_span, "first stands here");
