@@ -51,8 +51,8 @@ fn noisy(mut data: Dataset, sigma: f64, seed: u64) -> Dataset {
 }
 
 fn learn(space: &str, data: &Dataset, options: &Options) -> Model {
-    let model = fit(&spec(space).system, data, options, &Silent)
-        .unwrap_or_else(|error| panic!("{error}"));
+    let model =
+        fit(&spec(space).system, data, options, &Silent).unwrap_or_else(|error| panic!("{error}"));
     assert_sound(&model);
     model
 }
@@ -264,11 +264,8 @@ fn parameters_inside_terms_and_the_starts_that_the_spec_lists() {
     let space = "coordinates q\nmomenta p\nparam k = 1, 2.8 in 0.1..8\nT = p^2/2\n\
                  V = span{ cos(k*q) }\n";
     let compiled = spec(space);
-    let listed = Options {
-        parameter_starts: compiled.starts.clone(),
-        starts: 0,
-        ..Options::default()
-    };
+    let listed =
+        Options { parameter_starts: compiled.starts.clone(), starts: 0, ..Options::default() };
     let model = learn(space, &data, &listed);
     assert!((model.parameters[0].value - 3.0).abs() < 1e-7, "{:?}", model.parameters);
     assert!((coefficient(&model, "V cos(k*q)") + 1.0 / 3.0).abs() < 1e-7);
@@ -522,7 +519,8 @@ fn units_do_not_matter() {
         let model = learn(DUFFING_SPACE, &rescaled(&data, time, &[q, p]), &Options::default());
         assert_eq!(support(&model), support(&reference), "time {time}, q {q}, p {p}");
         for (ours, theirs) in model.terms.iter().zip(&reference.terms) {
-            let relative = |t: &leverrier::fit::model::LearnedTerm| t.standard_error / t.coefficient;
+            let relative =
+                |t: &leverrier::fit::model::LearnedTerm| t.standard_error / t.coefficient;
             let ratio = relative(ours) / relative(theirs);
             assert!((ratio - 1.0).abs() < 1e-3, "{}: {ratio}", ours.term);
         }
