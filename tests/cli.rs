@@ -77,8 +77,20 @@ fn pendulum() -> TempDir {
 }
 
 const MAKE_SWINGS: [&str; 15] = [
-    "simulate", "known.ham", "--runs", "3", "--sample", "theta=-1.5..1.5", "--sample",
-    "p_theta=-1..1", "--dt=0.1", "--samples=60", "--noise=0.005", "--seed=7", "-o", "swings.csv",
+    "simulate",
+    "known.ham",
+    "--runs",
+    "3",
+    "--sample",
+    "theta=-1.5..1.5",
+    "--sample",
+    "p_theta=-1..1",
+    "--dt=0.1",
+    "--samples=60",
+    "--noise=0.005",
+    "--seed=7",
+    "-o",
+    "swings.csv",
     "--force",
 ];
 
@@ -89,7 +101,9 @@ fn simulate_is_deterministic_and_exact() {
     let first = fs::read(path.join("swings.csv")).expect("made");
     good(path, &MAKE_SWINGS);
     assert_eq!(first, fs::read(path.join("swings.csv")).expect("made again"));
-    assert!(String::from_utf8_lossy(&first).starts_with("run,t [s],theta [rad],omega [rad/s]\n1,0,"));
+    assert!(
+        String::from_utf8_lossy(&first).starts_with("run,t [s],theta [rad],omega [rad/s]\n1,0,")
+    );
 
     let made = json(
         path,
@@ -141,7 +155,8 @@ fn fit_learns_prints_and_keeps_the_model() {
     let folder = pendulum();
     let path = folder.path();
     let done = good(path, &["fit", "swings.ham"]);
-    for part in ["H = p_theta^2/2 - 1.", "cos(theta)", "included", "noise of", "forest-ruth", "->"] {
+    for part in ["H = p_theta^2/2 - 1.", "cos(theta)", "included", "noise of", "forest-ruth", "->"]
+    {
         assert!(done.out.contains(part), "{part} is not in\n{}", done.out);
     }
     assert!(done.err.contains("swings.model.json"));
@@ -190,8 +205,7 @@ fn a_fitted_model_simulates_and_exports() {
             }
         }
     }
-    let document =
-        good(path, &["export", "swings.ham", "latex", "--document", "-o", "swings.tex"]);
+    let document = good(path, &["export", "swings.ham", "latex", "--document", "-o", "swings.tex"]);
     assert!(document.out.contains("swings.tex"));
     assert!(fs::read_to_string(path.join("swings.tex")).expect("made").contains("documentclass"));
     // A fully known spec needs no model.
@@ -314,8 +328,11 @@ const BAD: &[Bad] = &[
     data("text in a number", "run,t,q,p\n1,0,1,0\n1,0.1,x1,0\n", &["line 3", "`q`", "`x1`"]),
     data("infinity", "run,t,q,p\n1,0,1,0\n1,0.1,inf,0\n", &["line 3", "`q`", "infinite"]),
     data("no numbers", "run,t,q,p\n1,0,nan,nan\n1,0.1,nan,nan\n", &["d.csv", "measured"]),
-    data("time backwards", "run,t,q,p\n1,0,1,0\n1,2,1,0\n1,3,1,0\n1,0.5,1,0\n1,0.7,1,0\n1,0.2,1,0\n1,9,1,1\n",
-        &["d.csv", "line", "time"]),
+    data(
+        "time backwards",
+        "run,t,q,p\n1,0,1,0\n1,2,1,0\n1,3,1,0\n1,0.5,1,0\n1,0.7,1,0\n1,0.2,1,0\n1,9,1,1\n",
+        &["d.csv", "line", "time"],
+    ),
     data("one-sample runs", "run,t,q,p\n1,0,1,0\n2,0,1,0\n", &["d.csv", "only one sample"]),
     data("missing column", "run,t,q,x\n1,0,1,0\n1,1,1,0\n", &["d.csv", "no column", "`p`"]),
     data("not text", "run,t,q,p\n\u{0}\u{1}\u{0}\u{2}\n", &["d.csv", "not a text file"]),
@@ -333,7 +350,13 @@ const BAD: &[Bad] = &[
         command: &["export", "s.ham", "latex"],
         says: &["s.model.json", "leverrier fit s.ham"],
     },
-    Bad { what: "no spec", spec: SPEC, data: DATA, command: &["fit", "x.ham"], says: &["x.ham", "no such file"] },
+    Bad {
+        what: "no spec",
+        spec: SPEC,
+        data: DATA,
+        command: &["fit", "x.ham"],
+        says: &["x.ham", "no such file"],
+    },
     Bad { what: "a folder", spec: SPEC, data: DATA, command: &["fit", "."], says: &["folder"] },
     Bad {
         what: "no data file",
@@ -374,8 +397,17 @@ const BAD: &[Bad] = &[
         what: "unreachable energies",
         spec: "T = p^2/2\nV = q^2",
         data: DATA,
-        command: &["simulate", "s.ham", "--sample", "q=0..1", "--sample", "p=0..1", "--energy=7..8",
-            "--dt=1", "--samples=3"],
+        command: &[
+            "simulate",
+            "s.ham",
+            "--sample",
+            "q=0..1",
+            "--sample",
+            "p=0..1",
+            "--energy=7..8",
+            "--dt=1",
+            "--samples=3",
+        ],
         says: &["--energy"],
     },
     Bad {
@@ -467,11 +499,19 @@ fn a_model_that_explodes_ends_finite_or_with_a_reason() {
     let mut x: f64 = 0.3;
     for i in 0..60 {
         x = (1e3 * x).sin();
-        text.push_str(&format!("1,{},{:e},{:e}\n", 5.0 * f64::from(i), 1e6 * x, 1e9 * (7.0 * x).cos()));
+        text.push_str(&format!(
+            "1,{},{:e},{:e}\n",
+            5.0 * f64::from(i),
+            1e6 * x,
+            1e9 * (7.0 * x).cos()
+        ));
     }
     fs::write(path.join("d.csv"), text).expect("written");
-    fs::write(path.join("s.ham"), format!("{HEAD}T = span{{ poly(p; 4) }}\nV = span{{ poly(q; 6), exp(q) }}"))
-        .expect("written");
+    fs::write(
+        path.join("s.ham"),
+        format!("{HEAD}T = span{{ poly(p; 4) }}\nV = span{{ poly(q; 6), exp(q) }}"),
+    )
+    .expect("written");
     let done = run(path, FIT);
     match done.code {
         Some(0) => assert!(!done.out.contains("NaN") && !done.out.contains("inf"), "{}", done.out),
@@ -521,7 +561,10 @@ fn a_full_disk_is_an_error() {
     let fit = run(path, &["fit", "swings.ham", "-o", "/dev/full"]);
     assert_eq!(fit.code, Some(1));
     assert!(fit.err.contains("/dev/full") && fit.out.contains("cos(theta)"), "{}", fit.err);
-    let made = run(path, &["simulate", "known.ham", "--start=1,0", "--dt=1", "--samples=3", "-o", "/dev/full"]);
+    let made = run(
+        path,
+        &["simulate", "known.ham", "--start=1,0", "--dt=1", "--samples=3", "-o", "/dev/full"],
+    );
     assert_eq!(made.code, Some(1));
     assert_eq!(listing(path), before);
     let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("it is there");

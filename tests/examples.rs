@@ -105,8 +105,7 @@ fn the_printed_laws_are_the_true_ones() {
             .expect("it runs");
         String::from_utf8_lossy(&output.stdout).split_whitespace().collect::<Vec<_>>().join(" ")
     };
-    let henon_heiles =
-        "H = (p[1]^2 + p[2]^2)/2 + (q[1]^2 + q[2]^2)/2 + q[1]^2 q[2] - q[2]^3/3";
+    let henon_heiles = "H = (p[1]^2 + p[2]^2)/2 + (q[1]^2 + q[2]^2)/2 + q[1]^2 q[2] - q[2]^3/3";
     assert!(law("henon-heiles", "fit.ham").contains(henon_heiles));
     assert!(law("henon-heiles", "degree6.ham").contains(henon_heiles));
     assert!(law("pendulum", "fit.ham").contains("H = p^2/4 - 2 cos(q)"));

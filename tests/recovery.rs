@@ -61,8 +61,8 @@ fn henon_heiles_noisy_reaches_the_cramer_rao_bound() {
         let clean = first_samples(&henon_heiles_pairs(5_000, 0.0, seed));
         let covariance = plain.covariance(&clean, 2, SIGMA);
         let model = learn(&space, &henon_heiles_pairs(5_000, SIGMA, seed));
-        let found = deviations(&law, &model)
-            .unwrap_or_else(|| panic!("seed {seed}: {}", support(&model)));
+        let found =
+            deviations(&law, &model).unwrap_or_else(|| panic!("seed {seed}: {}", support(&model)));
         for (k, (error, width)) in found.into_iter().enumerate() {
             squares += error * error / covariance[(k, k)];
             covered += usize::from(error.abs() < 1.959964 * width);
@@ -136,8 +136,7 @@ fn mass_spring_clean_prints_springs() {
         println!("degree {degree}: largest error {error:.1e}\n{text}");
         assert!(error < 1e-6, "degree {degree}: {error}");
         for (i, j) in [(1, 2), (2, 3), (3, 4), (4, 5)] {
-            let springs =
-                [format!("(q[{i}] - q[{j}])^2"), format!("(q[{j}] - q[{i}])^2")];
+            let springs = [format!("(q[{i}] - q[{j}])^2"), format!("(q[{j}] - q[{i}])^2")];
             assert!(springs.iter().any(|s| text.contains(s)), "no spring {i}-{j} in {text}");
         }
     }
@@ -232,8 +231,7 @@ fn models_are_small() {
 fn ablation(name: &str) -> (f64, f64) {
     let (space, law) = (tensor(3), henon_heiles());
     let method = Method::by_name(name).expect("a row of METHODS");
-    let options =
-        Options { method: Some(method), longest_step: Some(STEP), ..Options::default() };
+    let options = Options { method: Some(method), longest_step: Some(STEP), ..Options::default() };
     let model = learn_with(&space, &henon_heiles_pairs(5_000, 0.0, 1), &options);
     // Terms that a wrong integrator asks for are errors, too.
     let mut error: f64 = 0.0;

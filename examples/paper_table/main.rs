@@ -78,7 +78,11 @@ fn henon_heiles_rows(table: &mut Table) {
     for degree in [3, 6, 10] {
         table.row(&format!("Hénon-Heiles, clean, degree {degree}"), "1e-5", || {
             let model = learn(&tensor(degree), &henon_heiles_pairs(5_000, 0.0, 1));
-            format!("{}, coefficients {}", exact(&law, &model), rounded(largest_error(&law, &model)))
+            format!(
+                "{}, coefficients {}",
+                exact(&law, &model),
+                rounded(largest_error(&law, &model))
+            )
         });
     }
     for degree in [3, 6, 10] {
@@ -211,10 +215,9 @@ fn pendulum_rows(table: &mut Table) {
         table.row(case, figure, || {
             let space = pendulum_space(&which);
             let model = learn(&space, &data);
-            let error =
-                pendulum_error(&model).map_or("not the true V".to_string(), |e| {
-                    format!("the true V, its numbers {}", rounded(e))
-                });
+            let error = pendulum_error(&model).map_or("not the true V".to_string(), |e| {
+                format!("the true V, its numbers {}", rounded(e))
+            });
             format!("{error}; printed `{}`", printed(&space, &model, &data))
         });
     }
@@ -235,19 +238,15 @@ fn pendulum_rows(table: &mut Table) {
 
 fn other_rows(table: &mut Table) {
     let law = henon_heiles();
-    table.row(
-        "learned parameters, size",
-        "32 to 390 (its rivals 3,072 to 1,051,648)",
-        || {
-            let sizes = [3, 6, 10].map(|degree| {
-                let space = tensor(degree);
-                let model = learn(&space, &henon_heiles_pairs(1_000, SIGMA, 1));
-                let (_, needed) = bytes(&model);
-                format!("{} of {} ({needed} bytes)", model.evidence.learned, space.terms.len())
-            });
-            format!("Hénon-Heiles, degree 3, 6, 10: {}", sizes.join(", "))
-        },
-    );
+    table.row("learned parameters, size", "32 to 390 (its rivals 3,072 to 1,051,648)", || {
+        let sizes = [3, 6, 10].map(|degree| {
+            let space = tensor(degree);
+            let model = learn(&space, &henon_heiles_pairs(1_000, SIGMA, 1));
+            let (_, needed) = bytes(&model);
+            format!("{} of {} ({needed} bytes)", model.evidence.learned, space.terms.len())
+        });
+        format!("Hénon-Heiles, degree 3, 6, 10: {}", sizes.join(", "))
+    });
     table.row("RK4 in place of the symplectic integrator", "1e4 times worse (faulty RK4)", || {
         let space = tensor(3);
         let with = |name: &str| {

@@ -41,10 +41,7 @@ struct Panel {
 impl Panel {
     fn at(&self, x: f64, y: f64) -> (f64, f64) {
         let part = |value: f64, (low, high): (f64, f64)| (value - low) / (high - low);
-        (
-            self.left + self.width * part(x, self.x),
-            self.top + self.height * (1.0 - part(y, self.y)),
-        )
+        (self.left + self.width * part(x, self.x), self.top + self.height * (1.0 - part(y, self.y)))
     }
 
     fn curve(&self, class: &str, points: impl Iterator<Item = (f64, f64)>) -> String {

@@ -34,8 +34,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let project = Project::open(&arguments.spec)?;
     let named = project.compiled.data.is_some() || arguments.data.is_some();
-    let data =
-        (named && !arguments.no_data).then(|| project.data(arguments.data.as_deref()));
+    let data = (named && !arguments.no_data).then(|| project.data(arguments.data.as_deref()));
     let space = FunctionSpace::new(&project.compiled);
     let width = console.width().unwrap_or(WIDTH as u16).max(40);
     let mut text = space.text(width);

@@ -72,7 +72,8 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         let list: Vec<Value> =
             DEMOS.iter().map(|demo| json!({ "name": demo.name, "shows": demo.shows })).collect();
         let object = json!({ "format": "leverrier.demo-list/1", "demos": list });
-        return console.result(&table(&["demo", "what it shows"], rows.collect(), &[], WIDTH), &object);
+        return console
+            .result(&table(&["demo", "what it shows"], rows.collect(), &[], WIDTH), &object);
     }
     let name = arguments.name.as_deref();
     let demo = DEMOS.iter().find(|demo| name.is_none_or(|name| name == demo.name));
@@ -259,8 +260,7 @@ fn henon_heiles(stage: &Stage) -> Result<Value> {
 /// Largest distance of a predicted coordinate from the truth up to t = 8.
 fn prediction_error(nature: &Simulator, project: &Project, _: &Stage) -> Result<f64> {
     let law = project.law(None)?;
-    let learned =
-        Simulator::new(project.system(), &law.active, &law.coefficients, &law.parameters);
+    let learned = Simulator::new(project.system(), &law.active, &law.coefficients, &law.parameters);
     let start = vec![vec![-0.48, -0.02, -0.08, 0.18]];
     let times: Vec<f64> = (0..=80).map(|at| 0.1 * f64::from(at)).collect();
     let truth = nature.trajectories(&start, &times)?;
@@ -273,5 +273,8 @@ fn prediction_error(nature: &Simulator, project: &Project, _: &Stage) -> Result<
 }
 
 fn indented(text: &str) -> String {
-    text.lines().map(|line| format!("    {line}").trim_end().to_string()).collect::<Vec<_>>().join("\n")
+    text.lines()
+        .map(|line| format!("    {line}").trim_end().to_string())
+        .collect::<Vec<_>>()
+        .join("\n")
 }

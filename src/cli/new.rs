@@ -172,9 +172,8 @@ fn guess(table: &Table) -> Result<Guess<'_>> {
     let mut pairs: Vec<(&Column, &Column, Role)> = Vec::new();
     for &coordinate in &rest {
         for &other in &rest {
-            let taken = |c: &Column| {
-                pairs.iter().any(|p| p.0.header == c.header || p.1.header == c.header)
-            };
+            let taken =
+                |c: &Column| pairs.iter().any(|p| p.0.header == c.header || p.1.header == c.header);
             if coordinate.header == other.header || taken(coordinate) || taken(other) {
                 continue;
             }
@@ -276,7 +275,8 @@ fn spec(table: &Table, guess: &Guess, data: &Path, path: &Path) -> (String, Vec<
     let file = if same_folder { file } else { absolute(data) };
     let stem = path.file_stem().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
 
-    let mut items = format!("time {}{}", quoted(&guess.time.name), bracketed(shown(guess.time).as_ref()));
+    let mut items =
+        format!("time {}{}", quoted(&guess.time.name), bracketed(shown(guess.time).as_ref()));
     if let Some(run) = guess.run {
         items.push_str(&format!("  run {}", quoted(&run.name)));
     }

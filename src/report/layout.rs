@@ -82,6 +82,8 @@ mod tests {
     fn sums_break_before_their_signs() {
         let text = wrapped("H = aaaa + bbbb - cccc", 13, 4);
         assert_eq!(text, "H = aaaa\n    + bbbb\n    - cccc");
-        assert!(wrapped("a word_that_is_far_too_long b", 8, 2).contains("word_that_is_far_too_long"));
+        assert!(
+            wrapped("a word_that_is_far_too_long b", 8, 2).contains("word_that_is_far_too_long")
+        );
     }
 }

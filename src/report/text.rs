@@ -56,7 +56,8 @@ fn three(value: f64) -> String {
 }
 
 fn unit(text: &Option<String>) -> String {
-    text.as_ref().map_or(String::new(), |unit| if unit == "1" { String::new() } else { unit.clone() })
+    text.as_ref()
+        .map_or(String::new(), |unit| if unit == "1" { String::new() } else { unit.clone() })
 }
 
 fn coefficients(model: &Model, width: usize) -> String {

@@ -119,9 +119,8 @@ pub fn coupled_noisy(sigma: f64, seed: u64) -> Dataset {
 /// Section 4.4: random masses and springs.
 pub fn mass_spring(seed: u64) -> Law {
     let mut generator = Pcg64::seed_from_u64(seed ^ 0x6d61_7373);
-    let mut uniform = |lower: f64, upper: f64| {
-        lower + (upper - lower) * generator.random_range(0.0..1.0)
-    };
+    let mut uniform =
+        |lower: f64, upper: f64| lower + (upper - lower) * generator.random_range(0.0..1.0);
     let k: Vec<f64> = (0..6).map(|_| uniform(0.05, 0.4)).collect();
     let m: Vec<f64> = (0..5).map(|_| uniform(1.0, 5.0)).collect();
     let length = 1.5;
@@ -145,8 +144,7 @@ pub fn mass_spring(seed: u64) -> Law {
 
 /// 800 consecutive pairs of one motion, each copy of each sample with its own noise.
 pub fn mass_spring_pairs(law: &Law, sigma: f64, seed: u64) -> Dataset {
-    let mut boxes: Vec<Side> =
-        [0.25, 0.5, 0.75, 1.0, 1.25].iter().map(|&q| side(q, q)).collect();
+    let mut boxes: Vec<Side> = [0.25, 0.5, 0.75, 1.0, 1.25].iter().map(|&q| side(q, q)).collect();
     boxes.extend(vec![side(-0.1, 0.1); 5]);
     let mut data =
         consecutive_pairs(&runs(law, &Sampling { boxes, energy: None }, 1, 801, 0.0, seed));
@@ -182,9 +180,11 @@ pub enum PendulumSpace {
 /// The spec of one of the pendulum's spaces.
 pub fn pendulum_space(which: &PendulumSpace) -> System {
     let (variables, kinetic, potential) = match which {
-        PendulumSpace::Sine => {
-            ("coordinates q\nmomenta p\nparam a = 0\nparam b = 0", "poly(p; 3)", "sin((1 + a)*q + b)")
-        }
+        PendulumSpace::Sine => (
+            "coordinates q\nmomenta p\nparam a = 0\nparam b = 0",
+            "poly(p; 3)",
+            "sin((1 + a)*q + b)",
+        ),
         PendulumSpace::Mixed => (
             "coordinates q\nmomenta p\nparam a = 0\nparam b = 0\nparam c = 0\nparam d = 0",
             "poly(p; 3), sin((1 + c)*p + d)",
