@@ -100,7 +100,7 @@ impl Panel {
 
 /// A number without the zeros that say nothing, with a real minus sign.
 fn number(value: f64) -> String {
-    let text = format!("{value:.3}");
+    let text = format!("{value:.4}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
     text.replace('-', "\u{2212}")
 }
