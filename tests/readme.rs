@@ -47,10 +47,8 @@ fn typed(block: &str) -> Vec<Typed> {
         if let Some(command) = line.strip_prefix("$ ") {
             let words = command.split_whitespace().map(String::from).collect();
             found.push(Typed { words, shown: Vec::new() });
-        } else if let Some(last) = found.last_mut() {
-            if line != "..." {
-                last.shown.push(line.trim().to_string());
-            }
+        } else if let Some(last) = found.last_mut().filter(|_| line != "...") {
+            last.shown.push(line.trim().to_string());
         }
     }
     found
