@@ -1,4 +1,44 @@
-//! Leverrier learns equations of motion from measurements.
+//! Leverrier learns the equation of motion behind measurements.
+//!
+//! Data flow one way, and a module imports only what stands above it in this list:
+//!
+//! | module | takes | gives |
+//! |---|---|---|
+//! | [`error`], [`diagnostic`] | | one error type, messages that point into a user's text |
+//! | [`data`] | a CSV file | runs of samples with true times, and a report on them |
+//! | [`spec`] | the text of a spec | a syntax tree, or all that is wrong with it |
+//! | [`expr`] | a syntax tree | a [`System`](expr::System): expressions, function space, units |
+//! | [`eval`] | expressions | functions over many points at once |
+//! | [`dynamics`] | a system | trajectories, with exact derivatives of the discrete map |
+//! | [`fit`] | a system and data | a sparse [`Model`](fit::Model) with uncertainties |
+//! | [`simplify`] | a model | the expression that a physicist would print |
+//! | [`simulate`] | a known law | trajectories near machine precision, and what an instrument makes of them |
+//! | [`export`] | a model and its simplified form | LaTeX, MathML, Rust, C, Python, JSON |
+//! | [`report`] | all of it | text for people |
+//! | [`cli`] | a command line | the above, with files and a terminal at the edges |
+//!
+//! The method starts from Sparse Symplectically Integrated Neural Networks (DiPietro, Xiong and
+//! Zhu, NeurIPS 2020), "the paper" in these pages: H = T(p) + V(q) is a sum of candidate terms,
+//! integrated by a symplectic method inside the loss, with few coefficients that are not zero.
+//!
+//! ```
+//! use leverrier::data::{Dataset, Run};
+//! use leverrier::fit::{Options, Silent, fit};
+//!
+//! // A swing measured without noise: q'' = -q, a sample every 0.1.
+//! let times: Vec<f64> = (0..60).map(|i| 0.1 * i as f64).collect();
+//! let values = vec![times.iter().map(|t| t.cos()).collect(), times.iter().map(|t| -t.sin()).collect()];
+//! let run = Run { name: "1".into(), lines: vec![0; times.len()], times, values };
+//! let data = Dataset { observables: vec!["q".into(), "p".into()], runs: vec![run] };
+//!
+//! let spec = "coordinates q; momenta p\nT = p^2/2\nV = span{ poly(q; 4), cos(q) }";
+//! let compiled = leverrier::expr::build("swing", spec)?;
+//! let model = fit(&compiled.system, &data, &Options::default(), &Silent)?;
+//! assert_eq!(model.terms.len(), 1);
+//! assert_eq!(model.terms[0].term, "q^2");
+//! assert!((model.terms[0].coefficient - 0.5).abs() < 1e-9);
+//! # Ok::<(), leverrier::error::Error>(())
+//! ```
 
 pub mod cli;
 pub mod data;

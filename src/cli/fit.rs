@@ -110,6 +110,7 @@ impl Arguments {
             method: self.method.as_deref().and_then(Method::by_name),
             longest_step: self.step,
             window: self.window,
+            parameter_starts: Vec::new(),
             starts: self.starts,
             sparse: !self.dense,
             seed: self.seed,
@@ -119,8 +120,9 @@ impl Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
-    let options = arguments.options()?;
+    let mut options = arguments.options()?;
     let project = Project::open(&arguments.spec)?;
+    options.parameter_starts.clone_from(&project.compiled.starts);
     console.diagnostics(&project.name(), &project.text, &project.compiled.warnings);
     let (dataset, about) = project.data(arguments.data.as_deref())?;
     for warning in &about.warnings {

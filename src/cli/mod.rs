@@ -9,6 +9,7 @@ mod new;
 mod progress;
 mod project;
 mod simulate;
+mod values;
 
 use std::process::ExitCode;
 
@@ -24,6 +25,7 @@ use console::Console;
     version,
     about,
     arg_required_else_help = true,
+    max_term_width = 100,
     after_help = "A first session:\n  \
         leverrier new swings.csv            writes swings.ham, a first spec\n  \
         leverrier check swings.ham          what would be searched, and in which data\n  \
@@ -36,7 +38,7 @@ struct Cli {
     #[command(subcommand)]
     command: Command,
     /// How results are printed: for people or for programs (docs/formats.md).
-    #[arg(long, global = true, value_enum, default_value_t = Format::Text)]
+    #[arg(long, global = true, value_enum, default_value_t = Format::Text, display_order = 900)]
     format: Format,
 }
 

@@ -1,9 +1,9 @@
 //! A progress bar for what takes over a second, and Ctrl-C.
 
 use std::io::IsTerminal;
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, channel};
+use std::sync::{Mutex, OnceLock};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -14,6 +14,8 @@ use crate::fit::Monitor;
 /// Set by the first Ctrl-C; the second ends the process.
 static STOPPED: AtomicBool = AtomicBool::new(false);
 static HANDLER: OnceLock<()> = OnceLock::new();
+/// The bar that a message must not be written into.
+static BAR: Mutex<Option<ProgressBar>> = Mutex::new(None);
 
 /// Exit code after a second Ctrl-C: 128 and the number of the signal.
 const INTERRUPTED: i32 = 130;
@@ -36,13 +38,21 @@ impl Progress {
                 if STOPPED.swap(true, Ordering::Relaxed) {
                     std::process::exit(INTERRUPTED);
                 }
-                eprintln!("\nStopping with the best so far; Ctrl-C again ends at once.");
+                let say =
+                    || eprintln!("\nStopping with the best so far; Ctrl-C again ends at once.");
+                match BAR.lock().ok().and_then(|bar| bar.clone()) {
+                    Some(bar) => bar.suspend(say),
+                    None => say(),
+                }
             });
         });
         let bar = ProgressBar::with_draw_target(Some(STEPS), ProgressDrawTarget::hidden());
         if let Ok(style) = ProgressStyle::with_template("{bar:30} {percent:>3} %  {elapsed}  {msg}")
         {
             bar.set_style(style);
+        }
+        if let Ok(mut shown) = BAR.lock() {
+            *shown = Some(bar.clone());
         }
         let (end, ended) = channel();
         let shower = std::io::stderr().is_terminal().then(|| {
@@ -74,6 +84,9 @@ impl Drop for Progress {
         drop(self.end.take());
         if let Some(shower) = self.shower.take() {
             let _ = shower.join();
+        }
+        if let Ok(mut shown) = BAR.lock() {
+            *shown = None;
         }
         self.bar.finish_and_clear();
     }

@@ -160,14 +160,27 @@ impl Project {
         };
         let observed =
             columns.map_or_else(|| self.system().observed_columns(), |c| c.observables.clone());
-        // Coordinates alone will do; but a momentum that is named, or of which there are others,
-        // is missed.
-        let second = observed.get(self.system().degrees()..).unwrap_or(&[]);
+        // Coordinates alone will do. But a momentum that is named, of which there are others, or
+        // that a column left over may hold under another name, is missed.
+        let degrees = self.system().degrees();
+        let second = observed.get(degrees..).unwrap_or(&[]);
         let usual = self.system().observed_columns();
-        let mut present = second.iter().any(|column| !usual.contains(column));
+        let mut missed = second.iter().any(|column| !usual.contains(column));
         for name in second.iter().flat_map(|column| &column.candidates) {
-            present |= table.find(name)?.is_some();
+            missed |= table.find(name)?.is_some();
         }
+        let first = observed.iter().take(degrees).flat_map(|column| &column.candidates);
+        let mut taken: Vec<&str> = first.map(String::as_str).collect();
+        taken.extend(mapping.run.as_deref());
+        match &mapping.time {
+            Some(time) => taken.push(&time.column),
+            None => taken.extend(data::TIME_NAMES),
+        }
+        let mut held = Vec::new();
+        for name in taken {
+            held.extend(table.find(name)?.map(|column| column.header.clone()));
+        }
+        missed |= table.columns.iter().any(|c| !held.contains(&c.header) && table.is_numeric(c));
         mapping.observables = observed
             .into_iter()
             .enumerate()
@@ -176,7 +189,7 @@ impl Project {
                 columns: column.candidates,
                 scale: column.scale,
                 offset: 0.0,
-                required: present || row < self.system().degrees(),
+                required: missed || row < degrees,
             })
             .collect();
         if columns.is_some_and(|c| c.pairs) {

@@ -7,12 +7,12 @@ use serde_json::{Value, json};
 
 use super::console::Console;
 use super::project::{Project, refuse_overwrite};
+use super::values::{example, matching, noise, range_of, state};
 use crate::data::{Dataset, Layout, to_csv, write_atomically};
 use crate::error::{Error, Result};
-use crate::expr::{DataColumns, System, candidates};
-use crate::simulate::{
-    Box, Noise, Sampling, Simulator, add_noise, consecutive_pairs, draw, drop_samples,
-};
+use crate::expr::{DataColumns, System};
+use crate::report::layout::counted;
+use crate::simulate::{Box, Sampling, Simulator, add_noise, consecutive_pairs, draw, drop_samples};
 
 /// More numbers than this are refused rather than kept in memory.
 const MOST_NUMBERS: usize = 200_000_000;
@@ -151,7 +151,11 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     match &arguments.output {
         Some(_) => {
             write_atomically(&path, &to_csv(&path, &written, &layout)?)?;
-            let what = format!("{} samples in {} runs", data.samples(), data.runs.len());
+            let what = format!(
+                "{} in {}",
+                counted(data.samples(), "sample"),
+                counted(data.runs.len(), "run")
+            );
             console.result(&format!("{what} written to {}", path.display()), &object)
         }
         None if console.is_json() => {
@@ -210,7 +214,7 @@ impl Arguments {
                 ));
             }
         };
-        if samples < 2 || samples > MOST_NUMBERS {
+        if !(2..=MOST_NUMBERS).contains(&samples) {
             return Err(Error::usage(
                 format!("{samples} samples cannot be made"),
                 "--duration must hold at least one --dt",
@@ -295,144 +299,6 @@ impl Arguments {
 /// Names of the components of the state: coordinates, then momenta.
 fn state_names(system: &System) -> Vec<String> {
     system.coordinates.iter().chain(&system.momenta).map(|v| v.name.clone()).collect()
-}
-
-fn example(names: &[String]) -> String {
-    names.iter().map(|name| format!("{name}=0.1")).collect::<Vec<_>>().join(",")
-}
-
-/// Components that a name means: itself, `q1` for `q[1]`, or `q` for all of a family.
-fn matching(names: &[String], name: &str) -> Result<Vec<usize>> {
-    let exact = names.iter().position(|n| n == name || candidates(n).iter().any(|c| c == name));
-    if let Some(at) = exact {
-        return Ok(vec![at]);
-    }
-    let family: Vec<usize> = names
-        .iter()
-        .enumerate()
-        .filter(|(_, n)| n.strip_prefix(name).is_some_and(|rest| rest.starts_with('[')))
-        .map(|(at, _)| at)
-        .collect();
-    if !family.is_empty() {
-        return Ok(family);
-    }
-    let hint = match crate::spec::nearest(name, names.iter().map(String::as_str)) {
-        Some(near) => format!("did you mean `{near}`?"),
-        None => format!("the state has {}", names.join(", ")),
-    };
-    Err(Error::usage(format!("the state has no component `{name}`"), hint))
-}
-
-/// `q=0.1,p=0` or `0.1,0`; `None` for what is not said.
-fn state(text: &str, names: &[String]) -> Result<Vec<Option<f64>>> {
-    // A comma inside brackets belongs to a name.
-    let mut parts = vec![String::new()];
-    let mut depth = 0;
-    for c in text.chars() {
-        match c {
-            ',' if depth == 0 => parts.push(String::new()),
-            _ => {
-                depth += i32::from(c == '[') - i32::from(c == ']');
-                if let Some(last) = parts.last_mut() {
-                    last.push(c);
-                }
-            }
-        }
-    }
-    if !text.contains('=') {
-        if parts.len() != names.len() {
-            return Err(Error::usage(
-                format!("`{text}` has {} numbers, but the state has {}", parts.len(), names.len()),
-                format!("give {}, in this order, or by name", names.join(", ")),
-            ));
-        }
-        return parts.iter().map(|part| number(part).map(Some)).collect();
-    }
-    let mut out = vec![None; names.len()];
-    for part in parts {
-        let (name, value) = part.split_once('=').ok_or_else(|| {
-            Error::usage(
-                format!("`{part}` is not NAME=NUMBER"),
-                format!("write {}", example(names)),
-            )
-        })?;
-        let value = number(value)?;
-        for at in matching(names, name.trim())? {
-            out[at] = Some(value);
-        }
-    }
-    Ok(out)
-}
-
-/// A number, a fraction `1/12` or a multiple of pi: any constant of the mini-language.
-fn number(text: &str) -> Result<f64> {
-    let wrong =
-        || Error::usage(format!("`{}` is not a number", text.trim()), "write it as 0.1 or 1/12");
-    let expression = crate::spec::expression(text.trim()).map_err(|_| wrong())?;
-    constant(&expression).filter(|x| x.is_finite()).ok_or_else(wrong)
-}
-
-fn constant(expression: &crate::spec::ast::Expression) -> Option<f64> {
-    use crate::spec::ast::ExpressionKind::{Name, Negate, Number, Power, Product, Sum};
-    Some(match &expression.kind {
-        Number(x) => *x,
-        Name(name) if name == "pi" => std::f64::consts::PI,
-        Negate(inner) => -constant(inner)?,
-        Sum(terms) => {
-            let mut sum = 0.0;
-            for (minus, term) in terms {
-                sum += constant(term)? * if *minus { -1.0 } else { 1.0 };
-            }
-            sum
-        }
-        Product(factors) => {
-            let mut product = 1.0;
-            for (over, factor) in factors {
-                let value = constant(factor)?;
-                product = if *over { product / value } else { product * value };
-            }
-            product
-        }
-        Power(base, exponent) => constant(base)?.powf(constant(exponent)?),
-        _ => return None,
-    })
-}
-
-/// `-1..1`.
-fn range_of(text: &str) -> Result<Box> {
-    let wrong =
-        |message: String| Error::usage(message, "write the range as LOW..HIGH, such as -1..1");
-    let (lower, upper) =
-        text.split_once("..").ok_or_else(|| wrong(format!("`{}` is not a range", text.trim())))?;
-    let (lower, upper) = (number(lower)?, number(upper)?);
-    if lower > upper {
-        return Err(wrong(format!("the range {lower}..{upper} is empty")));
-    }
-    Ok(Box { lower, upper })
-}
-
-/// One noise for each observable.
-fn noise(system: &System, texts: &[String]) -> Result<Vec<Noise>> {
-    let names = system.observables();
-    let mut out = vec![Noise::Absolute(0.0); names.len()];
-    for text in texts {
-        let (name, amount) = match text.split_once('=') {
-            Some((name, amount)) => (Some(name.trim()), amount),
-            None => (None, text.as_str()),
-        };
-        let noise = match amount.trim().strip_suffix('%') {
-            Some(percent) => Noise::Relative(number(percent)? / 100.0),
-            None => Noise::Absolute(number(amount)?),
-        };
-        let at = match name {
-            Some(name) => matching(&names, name)?,
-            None => (0..names.len()).collect(),
-        };
-        for row in at {
-            out[row] = noise;
-        }
-    }
-    Ok(out)
 }
 
 /// The data in the columns and units that the spec's `data` line reads.

@@ -64,10 +64,6 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
             unit: system.parameters[j].unit_text.clone(),
         })
         .collect();
-    let mut merged = Factor::new(round.folds.first().map_or(0, Factor::columns));
-    for fold in &round.folds {
-        merged.merge(fold);
-    }
     let chosen = candidates.first().map(|c| c.criterion).unwrap_or(f64::NAN);
     Model {
         format: FORMAT.to_string(),
@@ -107,7 +103,7 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
         front: front_points(system, candidates, residuals, &training.support),
         runners_up: runners_up(system, candidates, chosen, &training.support),
         alternatives: alternatives(
-            &merged,
+            &round.merged,
             &round.columns,
             round.criterion,
             &training.support,
@@ -120,14 +116,7 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
             difference: a.difference,
         })
         .collect(),
-        unlearnable: if merged.columns() <= DEPENDENCE {
-            unlearnable(&merged)
-                .iter()
-                .filter_map(|u| sentence(system, &round.columns.terms, u))
-                .collect()
-        } else {
-            Vec::new()
-        },
+        unlearnable: open_questions(system, &round.merged),
         path: path_entries(training, round),
         stop: Stop {
             reason: refit.stop,
@@ -231,8 +220,24 @@ fn path_entries(training: &Training, round: &Round) -> Vec<PathEntry> {
         .collect()
 }
 
-fn sentence(system: &System, terms: &usize, found: &Unlearnable) -> Option<String> {
-    let name = |column: usize| (column < *terms).then(|| label(system, column));
+/// What these data cannot tell, in sentences.
+fn open_questions(system: &System, factor: &Factor) -> Vec<String> {
+    let (unknowns, residuals) = (factor.columns(), factor.rows());
+    let mut sentences = Vec::new();
+    if unknowns > residuals {
+        sentences.push(format!(
+            "{residuals} independent residuals cannot settle the {unknowns} unknowns of the \
+             function space: measure more, or write a smaller space"
+        ));
+    } else if unknowns <= DEPENDENCE {
+        let found = unlearnable(factor);
+        sentences.extend(found.iter().filter_map(|u| sentence(system, u)));
+    }
+    sentences
+}
+
+fn sentence(system: &System, found: &Unlearnable) -> Option<String> {
+    let name = |column: usize| (column < system.terms.len()).then(|| label(system, column));
     match found {
         Unlearnable::Untouched { column } => {
             let term = name(*column)?;

@@ -2,11 +2,13 @@
 
 /// One loss, in units of the noise.
 pub struct LossRow {
+    /// As the command line calls it.
     pub name: &'static str,
     /// rho(r), equal to r^2 near zero for the smooth ones.
     pub value: fn(f64) -> f64,
     /// Weight of the residual in iteratively reweighted least squares: rho'(r) / (2 r).
     pub weight: fn(f64) -> f64,
+    /// Where it comes from.
     pub source: &'static str,
 }
 
@@ -18,21 +20,34 @@ impl Loss {
     /// Least squares: the right loss for Gaussian noise.
     pub const SQUARES: Loss = Loss(0);
 
+    /// The row of that name.
     pub fn by_name(name: &str) -> Option<Loss> {
         LOSSES.iter().position(|row| row.name == name).map(|i| Loss(i as u8))
     }
 
+    /// Its row of the table.
     pub fn row(self) -> &'static LossRow {
         &LOSSES[self.0 as usize]
     }
 
+    /// Whether it is plain least squares.
     pub fn is_squares(self) -> bool {
         self == Loss::SQUARES
+    }
+
+    /// What a residual adds to the estimate of the noise's variance, whose expectation is one
+    /// for Gaussian noise: the square, or for robust losses what Huber's second proposal makes
+    /// of it (Huber, Ann. Math. Stat. 35, 1964, section 7), so that outliers do not hide the
+    /// noise that they stand out of.
+    pub fn scale(self, r: f64) -> f64 {
+        if self.is_squares() { r * r } else { (r * r).min(HUBER * HUBER) / CLIPPED }
     }
 }
 
 /// Where Huber's loss turns from squares to absolute values: 95 % efficiency for Gaussian noise.
 const HUBER: f64 = 1.345;
+/// Expectation of min(z^2, HUBER^2) for a standard normal z.
+const CLIPPED: f64 = 0.710_164;
 /// Scale of the Cauchy loss: 95 % efficiency for Gaussian noise.
 const CAUCHY: f64 = 2.3849;
 /// Below this residual the absolute loss is rounded off, so that its weight stays finite.

@@ -11,6 +11,7 @@ pub mod criterion;
 pub mod elimination;
 pub mod factor;
 pub mod first_order;
+mod gauge;
 pub mod gauss_newton;
 pub mod loss;
 pub mod model;
@@ -57,6 +58,26 @@ pub fn fit(
             "put the unknown part into `span{ ... }`, or simulate the spec as it is",
         ));
     }
+    if let Some(settled) = gauge::settle_scale(system, dataset) {
+        if settled.system.terms.is_empty() && settled.system.parameters.is_empty() {
+            return Err(Error::fit(
+                "without momenta and known parts the only term sets the scale of H",
+                "put more terms into `span{ ... }`, or measure momenta",
+            ));
+        }
+        let mut model = learn(&settled.system, dataset, options, monitor)?;
+        settled.restore(system, &mut model);
+        return Ok(model);
+    }
+    learn(system, dataset, options, monitor)
+}
+
+fn learn(
+    system: &System,
+    dataset: &Dataset,
+    options: &Options,
+    monitor: &dyn Monitor,
+) -> Result<Model> {
     let large = system.terms.len() > LARGEST_FACTOR;
     if options.trainer == Trainer::FirstOrder || large {
         return screened(system, dataset, options, monitor);
@@ -69,6 +90,8 @@ pub fn fit(
 const LARGEST_FACTOR: usize = 3000;
 /// Survivors of the screening that Gauss-Newton takes on.
 const SURVIVORS: usize = 600;
+/// Terms of the least complexity that are kept whatever the screening says.
+const SIMPLEST: usize = 150;
 
 /// First-order screening of the function space, then Gauss-Newton on what survives.
 fn screened(
@@ -85,6 +108,15 @@ fn screened(
         survivors.truncate(SURVIVORS);
         survivors.sort_unstable();
     }
+    // Mini-batches hardly tell thousands of like columns apart: the simplest terms, cheap to the
+    // criterion anyway, are always looked at.
+    let complexity: Vec<u32> =
+        system.terms.iter().map(|t| criterion::complexity(&system.graph, t.expr)).collect();
+    let mut simplest: Vec<usize> = (0..system.terms.len()).collect();
+    simplest.sort_by_key(|&k| complexity[k]);
+    survivors.extend(simplest.into_iter().take(SIMPLEST));
+    survivors.sort_unstable();
+    survivors.dedup();
     let mut narrowed = system.clone();
     narrowed.terms = survivors.iter().map(|&k| system.terms[k].clone()).collect();
     for (parameter, &value) in narrowed.parameters.iter_mut().zip(&screening.parameters) {
@@ -95,7 +127,7 @@ fn screened(
     model.fingerprint = model::fingerprint(system);
     model.evidence.function_space = system.terms.len();
     model.evidence.selection = format!(
-        "{} among the {} of {} terms that first-order screening left",
+        "{} among the {} of {} terms that first-order screening and simplicity left",
         model.evidence.selection,
         survivors.len(),
         system.terms.len()

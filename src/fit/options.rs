@@ -25,19 +25,26 @@ pub enum Trainer {
 /// Options of a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
+    /// Which trainer; large function spaces are screened by the first-order one in any case.
     pub trainer: Trainer,
+    /// How the support is chosen.
     pub selection: Selection,
+    /// How much a residual counts.
     pub loss: Loss,
     /// `None`: the cheapest that is accurate enough.
     pub method: Option<Method>,
-    /// Longest step of the integrator; `None`: from an error estimate.
+    /// Longest step of the integrator, in the spec's unit of time; `None`: from an error estimate.
     pub longest_step: Option<f64>,
     /// Samples of a segment, at most; `None`: as long as the model can follow.
     pub window: Option<usize>,
+    /// Start values that the spec lists for each inner parameter (in the order of
+    /// [`System::parameters`](crate::expr::System)); where there are none, its single start.
+    pub parameter_starts: Vec<Vec<f64>>,
     /// Starts of the inner parameters that are tried beside the spec's own.
     pub starts: usize,
     /// Whether to search a support; without it every term stays.
     pub sparse: bool,
+    /// Seed of whatever is random: the same seed gives the same model.
     pub seed: u64,
 }
 
@@ -50,6 +57,7 @@ impl Default for Options {
             method: None,
             longest_step: None,
             window: None,
+            parameter_starts: Vec::new(),
             starts: 8,
             sparse: true,
             seed: 0,

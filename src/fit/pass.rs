@@ -46,6 +46,8 @@ const BLOCK_BYTES: usize = 12 << 20;
 const STATE_STEPS: usize = 8;
 /// States are settled when the next step promises less than this part of the loss.
 const SETTLED: f64 = 1e-7;
+/// A column that keeps less than this of itself is what the initial states do, but for rounding.
+const ABSORBED: f64 = 1e-12;
 /// ... or less than this part of what rounding makes of it.
 const ROUNDING: f64 = 0.03;
 
@@ -58,7 +60,7 @@ pub struct Sums {
     pub exploded: usize,
     /// Measured values minus what the states take up: the number of independent residuals.
     pub rows: usize,
-    /// For each observable, the sum of weighted squares (robust weights included).
+    /// For each observable, the sum of weighted squares (clipped for robust losses).
     pub squares: Vec<f64>,
     /// For each observable, the measured values minus their leverage on the states.
     pub freedom: Vec<f64>,
@@ -202,6 +204,7 @@ pub fn linearise(
             let mut factor = Factor::new(unknowns);
             let mut sums = Sums::new(problem.weights.len());
             let mut gathered = Gathered::new(unknowns + 1);
+            let mut touched = vec![0.0; unknowns];
             for range in blocks(fold.clone(), width) {
                 let segments = &problem.segments.list[range.clone()];
                 let states = &states[range];
@@ -210,8 +213,10 @@ pub fn linearise(
                 rows.eliminate_states();
                 rows.sum_up(&mut sums);
                 gathered.take(&rows, &mut factor);
+                touched.iter_mut().zip(&rows.touched).for_each(|(all, part)| *all += part);
             }
             gathered.flush(&mut factor);
+            factor.silence(|k, norm| norm <= ABSORBED * touched[k].sqrt());
             (factor, sums)
         })
         .collect();
@@ -248,6 +253,10 @@ struct Rows {
     observables: usize,
     /// State columns and residuals before elimination, `[row][state + 1][lane]`.
     original: Vec<f64>,
+    /// What each residual adds to the estimate of the variance, `[row][lane]`.
+    scales: Vec<f64>,
+    /// Squared norm of each column of theta before elimination.
+    touched: Vec<f64>,
 }
 
 impl Rows {
@@ -278,6 +287,8 @@ impl Rows {
             measured: vec![0; lanes],
             observables,
             original: Vec::new(),
+            scales: vec![0.0; samples * observables * lanes],
+            touched: vec![0.0; kept],
         };
         for (lane, (segment, start)) in segments.iter().zip(states).enumerate() {
             batch.set(lane, problem.dataset.runs[segment.run].times[segment.first], start);
@@ -340,6 +351,7 @@ impl Rows {
                 let robust = (problem.loss.row().weight)(residual).sqrt();
                 self.losses[lane] += (problem.loss.row().value)(residual);
                 scale[lane] = weight * robust;
+                self.scales[row * lanes + lane] = problem.loss.scale(residual);
                 self.values[last + lane] = residual * robust;
             }
             for column in 0..self.columns - 1 {
@@ -376,6 +388,10 @@ impl Rows {
         for row in self.values.chunks_exact(columns * lanes) {
             self.original.extend_from_slice(&row[..self.state * lanes]);
             self.original.extend_from_slice(&row[(columns - 1) * lanes..]);
+            let columns = row[self.state * lanes..].chunks_exact(lanes);
+            for (squares, column) in self.touched.iter_mut().zip(columns) {
+                *squares += column.iter().map(|x| x * x).sum::<f64>();
+            }
         }
         let mut norm = vec![0.0; lanes];
         let mut factor = vec![0.0; lanes];
@@ -484,7 +500,7 @@ impl Rows {
                 }
                 if measured {
                     let observable = row % self.observables;
-                    sums.squares[observable] += residual * residual;
+                    sums.squares[observable] += self.scales[row * lanes + lane];
                     sums.freedom[observable] += 1.0 - leverage;
                 }
             }

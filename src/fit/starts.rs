@@ -9,13 +9,17 @@ use crate::expr::System;
 /// How far starts reach from the spec's own, where there are no bounds.
 const REACH: f64 = 2.0;
 
-/// The spec's own start, then others spread over the bounds (or around the start): one random
-/// point in each stratum of each parameter, strata shuffled against each other (Latin hypercube:
-/// McKay, Beckman and Conover, Technometrics 21, 1979). One start when there is no parameter.
+/// Combinations of the spec's own starts that are tried, at most.
+const COMBINATIONS: usize = 64;
+
+/// Starts to try: every combination of those that the spec lists, the first of each first; then
+/// `options.starts` others spread over the bounds (or around the start), one random point in
+/// each stratum of each parameter, strata shuffled against each other (Latin hypercube: McKay,
+/// Beckman and Conover, Technometrics 21, 1979). One start, empty, when there is no parameter.
 pub fn starts(system: &System, options: &Options) -> Vec<Vec<f64>> {
-    let own: Vec<f64> = system.parameters.iter().map(|p| p.bounds.clamp(p.start)).collect();
-    if own.is_empty() || options.starts == 0 {
-        return vec![own];
+    let mut all = own(system, options);
+    if system.parameters.is_empty() || options.starts == 0 {
+        return all;
     }
     let mut generator = Pcg64::seed_from_u64(options.seed);
     let count = options.starts;
@@ -37,6 +41,24 @@ pub fn starts(system: &System, options: &Options) -> Vec<Vec<f64>> {
             .collect();
         columns.push(column);
     }
-    let others = (0..count).map(|i| columns.iter().map(|column| column[i]).collect());
-    std::iter::once(own).chain(others).collect()
+    all.extend((0..count).map(|i| columns.iter().map(|column| column[i]).collect()));
+    all
+}
+
+/// Combinations of the starts that the spec lists; the first parameter changes slowest.
+fn own(system: &System, options: &Options) -> Vec<Vec<f64>> {
+    let mut all: Vec<Vec<f64>> = vec![Vec::new()];
+    for (j, parameter) in system.parameters.iter().enumerate() {
+        let listed = options.parameter_starts.get(j).filter(|list| !list.is_empty());
+        let listed = listed.map_or(std::slice::from_ref(&parameter.start), Vec::as_slice);
+        let extended = all.iter().flat_map(|start| {
+            listed.iter().map(|&value| {
+                let mut longer = start.clone();
+                longer.push(parameter.bounds.clamp(value));
+                longer
+            })
+        });
+        all = extended.take(COMBINATIONS).collect();
+    }
+    all
 }

@@ -75,14 +75,19 @@ pub fn coarse(
 
 /// The cheapest integrator that is accurate enough for the present noise.
 pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64]) -> Choice {
-    let rounding = rounding(training.dataset, training.noise.len());
+    // Rounding accumulates along a segment.
+    let along = (training.window.max(2) - 1) as f64;
+    let mut rounding = rounding(training.dataset, training.noise.len());
+    rounding.iter_mut().for_each(|r| *r *= along);
     let (batch, span) = sample(training);
     let longest_span = span.iter().fold(0.0f64, |m, s| m.max(s.abs()));
     let options = training.options;
     let limited = training.noise.iter().zip(&training.spread).zip(&training.integrator.error).any(
         |((s, spread), error)| error.is_finite() && *s < SUSPECT * error || *s < FINEST * spread,
     );
-    let share = if limited { 0.0 } else { SHARE };
+    // Errors of consecutive intervals add up along a segment.
+    let intervals = training.window.saturating_sub(1).max(1) as f64;
+    let share = if limited { 0.0 } else { SHARE / intervals };
     let tolerance: Vec<f64> = training.noise.iter().map(|s| share * s).collect();
     let mut scratch = Scratch::new();
     let choice = choose_steps(dynamics, theta, &batch, &span, &tolerance, &mut scratch);
@@ -107,7 +112,7 @@ pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64]) -> Choice
     let resolution = rounding
         .iter()
         .zip(&error)
-        .map(|(r, e)| if e.is_finite() { r.max(MARGIN * e) } else { *r })
+        .map(|(r, e)| if e.is_finite() { r.max(MARGIN * intervals * e) } else { *r })
         .collect();
     Choice { stepping, error, resolution, reason }
 }

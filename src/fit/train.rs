@@ -60,6 +60,8 @@ pub struct Round {
     /// The factor of the whole space at the model before the round; coefficients absolute,
     /// parameters as increments.
     pub folds: Vec<Factor>,
+    /// All folds together.
+    pub merged: Factor,
     pub columns: Columns,
     pub criterion: Criterion,
 }
@@ -77,10 +79,11 @@ impl<'a> Training<'a> {
             ));
         }
         let typical = typical_step(dataset);
-        let complete = (degrees..2 * degrees).all(measured);
+        let share = measured_share(dataset, 2 * degrees);
         let spread: Vec<f64> = spread.iter().map(|s| s.unwrap_or(1.0)).collect();
         let longest = longest_run(dataset);
-        let shortest = if complete { 2 } else { 4 };
+        // Twice as many measured values as a state has components.
+        let shortest = (2.0 / share - 0.5).ceil().min(longest as f64) as usize;
         let window = options.window.unwrap_or(shortest).clamp(2, longest.max(2));
         let everything: Vec<usize> = (0..system.terms.len()).collect();
         let separable = Dynamics::new(system, &everything, Backend::Batched).separable();
@@ -249,7 +252,7 @@ impl<'a> Training<'a> {
         })?;
         let refit = self.adopt(&best, &whole, monitor);
         self.rounds += 1;
-        Ok(Round { search, refit, folds, columns, criterion })
+        Ok(Round { search, refit, folds, merged, columns, criterion })
     }
 
     /// Makes a candidate the present model and refits it.
@@ -347,7 +350,7 @@ impl<'a> Training<'a> {
         loop {
             let before = (self.support.clone(), self.noise.clone());
             let stepping = self.integrator.stepping;
-            let round = self.round(monitor)?;
+            let mut round = self.round(monitor)?;
             self.sharpen();
             let quiet = self
                 .noise
@@ -359,8 +362,12 @@ impl<'a> Training<'a> {
             // A support that comes back in a circle is settled by the criterion of the round.
             let circling = seen.len() + 1 >= ROUNDS || (!same && seen.contains(&self.support));
             let done = same && quiet && stepping == self.integrator.stepping;
-            if done || circling || monitor.stopped() || round.refit.stop == StopReason::Interrupted
-            {
+            let interrupted = round.refit.stop == StopReason::Interrupted;
+            if done || circling || interrupted {
+                return Ok(round);
+            }
+            if monitor.stopped() {
+                round.refit.stop = StopReason::Interrupted;
                 return Ok(round);
             }
             seen.push(self.support.clone());
@@ -420,7 +427,11 @@ fn grow<'a>(
 ) -> Result<(Training<'a>, Round)> {
     let dataset = training.dataset;
     let longest = longest_run(dataset).min(LONGEST);
-    while training.window < longest && !monitor.stopped() {
+    while training.window < longest && round.refit.stop != StopReason::Interrupted {
+        if monitor.stopped() {
+            round.refit.stop = StopReason::Interrupted;
+            break;
+        }
         let window = (2 * training.window).min(longest);
         let fraction = 0.4 + 0.5 * window as f64 / longest as f64;
         monitor.stage(&format!("segments of {window} samples"), fraction);
@@ -478,6 +489,14 @@ fn best_start<'a>(first: Training<'a>, monitor: &dyn Monitor) -> Result<Training
     training.noise = winner.noise;
     training.integrator = winner.integrator;
     Ok(training)
+}
+
+/// The part of all cells that were measured.
+fn measured_share(dataset: &Dataset, observables: usize) -> f64 {
+    let samples: usize = dataset.runs.iter().map(|run| run.times.len()).sum();
+    let columns = dataset.runs.iter().flat_map(|run| run.values.iter().take(observables));
+    let measured = columns.flatten().filter(|x| x.is_finite()).count();
+    measured.max(1) as f64 / (samples * observables).max(1) as f64
 }
 
 /// Standard deviation of every observable, `None` where nothing was measured.

@@ -14,8 +14,11 @@ use crate::simplify::{Simplified, Style};
 
 /// Everything that is printed about a fit.
 pub struct FitReport<'a> {
+    /// What was fitted.
     pub system: &'a System,
+    /// What was learned.
     pub model: &'a Model,
+    /// Its printed form.
     pub simplified: Simplified,
     /// For each observable, whether anything was measured of it.
     pub measured: Vec<bool>,

@@ -14,7 +14,9 @@ const PATIENCE: usize = 10_000;
 /// Where one component of the state may lie; the same numbers for a fixed one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Box {
+    /// The smallest value.
     pub lower: f64,
+    /// The largest value.
     pub upper: f64,
 }
 

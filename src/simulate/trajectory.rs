@@ -31,10 +31,13 @@ pub struct EnergyDrift {
 
 /// Simulated trajectories: `states[run][sample]` holds q, then p.
 pub struct Trajectories {
+    /// Times of the samples, the same for all runs.
     pub times: Vec<f64>,
+    /// q, then p.
     pub states: Vec<Vec<Vec<f64>>>,
     /// What was measured of each state: q, then p or the velocities.
     pub observed: Vec<Vec<Vec<f64>>>,
+    /// How far the energy strayed.
     pub drift: EnergyDrift,
     /// With what they were integrated, and how well.
     pub integration: StepChoice,
@@ -55,11 +58,6 @@ impl<'a> Simulator<'a> {
             dynamics.parameters().iter().map(|&j| parameters.get(j).copied().unwrap_or(0.0)),
         );
         Simulator { system, dynamics, theta }
-    }
-
-    /// Whether the energy is a constant of the motion, as far as the form of the law tells.
-    pub fn system(&self) -> &System {
-        self.system
     }
 
     /// H at states (q, then p), at time `time`.

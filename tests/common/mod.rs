@@ -1,6 +1,8 @@
 //! What several test files share; each of them uses its part.
 #![allow(dead_code)]
 
+pub mod program;
+
 use std::path::{Path, PathBuf};
 
 /// A file of real measurements, if it is there: in `data` below the folder that the

@@ -141,7 +141,9 @@ fn data(input: Tokens) -> Parsed<StatementKind> {
 ///           | variable , "=" , column , [ unit ] ;
 fn data_item(input: Tokens) -> Parsed<DataItem> {
     let word = input.first().map_or("", |token| token.text);
-    let assigned = input.rest.get(1).is_some_and(|token| token.text == "=");
+    // A column may be called `"="`, in quotes.
+    let assigned =
+        input.rest.get(1).is_some_and(|token| token.kind == Kind::Mark && token.text == "=");
     let (rest, kind) = match word {
         "time" if !assigned => {
             let (rest, ((), column, unit)) = (keyword("time"), column, opt(unit)).parse(input)?;
