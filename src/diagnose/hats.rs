@@ -17,7 +17,7 @@ pub fn centres(values: &mut Vec<f64>, count: usize) -> Vec<f64> {
     values.sort_by(f64::total_cmp);
     let at = |share: f64| values[(share * (values.len() - 1) as f64).round() as usize];
     let (lower, upper) = (at(0.01), at(0.99));
-    if !(upper - lower > 1e-12 * upper.abs().max(lower.abs())) {
+    if upper - lower <= 1e-12 * upper.abs().max(lower.abs()) {
         return Vec::new();
     }
     (0..count).map(|i| lower + (upper - lower) * i as f64 / (count - 1) as f64).collect()

@@ -137,7 +137,7 @@ pub fn diagnose(
     let mut leaders: Vec<(Leader, f64)> = Vec::new();
     for (i, scored) in found.iter().take(LEADERS).enumerate() {
         monitor.stage("refitting the leaders", 0.3 + 0.6 * i as f64 / LEADERS as f64);
-        if let Some(leader) = refit(&context, model, &all[scored.candidate], scored, &far, before) {
+        if let Some(leader) = refit(&context, &all[scored.candidate], scored, &far, before) {
             leaders.push(leader);
         }
     }
@@ -210,15 +210,23 @@ fn score_all(context: &Context, all: &[Candidate]) -> Result<(Vec<Scored>, usize
 /// The model with a candidate in it, refitted from the model's own values; with its merit.
 fn refit(
     context: &Context,
-    model: &Model,
     candidate: &Candidate,
     scored: &Scored,
     unseen: &Context,
     before: f64,
 ) -> Option<(Leader, f64)> {
     let mut system = candidate.system.clone();
-    for (&j, &value) in candidate.parameters.iter().zip(&scored.values) {
-        system.parameters[j].start = system.parameters[j].bounds.clamp(value);
+    for (place, (&j, &value)) in candidate.parameters.iter().zip(&scored.values).enumerate() {
+        let parameter = &mut system.parameters[j];
+        // Outside the grid the data say nothing about the parameter: it may leave it by half.
+        let axis = candidate.grid.iter().map(|values| values[place]);
+        let (lower, upper) =
+            axis.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+        let margin = 0.5 * (upper - lower);
+        let smallest = if lower > 0.0 { 0.5 * lower } else { lower - margin };
+        parameter.bounds.lower = parameter.bounds.lower.max(smallest);
+        parameter.bounds.upper = parameter.bounds.upper.min(upper + margin);
+        parameter.start = parameter.bounds.clamp(value);
     }
     let support: Vec<usize> =
         support_in(context, &system).chain(candidate.terms.iter().copied()).collect();
@@ -255,7 +263,7 @@ fn refit(
     }
     training.take(&refit);
     let mut after = unseen.with_data(unseen.dataset);
-    after.system = &training.system;
+    after.system = training.system;
     after.support.clone_from(&training.support);
     after.coefficients = training.support.iter().map(|&k| training.coefficients[k]).collect();
     after.parameters.clone_from(&training.parameters);
@@ -264,7 +272,6 @@ fn refit(
     let values: Vec<f64> = candidate.parameters.iter().map(|&j| training.parameters[j]).collect();
     let unknowns = (candidate.terms.len() + candidate.parameters.len()) as f64;
     let merit = deviance / variance - unknowns * (refit.sums.rows.max(1) as f64).ln();
-    let _ = model;
     Some((
         Leader {
             effect: candidate.label.clone(),

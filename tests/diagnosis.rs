@@ -1,0 +1,152 @@
+//! What is missing: effects hidden in data, and whether they are named.
+
+use leverrier::data::Dataset;
+use leverrier::diagnose::compare::compare;
+use leverrier::diagnose::context::Context;
+use leverrier::diagnose::missing::{Diagnosis, Verdict, diagnose};
+use leverrier::expr::{Compiled, build};
+use leverrier::fit::{Model, Options, Silent, fit};
+use leverrier::simulate::Simulator;
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64;
+
+/// A system as it is known, and as it is learned.
+struct Base {
+    variables: &'static str,
+    law: &'static str,
+    space: &'static str,
+    degrees: usize,
+}
+
+const PENDULUM: Base = Base {
+    variables: "coordinates q\nmomenta p\n",
+    law: "T = p^2/2\nV = -cos(q)\n",
+    space: "T = p^2/2\nV = span{ cos(q) }\n",
+    degrees: 1,
+};
+
+const TRAP: Base = Base {
+    variables: "coordinates x, y\nmomenta px, py\n",
+    law: "T = (px^2 + py^2)/2\nV = x^2/2 + 0.7*y^2\n",
+    space: "T = (px^2 + py^2)/2\nV = span{ x^2, y^2 }\n",
+    degrees: 2,
+};
+
+struct Case {
+    text: String,
+    compiled: Compiled,
+    training: Dataset,
+    unseen: Dataset,
+    model: Model,
+}
+
+/// Eight runs of 200 samples of a system with a hidden effect, noise in parts of each column's
+/// spread, and the model that does not know of the effect.
+fn case(base: &Base, hidden: &str, noise: f64, seed: u64) -> Case {
+    let law = format!("{}{}{hidden}\n", base.variables, base.law);
+    let truth = build("truth", &law).unwrap_or_else(|error| panic!("{error}"));
+    let simulator = Simulator::new(&truth.system, &[], &[], &[]);
+    let starts: Vec<Vec<f64>> = (0..8)
+        .map(|run| {
+            let reach = 0.4 + 0.15 * run as f64;
+            let q = (0..base.degrees).map(|i| reach * (1.0 - 0.4 * i as f64));
+            let p = (0..base.degrees).map(|i| 0.3 - 0.1 * (run + 2 * i) as f64);
+            q.chain(p).collect()
+        })
+        .collect();
+    let times: Vec<f64> = (0..200).map(|i| 0.1 * i as f64).collect();
+    let trajectories = simulator.trajectories(&starts, &times).unwrap_or_else(|e| panic!("{e}"));
+    let mut data = trajectories.dataset(&truth.system);
+    let mut generator = Pcg64::seed_from_u64(seed);
+    for row in 0..2 * base.degrees {
+        let all: Vec<f64> = data.runs.iter().flat_map(|r| r.values[row].iter().copied()).collect();
+        let mean = all.iter().sum::<f64>() / all.len() as f64;
+        let variance = all.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / all.len() as f64;
+        for x in data.runs.iter_mut().flat_map(|run| run.values[row].iter_mut()) {
+            let draw: f64 = StandardNormal.sample(&mut generator);
+            *x += noise * variance.sqrt() * draw;
+        }
+    }
+    let text = format!("{}{}", base.variables, base.space);
+    let compiled = build("learned", &text).unwrap_or_else(|error| panic!("{error}"));
+    let split = data.split_unseen(0.25, seed);
+    let model = fit(&compiled.system, &split.training, &Options::default(), &Silent)
+        .unwrap_or_else(|error| panic!("{error}"));
+    Case { text, compiled, training: split.training, unseen: split.unseen, model }
+}
+
+impl Case {
+    fn diagnosis(&self) -> Diagnosis {
+        diagnose(
+            "learned",
+            &self.text,
+            &self.compiled,
+            &self.model,
+            &self.training,
+            &self.unseen,
+            &Silent,
+        )
+        .unwrap_or_else(|error| panic!("{error}"))
+    }
+}
+
+#[test]
+fn hidden_effects_are_named_with_their_size() {
+    // Base, hidden statement, effect, size of its first coefficient.
+    let rows: [(&Base, &str, &str, f64); 5] = [
+        (&PENDULUM, "force q += -0.05*p", "viscous_drag(q)", 0.05),
+        (&PENDULUM, "force q += 0.1", "constant_force(q)", 0.1),
+        (&PENDULUM, "force q += 0.05*cos(1.7*t)", "harmonic_drive(q)", 0.05),
+        (&TRAP, "force x += -0.04*px*abs(px)", "quadratic_drag(x)", 0.04),
+        (&TRAP, "force x += 0.2*py\nforce y += -0.2*px", "magnetic_force(x, y)", 0.2),
+    ];
+    for (base, hidden, effect, size) in rows {
+        let diagnosis = case(base, hidden, 0.01, 3).diagnosis();
+        assert_eq!(diagnosis.verdict, Verdict::Missing, "{hidden}");
+        let named: Vec<&str> = diagnosis.ranking.iter().map(|l| l.effect.as_str()).collect();
+        let close = named.iter().position(|name| *name == effect);
+        let tied = diagnosis.indistinguishable.iter().any(|name| name == effect);
+        assert!(close == Some(0) || tied, "{hidden}: {named:?}");
+        let leader = &diagnosis.ranking[close.unwrap_or(0)];
+        let (found, error) = (leader.coefficient[0], leader.standard_error[0]);
+        assert!((found.abs() - size).abs() < 5.0 * error, "{hidden}: {found} +- {error}");
+        assert!(leader.p_value < 1e-6);
+        assert!(leader.unseen_error_after < leader.unseen_error_before);
+    }
+}
+
+#[test]
+fn nothing_is_named_where_nothing_is_hidden() {
+    for seed in 1..6 {
+        let case = case(&PENDULUM, "", 0.02, seed);
+        let diagnosis = case.diagnosis();
+        assert_eq!(diagnosis.verdict, Verdict::NothingMissing, "{diagnosis:?}");
+        assert!(diagnosis.ranking.is_empty());
+        assert!((diagnosis.unseen_error - 1.0).abs() < 0.1, "{}", diagnosis.unseen_error);
+    }
+}
+
+#[test]
+fn a_comparison_sees_lost_energy_and_a_right_model_at_the_noise_floor() {
+    let damped = case(&PENDULUM, "force q += -0.05*p", 0.01, 4);
+    let context = Context::new(&damped.compiled.system, &damped.model, &damped.training)
+        .unwrap_or_else(|error| panic!("{error}"));
+    let unseen = context.with_data(&damped.unseen);
+    let report = compare(&context, Some(&unseen)).unwrap_or_else(|error| panic!("{error}"));
+    assert!(report.findings.iter().any(|line| line.contains("loses energy")), "{report:?}");
+    assert!(report.energy.iter().all(|drift| drift.rate < 0.0));
+    let last = report.horizons.last().unwrap();
+    assert!(last.training > 2.0 && last.unseen.unwrap() > 2.0 && last.baseline > last.training);
+    // The residual force against the momentum is a straight line of slope -0.05.
+    let map = report.maps.iter().find(|map| map.against == "p").unwrap();
+    assert!(map.p_value < 1e-9);
+
+    let right = case(&PENDULUM, "", 0.01, 4);
+    let context = Context::new(&right.compiled.system, &right.model, &right.training)
+        .unwrap_or_else(|error| panic!("{error}"));
+    let report = compare(&context, None).unwrap_or_else(|error| panic!("{error}"));
+    for horizon in &report.horizons {
+        assert!((horizon.training - 1.0).abs() < 0.1, "{horizon:?}");
+    }
+}
