@@ -3,6 +3,7 @@
 use leverrier::data::Dataset;
 use leverrier::diagnose::compare::compare;
 use leverrier::diagnose::context::Context;
+use leverrier::diagnose::discover::discover;
 use leverrier::diagnose::missing::{Diagnosis, Verdict, diagnose};
 use leverrier::expr::{Compiled, build};
 use leverrier::fit::{Model, Options, Silent, fit};
@@ -149,4 +150,20 @@ fn a_comparison_sees_lost_energy_and_a_right_model_at_the_noise_floor() {
     for horizon in &report.horizons {
         assert!((horizon.training - 1.0).abs() < 0.1, "{horizon:?}");
     }
+}
+
+#[test]
+fn two_effects_at_once_are_found_and_nothing_else() {
+    let hidden = "force q += -0.05*p\nforce q += 0.08";
+    let case = case(&PENDULUM, hidden, 0.01, 6);
+    let found =
+        discover("learned", &case.text, &case.training, &case.unseen, &Options::default(), &Silent)
+            .unwrap_or_else(|error| panic!("{error}"));
+    let mut effects: Vec<&str> = found.steps.iter().map(|step| step.effect.as_str()).collect();
+    effects.sort_unstable();
+    assert_eq!(effects, ["constant_force(q)", "viscous_drag(q)"], "{found:?}");
+    assert_eq!(found.verdict, Verdict::NothingMissing, "{}", found.stop);
+    assert!(found.text.starts_with(case.text.trim_end()));
+    let (before, after) = found.unseen_error;
+    assert!(before > 2.0 && (after - 1.0).abs() < 0.1, "{before} {after}");
 }

@@ -143,6 +143,9 @@ pub fn diagnose(
     }
     leaders.sort_by(|a, b| b.1.total_cmp(&a.1));
     let best = leaders.first().map_or(0.0, |l| l.1);
+    // Of those that explain equally well the one with the fewest unknowns comes first.
+    let close = leaders.iter().take_while(|l| best - l.1 < CLOSE).count();
+    leaders[..close].sort_by_key(|(leader, _)| leader.coefficient.len());
     let indistinguishable: Vec<String> = leaders
         .iter()
         .skip(1)
@@ -271,7 +274,11 @@ fn refit(
     let (unseen_error_after, _) = error(&after, context.window);
     let values: Vec<f64> = candidate.parameters.iter().map(|&j| training.parameters[j]).collect();
     let unknowns = (candidate.terms.len() + candidate.parameters.len()) as f64;
-    let merit = deviance / variance - unknowns * (refit.sums.rows.max(1) as f64).ln();
+    // Every unknown is paid for, and the choice among the grid's points (as in the trainer's
+    // criterion).
+    let price = unknowns * (refit.sums.rows.max(1) as f64).ln()
+        + 2.0 * (candidate.grid.len().max(1) as f64).ln();
+    let merit = deviance / variance - price;
     Some((
         Leader {
             effect: candidate.label.clone(),

@@ -3,6 +3,7 @@
 pub mod candidates;
 pub mod compare;
 pub mod context;
+pub mod discover;
 pub mod hats;
 pub mod missing;
 pub mod score;

@@ -1,0 +1,145 @@
+//! The loop: ask what is missing, add it, fit again, until nothing pays on unseen runs.
+
+use serde::Serialize;
+
+use super::context::Context;
+use super::missing::{Diagnosis, Leader, Verdict, diagnose};
+use crate::data::Dataset;
+use crate::error::Result;
+use crate::expr::build;
+use crate::fit::{Model, Monitor, Options, fit};
+use crate::spec::edit::insert;
+
+/// What the loop did, and why it ended.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Discovery {
+    pub steps: Vec<Step>,
+    /// Why it ended, in a sentence.
+    pub stop: String,
+    pub verdict: Verdict,
+    /// The spec with every addition.
+    pub text: String,
+    /// The model of that spec, fitted to the training runs.
+    pub model: Model,
+    /// Error on unseen runs at the start and at the end, in units of the last noise estimate.
+    pub unseen_error: (f64, f64),
+}
+
+/// One addition.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Step {
+    pub effect: String,
+    /// The statement that was added.
+    pub snippet: String,
+    pub coefficient: Vec<f64>,
+    pub standard_error: Vec<f64>,
+    pub p_value: f64,
+    pub unseen_error_before: f64,
+    pub unseen_error_after: f64,
+    /// Leaders that these data could not tell from it.
+    pub indistinguishable: Vec<String>,
+}
+
+/// Additions, at most.
+const MOST: usize = 8;
+/// An addition pays when the unseen deviance falls by more than this (odds of 1,000 to 1).
+const PAYS: f64 = 14.0;
+
+/// Adds named effects to a spec until what is left is noise, or nothing of the catalogue helps.
+///
+/// # Errors
+///
+/// When the spec has errors, or cannot be fitted.
+pub fn discover(
+    name: &str,
+    text: &str,
+    training: &Dataset,
+    unseen: &Dataset,
+    options: &Options,
+    monitor: &dyn Monitor,
+) -> Result<Discovery> {
+    let mut text = text.to_string();
+    let mut compiled = build(name, &text)?;
+    let mut model = fit(&compiled.system, training, options, monitor)?;
+    let mut steps: Vec<Step> = Vec::new();
+    let start = text.clone();
+    let first = (compiled.clone(), model.clone());
+    let (stop, verdict) = loop {
+        monitor.stage(&format!("what is missing, round {}", steps.len() + 1), 0.1);
+        let diagnosis = diagnose(name, &text, &compiled, &model, training, unseen, monitor)?;
+        if diagnosis.verdict != Verdict::Missing {
+            break (diagnosis.reason, diagnosis.verdict);
+        }
+        if steps.len() == MOST {
+            let sentence = format!("stopped after {MOST} additions; more would pay");
+            break (sentence, Verdict::Missing);
+        }
+        if monitor.stopped() {
+            break ("interrupted: what was found so far was kept".to_string(), Verdict::Missing);
+        }
+        let context = Context::new(&compiled.system, &model, unseen)?;
+        let (_, _, sums) = context.settle(context.window);
+        let pays = |leader: &&Leader| {
+            let fall = leader.unseen_error_before.powi(2) - leader.unseen_error_after.powi(2);
+            fall * sums.rows as f64 > PAYS * leader.unseen_error_after.powi(2)
+        };
+        let Some(leader) = diagnosis.ranking.iter().find(pays) else {
+            break (
+                "what looks missing does not lower the error on unseen runs".to_string(),
+                Verdict::NothingMissing,
+            );
+        };
+        let longer = insert(&text, &leader.snippet);
+        let next = build(name, &longer)?;
+        let fitted = fit(&next.system, training, options, monitor)?;
+        if !fitted.terms.iter().any(|term| belongs(&next.system, term, &leader.effect)) {
+            break (
+                format!("{} looked missing, but a full fit does not keep it", leader.effect),
+                Verdict::NothingMissing,
+            );
+        }
+        steps.push(step(&diagnosis, leader));
+        (text, compiled, model) = (longer, next, fitted);
+    };
+    let noise: Vec<f64> = model.noise.iter().map(|n| n.standard_deviation).collect();
+    let unseen_error = |compiled: &crate::expr::Compiled, of: &Model| -> Result<f64> {
+        let mut context = Context::new(&compiled.system, of, unseen)?;
+        context.noise.clone_from(&noise);
+        Ok(super::compare::error(&context, model.evidence.window).0)
+    };
+    let before = if start == text {
+        unseen_error(&compiled, &model)?
+    } else {
+        unseen_error(&first.0, &first.1)?
+    };
+    let after = unseen_error(&compiled, &model)?;
+    Ok(Discovery { steps, stop, verdict, text, model, unseen_error: (before, after) })
+}
+
+/// Whether a learned term came with an effect.
+fn belongs(
+    system: &crate::expr::System,
+    learned: &crate::fit::model::LearnedTerm,
+    effect: &str,
+) -> bool {
+    system.terms.iter().any(|term| {
+        term.effect.as_deref() == Some(effect)
+            && term.label == learned.term
+            && system.place_name(term.place) == learned.place
+    })
+}
+
+fn step(diagnosis: &Diagnosis, leader: &Leader) -> Step {
+    let mut others: Vec<String> = diagnosis.indistinguishable.clone();
+    others.retain(|name| *name != leader.effect);
+    Step {
+        effect: leader.effect.clone(),
+        snippet: leader.snippet.clone(),
+        coefficient: leader.coefficient.clone(),
+        standard_error: leader.standard_error.clone(),
+        p_value: leader.p_value,
+        unseen_error_before: leader.unseen_error_before,
+        unseen_error_after: leader.unseen_error_after,
+        indistinguishable: others,
+    }
+}
