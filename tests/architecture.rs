@@ -15,6 +15,7 @@ const LAYERS: &[&str] = &[
     "dynamics",
     "simulate",
     "fit",
+    "diagnose",
     "simplify",
     "export",
     "report",

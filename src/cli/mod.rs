@@ -1,8 +1,12 @@
 //! The command line: one file per command, and what they share.
 
+mod bench;
 mod check;
+mod compare;
 mod console;
 mod demo;
+mod diagnose;
+mod effects;
 mod export;
 mod fit;
 mod new;
@@ -54,6 +58,9 @@ enum Command {
     New(new::Arguments),
     Check(check::Arguments),
     Fit(fit::Arguments),
+    Compare(compare::Arguments),
+    Diagnose(diagnose::Arguments),
+    Effects(effects::Arguments),
     Simulate(simulate::Arguments),
     Export(export::Arguments),
     Demo(demo::Arguments),
@@ -70,6 +77,9 @@ pub fn main() -> ExitCode {
         Command::New(arguments) => new::run(&arguments, &console),
         Command::Check(arguments) => check::run(&arguments, &console),
         Command::Fit(arguments) => fit::run(&arguments, &console),
+        Command::Compare(arguments) => compare::run(&arguments, &console),
+        Command::Diagnose(arguments) => diagnose::run(&arguments, &console),
+        Command::Effects(arguments) => effects::run(&arguments, &console),
         Command::Simulate(arguments) => simulate::run(&arguments, &console),
         Command::Export(arguments) => export::run(&arguments, &console),
         Command::Demo(arguments) => demo::run(&arguments, &console),
