@@ -222,7 +222,50 @@ fn statement() -> impl Strategy<Value = Statement> {
     let limits = (prop::option::of(expression()), prop::option::of(expression()))
         .prop_map(|(lower, upper)| Limits { lower, upper, site: site() });
     let relation = || prop::sample::select(Relation::ALL.to_vec());
+    let sensor = || {
+        (variable(), expression()).prop_map(|(observable, value)| StatementKind::Sensor {
+            observable,
+            value,
+            comprehension: None,
+        })
+    };
+    let setting = (plain_name(), expression()).prop_map(|(name, value)| Setting {
+        name: word(name),
+        value,
+        site: site(),
+    });
+    let parameter = || {
+        (plain_name(), expression()).prop_map(|(name, start)| StatementKind::Parameter {
+            name: word(name),
+            starts: vec![start],
+            bounds: None,
+        })
+    };
+    let addition = prop_oneof![
+        sensor(),
+        parameter(),
+        (part(), expression()).prop_map(|(part, value)| StatementKind::Energy {
+            part,
+            adds: true,
+            value
+        }),
+    ]
+    .prop_map(|kind| Statement { kind, site: site(), effect: None });
+    let candidate = (plain_name(), prop::collection::vec(addition, 1..3))
+        .prop_map(|(name, statements)| Candidate { name: word(name), statements, site: site() });
     prop_oneof![
+        sensor(),
+        (
+            plain_name(),
+            prop::collection::vec(variable(), 0..3),
+            prop::collection::vec(setting, 0..3)
+        )
+            .prop_map(|(name, arguments, settings)| StatementKind::Effect {
+                name: word(name),
+                arguments,
+                settings
+            }),
+        prop::collection::vec(candidate, 0..3).prop_map(StatementKind::Candidates),
         text.clone().prop_map(StatementKind::System),
         (role, prop::collection::vec(declaration(), 1..3))
             .prop_map(|(role, list)| StatementKind::Variables { role, list }),
@@ -246,7 +289,7 @@ fn statement() -> impl Strategy<Value = Statement> {
         (operand(), prop::collection::vec((relation(), operand()), 1..3))
             .prop_map(|(first, rest)| StatementKind::Constrain { first, rest }),
     ]
-    .prop_map(|kind| Statement { kind, site: site() })
+    .prop_map(|kind| Statement { kind, site: site(), effect: None })
 }
 
 proptest! {
@@ -270,7 +313,7 @@ proptest! {
     fn no_pieces_break_the_compiler(pieces in prop::collection::vec(prop::sample::select(vec![
         "T", "V", "=", "+=", "span{", "}", "(", ")", "q", "p", "[", "]", "1", "..", "for", "in", "i",
         "sum", "poly", ";", ",", "^", "-", "0", "1e308", "*", "/", "sin", "log", "\n", "where", "k:",
-        "constrain", "force", "param", "a", "where", "[m]", "[s]", " ", "trig(q; 2)", "tensor(q; 3)",
+        "constrain", "force", "sensor", "effect", "candidates {", "rate(", "viscous_drag(q)", "param", "a", "where", "[m]", "[s]", " ", "trig(q; 2)", "tensor(q; 3)",
     ]), 0..40)) {
         let text = pieces.join(" ");
         let _ = build("test", &format!("coordinates q [m], r[1..3]; momenta p [kg*m/s], s[1..3]; time t [s]\nT = p^2/2; V += {text}"));
@@ -325,7 +368,16 @@ fn every_production_has_an_example_that_parses() {
 
 #[test]
 fn highlighting_knows_every_word() {
-    let words = ["coordinates", "velocities", "constrain", "span", "for", "where"];
+    let words = [
+        "coordinates",
+        "velocities",
+        "sensor",
+        "effect",
+        "candidates",
+        "constrain",
+        "span",
+        "rate",
+    ];
     for file in ["grammar/leverrier.tmLanguage.json", "grammar/leverrier.vim"] {
         let text = read(file);
         let families = leverrier::spec::families::FAMILIES.iter().map(|row| row.name);

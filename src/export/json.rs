@@ -6,7 +6,7 @@ use super::model::Model;
 use super::tex::Writer;
 use super::{Export, IntegratorKind, Output, Tableau};
 use crate::error::Result;
-use crate::expr::{Expr, Graph, Names, Node, Place, Symbol, Variable};
+use crate::expr::{Expr, Graph, Names, Node, Place, Symbol, System, Variable};
 
 /// Name and version of the format.
 pub const FORMAT: &str = "leverrier.export/1";
@@ -29,7 +29,7 @@ pub fn export(export: &Export) -> Result<Output> {
             if let Symbol::Coefficient(k) = constant.symbol {
                 let term = &system.terms[k];
                 entry["term"] = json!(constant.meaning);
-                entry["place"] = place(term.place, &names);
+                entry["place"] = place(term.place, system, &names);
                 entry["expression"] = expression(&system.graph, term.expr, &names, &[]);
             }
             entry
@@ -44,7 +44,7 @@ pub fn export(export: &Export) -> Result<Output> {
         .map(|&(at, expr)| {
             let graph = &export.pretty.graph;
             let mut entry = expression(graph, expr, &pretty_names, &export.pretty.numbers);
-            entry["place"] = place(at, &names);
+            entry["place"] = place(at, system, &names);
             entry
         })
         .collect();
@@ -111,13 +111,13 @@ fn variables(variables: &[Variable]) -> Vec<Value> {
         .collect()
 }
 
-fn place(place: Place, names: &Names) -> Value {
+fn place(place: Place, system: &System, names: &Names) -> Value {
     match place {
         Place::Kinetic => json!("T"),
         Place::Potential => json!("V"),
         Place::Hamiltonian => json!("H"),
         Place::Force(i) => json!({ "force": names.of(Symbol::Coordinate(i)) }),
-        Place::Sensor(i) => json!({ "sensor": i }),
+        Place::Sensor(i) => json!({ "sensor": system.observables().get(i) }),
     }
 }
 

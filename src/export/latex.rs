@@ -63,6 +63,16 @@ pub fn equations(export: &Export) -> Result<Vec<Equation>> {
     for (i, &slope) in slopes.iter().enumerate() {
         out.push(equation(letters::dotted(&names.of(Symbol::Momentum(i))), slope));
     }
+    // The instrument comes last: it moves nothing.
+    for (i, name) in system.observables().iter().enumerate() {
+        if let Some(expr) = pretty.part(Place::Sensor(i)) {
+            let name = letters::name(name);
+            let mut right = writer.lines(expr);
+            let sign = if right[0].starts_with('-') { " " } else { " + " };
+            right[0] = format!("{name}{sign}{}", right[0]);
+            out.push(Equation { left: format!("{name}_{{\\mathrm{{measured}}}}"), right });
+        }
+    }
     Ok(out)
 }
 

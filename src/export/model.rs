@@ -159,12 +159,16 @@ fn constants(export: &Export) -> Vec<Constant> {
     let mut out = Vec::new();
     for (i, (&k, &value)) in export.active.iter().zip(export.coefficients).enumerate() {
         let term = &export.system.terms[k];
+        let mut meaning = term.label.clone();
+        if term.parts().all(|(place, _)| place.is_sensor()) {
+            meaning += ", a part of the instrument: it moves nothing and is not simulated";
+        }
         out.push(Constant {
             symbol: Symbol::Coefficient(k),
             name: names.of(Symbol::Coefficient(k)),
             value,
             standard_error: export.standard_error(i),
-            meaning: term.label.clone(),
+            meaning,
             unit: term.unit_text.clone(),
         });
     }

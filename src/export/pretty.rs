@@ -1,5 +1,7 @@
 //! A model as people read it: expressions whose numbers carry their uncertainty.
 
+use std::collections::HashMap;
+
 use crate::expr::{Expr, Graph, Place, Symbol, System};
 
 /// Expressions in which `Symbol::Coefficient(j)` stands for `numbers[j]`.
@@ -34,6 +36,13 @@ impl Pretty {
         standard_errors: &[f64],
     ) -> Pretty {
         let mut graph = system.graph.clone();
+        // A rate in a sensor holds coefficients of the model by their terms.
+        let zero = graph.number(0.0);
+        let mut by_number: HashMap<Symbol, Expr> =
+            (0..system.terms.len()).map(|k| (Symbol::Coefficient(k), zero)).collect();
+        for (j, &k) in active.iter().enumerate() {
+            by_number.insert(Symbol::Coefficient(k), graph.symbol(Symbol::Coefficient(j)));
+        }
         let mut known = vec![
             (Place::Kinetic, system.kinetic),
             (Place::Potential, system.potential),
@@ -43,12 +52,17 @@ impl Pretty {
         known.extend(system.sensors.iter().enumerate().map(|(i, &s)| (Place::Sensor(i), s)));
         let mut parts = Vec::new();
         for (place, known) in known {
-            let mut sum = vec![(1.0, known)];
+            let own = |graph: &mut Graph, expr| match place {
+                Place::Sensor(_) => graph.substitute(expr, &by_number),
+                _ => expr,
+            };
+            let mut sum = vec![(1.0, own(&mut graph, known))];
             for (j, &k) in active.iter().enumerate() {
                 let Some(term) = system.terms.get(k).and_then(|term| term.part(place)) else {
                     continue;
                 };
                 let number = graph.symbol(Symbol::Coefficient(j));
+                let term = own(&mut graph, term);
                 sum.push((1.0, graph.multiply(number, term)));
             }
             let whole = graph.linear(0.0, &sum);

@@ -71,7 +71,7 @@ impl Function {
 
     /// A function that the source code names; the name must stand in the table.
     pub(crate) fn known(name: &str) -> Function {
-        Function::by_name(name).unwrap_or_else(|| panic!("`{name}` is not a row of FUNCTIONS"))
+        Function::by_name(name).expect("a name that the source code gives stands in FUNCTIONS")
     }
 }
 

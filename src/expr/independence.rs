@@ -88,9 +88,14 @@ fn sample_fields(system: &System) -> Option<DMatrix<f64>> {
     let mut graph = system.graph.clone();
     let state = system.state();
     let mut roots: Vec<(usize, usize, f64, Expr)> = Vec::new();
-    let energies: Vec<usize> =
-        (0..count).filter(|&k| !matches!(system.terms[k].place, Place::Force(_))).collect();
-    let exprs: Vec<Expr> = energies.iter().map(|&k| system.terms[k].expr).collect();
+    let parts = |wanted: fn(Place) -> bool| {
+        let terms = system.terms.iter().enumerate();
+        terms.flat_map(move |(k, term)| {
+            term.parts().filter(move |part| wanted(part.0)).map(move |(place, e)| (k, place, e))
+        })
+    };
+    let (energies, exprs): (Vec<usize>, Vec<Expr>) =
+        parts(Place::is_energy).map(|(k, _, expr)| (k, expr)).unzip();
     for (i, &symbol) in state.iter().enumerate() {
         // dq/dt = dH/dp and dp/dt = -dH/dq.
         let (component, sign) = if i < n { (n + i, -1.0) } else { (i - n, 1.0) };
@@ -100,16 +105,20 @@ fn sample_fields(system: &System) -> Option<DMatrix<f64>> {
             }
         }
     }
-    for (k, term) in system.terms.iter().enumerate() {
-        if let Place::Force(i) = term.place {
-            roots.push((k, n + i, 1.0, term.expr));
+    // What is measured comes after what moves.
+    for (k, place, expr) in parts(|place| !place.is_energy()) {
+        match place {
+            Place::Force(i) => roots.push((k, n + i, 1.0, expr)),
+            Place::Sensor(i) => roots.push((k, 2 * n + i, 1.0, expr)),
+            _ => {}
         }
     }
+    let height = if parts(Place::is_sensor).next().is_some() { 4 * n } else { 2 * n };
     let program = graph.topological(&roots.iter().map(|root| root.3).collect::<Vec<_>>());
     let samples = (2 * count).div_ceil(2 * n) + 20;
     let mut rng = Pcg64::seed_from_u64(0x4c65_7665);
     let around = Uniform::new(-1.4, 1.4).ok()?;
-    let mut rows = DMatrix::zeros(samples * 2 * n, count);
+    let mut rows = DMatrix::zeros(samples * height, count);
     let mut values: Vec<f64> = vec![0.0; graph.len()];
     let mut kept = 0;
     for _ in 0..50 * samples {
@@ -118,6 +127,10 @@ fn sample_fields(system: &System) -> Option<DMatrix<f64>> {
             symbols.insert(symbol, around.sample(&mut rng));
         }
         symbols.insert(Symbol::Time, around.sample(&mut rng));
+        // Rates of the state hold coefficients.
+        for k in 0..count {
+            symbols.insert(Symbol::Coefficient(k), around.sample(&mut rng));
+        }
         for (i, parameter) in system.parameters.iter().enumerate() {
             let near = parameter.start + 0.3 * around.sample(&mut rng);
             symbols.insert(Symbol::Parameter(i), parameter.bounds.clamp(near));
@@ -145,7 +158,7 @@ fn sample_fields(system: &System) -> Option<DMatrix<f64>> {
             continue;
         }
         for &(k, component, sign, expr) in &roots {
-            rows[(kept * 2 * n + component, k)] = sign * values[expr.0 as usize];
+            rows[(kept * height + component, k)] += sign * values[expr.0 as usize];
         }
         kept += 1;
         if kept == samples {

@@ -2,6 +2,7 @@
 
 mod columns;
 mod derivative;
+mod effects;
 mod functions;
 mod graph;
 mod independence;
@@ -12,10 +13,11 @@ mod system;
 pub mod unit;
 
 pub use columns::{ColumnScale, DataColumns, ObservedColumn, candidates};
+pub use effects::instances;
 pub use functions::{Domain, FUNCTIONS, Function, FunctionRow};
 pub use graph::{Expr, Graph, Node, Number, Symbol, raise};
 pub use independence::{Dependence, MOST_EXAMINED, dependences};
-pub use lower::{Compiled, MOST_TERMS, build};
+pub use lower::{Candidate, Compiled, MOST_TERMS, build};
 pub use print::Names;
 pub use space::{FunctionSpace, SpaceKnown, SpaceParameter, SpaceTerm, SpaceVariable};
 pub use system::{Bounds, Observed, Parameter, Place, System, Term, Variable};

@@ -16,9 +16,9 @@ use crate::diagnostic::Diagnostic;
 /// One learned term, as plain data.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SpaceTerm {
-    /// `T`, `V`, `H`, or `force q`.
+    /// `T`, `V`, `H`, `force q` or `sensor q`; several where one coefficient stands in several.
     pub place: String,
-    /// The term in the syntax of the mini-language, without its coefficient.
+    /// The term in the syntax of the mini-language, without its coefficient; one for each place.
     pub label: String,
     /// Name of the coefficient: the user's, or c1, c2, ...
     pub name: String,
@@ -26,6 +26,8 @@ pub struct SpaceTerm {
     pub unit: Option<String>,
     /// `>= 0`, `-1..5`; empty where there is no bound.
     pub bounds: String,
+    /// The effect that it came with: `viscous_drag(theta)`.
+    pub effect: Option<String>,
 }
 
 /// One part that is known.
@@ -141,9 +143,13 @@ impl FunctionSpace {
             }
         }
         let term = |(term, name): (&super::system::Term, &String)| SpaceTerm {
-            place: system.place_name(term.place),
-            label: term.label.clone(),
+            place: join(term.parts().map(|(place, _)| system.place_name(place))),
+            label: join(
+                std::iter::once(term.label.clone())
+                    .chain(term.also.iter().map(|&(_, expr)| system.graph.text(expr, &names))),
+            ),
             name: name.clone(),
+            effect: term.effect.clone(),
             unit: term.unit_text.clone(),
             bounds: bounds_text(term.bounds),
         };
@@ -200,15 +206,18 @@ impl FunctionSpace {
         if !self.terms.is_empty() {
             let with_units = self.terms.iter().any(|term| term.unit.is_some());
             let with_bounds = self.terms.iter().any(|term| !term.bounds.is_empty());
+            let with_effects = self.terms.iter().any(|term| term.effect.is_some());
             let mut table = plain_table(width);
             let mut header = vec!["", "coefficient", "term"];
             header.extend(with_units.then_some("unit"));
             header.extend(with_bounds.then_some("bounds"));
+            header.extend(with_effects.then_some("effect"));
             table.set_header(header);
             for term in &self.terms {
                 let mut row = vec![term.place.clone(), term.name.clone(), term.label.clone()];
                 row.extend(with_units.then(|| term.unit.clone().unwrap_or_default()));
                 row.extend(with_bounds.then(|| term.bounds.clone()));
+                row.extend(with_effects.then(|| term.effect.clone().unwrap_or_default()));
                 table.add_row(row);
             }
             push_table(&mut out, &table);
@@ -230,6 +239,10 @@ impl FunctionSpace {
         }
         out
     }
+}
+
+fn join(parts: impl Iterator<Item = String>) -> String {
+    parts.collect::<Vec<_>>().join(", ")
 }
 
 fn plain_table(width: u16) -> Table {
@@ -302,10 +315,10 @@ fn gauge(system: &System, names: &Names) -> Vec<String> {
 /// "The coefficients c1, c2 apart from each other: ... moves nothing".
 fn dependence_text(system: &System, names: &Names, dependence: &Dependence) -> String {
     let rounded = |factor: f64| format!("{factor:.9e}").parse().unwrap_or(factor);
-    let place = |k: usize| system.terms[k].place;
     let mut terms = dependence.combination.clone();
     terms.sort_by_key(|&(k, _)| k);
-    let places: BTreeSet<Place> = terms.iter().map(|&(k, _)| place(k)).collect();
+    let places: BTreeSet<Place> =
+        terms.iter().flat_map(|&(k, _)| system.terms[k].parts().map(|part| part.0)).collect();
     // With its largest factor positive and its smallest 1, a combination is easiest to read.
     let smallest = terms.iter().fold(f64::INFINITY, |least, (_, factor)| least.min(factor.abs()));
     let sign = terms.first().map_or(1.0, |&(_, factor)| factor.signum());
@@ -313,8 +326,9 @@ fn dependence_text(system: &System, names: &Names, dependence: &Dependence) -> S
     let mut parts = Vec::new();
     for &at in &places {
         let inside: Vec<(f64, Expr)> = (terms.iter())
-            .filter(|&&(k, _)| place(k) == at)
-            .map(|&(k, factor)| (rounded(sign * factor / smallest), system.terms[k].expr))
+            .filter_map(|&(k, factor)| {
+                Some((rounded(sign * factor / smallest), system.terms[k].part(at)?))
+            })
             .collect();
         let sum = graph.linear(0.0, &inside);
         parts.push(format!("{} in {}", graph.text(sum, names), system.place_name(at)));

@@ -64,10 +64,6 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
             unit: system.parameters[j].unit_text.clone(),
         })
         .collect();
-    let mut merged = Factor::new(round.folds.first().map_or(0, Factor::columns));
-    for fold in &round.folds {
-        merged.merge(fold);
-    }
     let chosen = candidates.first().map(|c| c.criterion).unwrap_or(f64::NAN);
     Model {
         format: FORMAT.to_string(),
@@ -107,7 +103,7 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
         front: front_points(system, candidates, residuals, &training.support),
         runners_up: runners_up(system, candidates, chosen, &training.support),
         alternatives: alternatives(
-            &merged,
+            &round.merged,
             &round.columns,
             round.criterion,
             &training.support,
@@ -120,7 +116,7 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
             difference: a.difference,
         })
         .collect(),
-        unlearnable: open_questions(system, &merged),
+        unlearnable: open_questions(system, &round.merged),
         path: path_entries(training, round),
         stop: Stop {
             reason: refit.stop,

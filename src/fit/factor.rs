@@ -49,15 +49,22 @@ impl Factor {
         }
         for start in (0..width).step_by(PANEL) {
             let size = PANEL.min(width - start);
-            let reflector = self.eliminate(rows, start, size);
+            // Below the last row that is not zero nothing happens: triangles cost a third.
+            let height = height(rows, start..start + size);
+            if height == 0 {
+                continue;
+            }
+            let reflector = self.eliminate(rows, start, size, height);
             let rest = width - start - size;
             if rest > 0 {
+                let mut upper = rows.rows_mut(0, height);
                 let (done, mut trailing) =
-                    rows.columns_range_pair_mut(start..start + size, start + size..width);
+                    upper.columns_range_pair_mut(start..start + size, start + size..width);
                 let mut top = self.triangle.view_mut((start, start + size), (size, rest));
                 let mut projected = top.clone_owned();
-                projected.gemm_tr(1.0, &done, &trailing, 1.0);
-                let projected = reflector.tr_mul(&projected);
+                // A product with a transposed view is slow in nalgebra, with a copy fast.
+                projected.gemm(1.0, &done.transpose(), &trailing, 1.0);
+                let projected = reflector.transpose() * projected;
                 top -= &projected;
                 trailing.gemm(-1.0, &done, &projected, 1.0);
             }
@@ -66,29 +73,41 @@ impl Factor {
 
     /// Reflects the panel's rectangle to zero; leaves the reflectors in it and returns
     /// the small triangle T of Q = I - V T V'.
-    fn eliminate(&mut self, rows: &mut DMatrix<f64>, start: usize, size: usize) -> DMatrix<f64> {
+    fn eliminate(
+        &mut self,
+        rows: &mut DMatrix<f64>,
+        start: usize,
+        size: usize,
+        height: usize,
+    ) -> DMatrix<f64> {
+        let stride = rows.nrows();
+        let values = rows.as_mut_slice();
         let mut t = DMatrix::zeros(size, size);
         for j in 0..size {
             let column = start + j;
-            let below = rows.column(column).norm_squared();
+            let (done, others) = values.split_at_mut((column + 1) * stride);
+            let reflector = &mut done[column * stride..][..height];
+            let below = dot(reflector, reflector);
             if below == 0.0 {
                 continue;
             }
             let alpha = self.triangle[(column, column)];
             let beta = -(alpha * alpha + below).sqrt().copysign(alpha);
             let tau = (beta - alpha) / beta;
-            rows.column_mut(column).scale_mut(1.0 / (alpha - beta));
+            let inverse = 1.0 / (alpha - beta);
+            reflector.iter_mut().for_each(|x| *x *= inverse);
             self.triangle[(column, column)] = beta;
             for k in column + 1..start + size {
-                let (reflector, mut other) = rows.columns_range_pair_mut(column..=column, k..=k);
-                let w =
-                    tau * (self.triangle[(column, k)] + reflector.column(0).dot(&other.column(0)));
+                let other = &mut others[(k - column - 1) * stride..][..height];
+                let w = tau * (self.triangle[(column, k)] + dot(reflector, other));
                 self.triangle[(column, k)] -= w;
-                other.column_mut(0).axpy(-w, &reflector.column(0), 1.0);
+                other.iter_mut().zip(&*reflector).for_each(|(x, v)| *x -= w * v);
             }
             t[(j, j)] = tau;
             if j > 0 {
-                let overlap = rows.columns(start, j).tr_mul(&rows.column(column));
+                let overlap = DVector::from_fn(j, |i, _| {
+                    dot(&done[(start + i) * stride..][..height], &done[column * stride..][..height])
+                });
                 let filled = t.view((0, 0), (j, j)) * overlap * -tau;
                 t.view_mut((0, j), (j, 1)).copy_from(&filled);
             }
@@ -164,6 +183,25 @@ impl Factor {
     pub fn norms(&self) -> Vec<f64> {
         (0..self.columns()).map(|k| self.triangle.view((0, k), (k + 1, 1)).norm()).collect()
     }
+}
+
+/// Rows of some columns up to the last that is not zero.
+fn height(rows: &DMatrix<f64>, columns: std::ops::Range<usize>) -> usize {
+    let last = |k: usize| rows.column(k).iter().rposition(|x| *x != 0.0).map_or(0, |at| at + 1);
+    columns.map(last).max().unwrap_or(0)
+}
+
+/// Inner product, in eight partial sums that processors work on side by side.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 8];
+    let (mut left, mut right) = (a.chunks_exact(8), b.chunks_exact(8));
+    for (x, y) in (&mut left).zip(&mut right) {
+        for i in 0..8 {
+            sums[i] += x[i] * y[i];
+        }
+    }
+    let rest = left.remainder().iter().zip(right.remainder()).map(|(x, y)| x * y);
+    sums.iter().sum::<f64>() + rest.sum::<f64>()
 }
 
 #[cfg(test)]

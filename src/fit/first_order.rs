@@ -102,6 +102,29 @@ pub fn screen(
     })
 }
 
+/// How much each term, for its size, would change the loss of a given model: the gradient over
+/// the norm of the term's column. One number a term; work does not grow with their square.
+///
+/// # Errors
+///
+/// As [`screen`].
+pub fn correlations(
+    system: &System,
+    dataset: &Dataset,
+    options: &Options,
+    coefficients: &[f64],
+    parameters: &[f64],
+) -> Result<Vec<f64>> {
+    let mut trainer = Trainer::new(system, dataset, options)?;
+    let used = trainer.dynamics.parameters().iter().map(|&j| parameters[j]);
+    let theta: Vec<f64> = coefficients.iter().copied().chain(used).collect();
+    trainer.measure_columns(&theta);
+    let all = trainer.training.clone();
+    let gradient = trainer.full_gradient(&all, &theta);
+    let slopes = gradient.iter().zip(&trainer.norms).map(|(g, norm)| (g / norm).abs());
+    Ok(slopes.take(coefficients.len()).map(|x| if x.is_finite() { x } else { 0.0 }).collect())
+}
+
 struct Trainer<'a> {
     system: &'a System,
     dataset: &'a Dataset,

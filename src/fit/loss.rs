@@ -2,11 +2,13 @@
 
 /// One loss, in units of the noise.
 pub struct LossRow {
+    /// As the command line calls it.
     pub name: &'static str,
     /// rho(r), equal to r^2 near zero for the smooth ones.
     pub value: fn(f64) -> f64,
     /// Weight of the residual in iteratively reweighted least squares: rho'(r) / (2 r).
     pub weight: fn(f64) -> f64,
+    /// Where it comes from.
     pub source: &'static str,
 }
 
@@ -18,10 +20,12 @@ impl Loss {
     /// Least squares: the right loss for Gaussian noise.
     pub const SQUARES: Loss = Loss(0);
 
+    /// The row of that name.
     pub fn by_name(name: &str) -> Option<Loss> {
         LOSSES.iter().position(|row| row.name == name).map(|i| Loss(i as u8))
     }
 
+    /// Its row of the table.
     pub fn row(self) -> &'static LossRow {
         &LOSSES[self.0 as usize]
     }

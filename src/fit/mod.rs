@@ -20,6 +20,7 @@ pub mod options;
 pub mod pass;
 pub mod path;
 mod prune;
+pub mod screening;
 pub mod segments;
 pub mod starts;
 pub mod stepping;
@@ -78,48 +79,15 @@ fn learn(
     options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Model> {
-    let large = system.terms.len() > LARGEST_FACTOR;
-    if options.trainer == Trainer::FirstOrder || large {
-        return screened(system, dataset, options, monitor);
+    if options.trainer == Trainer::FirstOrder {
+        return screening::first_order(system, dataset, options, monitor);
+    }
+    if system.terms.len() > LARGEST_FACTOR {
+        return screening::working_set(system, dataset, options, monitor);
     }
     let (training, round) = train::train(system, dataset, options, monitor)?;
     Ok(conclude::conclude(&training, &round))
 }
 
-/// Function spaces larger than this are screened by the first-order trainer.
+/// Function spaces larger than this are worked on a part at a time.
 const LARGEST_FACTOR: usize = 3000;
-/// Survivors of the screening that Gauss-Newton takes on.
-const SURVIVORS: usize = 600;
-
-/// First-order screening of the function space, then Gauss-Newton on what survives.
-fn screened(
-    system: &System,
-    dataset: &Dataset,
-    options: &Options,
-    monitor: &dyn Monitor,
-) -> Result<Model> {
-    let screening = first_order::screen(system, dataset, options, monitor)?;
-    let mut survivors = screening.survivors.clone();
-    if survivors.len() > SURVIVORS {
-        let size = |k: &usize| screening.coefficients[*k].abs();
-        survivors.sort_by(|a, b| size(b).total_cmp(&size(a)));
-        survivors.truncate(SURVIVORS);
-        survivors.sort_unstable();
-    }
-    let mut narrowed = system.clone();
-    narrowed.terms = survivors.iter().map(|&k| system.terms[k].clone()).collect();
-    for (parameter, &value) in narrowed.parameters.iter_mut().zip(&screening.parameters) {
-        parameter.start = value;
-    }
-    let (training, round) = train::train(&narrowed, dataset, options, monitor)?;
-    let mut model = conclude::conclude(&training, &round);
-    model.fingerprint = model::fingerprint(system);
-    model.evidence.function_space = system.terms.len();
-    model.evidence.selection = format!(
-        "{} among the {} of {} terms that first-order screening left",
-        model.evidence.selection,
-        survivors.len(),
-        system.terms.len()
-    );
-    Ok(model)
-}

@@ -25,12 +25,15 @@ pub enum Trainer {
 /// Options of a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
+    /// Which trainer; large function spaces are screened by the first-order one in any case.
     pub trainer: Trainer,
+    /// How the support is chosen.
     pub selection: Selection,
+    /// How much a residual counts.
     pub loss: Loss,
     /// `None`: the cheapest that is accurate enough.
     pub method: Option<Method>,
-    /// Longest step of the integrator; `None`: from an error estimate.
+    /// Longest step of the integrator, in the spec's unit of time; `None`: from an error estimate.
     pub longest_step: Option<f64>,
     /// Samples of a segment, at most; `None`: as long as the model can follow.
     pub window: Option<usize>,
@@ -41,6 +44,7 @@ pub struct Options {
     pub starts: usize,
     /// Whether to search a support; without it every term stays.
     pub sparse: bool,
+    /// Seed of whatever is random: the same seed gives the same model.
     pub seed: u64,
 }
 

@@ -102,13 +102,11 @@ pub fn search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Searc
     let path = path(factor, &penalised, &columns.bounds, &settings);
 
     pool.try_support(Vec::new());
-    for point in &path {
-        let support: Vec<usize> =
-            point.support().into_iter().filter(|&k| k < columns.terms).collect();
-        if support.len() <= LARGEST {
-            pool.try_support(support);
-        }
-    }
+    let mut along: Vec<Vec<usize>> = (path.iter().map(PathPoint::support))
+        .map(|support| support.into_iter().filter(|&k| k < columns.terms).collect())
+        .collect();
+    along.retain(|support: &Vec<usize>| support.len() <= LARGEST);
+    pool.try_all(&along);
     if let Some(widest) = path.iter().rev().map(PathPoint::support).next() {
         let start: Vec<usize> = widest.into_iter().filter(|&k| k < columns.terms).collect();
         pool.eliminate(start);
@@ -210,6 +208,21 @@ pub fn front(candidates: &[Candidate]) -> Vec<Candidate> {
         .collect()
 }
 
+/// The factor of some of the unknowns.
+struct Reduced {
+    factor: Factor,
+    /// Columns of the whole factor, in the order of the reduced one.
+    columns: Vec<usize>,
+}
+
+impl Reduced {
+    /// The factor of some of its columns, which are named as in the whole factor.
+    fn select(&self, columns: &[usize]) -> Factor {
+        let place = |column: &usize| self.columns.iter().position(|c| c == column);
+        self.factor.select(&columns.iter().filter_map(place).collect::<Vec<usize>>())
+    }
+}
+
 struct Pool<'a> {
     factor: &'a Factor,
     columns: &'a Columns,
@@ -234,15 +247,35 @@ impl<'a> Pool<'a> {
     }
 
     /// Refits a support without penalty; a coefficient that ends on a bound of zero leaves it.
-    fn try_support(&mut self, mut support: Vec<usize>) -> Candidate {
+    fn try_support(&mut self, support: Vec<usize>) -> Candidate {
+        self.try_on(None, support)
+    }
+
+    /// Refits supports that have most of their terms in common: on the triangle of their union,
+    /// which has far fewer rows than that of the whole space.
+    fn try_all(&mut self, supports: &[Vec<usize>]) {
+        let mut union: Vec<usize> = supports.iter().flatten().copied().collect();
+        union.sort_unstable();
+        union.dedup();
+        let columns = self.columns.of(&union);
+        let reduced = Reduced { factor: self.factor.select(&columns), columns };
+        for support in supports {
+            self.try_on(Some(&reduced), support.clone());
+        }
+    }
+
+    fn try_on(&mut self, reduced: Option<&Reduced>, mut support: Vec<usize>) -> Candidate {
         support.sort_unstable();
         support.dedup();
         if let Some(known) = self.known.get(&support) {
             return known.clone();
         }
         let columns = self.columns.of(&support);
-        let solution =
-            solve_bounded(&self.factor.select(&columns), |i| self.columns.bounds[columns[i]]);
+        let selected = match reduced {
+            Some(reduced) => reduced.select(&columns),
+            None => self.factor.select(&columns),
+        };
+        let solution = solve_bounded(&selected, |i| self.columns.bounds[columns[i]]);
         let values: Vec<(usize, f64)> =
             columns.iter().copied().zip(solution.values.iter().copied()).collect();
         let stuck = |k: usize| {
@@ -250,7 +283,7 @@ impl<'a> Pool<'a> {
         };
         if support.iter().any(|&k| stuck(k)) {
             let smaller = support.iter().copied().filter(|&k| !stuck(k)).collect();
-            return self.try_support(smaller);
+            return self.try_on(reduced, smaller);
         }
         let choice = support.iter().map(|&k| self.columns.costs[k]).sum();
         let rows = self.factor.rows();
@@ -274,15 +307,17 @@ impl<'a> Pool<'a> {
     /// Removes the least useful term again and again; keeps the small supports on the way.
     fn eliminate(&mut self, start: Vec<usize>) {
         let mut elimination = Elimination::new(self.factor, self.columns, start);
+        let mut small = Vec::new();
         loop {
             if elimination.support.len() <= LARGEST {
-                self.try_support(elimination.support.clone());
+                small.push(elimination.support.clone());
             }
             if elimination.support.is_empty() {
-                return;
+                break;
             }
             elimination.remove_weakest(self.columns);
         }
+        self.try_all(&small);
     }
 
     /// Adds the most useful term again and again, until three in a row do not pay.
@@ -313,8 +348,8 @@ impl<'a> Pool<'a> {
         let terms: Vec<usize> =
             (0..self.columns.terms).filter(|k| support.binary_search(k).is_err()).collect();
         let outside = self.design.select_columns(&terms);
-        let shadows = basis.tr_mul(&outside);
-        let along = duals.tr_mul(&outside);
+        let shadows = basis.transpose() * &outside;
+        let along = duals.transpose() * &outside;
         let slopes = outside.tr_mul(&residual);
         let heights = duals.tr_mul(&self.target);
         // What is left of a column outside the support's span; below rounding nothing is.

@@ -60,6 +60,8 @@ pub struct Round {
     /// The factor of the whole space at the model before the round; coefficients absolute,
     /// parameters as increments.
     pub folds: Vec<Factor>,
+    /// All folds together.
+    pub merged: Factor,
     pub columns: Columns,
     pub criterion: Criterion,
 }
@@ -250,7 +252,7 @@ impl<'a> Training<'a> {
         })?;
         let refit = self.adopt(&best, &whole, monitor);
         self.rounds += 1;
-        Ok(Round { search, refit, folds, columns, criterion })
+        Ok(Round { search, refit, folds, merged, columns, criterion })
     }
 
     /// Makes a candidate the present model and refits it.

@@ -253,9 +253,8 @@ pub fn simplify(fitted: &Fitted, options: &Options) -> Simplified {
 
 fn places(system: &System) -> Vec<Place> {
     let forces = (0..system.degrees()).map(Place::Force);
-    let sensors = (0..system.sensors.len()).map(Place::Sensor);
-    let energy = [Place::Kinetic, Place::Potential, Place::Hamiltonian];
-    energy.into_iter().chain(forces).chain(sensors).collect()
+    // Sensors are parts of the instrument: nothing of the motion is in them to simplify.
+    [Place::Kinetic, Place::Potential, Place::Hamiltonian].into_iter().chain(forces).collect()
 }
 
 /// A part as it was specified: the known expression and the learned terms.

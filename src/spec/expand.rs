@@ -8,6 +8,9 @@ use super::parse::template;
 use super::resolve::{Meaning, Resolved, integer, resolve};
 use crate::diagnostic::{Diagnostic, Span};
 
+/// How many candidates a spec may have.
+pub const MOST_CANDIDATES: usize = 200;
+
 /// The spec with every effect written out, candidates left aside.
 ///
 /// Statements that were made from an effect say so, and stand where it stands.
@@ -23,6 +26,7 @@ pub fn expand(spec: &Spec, diagnostics: &mut Vec<Diagnostic>) -> Spec {
         resolved: resolve(spec, &mut Vec::new()),
         scene: Scene::default(),
         candidates: HashMap::new(),
+        lost_candidates: spec.lost.iter().any(|word| word == "candidates"),
         seen: HashMap::new(),
         diagnostics,
     };
@@ -59,6 +63,8 @@ struct Expander<'a, 'd> {
     resolved: Resolved<'a>,
     scene: Scene,
     candidates: HashMap<&'a str, &'a Candidate>,
+    /// A `candidates` statement could not be read: what is unknown may stand in it.
+    lost_candidates: bool,
     /// Effects that the spec has, by their labels.
     seen: HashMap<String, Span>,
     diagnostics: &'d mut Vec<Diagnostic>,
@@ -84,6 +90,15 @@ impl<'a> Expander<'a, '_> {
                     .hint("give every candidate a name of its own")
                     .related(first.name.site.0, "first given here");
             self.report(diagnostic);
+        } else if self.candidates.len() >= MOST_CANDIDATES {
+            self.report(
+                Diagnostic::error(
+                    span,
+                    format!("there are more than {MOST_CANDIDATES} candidates"),
+                )
+                .label("one too many")
+                .hint("every one is tried; keep those that you believe in"),
+            );
         } else {
             self.candidates.insert(name, candidate);
         }
@@ -96,7 +111,11 @@ impl<'a> Expander<'a, '_> {
             return self.candidate(asked, candidate);
         }
         let Some(row) = effects::by_name(name) else {
-            let own: Vec<&str> = self.candidates.keys().copied().collect();
+            if self.lost_candidates {
+                return None;
+            }
+            let mut own: Vec<&str> = self.candidates.keys().copied().collect();
+            own.sort_unstable();
             let hint = effects::hint_for(name, &own);
             self.report(
                 Diagnostic::error(asked.name.site.0, format!("unknown effect `{name}`"))
@@ -342,9 +361,8 @@ impl<'a> Expander<'a, '_> {
             let site = Site(asked.span);
             let text = scan.by.unit_text(q.as_deref(), p.as_deref(), time.as_deref());
             // A bare number is in the units of the variables.
-            let bare = !matches!(setting.value.kind, ExpressionKind::Quantity(..));
             let start = match text {
-                Some(text) if bare => Expression {
+                Some(text) if bare(&setting.value) => Expression {
                     kind: ExpressionKind::Quantity(
                         Box::new(setting.value.clone()),
                         Word { text, site: setting.value.site },
@@ -358,6 +376,20 @@ impl<'a> Expander<'a, '_> {
             out.push(Statement { kind, site, effect: None });
         }
         Some(out)
+    }
+}
+
+/// Whether an expression is made of numbers alone, none with a unit.
+fn bare(expression: &Expression) -> bool {
+    match &expression.kind {
+        ExpressionKind::Number(_) => true,
+        ExpressionKind::Name(name) => name == "pi",
+        ExpressionKind::Negate(inner) => bare(inner),
+        ExpressionKind::Sum(parts) | ExpressionKind::Product(parts) => {
+            parts.iter().all(|(_, part)| bare(part))
+        }
+        ExpressionKind::Power(base, exponent) => bare(base) && bare(exponent),
+        _ => false,
     }
 }
 

@@ -9,7 +9,7 @@ mod parse;
 mod print;
 pub(crate) mod resolve;
 
-pub(crate) use expand::expand;
+pub(crate) use expand::{MOST_CANDIDATES, expand};
 pub use parse::{expression, may_name, spec};
 
 /// The candidate that a mistyped word is most likely to mean, if one is near.

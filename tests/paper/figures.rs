@@ -166,6 +166,19 @@ pub fn pendulum_error(model: &Model) -> Option<f64> {
     Some(errors.iter().fold(0.0, |most, e| most.max(e.abs())))
 }
 
+/// Mean absolute error one step ahead in p of the best quintic potential, found from the law:
+/// the least-squares fit of a q + b q^3 to the pendulum's 2 sin(q) where the data lie.
+pub fn best_quintic(data: &Dataset) -> f64 {
+    let at: Vec<f64> =
+        data.runs.iter().map(|run| (run.values[0][0] + run.values[0][1]) / 2.0).collect();
+    let sum = |f: &dyn Fn(f64) -> f64| at.iter().map(|&q| f(q)).sum::<f64>();
+    let (qq, qc, cc) = (sum(&|q| q * q), sum(&|q| q.powi(4)), sum(&|q| q.powi(6)));
+    let (qs, cs) = (sum(&|q| q * 2.0 * q.sin()), sum(&|q| q.powi(3) * 2.0 * q.sin()));
+    let determinant = qq * cc - qc * qc;
+    let (a, b) = ((qs * cc - cs * qc) / determinant, (qq * cs - qc * qs) / determinant);
+    sum(&|q| (STEP * (2.0 * q.sin() - a * q - b * q.powi(3))).abs()) / at.len() as f64
+}
+
 /// Bytes of the model file, and of what a prediction needs of it: a number and a term's place
 /// in the function space for every learned coefficient.
 pub fn bytes(model: &Model) -> (usize, usize) {

@@ -1,5 +1,7 @@
 //! Constraints: signs and bounds of coefficients and parameters, by name.
 
+use std::collections::HashMap;
+
 use super::super::system::{Bounds, Parameter, Place, Term};
 use super::Lowering;
 use crate::diagnostic::{Diagnostic, Span};
@@ -13,7 +15,7 @@ enum Bounded {
     Parameter(usize),
 }
 
-impl Lowering<'_> {
+impl<'a> Lowering<'a> {
     /// Applies every `constrain` statement.
     pub(super) fn constrain(
         &mut self,
@@ -26,41 +28,49 @@ impl Lowering<'_> {
         }
     }
 
-    /// Coefficients share their names with nothing else.
+    /// A coefficient shares its name with no variable and no other one of its span.
     fn unique_names(&mut self) {
-        let statements = self.resolved.energies.iter().map(|energy| energy.value);
-        let statements: Vec<_> =
-            statements.chain(self.resolved.forces.iter().map(|force| force.value)).collect();
-        let mut seen: std::collections::HashMap<&str, Span> = std::collections::HashMap::new();
-        let mut stack: Vec<&Expression> = statements;
+        for items in self.spans() {
+            let mut seen: HashMap<&str, Span> = HashMap::new();
+            for word in items.iter().filter_map(|item| item.name.as_ref()) {
+                let taken = self.resolved.names.get(&word.text).map(|&(_, span)| span);
+                let first = taken.or_else(|| seen.get(word.text.as_str()).copied());
+                seen.entry(&word.text).or_insert(word.site.0);
+                if let Some(first) = first {
+                    self.report(
+                        Diagnostic::error(
+                            word.site.0,
+                            format!("the name `{}` is taken", word.text),
+                        )
+                        .label("named again here")
+                        .hint("give every coefficient of one span a name of its own")
+                        .related(first, "first named here"),
+                    );
+                }
+            }
+        }
+    }
+
+    /// Every span of the spec, in the order of the text.
+    pub(super) fn spans(&self) -> Vec<&'a [Item]> {
+        let resolved = self.resolved;
+        let energies = resolved.energies.iter().map(|energy| energy.value);
+        let forces = resolved.forces.iter().map(|force| force.value);
+        let sensors = resolved.sensors.iter().map(|sensor| sensor.value);
+        let mut stack: Vec<&'a Expression> = energies.chain(forces).chain(sensors).collect();
         stack.reverse();
+        let mut out: Vec<&'a [Item]> = Vec::new();
         while let Some(expression) = stack.pop() {
             match &expression.kind {
                 ExpressionKind::Sum(parts) => {
                     stack.extend(parts.iter().rev().map(|(_, part)| part))
                 }
                 ExpressionKind::Negate(inner) => stack.push(inner),
-                ExpressionKind::Span(items) => {
-                    for word in items.iter().filter_map(|item| item.name.as_ref()) {
-                        let taken = self.resolved.names.get(&word.text).map(|&(_, span)| span);
-                        let first = taken.or_else(|| seen.get(word.text.as_str()).copied());
-                        seen.entry(&word.text).or_insert(word.site.0);
-                        if let Some(first) = first {
-                            self.report(
-                                Diagnostic::error(
-                                    word.site.0,
-                                    format!("the name `{}` is taken", word.text),
-                                )
-                                .label("named again here")
-                                .hint("give every coefficient a name of its own")
-                                .related(first, "first named here"),
-                            );
-                        }
-                    }
-                }
+                ExpressionKind::Span(items) => out.push(items),
                 _ => {}
             }
         }
+        out
     }
 
     fn one_constraint(
@@ -176,7 +186,7 @@ impl Lowering<'_> {
                         Place::Force(self.coordinate(coordinate)?)
                     }
                 };
-                let all = (0..terms.len()).filter(|&k| terms[k].place == place);
+                let all = (0..terms.len()).filter(|&k| terms[k].part(place).is_some());
                 return Some(Bounded::Terms(all.collect()));
             }
         };

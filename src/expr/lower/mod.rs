@@ -1,22 +1,25 @@
 //! From a spec to the system that it describes: names become symbols, spans become terms.
 
 mod bounds;
+mod candidates;
 mod loops;
 mod names;
+mod sensors;
 mod terms;
 mod value;
 
 use std::collections::{HashMap, HashSet};
 
 use super::columns::{self, DataColumns};
-use super::graph::{Expr, Graph};
+use super::graph::{Expr, Graph, Symbol};
 use super::system::{Bounds, Observed, Parameter, Place, System, Term, Variable};
 use super::unit::Unit;
 use crate::diagnostic::{Diagnostic, Severity, Span};
 use crate::error::{Error, Result};
 use crate::spec::ast::{EnergyPart, ExpressionKind, Spec, UnitText};
 use crate::spec::resolve::{Declared, Resolved, resolve};
-use terms::Candidate;
+pub use candidates::Candidate;
+use terms::Draft;
 use value::Value;
 
 /// How many terms a function space may have.
@@ -40,6 +43,8 @@ pub struct Compiled {
     pub time_unit: Option<Unit>,
     /// Where the measurements are, if the spec says so.
     pub data: Option<DataColumns>,
+    /// The user's own effects, which are no part of the system until they are added.
+    pub candidates: Vec<candidates::Candidate>,
     /// Warnings and notes, in the order of the text.
     pub warnings: Vec<Diagnostic>,
 }
@@ -52,7 +57,8 @@ pub struct Compiled {
 /// [`Error::Spec`] with everything that is wrong with the text, in its order.
 pub fn build(name: &str, text: &str) -> Result<Compiled> {
     let (spec, mut diagnostics) = crate::spec::spec(text);
-    let resolved = resolve(&spec, &mut diagnostics);
+    let expanded = crate::spec::expand(&spec, &mut diagnostics);
+    let resolved = resolve(&expanded, &mut diagnostics);
     let sound =
         resolved.coordinates.len() == resolved.momenta.len() && !resolved.coordinates.is_empty();
     let mut built = None;
@@ -68,6 +74,7 @@ pub fn build(name: &str, text: &str) -> Result<Compiled> {
         let data = columns::resolve(&mut lowering, &pieces.system);
         diagnostics.append(&mut lowering.diagnostics);
         built = Some((pieces, data));
+        diagnostics.extend(candidates::check(&spec));
     }
     diagnostics.sort_by_key(|d| (d.span, std::cmp::Reverse(d.severity)));
     let failed = diagnostics.iter().any(|d| d.severity == Severity::Error);
@@ -78,6 +85,7 @@ pub fn build(name: &str, text: &str) -> Result<Compiled> {
             energy_unit: pieces.energy_unit,
             time_unit: pieces.time_unit,
             data,
+            candidates: candidates::list(&spec, text),
             warnings: diagnostics,
             spec,
         }),
@@ -95,6 +103,7 @@ enum Context {
     Number,
     Energy(EnergyPart),
     Force,
+    Sensor,
 }
 
 /// A name that stands for a number: a constant or a parameter.
@@ -122,9 +131,15 @@ pub(super) struct Lowering<'a> {
     reported: HashSet<(Span, String)>,
     /// For each node of the graph, what it depends on.
     dependence: Vec<u8>,
-    candidates: Vec<Candidate>,
-    /// Terms by place (energy: none; force: its coordinate) and expression without its factor.
-    index: HashMap<(Option<usize>, Expr), usize>,
+    drafts: Vec<Draft>,
+    /// Terms by place (energy: none) and expression without its factor.
+    index: HashMap<(Option<Place>, Expr), usize>,
+    /// The effect whose statements are lowered.
+    effect: Option<String>,
+    /// Coefficients that stand in several places, and the terms that have them.
+    shared: HashMap<String, Option<usize>>,
+    /// Time derivatives of the state by the model, once a sensor asks for them.
+    flow: Option<Vec<(Symbol, Expr)>>,
     /// Known parts: place, value, where they stand.
     known: Vec<(Place, Value, Span)>,
     expected: u128,
@@ -157,8 +172,11 @@ impl<'a> Lowering<'a> {
             steps: 0,
             reported: HashSet::new(),
             dependence: Vec::new(),
-            candidates: Vec::new(),
+            drafts: Vec::new(),
             index: HashMap::new(),
+            effect: None,
+            shared: HashMap::new(),
+            flow: None,
             known: Vec::new(),
             expected: 0,
         };
@@ -206,7 +224,9 @@ impl<'a> Lowering<'a> {
         let parameters = self.define_parameters();
         let canonical = self.canonical_unit();
         self.check_velocities();
+        self.find_shared();
         for energy in &self.resolved.energies {
+            self.effect = energy.effect.map(str::to_string);
             self.context = Context::Energy(energy.part);
             let place = match energy.part {
                 EnergyPart::Kinetic => Place::Kinetic,
@@ -217,7 +237,14 @@ impl<'a> Lowering<'a> {
         }
         self.context = Context::Force;
         for force in &self.resolved.forces {
+            self.effect = force.effect.map(str::to_string);
             self.force(force);
+        }
+        // What the instrument adds may depend on the whole motion.
+        self.context = Context::Sensor;
+        for sensor in &self.resolved.sensors {
+            self.effect = sensor.effect.map(str::to_string);
+            self.sensor(sensor);
         }
         let energy_unit = self.energy_unit(canonical);
         self.check_known(energy_unit, canonical.is_some());
@@ -340,13 +367,14 @@ impl<'a> Lowering<'a> {
         canonical.or_else(|| {
             let known = self.known.iter();
             known
-                .filter(|(place, ..)| !matches!(place, Place::Force(_)))
+                .filter(|(place, ..)| place.is_energy())
                 .find_map(|(_, value, span)| value.unit.map(|unit| (unit, *span)))
         })
     }
 
     /// Every known part of H is in the unit of H, every known force in that of a force.
     fn check_known(&mut self, energy: Option<(Unit, Span)>, canonical: bool) {
+        self.check_known_sensors();
         let Some((energy, from)) = energy else { return };
         let origin = if canonical {
             format!("coordinate, momentum and time make H a quantity in [{energy}]")
@@ -360,6 +388,7 @@ impl<'a> Lowering<'a> {
                     Some(q) => (energy.over(q), "a force here"),
                     None => continue,
                 },
+                Place::Sensor(_) => continue,
                 _ => (Some(energy), "H"),
             };
             let Some(expected) = expected.filter(|expected| !expected.agrees(unit)) else {
@@ -400,7 +429,7 @@ impl<'a> Lowering<'a> {
             let starts: Vec<_> =
                 parameter.starts.iter().filter_map(|start| self.number(start)).collect();
             let bounds = self.limits(parameter.bounds);
-            let expr = self.graph.symbol(super::graph::Symbol::Parameter(i));
+            let expr = self.graph.symbol(Symbol::Parameter(i));
             // A bare number takes the unit of the others.
             let bounds_units = bounds.1.clone();
             let written: Vec<(Unit, Span)> = starts

@@ -125,6 +125,9 @@ impl Lowering<'_> {
             Diagnostic::error(span, message).label(label).hint(hint)
         };
         let energy_hint = "write `H = ...` for an energy that mixes coordinates and momenta";
+        if (self.context, role) == (Context::Sensor, Role::Velocities) {
+            return self.velocity(i);
+        }
         let problem = match (self.context, role) {
             (Context::Number, _) => Some(misplaced(
                 format!("`{name}` is not a known number"),

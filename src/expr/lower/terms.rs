@@ -14,7 +14,7 @@ use crate::spec::resolve::{Force, Meaning};
 
 /// A term before labels and constraints.
 #[derive(Debug, Clone)]
-pub struct Candidate {
+pub struct Draft {
     pub place: Place,
     pub expr: Expr,
     pub unit: Option<Unit>,
@@ -22,6 +22,20 @@ pub struct Candidate {
     pub span: Span,
     /// Written out, not a member of a family.
     pub explicit: bool,
+    /// Further places where the same coefficient stands.
+    pub also: Vec<Part>,
+    pub effect: Option<String>,
+    /// As it was written, where the expression does not print like that.
+    pub text: Option<String>,
+}
+
+/// What a coefficient multiplies at a further place.
+#[derive(Debug, Clone, Copy)]
+pub struct Part {
+    pub place: Place,
+    pub expr: Expr,
+    pub unit: Option<Unit>,
+    pub span: Span,
 }
 
 const COORDINATE: u8 = 1;
@@ -130,23 +144,27 @@ impl Lowering<'_> {
         };
         let mut repeated = Repeated::default();
         let sign = if minus { -1.0 } else { 1.0 };
-        let depth = self.indices.len();
         let mut one = |lowering: &mut Self| {
-            let indices = &lowering.indices[depth..];
+            let indices = &lowering.indices;
             let name = item.name.as_ref().map(|name| indexed_name(&name.text, indices));
+            // The rate of a variable is a long expression; people read it as it was written.
+            let text = (place.is_sensor() && indices.is_empty())
+                .then(|| format!("{}{}", if minus { "-" } else { "" }, item.body));
             match family {
                 Some((row, arguments, order)) => {
                     let span = item.body.site.0;
                     let members = lowering.family(row, arguments, order, span);
                     for (i, value) in members.into_iter().flatten().enumerate() {
                         let name = name.as_ref().map(|name| format!("{name}[{}]", i + 1));
-                        lowering.add(place, value, sign, name, span, false, &mut repeated);
+                        let found = Found { place, value, sign, name, span, text: None };
+                        lowering.add(found, false, &mut repeated);
                     }
                 }
                 None => {
                     if let Some(value) = lowering.value(&item.body) {
                         let span = item.body.site.0;
-                        lowering.add(place, value, sign, name, span, true, &mut repeated);
+                        let found = Found { place, value, sign, name, span, text };
+                        lowering.add(found, true, &mut repeated);
                     }
                 }
             }
@@ -347,17 +365,8 @@ impl Lowering<'_> {
         }
     }
 
-    #[allow(clippy::too_many_arguments)]
-    fn add(
-        &mut self,
-        place: Place,
-        value: Value,
-        sign: f64,
-        name: Option<String>,
-        span: Span,
-        explicit: bool,
-        repeated: &mut Repeated,
-    ) {
+    fn add(&mut self, found: Found, explicit: bool, repeated: &mut Repeated) {
+        let Found { place, value, sign, name, span, text } = found;
         let on = self.depends_on(value.expr);
         if on & BROKEN != 0 {
             return self.not_finite(span);
@@ -370,11 +379,8 @@ impl Lowering<'_> {
             );
             return;
         }
-        let force = match place {
-            Place::Force(i) => Some(i),
-            _ => None,
-        };
-        if on & (COORDINATE | MOMENTUM) == 0 && force.is_none() {
+        let outside = (!place.is_energy()).then_some(place);
+        if on & (COORDINATE | MOMENTUM) == 0 && outside.is_none() {
             let label = self.graph.text(value.expr, &self.symbol_names());
             self.report(
                 Diagnostic::warning(
@@ -389,20 +395,38 @@ impl Lowering<'_> {
         if explicit && self.make_room(1, span, "with this item it").is_none() {
             return;
         }
-        let key = (force, self.direction(value.expr));
+        let key = (outside, self.direction(value.expr));
         let expr = if sign < 0.0 { self.graph.negate(value.expr) } else { value.expr };
-        let candidate = Candidate { place, expr, unit: value.unit, name, span, explicit };
+        let unit = value.unit;
+        if let Some(name) = name.as_ref().filter(|name| self.is_shared(name))
+            && !self.first_of_shared(name, Part { place, expr, unit, span })
+        {
+            return;
+        }
+        let is_shared = name.as_ref().is_some_and(|name| self.is_shared(name));
+        let effect = self.effect.clone();
+        let also = Vec::new();
+        let draft = Draft { place, expr, unit, name, span, explicit, also, effect, text };
+        if is_shared {
+            // Tied to other places, it may stand beside a term of its own.
+            self.drafts.push(draft);
+            return;
+        }
         let Some(&at) = self.index.get(&key) else {
-            self.index.insert(key, self.candidates.len());
-            self.candidates.push(candidate);
+            self.index.insert(key, self.drafts.len());
+            self.drafts.push(draft);
             return;
         };
-        let first = &self.candidates[at];
+        let first = &self.drafts[at];
         if first.explicit && explicit {
             let first_span = first.span;
             let label = self.graph.text(value.expr, &self.symbol_names());
+            let again = match &self.effect {
+                Some(effect) => format!("`{effect}` adds what stands elsewhere"),
+                None => "stands here again".to_string(),
+            };
             let mut diagnostic = Diagnostic::error(span, format!("duplicate term `{label}`"))
-                .label("stands here again")
+                .label(again)
                 .hint("keep one of them; two coefficients of one term cannot be told apart");
             if first_span != span {
                 diagnostic = diagnostic.related(first_span, "first stands here");
@@ -413,7 +437,7 @@ impl Lowering<'_> {
         repeated.count += 1;
         repeated.first = repeated.first.or(Some(value.expr));
         if explicit {
-            self.candidates[at] = candidate;
+            self.drafts[at] = draft;
         }
     }
 
@@ -470,20 +494,16 @@ impl Lowering<'_> {
     /// Terms with labels and units.
     pub(super) fn finish_terms(&mut self, energy: Option<Unit>) -> Vec<Term> {
         let names = self.symbol_names();
-        let candidates = std::mem::take(&mut self.candidates);
-        let terms = candidates.into_iter().map(|candidate| {
-            let whole = match candidate.place {
-                Place::Force(i) => energy.zip(self.coordinates[i]).and_then(|(h, q)| h.over(q)),
-                _ => energy,
-            };
-            let unit = whole.zip(candidate.unit).and_then(|(whole, unit)| whole.over(unit));
+        let drafts = std::mem::take(&mut self.drafts);
+        let terms = drafts.into_iter().map(|draft| {
+            let unit = self.coefficient_unit(&draft, energy);
             Term {
-                place: candidate.place,
-                also: Vec::new(),
-                effect: None,
-                label: self.graph.text(candidate.expr, &names),
-                expr: candidate.expr,
-                name: candidate.name,
+                place: draft.place,
+                also: draft.also.iter().map(|part| (part.place, part.expr)).collect(),
+                effect: draft.effect,
+                label: draft.text.unwrap_or_else(|| self.graph.text(draft.expr, &names)),
+                expr: draft.expr,
+                name: draft.name,
                 bounds: Bounds::FREE,
                 unit,
                 unit_text: unit.map(|unit| unit.to_string()),
@@ -491,6 +511,16 @@ impl Lowering<'_> {
         });
         terms.collect()
     }
+}
+
+/// A member of the function space where it was found.
+struct Found {
+    place: Place,
+    value: Value,
+    sign: f64,
+    name: Option<String>,
+    span: Span,
+    text: Option<String>,
 }
 
 /// Terms of an item that stood elsewhere already.

@@ -288,6 +288,9 @@ impl Lowering<'_> {
             );
             return None;
         }
+        if name == "rate" {
+            return self.rate_of(arguments, order, span);
+        }
         let known =
             ALIASES.iter().find(|(alias, _)| *alias == name).map_or(name, |&(_, name)| name);
         let Some(function) = Function::by_name(known) else {

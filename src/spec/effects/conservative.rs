@@ -91,6 +91,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "coupling_spring",
+        alike: true,
         on: On::Pair,
         template: "V += span{ {n}: ({r} - {q})^2/2 }",
         why_two: BETWEEN,
@@ -101,6 +102,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "quadratic_coupling",
+        alike: true,
         on: On::Pair,
         template: "V += span{ {n}: ({r} - {q})^3/3 }",
         why_two: BETWEEN,
@@ -111,6 +113,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "cubic_coupling",
+        alike: true,
         on: On::Pair,
         template: "V += span{ {n}: ({r} - {q})^4/4 }",
         why_two: BETWEEN,
@@ -141,6 +144,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "central_inverse",
+        alike: true,
         aliases: &["kepler", "coulomb_potential"],
         on: On::Pair,
         template: "V += span{ {n}: -1/sqrt({q}^2 + {r}^2) }",
@@ -152,6 +156,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "central_inverse_square",
+        alike: true,
         on: On::Pair,
         template: "V += span{ {n}: -1/({q}^2 + {r}^2) }",
         why_two: PLANE,
@@ -162,6 +167,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "softened_centre",
+        alike: true,
         aliases: &["plummer"],
         on: On::Pair,
         template: "V += span{ {n}: -1/sqrt({q}^2 + {r}^2 + {length}^2) }",

@@ -120,9 +120,9 @@ impl ScanBy {
     /// its momentum and time; empty for a pure number.
     fn unit(self) -> &'static str {
         match self {
-            ScanBy::Frequency | ScanBy::Rate => "1/({t})",
+            ScanBy::Frequency | ScanBy::Rate => "1/{t}",
             ScanBy::Position | ScanBy::Length => "{q}",
-            ScanBy::WaveNumber => "1/({q})",
+            ScanBy::WaveNumber => "1/{q}",
             ScanBy::Instant | ScanBy::Duration => "{t}",
             ScanBy::Exponent => "",
             ScanBy::Momentum => "{p}",
@@ -139,7 +139,11 @@ impl ScanBy {
         let mut text = self.unit().to_string();
         for (placeholder, unit) in [("{q}", coordinate), ("{p}", momentum), ("{t}", time)] {
             if text.contains(placeholder) {
-                text = text.replace(placeholder, unit?);
+                let unit = unit?;
+                // A unit of several pieces is divided by as a whole.
+                let whole = text.starts_with("1/") && !unit.chars().all(char::is_alphabetic);
+                let unit = if whole { format!("({unit})") } else { unit.to_string() };
+                text = text.replace(placeholder, &unit);
             }
         }
         (!text.is_empty()).then_some(text)
@@ -174,6 +178,8 @@ pub struct EffectRow {
     pub parameters: &'static [Scan],
     /// Its coordinates must be angles: pure numbers.
     pub angle: bool,
+    /// Its coordinates must have one unit.
+    pub alike: bool,
     /// Why it needs two arguments, where it does.
     pub why_two: &'static str,
     /// What finds it, when it is no term of a model.
@@ -195,6 +201,7 @@ const ROW: EffectRow = EffectRow {
     template: "",
     parameters: &[],
     angle: false,
+    alike: false,
     why_two: "",
     detector: None,
     physics: "",

@@ -236,7 +236,15 @@ fn force(input: Tokens) -> Parsed<StatementKind> {
 
 /// sensor = "sensor" , variable , "+=" , expression , [ comprehension ] ;
 fn sensor(input: Tokens) -> Parsed<StatementKind> {
-    let (rest, ((), observable, ())) = (keyword("sensor"), variable, mark("+=")).parse(input)?;
+    let (rest, observable) = preceded(keyword("sensor"), variable).parse(input)?;
+    if mark("=")(rest).is_ok() {
+        return Err(Fault::fatal(
+            Diagnostic::error(rest.place(), "a sensor adds to what it measures")
+                .label("`=` stands here")
+                .hint(format!("write `sensor {observable} += ...`")),
+        ));
+    }
+    let (rest, ()) = mark("+=")(rest)?;
     let (rest, (value, comprehension)) = (expression, opt(comprehension)).parse(rest)?;
     Ok((rest, StatementKind::Sensor { observable, value, comprehension }))
 }

@@ -1,0 +1,123 @@
+//! Function spaces that are too large for one triangular factor.
+//!
+//! First-order work a term, second-order work on few terms: the gradient says which terms are
+//! worth looking at, Gauss-Newton decides among them.
+
+use super::conclude::conclude;
+use super::criterion::complexity;
+use super::first_order::{self, screen};
+use super::model::{Model, fingerprint};
+use super::monitor::Monitor;
+use super::options::Options;
+use super::train::train;
+use crate::data::Dataset;
+use crate::error::Result;
+use crate::expr::System;
+
+/// Terms that Gauss-Newton takes on at once, at most.
+const TOGETHER: usize = 600;
+/// Terms that enter the working set at first, and in every later round.
+const FIRST: usize = 300;
+const EACH: usize = 150;
+/// Terms of the least complexity that are always looked at: they are cheap to the criterion.
+const SIMPLEST: usize = 100;
+/// Rounds of the working set.
+const ROUNDS: usize = 5;
+
+/// Proximal first-order training of the whole space, then Gauss-Newton on what survives.
+///
+/// # Errors
+///
+/// As [`fit`](super::fit).
+pub fn first_order(
+    system: &System,
+    dataset: &Dataset,
+    options: &Options,
+    monitor: &dyn Monitor,
+) -> Result<Model> {
+    let screening = screen(system, dataset, options, monitor)?;
+    let mut survivors = screening.survivors.clone();
+    let size = |k: &usize| screening.coefficients[*k].abs();
+    survivors.sort_by(|a, b| size(b).total_cmp(&size(a)));
+    survivors.truncate(TOGETHER);
+    let mut started = system.clone();
+    for (parameter, &value) in started.parameters.iter_mut().zip(&screening.parameters) {
+        parameter.start = value;
+    }
+    let how = format!("the {} that first-order training left", survivors.len());
+    train_on(&started, survivors, &how, dataset, options, monitor)
+}
+
+/// Gauss-Newton on a working set that the gradient fills: terms whose effect correlates most
+/// with what the model misses enter, until none that enters is chosen
+/// (iterated sure independence screening: Fan and Lv, J. R. Stat. Soc. B 70, 2008, section 4.1).
+///
+/// # Errors
+///
+/// As [`fit`](super::fit).
+pub fn working_set(
+    system: &System,
+    dataset: &Dataset,
+    options: &Options,
+    monitor: &dyn Monitor,
+) -> Result<Model> {
+    let all = system.terms.len();
+    let mut working: Vec<usize> = (0..all).collect();
+    let level: Vec<u32> = system.terms.iter().map(|t| complexity(&system.graph, t.expr)).collect();
+    working.sort_by_key(|&k| level[k]);
+    working.truncate(SIMPLEST);
+    let mut coefficients = vec![0.0; all];
+    let mut parameters: Vec<f64> =
+        system.parameters.iter().map(|p| p.bounds.clamp(p.start)).collect();
+    let mut best: Option<(Vec<usize>, Model)> = None;
+    for round in 0..ROUNDS {
+        monitor.stage("screening the function space", round as f64 / ROUNDS as f64);
+        let correlation =
+            first_order::correlations(system, dataset, options, &coefficients, &parameters)?;
+        let mut outside: Vec<usize> = (0..all).filter(|k| !working.contains(k)).collect();
+        outside.sort_by(|&a, &b| correlation[b].total_cmp(&correlation[a]).then(a.cmp(&b)));
+        working.extend(outside.into_iter().take(if round == 0 { FIRST } else { EACH }));
+        let how = format!("the {} whose gradients stand out", working.len());
+        let model = train_on(system, working.clone(), &how, dataset, options, monitor)?;
+        let Some((support, values)) = model.active(system) else { return Ok(model) };
+        let settled = best.as_ref().is_some_and(|(before, _)| *before == support);
+        coefficients.fill(0.0);
+        for (&k, &value) in support.iter().zip(&values) {
+            coefficients[k] = value;
+        }
+        parameters = model.parameter_values(system);
+        best = Some((support.clone(), model));
+        if settled || monitor.stopped() || working.len() == all {
+            break;
+        }
+        // What was not chosen makes room, once the set is full.
+        if working.len() + EACH > TOGETHER {
+            working.retain(|k| support.contains(k));
+        }
+    }
+    match best {
+        Some((_, model)) => Ok(model),
+        None => train_on(system, working, "the simplest", dataset, options, monitor),
+    }
+}
+
+/// Trains on some of the terms, and makes the result a model of the whole space.
+fn train_on(
+    system: &System,
+    mut terms: Vec<usize>,
+    how: &str,
+    dataset: &Dataset,
+    options: &Options,
+    monitor: &dyn Monitor,
+) -> Result<Model> {
+    terms.sort_unstable();
+    let mut narrowed = system.clone();
+    narrowed.terms = terms.iter().map(|&k| system.terms[k].clone()).collect();
+    let (training, round) = train(&narrowed, dataset, options, monitor)?;
+    let mut model = conclude(&training, &round);
+    model.fingerprint = fingerprint(system);
+    model.evidence.function_space = system.terms.len();
+    model.evidence.selection =
+        format!("{} among {how} of {} terms", model.evidence.selection, system.terms.len());
+    Ok(model)
+}
