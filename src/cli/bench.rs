@@ -14,6 +14,7 @@ use crate::diagnose::compare;
 use crate::diagnose::context::Context;
 use crate::error::{Error, Result};
 use crate::fit::model::fingerprint;
+use crate::fit::segments::longest_run;
 use crate::fit::{Model, Options};
 
 /// How the measurements are split.
@@ -134,7 +135,16 @@ impl Bench {
     }
 }
 
-/// Error on one part of the data at every horizon: samples, duration, error in units of `noise`.
+/// Lengths of prediction, from two samples to the longest run.
+pub fn windows(data: &Dataset) -> Vec<usize> {
+    let longest = longest_run(data);
+    let mut windows: Vec<usize> =
+        std::iter::successors(Some(2), |w| Some(2 * w)).take_while(|&w| w < longest).collect();
+    windows.push(longest);
+    windows
+}
+
+/// Error over each length of prediction (in samples), in units of `noise`.
 pub fn errors(context: &Context, noise: &[f64], windows: &[usize]) -> Vec<(usize, f64)> {
     let mut judge = context.with_data(context.dataset);
     judge.noise = noise.to_vec();

@@ -1,5 +1,6 @@
 //! The command line: one file per command, and what they share.
 
+mod asked;
 mod bench;
 mod check;
 mod compare;
@@ -9,9 +10,11 @@ mod diagnose;
 mod effects;
 mod export;
 mod fit;
+mod ledger;
 mod new;
 mod progress;
 mod project;
+mod revise;
 mod simulate;
 mod values;
 
@@ -60,6 +63,10 @@ enum Command {
     Fit(fit::Arguments),
     Compare(compare::Arguments),
     Diagnose(diagnose::Arguments),
+    Add(revise::Add),
+    Remove(revise::Remove),
+    Undo(revise::Undo),
+    History(revise::History),
     Effects(effects::Arguments),
     Simulate(simulate::Arguments),
     Export(export::Arguments),
@@ -79,6 +86,10 @@ pub fn main() -> ExitCode {
         Command::Fit(arguments) => fit::run(&arguments, &console),
         Command::Compare(arguments) => compare::run(&arguments, &console),
         Command::Diagnose(arguments) => diagnose::run(&arguments, &console),
+        Command::Add(arguments) => revise::add(&arguments, &console),
+        Command::Remove(arguments) => revise::remove(&arguments, &console),
+        Command::Undo(arguments) => revise::undo(&arguments, &console),
+        Command::History(arguments) => revise::history(&arguments, &console),
         Command::Effects(arguments) => effects::run(&arguments, &console),
         Command::Simulate(arguments) => simulate::run(&arguments, &console),
         Command::Export(arguments) => export::run(&arguments, &console),

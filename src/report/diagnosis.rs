@@ -1,5 +1,7 @@
 //! Comparison and diagnosis as text for people.
 
+use serde::Serialize;
+
 use super::layout::{WIDTH, table, wrapped};
 use crate::diagnose::compare::{Comparison, ResidualMap};
 use crate::diagnose::missing::{Diagnosis, Verdict};
@@ -185,5 +187,82 @@ pub fn diagnosis_text(
         diagnosis.candidates, diagnosis.tried
     );
     sections.push(wrapped(&sentence, width, 2));
+    sections.join("\n\n")
+}
+
+/// A coefficient before and after a revision of the spec.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Moved {
+    pub place: String,
+    pub term: String,
+    pub before: f64,
+    pub before_error: f64,
+    /// `None` where the term left the model.
+    pub after: Option<f64>,
+    pub after_error: Option<f64>,
+}
+
+/// What a revision of a spec brought.
+#[allow(clippy::too_many_arguments)]
+pub fn revision_text(
+    action: &str,
+    how: &str,
+    before: &[(usize, f64)],
+    after: &[(usize, f64)],
+    moved: &[Moved],
+    effect: &[(String, f64, f64)],
+    warranted: Option<bool>,
+    why: &str,
+    width: Option<u16>,
+) -> String {
+    let width = width.map_or(WIDTH, |width| usize::from(width).max(40));
+    let word = match warranted {
+        Some(true) => "warranted",
+        Some(false) => "not warranted",
+        None => "not judged",
+    };
+    let mut sections = vec![
+        wrapped(&format!("Done: {action}. It is {word}: {why}."), width, 2),
+        wrapped(&format!("Split: {how}"), width, 2),
+    ];
+    let rows: Vec<Vec<String>> = before
+        .iter()
+        .zip(after)
+        .map(|(old, new)| vec![old.0.to_string(), times(old.1), times(new.1), "1".to_string()])
+        .collect();
+    if !rows.is_empty() {
+        sections.push(format!(
+            "Error on unseen runs by length of prediction, in units of the noise:\n{}",
+            table(&["samples", "before", "after", "noise floor"], rows, &[0, 1, 2, 3], width)
+        ));
+    }
+    let new = effect.iter().map(|(name, x, s)| {
+        vec![String::new(), name.clone(), "-".to_string(), uncertain(*x, *s, 6), String::new()]
+    });
+    let rows: Vec<Vec<String>> = moved
+        .iter()
+        .map(|m| {
+            let after = m.after.zip(m.after_error);
+            let shift = after.map_or(String::new(), |(x, _)| {
+                if m.before_error > 0.0 {
+                    format!("{:+.1}", (x - m.before) / m.before_error)
+                } else {
+                    String::new()
+                }
+            });
+            vec![
+                m.place.clone(),
+                m.term.clone(),
+                uncertain(m.before, m.before_error, 6),
+                after.map_or("gone".to_string(), |(x, s)| uncertain(x, s, 6)),
+                shift,
+            ]
+        })
+        .chain(new)
+        .collect();
+    if !rows.is_empty() {
+        let header = ["part", "term", "before", "after", "moved, in standard errors"];
+        sections.push(table(&header, rows, &[2, 3, 4], width));
+    }
     sections.join("\n\n")
 }
