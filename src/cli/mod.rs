@@ -1,13 +1,20 @@
 //! The command line: one file per command, and what they share.
 
+mod asked;
+mod bench;
 mod check;
+mod compare;
 mod console;
 mod demo;
+mod diagnose;
+mod effects;
 mod export;
 mod fit;
+mod ledger;
 mod new;
 mod progress;
 mod project;
+mod revise;
 mod simulate;
 mod values;
 
@@ -54,6 +61,13 @@ enum Command {
     New(new::Arguments),
     Check(check::Arguments),
     Fit(fit::Arguments),
+    Compare(compare::Arguments),
+    Diagnose(diagnose::Arguments),
+    Add(revise::Add),
+    Remove(revise::Remove),
+    Undo(revise::Undo),
+    History(revise::History),
+    Effects(effects::Arguments),
     Simulate(simulate::Arguments),
     Export(export::Arguments),
     Demo(demo::Arguments),
@@ -70,6 +84,13 @@ pub fn main() -> ExitCode {
         Command::New(arguments) => new::run(&arguments, &console),
         Command::Check(arguments) => check::run(&arguments, &console),
         Command::Fit(arguments) => fit::run(&arguments, &console),
+        Command::Compare(arguments) => compare::run(&arguments, &console),
+        Command::Diagnose(arguments) => diagnose::run(&arguments, &console),
+        Command::Add(arguments) => revise::add(&arguments, &console),
+        Command::Remove(arguments) => revise::remove(&arguments, &console),
+        Command::Undo(arguments) => revise::undo(&arguments, &console),
+        Command::History(arguments) => revise::history(&arguments, &console),
+        Command::Effects(arguments) => effects::run(&arguments, &console),
         Command::Simulate(arguments) => simulate::run(&arguments, &console),
         Command::Export(arguments) => export::run(&arguments, &console),
         Command::Demo(arguments) => demo::run(&arguments, &console),

@@ -1,11 +1,13 @@
 //! Results as people read them.
 
+mod diagnosis;
 pub mod layout;
 pub mod present;
 mod text;
 
 use serde_json::{Value, json};
 
+pub use diagnosis::{Moved, compare_text, diagnosis_text, revision_text};
 pub use text::{fit_text, seconds};
 
 use crate::expr::System;

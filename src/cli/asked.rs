@@ -1,0 +1,168 @@
+//! An effect as it is named on the command line, and where a spec has it.
+
+use crate::diagnose::candidates::candidates;
+use crate::diagnose::context::Context;
+use crate::error::{Error, Result};
+use crate::expr::System;
+use crate::spec::ast::{Statement, StatementKind};
+use crate::spec::edit;
+use crate::spec::effects::{EffectRow, Scene, by_name, hint_for, instances};
+
+use super::project::Project;
+
+/// An effect on its arguments.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Asked {
+    /// `viscous_drag(theta)`, or the name of a candidate of the spec.
+    pub label: String,
+    /// `effect viscous_drag(theta)`.
+    pub statement: String,
+    /// Whether it has inner parameters for which no value was given.
+    pub open: bool,
+}
+
+/// `name(a, b; c = 1)` in its parts.
+fn parts(text: &str) -> (String, Vec<String>, String) {
+    let text = text.trim().trim_start_matches("effect ").trim();
+    let Some((name, rest)) = text.split_once('(') else {
+        return (text.to_string(), Vec::new(), String::new());
+    };
+    let inside = rest.trim_end().strip_suffix(')').unwrap_or(rest);
+    let (arguments, settings) = inside.split_once(';').unwrap_or((inside, ""));
+    let mut out: Vec<String> = vec![String::new()];
+    let mut depth = 0;
+    for c in arguments.chars().filter(|c| !c.is_whitespace()) {
+        depth += i32::from(c == '[') - i32::from(c == ']');
+        match (c, out.last_mut()) {
+            (',', _) if depth == 0 => out.push(String::new()),
+            (c, Some(last)) => last.push(c),
+            _ => {}
+        }
+    }
+    out.retain(|argument| !argument.is_empty());
+    (name.trim().to_string(), out, settings.trim().to_string())
+}
+
+/// What the effects of a system meet.
+fn scene(system: &System) -> Scene {
+    Scene {
+        coordinates: system.coordinates.iter().map(|v| v.name.clone()).collect(),
+        momenta: system.momenta.iter().map(|v| v.name.clone()).collect(),
+        observables: system.observables(),
+        time: system.time.name.clone(),
+    }
+}
+
+/// Names of the spec's own candidates.
+fn own(text: &str) -> Vec<String> {
+    let found = edit::find(text, |s| matches!(s.kind, StatementKind::Candidates(_)));
+    let lists = found.into_iter().filter_map(|statement| match statement.kind {
+        StatementKind::Candidates(list) => Some(list),
+        _ => None,
+    });
+    lists.flatten().map(|candidate| candidate.name.text).collect()
+}
+
+impl Asked {
+    /// Understands `viscous_drag(theta)`, or a bare name where there is only one place for it.
+    ///
+    /// # Errors
+    /// An unknown name, or an effect that cannot act here, with the reason.
+    pub fn new(text: &str, project: &Project) -> Result<Self> {
+        let (name, arguments, settings) = parts(text);
+        let own = own(&project.text);
+        if own.contains(&name) {
+            return Ok(Asked { statement: format!("effect {name}"), label: name, open: false });
+        }
+        let row = by_name(&name).ok_or_else(|| {
+            let own: Vec<&str> = own.iter().map(String::as_str).collect();
+            Error::usage(format!("there is no effect `{name}`"), hint_for(&name, &own))
+        })?;
+        let scene = scene(project.system());
+        if let Some(reason) = row.cannot(&scene) {
+            return Err(Error::usage(
+                format!("`{}` does not apply here: {reason}", row.name),
+                format!("`leverrier effects {}` says what it needs", row.name),
+            ));
+        }
+        let arguments = if arguments.is_empty() { only(row, &scene)? } else { arguments };
+        let names = if row.on.observes() { &scene.observables } else { &scene.coordinates };
+        if let Some(strange) = arguments.iter().find(|argument| !names.contains(argument)) {
+            let hint = match crate::spec::nearest(strange, names.iter().map(String::as_str)) {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => format!("it acts on {}: {}", row.on.text(), names.join(", ")),
+            };
+            return Err(Error::usage(format!("`{}` cannot be on `{strange}`", row.name), hint));
+        }
+        if arguments.len() != row.on.count() {
+            return Err(Error::usage(
+                format!("`{}` is on {}, not on {}", row.name, row.on.text(), arguments.len()),
+                format!("name {} in parentheses", row.on.text()),
+            ));
+        }
+        let label = row.label(&arguments);
+        let open = settings.is_empty() && !row.parameters.is_empty();
+        let statement = if settings.is_empty() {
+            row.statement(&arguments, &[])
+        } else {
+            format!("effect {}({}; {settings})", row.name, arguments.join(", "))
+        };
+        Ok(Asked { label, statement, open })
+    }
+
+    /// Its statement in a text.
+    pub fn place(&self, text: &str) -> Option<Statement> {
+        let found = edit::find(text, |s| matches!(s.kind, StatementKind::Effect { .. }));
+        found.into_iter().find(|statement| {
+            let range = statement.site.0.range();
+            let (name, arguments, _) = parts(text.get(range).unwrap_or(""));
+            match by_name(&name) {
+                Some(row) => row.label(&arguments) == self.label,
+                None => name == self.label,
+            }
+        })
+    }
+
+    /// Values of the inner parameters that a scan over their grid likes best.
+    pub fn scanned(&mut self, project: &Project, context: &Context) -> Result<()> {
+        let all = candidates(&project.name(), &project.text, &project.compiled, context.dataset);
+        let Some(candidate) = all.iter().find(|c| c.label == self.label) else { return Ok(()) };
+        let mut system = context.system.clone();
+        let mut best: Option<(f64, &Vec<f64>)> = None;
+        for values in &candidate.grid {
+            let probes = candidate.probes(&mut system, values);
+            let columns: Vec<usize> = (0..probes.len()).collect();
+            let score = context.probe(&system, &probes)?.group(&columns);
+            if score.deviance.is_finite() && best.is_none_or(|(most, _)| score.deviance > most) {
+                best = Some((score.deviance, values));
+            }
+        }
+        if let Some((_, values)) = best {
+            let short: Vec<f64> = values
+                .iter()
+                .map(|x| crate::simplify::significant(*x, 6).parse().unwrap_or(*x))
+                .collect();
+            self.statement = candidate.effect.statement(&candidate.on, &short);
+        }
+        Ok(())
+    }
+}
+
+/// The arguments of an effect that has a single place in the system.
+fn only(row: &EffectRow, scene: &Scene) -> Result<Vec<String>> {
+    let mut places: Vec<Vec<String>> = instances(scene)
+        .into_iter()
+        .filter(|instance| instance.effect.name == row.name)
+        .map(|instance| instance.arguments)
+        .collect();
+    match places.len() {
+        1 => Ok(places.remove(0)),
+        _ => {
+            let some: Vec<String> = places.iter().take(6).map(|on| row.label(on)).collect();
+            Err(Error::usage(
+                format!("`{}` has {} places here", row.name, places.len()),
+                format!("say which: {}", some.join(", ")),
+            ))
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! A spec with its measurements in two parts: what a model learns from and what judges it.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::console::Console;
+use super::fit::learn;
+use super::progress::Progress;
+use super::project::Project;
+use crate::data::{DataReport, Dataset, Split};
+use crate::diagnose::compare;
+use crate::diagnose::context::Context;
+use crate::error::{Error, Result};
+use crate::fit::model::fingerprint;
+use crate::fit::segments::longest_run;
+use crate::fit::{Model, Options};
+
+/// How the measurements are split.
+#[derive(Args, Debug, Clone)]
+pub struct Splitting {
+    /// Measurements, instead of those that the spec names.
+    #[arg(long, value_name = "FILE")]
+    pub data: Option<PathBuf>,
+    /// Share of the samples that no model sees before it is judged on them.
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.25)]
+    pub unseen: f64,
+    /// Seed of the choice of unseen runs: the same seed makes the same choice.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Threads to use; by default all cores. The result does not depend on it.
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+}
+
+/// A project with its measurements split.
+pub struct Bench {
+    pub project: Project,
+    pub dataset: Dataset,
+    pub about: DataReport,
+    pub split: Split,
+    splitting: Splitting,
+}
+
+impl Bench {
+    /// Reads a spec and its data, and splits these.
+    pub fn open(spec: &Path, splitting: &Splitting, console: &Console) -> Result<Self> {
+        if !(0.0..=0.9).contains(&splitting.unseen) {
+            return Err(Error::usage(
+                "--unseen must be between 0 and 0.9",
+                "give the share of the samples to put aside, such as 0.25",
+            ));
+        }
+        let project = Project::open(spec)?;
+        console.diagnostics(&project.name(), &project.text, &project.compiled.warnings);
+        let (dataset, about) = project.data(splitting.data.as_deref())?;
+        for warning in &about.warnings {
+            console.warning(warning);
+        }
+        let split = dataset.split_unseen(splitting.unseen, splitting.seed);
+        Ok(Bench { project, dataset, about, split, splitting: splitting.clone() })
+    }
+
+    /// Unseen runs, if there are any.
+    pub fn unseen(&self) -> Option<&Dataset> {
+        (!self.split.unseen.runs.is_empty()).then_some(&self.split.unseen)
+    }
+
+    /// The split, for programs.
+    pub fn split_json(&self) -> Value {
+        let names = |data: &Dataset| -> Vec<String> {
+            data.runs.iter().map(|run| run.name.clone()).collect()
+        };
+        json!({
+            "how": self.split.how,
+            "fraction": self.splitting.unseen,
+            "seed": self.splitting.seed,
+            "training": names(&self.split.training),
+            "unseen": names(&self.split.unseen),
+        })
+    }
+
+    /// A model that has seen the training part alone, and where its terms come from.
+    ///
+    /// The terms are those of the model file where it belongs to the spec: their numbers are
+    /// learned anew, for the file's own may come from all measurements.
+    pub fn model(&self, progress: &Progress) -> Result<(Model, &'static str)> {
+        if !self.project.system().terms.is_empty()
+            && let Ok(law) = self.project.law(None)
+            && let Some(file) = &law.file
+        {
+            let model = self.refit(&self.project, &file.model, &self.split.training, progress)?;
+            return Ok((
+                model,
+                "the terms of the model file, their numbers from the training part",
+            ));
+        }
+        let model = self.fit(&self.project, progress)?;
+        Ok((model, "terms and numbers from the training part"))
+    }
+
+    /// Searches terms and numbers of a project (this one's, or an edited one) on the training part.
+    pub fn fit(&self, project: &Project, progress: &Progress) -> Result<Model> {
+        let parameter_starts = project.compiled.starts.clone();
+        let options = Options { parameter_starts, ..Options::default() };
+        let threads = self.splitting.threads;
+        learn(project.system(), &self.split.training, &options, threads, progress)
+    }
+
+    /// The terms of a model with their numbers learned anew, from the model's own.
+    pub fn refit(
+        &self,
+        project: &Project,
+        model: &Model,
+        data: &Dataset,
+        progress: &Progress,
+    ) -> Result<Model> {
+        let system = project.system();
+        let Some((active, _)) = model.active(system) else { return self.fit(project, progress) };
+        let mut narrowed = system.clone();
+        narrowed.terms = active.iter().filter_map(|&k| system.terms.get(k).cloned()).collect();
+        for (parameter, value) in narrowed.parameters.iter_mut().zip(model.parameter_values(system))
+        {
+            parameter.start = value;
+        }
+        if narrowed.terms.is_empty() && narrowed.parameters.is_empty() {
+            return self.fit(project, progress);
+        }
+        let options = Options { sparse: false, starts: 0, ..Options::default() };
+        let mut again = learn(&narrowed, data, &options, self.splitting.threads, progress)?;
+        again.fingerprint = fingerprint(system);
+        again.evidence.function_space = system.terms.len();
+        Ok(again)
+    }
+}
+
+/// Lengths of prediction, from two samples to the longest run.
+pub fn windows(data: &Dataset) -> Vec<usize> {
+    let longest = longest_run(data);
+    let mut windows: Vec<usize> =
+        std::iter::successors(Some(2), |w| Some(2 * w)).take_while(|&w| w < longest).collect();
+    windows.push(longest);
+    windows
+}
+
+/// Error over each length of prediction (in samples), in units of `noise`.
+pub fn errors(context: &Context, noise: &[f64], windows: &[usize]) -> Vec<(usize, f64)> {
+    let mut judge = context.with_data(context.dataset);
+    judge.noise = noise.to_vec();
+    windows.iter().map(|&window| (window, compare::error(&judge, window).0)).collect()
+}

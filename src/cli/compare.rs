@@ -1,0 +1,55 @@
+//! `leverrier compare`: where a model fails.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::json;
+
+use super::bench::{Bench, Splitting};
+use super::console::Console;
+use super::progress::Progress;
+use crate::diagnose::compare;
+use crate::diagnose::context::Context;
+use crate::error::Result;
+use crate::report::compare_text;
+
+/// Show where a model fails: errors by horizon, energy drift, the force that is missing.
+///
+/// The runs are split; the model's numbers are learned from one part and judged on the other.
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    leverrier compare pendulum.ham\n  \
+    leverrier compare pendulum.ham --unseen 0.5 --seed 3\n  \
+    leverrier compare pendulum.ham --format json")]
+pub struct Arguments {
+    /// The spec.
+    pub spec: PathBuf,
+    #[command(flatten)]
+    pub splitting: Splitting,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+    let bench = Bench::open(&arguments.spec, &arguments.splitting, console)?;
+    let progress = Progress::new();
+    let (model, terms) = bench.model(&progress)?;
+    let training = Context::new(bench.project.system(), &model, &bench.split.training)?;
+    let unseen = bench.unseen().map(|data| training.with_data(data));
+    let comparison = compare::compare(&training, unseen.as_ref())?;
+    drop(progress);
+    let time = &bench.project.system().time;
+    let unit = time.unit_text.as_deref().unwrap_or("");
+    let text = compare_text(&comparison, &bench.split.how, terms, unit, console.width());
+    let mut object = json!({
+        "format": "leverrier.compare/1",
+        "system": bench.project.system().name,
+        "split": bench.split_json(),
+        "terms_from": terms,
+    });
+    if let (Some(object), serde_json::Value::Object(fields)) =
+        (object.as_object_mut(), json!(comparison))
+    {
+        object.extend(fields);
+    }
+    console.result(&text, &object)
+}

@@ -1,0 +1,136 @@
+//! `leverrier effects`: the catalogue.
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::console::Console;
+use crate::error::{Error, Result};
+use crate::report::layout::{WIDTH, table, wrapped};
+use crate::spec::effects::{EffectRow, Kind, On, Scene, by_name, catalogue, hint_for};
+
+/// List the physical effects that a model may lack, or explain one.
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    leverrier effects\n  \
+    leverrier effects viscous_drag")]
+pub struct Arguments {
+    /// The effect to explain.
+    pub name: Option<String>,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+    let width = console.width().map_or(WIDTH, |width| usize::from(width).max(40));
+    if let Some(name) = &arguments.name {
+        let row = by_name(name).ok_or_else(|| {
+            Error::usage(format!("there is no effect `{name}`"), hint_for(name, &[]))
+        })?;
+        let mut object = json!({ "format": "leverrier.effects/1" });
+        object["effect"] = about(row);
+        return console.result(&explained(row, width), &object);
+    }
+    let mut sections = Vec::new();
+    for kind in Kind::ALL {
+        let rows: Vec<Vec<String>> = catalogue()
+            .filter(|row| row.kind == kind)
+            .map(|row| {
+                vec![row.name.to_string(), row.on.text().to_string(), row.physics.to_string()]
+            })
+            .collect();
+        sections.push(table(&[kind.text(), "on", "physics"], rows, &[], width));
+    }
+    sections.push(format!(
+        "{} effects; `leverrier effects NAME` explains one, and the statement `effect NAME(q)` of \
+         a spec adds one.",
+        catalogue().count()
+    ));
+    let object = json!({
+        "format": "leverrier.effects/1",
+        "effects": catalogue().map(about).collect::<Vec<_>>(),
+    });
+    console.result(&sections.join("\n\n"), &object)
+}
+
+/// Its statements for variables q, p (and r, s; observables o, u), inner parameters by name.
+fn formula(row: &EffectRow) -> String {
+    let scene = Scene {
+        coordinates: vec!["q".into(), "r".into()],
+        momenta: vec!["p".into(), "s".into()],
+        observables: vec!["o".into(), "u".into()],
+        time: "t".into(),
+    };
+    let names = if row.on.observes() { &scene.observables } else { &scene.coordinates };
+    let arguments: Vec<String> = names.iter().take(row.on.count()).cloned().collect();
+    let mut text = row.filled(&scene, &arguments).unwrap_or_default();
+    for scan in row.parameters {
+        text = text.replace(&row.parameter_name(scan.name, &arguments), scan.name);
+    }
+    text.replace(&format!("{}: ", row.term_name(&arguments)), "")
+}
+
+fn example(row: &EffectRow) -> Option<String> {
+    let names = match row.on {
+        On::Coordinate => ["q", ""],
+        On::Pair | On::OrderedPair => ["q", "r"],
+        On::Observable => ["o", ""],
+        On::ObservablePair => ["o", "u"],
+    };
+    let arguments: Vec<String> =
+        names.iter().take(row.on.count()).map(|name| (*name).to_string()).collect();
+    row.detector.is_none().then(|| row.statement(&arguments, &[]))
+}
+
+fn explained(row: &EffectRow, width: usize) -> String {
+    let mut lines = vec![format!("{} ({}, on {})", row.name, row.kind.text(), row.on.text())];
+    let mut line = |what: &str, text: &str| {
+        if !text.is_empty() {
+            lines.push(wrapped(&format!("{what}: {text}"), width, 4));
+        }
+    };
+    line("also called", &row.aliases.join(", "));
+    line("physics", row.physics);
+    line("in data", row.telltale);
+    line("formula", &formula(row));
+    for scan in row.parameters {
+        let unit = scan.by.unit_text(Some("q"), Some("p"), Some("t"));
+        let unit = unit.map_or("a pure number".to_string(), |unit| format!("in units of {unit}"));
+        line("inner parameter", &format!("{}, {unit}", scan.name));
+    }
+    line("in a spec", &example(row).unwrap_or_default());
+    line("found by", row.detector.unwrap_or_default());
+    line("needs", &needs(row).join("; "));
+    line("reference", row.reference);
+    lines.join("\n")
+}
+
+fn needs(row: &EffectRow) -> Vec<String> {
+    let mut needs = vec![row.on.text().to_string()];
+    if !row.why_two.is_empty() {
+        needs.push(row.why_two.to_string());
+    }
+    if row.angle {
+        needs.push("coordinates that are angles (pure numbers)".to_string());
+    }
+    needs
+}
+
+fn about(row: &EffectRow) -> Value {
+    json!({
+        "name": row.name,
+        "aliases": row.aliases,
+        "kind": row.kind.text(),
+        "on": row.on.text(),
+        "formula": formula(row),
+        "example": example(row),
+        "parameters": row.parameters.iter().map(|scan| json!({
+            "name": scan.name,
+            "unit": scan.by.unit_text(Some("q"), Some("p"), Some("t")),
+            "example": scan.example,
+        })).collect::<Vec<_>>(),
+        "physics": row.physics,
+        "telltale": row.telltale,
+        "reference": row.reference,
+        "needs": needs(row),
+        "detector": row.detector,
+    })
+}

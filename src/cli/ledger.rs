@@ -1,0 +1,175 @@
+//! The ledger: every revision of a spec, in a file beside it.
+
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use serde::{Deserialize, Serialize};
+
+use crate::data::write_atomically;
+use crate::error::{Error, Result};
+
+const FORMAT: &str = "leverrier.ledger/1";
+
+/// Error of a model on unseen runs.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Judged {
+    /// Root mean square in units of the noise, over `samples` at a time; null without unseen
+    /// runs.
+    pub unseen_error: Option<f64>,
+    /// What `unseen_error` is when only noise is left: 1.
+    pub noise_floor: f64,
+    pub samples: usize,
+    /// (samples, error) at every length of prediction.
+    pub horizons: Vec<(usize, f64)>,
+}
+
+/// A state of the spec.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Revision {
+    /// `start`, `add viscous_drag(theta)`, `remove ...`.
+    pub action: String,
+    /// Seconds since 1970, UTC.
+    pub time: u64,
+    /// The spec after the action.
+    pub spec: String,
+    /// Whether it was taken back.
+    pub undone: bool,
+    /// Before and after the action; null for the start.
+    pub before: Option<Judged>,
+    pub after: Option<Judged>,
+}
+
+/// All revisions of a spec, oldest first.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Ledger {
+    pub format: String,
+    pub revisions: Vec<Revision>,
+}
+
+impl Ledger {
+    /// `pendulum.ham` has its ledger in `pendulum.ledger.json`.
+    pub fn path(spec: &Path) -> PathBuf {
+        spec.with_extension("ledger.json")
+    }
+
+    /// The ledger of a spec; an empty one where there is none yet.
+    pub fn open(spec: &Path) -> Result<Self> {
+        let path = Self::path(spec);
+        let bytes = match std::fs::read(&path) {
+            Ok(bytes) => bytes,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                return Ok(Ledger { format: FORMAT.to_string(), revisions: Vec::new() });
+            }
+            Err(error) => return Err(Error::file("read", &path, error)),
+        };
+        let wrong = |message: String| Error::Model {
+            path: path.clone(),
+            message,
+            hint: "move it away to begin a new ledger".to_string(),
+        };
+        let ledger: Ledger = serde_json::from_slice(&bytes)
+            .map_err(|error| wrong(format!("this is not a ledger, or it is damaged ({error})")))?;
+        if ledger.format != FORMAT {
+            let found = &ledger.format;
+            return Err(wrong(format!("its format is `{found}`, but this version reads {FORMAT}")));
+        }
+        Ok(ledger)
+    }
+
+    /// Writes it beside the spec, whole or not at all.
+    pub fn write(&self, spec: &Path) -> Result<()> {
+        let path = Self::path(spec);
+        let mut bytes = serde_json::to_vec_pretty(self)
+            .map_err(|error| Error::file("write", &path, std::io::Error::other(error)))?;
+        bytes.push(b'\n');
+        write_atomically(&path, &bytes)
+    }
+
+    /// The newest revision that was not taken back.
+    pub fn current(&self) -> Option<usize> {
+        self.revisions.iter().rposition(|revision| !revision.undone)
+    }
+
+    /// The revision that `undo` goes back to.
+    pub fn previous(&self) -> Option<usize> {
+        let current = self.current()?;
+        self.revisions.iter().take(current).rposition(|revision| !revision.undone)
+    }
+
+    /// Makes sure that a text is what the newest revision has: what was edited by hand since
+    /// becomes a revision of its own.
+    pub fn know(&mut self, text: &str) {
+        let known = self.current().and_then(|at| self.revisions.get(at));
+        if known.is_some_and(|revision| revision.spec == text) {
+            return;
+        }
+        let action = if known.is_none() { "start" } else { "edited by hand" };
+        self.push(action.to_string(), text.to_string(), None, None);
+    }
+
+    /// Adds a revision.
+    pub fn push(
+        &mut self,
+        action: String,
+        spec: String,
+        before: Option<Judged>,
+        after: Option<Judged>,
+    ) {
+        let time = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |past| past.as_secs());
+        self.revisions.push(Revision { action, time, spec, undone: false, before, after });
+    }
+}
+
+/// `2026-11-21 05:31` of seconds since 1970, UTC, by the Gregorian calendar.
+pub fn date(seconds: u64) -> String {
+    let leap = |year: u64| {
+        year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400))
+    };
+    let (mut days, minutes) = (seconds / 86_400, seconds / 60 % 1440);
+    let mut year = 1970;
+    while days >= 365 + u64::from(leap(year)) && year < 9999 {
+        days -= 365 + u64::from(leap(year));
+        year += 1;
+    }
+    let february = 28 + u64::from(leap(year));
+    let mut month = 1;
+    for length in [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30] {
+        if days < length {
+            break;
+        }
+        days -= length;
+        month += 1;
+    }
+    format!("{year}-{month:02}-{:02} {:02}:{:02}", days + 1, minutes / 60, minutes % 60)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_follow_the_calendar() {
+        for (seconds, text) in [
+            (0, "1970-01-01 00:00"),
+            (951_782_340, "2000-02-28 23:59"),
+            (951_868_740, "2000-02-29 23:59"),
+            (1_735_689_540, "2024-12-31 23:59"),
+            (1_735_689_600, "2025-01-01 00:00"),
+        ] {
+            assert_eq!(date(seconds), text);
+        }
+    }
+
+    #[test]
+    fn going_back_skips_what_was_taken_back() {
+        let mut ledger = Ledger { format: FORMAT.to_string(), revisions: Vec::new() };
+        ledger.know("a");
+        ledger.know("a");
+        ledger.push("add x".into(), "b".into(), None, None);
+        ledger.revisions[1].undone = true;
+        ledger.push("add y".into(), "c".into(), None, None);
+        assert_eq!((ledger.current(), ledger.previous()), (Some(2), Some(0)));
+        ledger.know("d");
+        assert_eq!(ledger.revisions[3].action, "edited by hand");
+    }
+}

@@ -1,0 +1,268 @@
+//! Comparison and diagnosis as text for people.
+
+use serde::Serialize;
+
+use super::layout::{WIDTH, table, wrapped};
+use crate::diagnose::compare::{Comparison, ResidualMap};
+use crate::diagnose::missing::{Diagnosis, Verdict};
+use crate::simplify::{significant, uncertain};
+
+/// Maps that are drawn; the others have a row in the table.
+const DRAWN: usize = 3;
+/// Rows of the table of energies.
+const RUNS: usize = 12;
+/// Columns of a drawn force, on each side of zero.
+const HALF: usize = 20;
+
+/// Where a model fails. `how` says how the data were split, `terms` where the model comes from.
+pub fn compare_text(
+    comparison: &Comparison,
+    how: &str,
+    terms: &str,
+    time_unit: &str,
+    width: Option<u16>,
+) -> String {
+    let width = width.map_or(WIDTH, |width| usize::from(width).max(40));
+    let mut sections = vec![wrapped(&format!("Split: {how} The model: {terms}."), width, 2)];
+    let findings = comparison.findings.iter();
+    sections.push(
+        findings.map(|f| wrapped(&format!("- {f}"), width, 2)).collect::<Vec<_>>().join("\n"),
+    );
+    let duration =
+        if time_unit.is_empty() { "time".to_string() } else { format!("time [{time_unit}]") };
+    let rows = comparison.horizons.iter().map(|h| {
+        vec![
+            h.samples.to_string(),
+            significant(h.duration, 4),
+            times(h.training),
+            h.unseen.map_or(String::new(), times),
+            times(h.baseline),
+            if h.exploded > 0 { format!("{} exploded", h.exploded) } else { String::new() },
+        ]
+    });
+    let header = ["samples", duration.as_str(), "training", "unseen", "nothing moves", ""];
+    sections.push(format!(
+        "Error by length of prediction, in units of the noise (1 is the noise floor):\n{}",
+        table(&header, rows.collect(), &[0, 1, 2, 3, 4], width)
+    ));
+    let noise = comparison.noise_floor.iter();
+    let noise: Vec<String> =
+        noise.map(|(name, s)| format!("{name} {}", significant(*s, 3))).collect();
+    sections.push(wrapped(&format!("Noise: {}.", noise.join(", ")), width, 2));
+    let rows: Vec<Vec<String>> = comparison
+        .energy
+        .iter()
+        .take(RUNS)
+        .map(|e| {
+            vec![
+                e.run.clone(),
+                significant(e.first, 4),
+                significant(e.last, 4),
+                uncertain(e.rate, e.rate_error, 4),
+                if e.rate_error > 0.0 {
+                    format!("{:.1}", e.rate / e.rate_error)
+                } else {
+                    String::new()
+                },
+            ]
+        })
+        .collect();
+    if !rows.is_empty() {
+        let header = ["run", "energy, first", "last", "change a unit of time", "standard errors"];
+        let more = comparison.energy.len().saturating_sub(RUNS);
+        let more = if more > 0 { format!("\n... and {more} more runs") } else { String::new() };
+        sections.push(format!("{}{more}", table(&header, rows, &[1, 2, 3, 4], width)));
+    }
+    let mut maps: Vec<&ResidualMap> = comparison.maps.iter().collect();
+    maps.sort_by(|a, b| a.p_value.total_cmp(&b.p_value).then(b.deviance.total_cmp(&a.deviance)));
+    let rows = maps.iter().map(|map| {
+        vec![
+            map.on.clone(),
+            map.against.clone(),
+            format!("{:.1}", map.deviance),
+            map.degrees.to_string(),
+            chance(map.p_value),
+        ]
+    });
+    let header = ["force on", "against", "deviance", "degrees", "chance if nothing is missing"];
+    if !maps.is_empty() {
+        sections.push(table(&header, rows.collect(), &[2, 3, 4], width));
+    }
+    sections.extend(maps.iter().take(DRAWN).map(|map| drawn(map, width)));
+    sections.retain(|section| !section.is_empty());
+    sections.join("\n\n")
+}
+
+/// A map of the missing force with its bands of two standard errors.
+fn drawn(map: &ResidualMap, width: usize) -> String {
+    let known = || map.points.iter().filter(|p| p.1.is_finite() && p.2.is_finite());
+    let most = known().fold(0.0, |most: f64, p| most.max(p.1.abs() + p.2));
+    let rows: Vec<Vec<String>> = known()
+        .map(|&(at, force, error)| {
+            vec![significant(at, 3), uncertain(force, error, 4), bar(force, error, most)]
+        })
+        .collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    let title = format!("missing force on {} (o), and its band of two standard errors", map.on);
+    table(&[map.against.as_str(), "force", title.as_str()], rows, &[0, 1], width.max(100))
+}
+
+/// `      |  --o--  `: zero, a value and its band, on a scale that reaches `most`.
+fn bar(force: f64, error: f64, most: f64) -> String {
+    let place = |x: f64| {
+        let share = if most > 0.0 { (x / most).clamp(-1.0, 1.0) } else { 0.0 };
+        (HALF as f64 * (1.0 + share)).round() as usize
+    };
+    let (low, at, high) = (place(force - 2.0 * error), place(force), place(force + 2.0 * error));
+    let line: String = (0..=2 * HALF)
+        .map(|i| match i {
+            i if i == at => 'o',
+            HALF => '|',
+            i if (low..=high).contains(&i) => '-',
+            _ => ' ',
+        })
+        .collect();
+    // Leading blanks would be trimmed from the table.
+    format!(":{line}:")
+}
+
+/// An error in units of the noise.
+fn times(error: f64) -> String {
+    if error.abs() < 100.0 { format!("{error:.2}") } else { significant(error, 3) }
+}
+
+/// A p-value.
+fn chance(p: f64) -> String {
+    if p < 1e-12 { "< 1e-12".to_string() } else { significant(p, 2) }
+}
+
+/// The verdict of a diagnosis, and its ranking.
+pub fn diagnosis_text(
+    diagnosis: &Diagnosis,
+    how: &str,
+    terms: &str,
+    spec: &str,
+    width: Option<u16>,
+) -> String {
+    let width = width.map_or(WIDTH, |width| usize::from(width).max(40));
+    let word = match diagnosis.verdict {
+        Verdict::Missing => "Missing",
+        Verdict::NothingMissing => "Nothing is missing",
+        Verdict::Unexplained => "Something is missing that has no name here",
+        Verdict::TooLittleData => "Too little data to say",
+    };
+    let mut sections = vec![
+        wrapped(&format!("{word}: {}.", diagnosis.reason.trim_end_matches('.')), width, 2),
+        wrapped(&format!("Split: {how} The model: {terms}."), width, 2),
+    ];
+    let rows = diagnosis.ranking.iter().map(|leader| {
+        let numbers = leader.coefficient.iter().zip(&leader.standard_error);
+        let numbers: Vec<String> = numbers.map(|(&x, &s)| uncertain(x, s, 4)).collect();
+        vec![
+            leader.effect.clone(),
+            numbers.join(", "),
+            chance(leader.p_value),
+            times(leader.unseen_error_before),
+            times(leader.unseen_error_after),
+        ]
+    });
+    if let Some(first) = diagnosis.ranking.first() {
+        let header = ["effect", "coefficient", "chance", "unseen error before", "after"];
+        sections.push(table(&header, rows.collect(), &[1, 2, 3, 4], width));
+        if !diagnosis.indistinguishable.is_empty() {
+            let others = diagnosis.indistinguishable.join(", ");
+            let sentence = format!("These data cannot tell {} from {others}.", first.effect);
+            sections.push(wrapped(&sentence, width, 2));
+        }
+        let statement = first.snippet.strip_prefix("effect ").unwrap_or(&first.snippet);
+        sections.push(format!(
+            "To add it:\n  leverrier add {spec} \"{statement}\"\nwhich writes\n  {}",
+            first.snippet
+        ));
+    }
+    let sentence = format!(
+        "{} effects were asked, in {} tries; chances have all tries paid for.",
+        diagnosis.candidates, diagnosis.tried
+    );
+    sections.push(wrapped(&sentence, width, 2));
+    sections.join("\n\n")
+}
+
+/// A coefficient before and after a revision of the spec.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Moved {
+    pub place: String,
+    pub term: String,
+    pub before: f64,
+    pub before_error: f64,
+    /// `None` where the term left the model.
+    pub after: Option<f64>,
+    pub after_error: Option<f64>,
+}
+
+/// What a revision of a spec brought.
+#[allow(clippy::too_many_arguments)]
+pub fn revision_text(
+    action: &str,
+    how: &str,
+    before: &[(usize, f64)],
+    after: &[(usize, f64)],
+    moved: &[Moved],
+    effect: &[(String, f64, f64)],
+    warranted: Option<bool>,
+    why: &str,
+    width: Option<u16>,
+) -> String {
+    let width = width.map_or(WIDTH, |width| usize::from(width).max(40));
+    let word = match warranted {
+        Some(true) => "warranted",
+        Some(false) => "not warranted",
+        None => "not judged",
+    };
+    let mut sections = vec![
+        wrapped(&format!("Done: {action}. It is {word}: {why}."), width, 2),
+        wrapped(&format!("Split: {how}"), width, 2),
+    ];
+    let rows: Vec<Vec<String>> = before
+        .iter()
+        .zip(after)
+        .map(|(old, new)| vec![old.0.to_string(), times(old.1), times(new.1), "1".to_string()])
+        .collect();
+    if !rows.is_empty() {
+        sections.push(format!(
+            "Error on unseen runs by length of prediction, in units of the noise:\n{}",
+            table(&["samples", "before", "after", "noise floor"], rows, &[0, 1, 2, 3], width)
+        ));
+    }
+    let new = effect.iter().map(|(name, x, s)| {
+        vec![String::new(), name.clone(), "-".to_string(), uncertain(*x, *s, 6), String::new()]
+    });
+    let rows: Vec<Vec<String>> = moved
+        .iter()
+        .map(|m| {
+            let after = m.after.zip(m.after_error);
+            let shift = after.map_or(String::new(), |(x, _)| {
+                if m.before_error > 0.0 {
+                    format!("{:+.1}", (x - m.before) / m.before_error)
+                } else {
+                    String::new()
+                }
+            });
+            vec![
+                m.place.clone(),
+                m.term.clone(),
+                uncertain(m.before, m.before_error, 6),
+                after.map_or("gone".to_string(), |(x, s)| uncertain(x, s, 6)),
+                shift,
+            ]
+        })
+        .chain(new)
+        .collect();
+    if !rows.is_empty() {
+        let header = ["part", "term", "before", "after", "moved, in standard errors"];
+        sections.push(table(&header, rows, &[2, 3, 4], width));
+    }
+    sections.join("\n\n")
+}
