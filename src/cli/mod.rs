@@ -7,6 +7,7 @@ mod compare;
 mod console;
 mod demo;
 mod diagnose;
+mod discover;
 mod effects;
 mod export;
 mod fit;
@@ -63,6 +64,7 @@ enum Command {
     Fit(fit::Arguments),
     Compare(compare::Arguments),
     Diagnose(diagnose::Arguments),
+    Discover(discover::Arguments),
     Add(revise::Add),
     Remove(revise::Remove),
     Undo(revise::Undo),
@@ -86,6 +88,7 @@ pub fn main() -> ExitCode {
         Command::Fit(arguments) => fit::run(&arguments, &console),
         Command::Compare(arguments) => compare::run(&arguments, &console),
         Command::Diagnose(arguments) => diagnose::run(&arguments, &console),
+        Command::Discover(arguments) => discover::run(&arguments, &console),
         Command::Add(arguments) => revise::add(&arguments, &console),
         Command::Remove(arguments) => revise::remove(&arguments, &console),
         Command::Undo(arguments) => revise::undo(&arguments, &console),

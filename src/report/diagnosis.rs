@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::layout::{WIDTH, table, wrapped};
 use crate::diagnose::compare::{Comparison, ResidualMap};
+use crate::diagnose::discover::Discovery;
 use crate::diagnose::missing::{Diagnosis, Verdict};
 use crate::simplify::{significant, uncertain};
 
@@ -136,6 +137,58 @@ fn times(error: f64) -> String {
 /// A p-value.
 fn chance(p: f64) -> String {
     if p < 1e-12 { "< 1e-12".to_string() } else { significant(p, 2) }
+}
+
+/// What the loop did, for people.
+pub fn discovery_text(
+    found: &Discovery,
+    how: &str,
+    written: bool,
+    spec: &str,
+    width: Option<u16>,
+) -> String {
+    let width = width.map_or(WIDTH, |width| usize::from(width).max(40));
+    let (before, after) = found.unseen_error;
+    let count = match found.steps.len() {
+        0 => "Nothing was added".to_string(),
+        1 => "One effect was added".to_string(),
+        many => format!("{many} effects were added"),
+    };
+    let mut sections = vec![wrapped(
+        &format!(
+            "{count}: the error on unseen runs went from {} to {} times the noise. Why it ended: {}.",
+            times(before),
+            times(after),
+            found.stop.trim_end_matches('.')
+        ),
+        width,
+        2,
+    )];
+    let rows: Vec<Vec<String>> = found
+        .steps
+        .iter()
+        .map(|step| {
+            let numbers = step.coefficient.iter().zip(&step.standard_error);
+            let numbers: Vec<String> = numbers.map(|(&x, &s)| uncertain(x, s, 4)).collect();
+            vec![
+                step.effect.clone(),
+                numbers.join(", "),
+                chance(step.p_value),
+                step.indistinguishable.join(", "),
+            ]
+        })
+        .collect();
+    if !rows.is_empty() {
+        let header = ["added", "coefficient", "chance", "could also be"];
+        sections.push(table(&header, rows, &[1, 2], width));
+        let place =
+            if written { format!("Written to {spec}:") } else { "To be added:".to_string() };
+        let lines: Vec<String> =
+            found.steps.iter().map(|step| format!("  {}", step.snippet)).collect();
+        sections.push(format!("{place}\n{}", lines.join("\n")));
+    }
+    sections.push(wrapped(&format!("Split: {how}"), width, 2));
+    sections.join("\n\n")
 }
 
 /// The verdict of a diagnosis, and its ranking.

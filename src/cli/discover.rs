@@ -1,0 +1,112 @@
+//! `leverrier discover`: the loop, to the noise floor.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::bench::{Bench, Splitting};
+use super::console::Console;
+use super::fit::{origin, write_model};
+use super::ledger::{Judged, Ledger};
+use super::progress::Progress;
+use super::project::{ModelFile, Project};
+use crate::data::write_atomically;
+use crate::diagnose::discover::{Discovery, discover};
+use crate::diagnose::missing::Verdict;
+use crate::error::{Error, Result};
+use crate::expr;
+use crate::fit::Options;
+use crate::report::discovery_text;
+use crate::spec::edit::insert;
+
+/// Ask what is missing, add it, learn again, until nothing pays on unseen runs.
+///
+/// Every addition becomes a statement of the spec and a revision of its ledger; `undo` takes
+/// them back one by one.
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    leverrier discover pendulum.ham\n  \
+    leverrier discover pendulum.ham --dry-run --format json")]
+pub struct Arguments {
+    /// The spec.
+    pub spec: PathBuf,
+    /// Say what would be added, and leave the spec as it is.
+    #[arg(long)]
+    pub dry_run: bool,
+    #[command(flatten)]
+    pub splitting: Splitting,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+    let bench = Bench::open(&arguments.spec, &arguments.splitting, console)?;
+    let Some(unseen) = bench.unseen() else {
+        return Err(Error::usage(
+            "without unseen runs nothing can be judged",
+            "leave --unseen at its default, or measure more runs",
+        ));
+    };
+    let project = &bench.project;
+    let options =
+        Options { parameter_starts: project.compiled.starts.clone(), ..Options::default() };
+    let progress = Progress::new();
+    let found = discover(
+        &project.name(),
+        &project.text,
+        &bench.split.training,
+        unseen,
+        &options,
+        &progress,
+    )?;
+    let written = !arguments.dry_run && !found.steps.is_empty();
+    if written {
+        keep(&bench, &found, &progress)?;
+    }
+    drop(progress);
+    let text = discovery_text(&found, &bench.split.how, written, &project.name(), console.width());
+    let mut object = json!({
+        "format": "leverrier.discover/1",
+        "system": project.system().name,
+        "split": bench.split_json(),
+        "written": written,
+    });
+    if let (Some(object), Value::Object(fields)) = (object.as_object_mut(), json!(found)) {
+        object.extend(fields);
+    }
+    console.result(&text, &object)?;
+    match found.verdict {
+        Verdict::TooLittleData => Err(Error::fit(found.stop, "measure longer runs, or more")),
+        _ => Ok(()),
+    }
+}
+
+/// Writes the spec, its ledger and the model of all measurements.
+fn keep(bench: &Bench, found: &Discovery, progress: &Progress) -> Result<()> {
+    let old = &bench.project;
+    let compiled = expr::build(&old.name(), &found.text)?;
+    let project = Project { path: old.path.clone(), text: found.text.clone(), compiled };
+    let whole = bench.refit(&project, &found.model, &bench.dataset, progress)?;
+    let mut ledger = Ledger::open(&old.path)?;
+    ledger.know(&old.text);
+    let mut text = old.text.clone();
+    for step in &found.steps {
+        text = insert(&text, &step.snippet);
+        let judged = |error: f64| Judged {
+            unseen_error: Some(error),
+            noise_floor: 1.0,
+            samples: found.model.evidence.window,
+            horizons: Vec::new(),
+        };
+        ledger.push(
+            format!("add {}", step.effect),
+            text.clone(),
+            Some(judged(step.unseen_error_before)),
+            Some(judged(step.unseen_error_after)),
+        );
+    }
+    ledger.write(&old.path)?;
+    write_atomically(&old.path, project.text.as_bytes())?;
+    let file = ModelFile { origin: origin(&project, &bench.dataset, &bench.about), model: whole };
+    write_model(&project.model_path(), &file)
+}
