@@ -11,11 +11,7 @@
 //! | [`eval`] | expressions | functions over many points at once |
 //! | [`dynamics`] | a system | trajectories, with exact derivatives of the discrete map |
 //! | [`fit`] | a system and data | a sparse [`Model`](fit::Model) with uncertainties |
-<<<<<<< HEAD
 //! | [`diagnose`] | a model before its data | where it fails, and which named effect is missing |
-=======
-//! | [`diagnose`] | a model and data | where it fails, and what is missing |
->>>>>>> loop
 //! | [`simplify`] | a model | the expression that a physicist would print |
 //! | [`simulate`] | a known law | trajectories near machine precision, and what an instrument makes of them |
 //! | [`export`] | a model and its simplified form | LaTeX, MathML, Rust, C, Python, JSON |
