@@ -18,7 +18,8 @@ use crate::error::{Error, Result};
 use crate::expr;
 use crate::fit::Model;
 use crate::report::layout::{WIDTH, table, wrapped};
-use crate::report::{Moved, revision_text};
+use crate::report::present;
+use crate::report::{Moved, Revised, revision_text};
 use crate::spec::edit;
 
 /// Add an effect to a spec, learn again, and show before and after on unseen runs.
@@ -70,6 +71,8 @@ pub struct History {
 
 /// Standard errors that the coefficient of a warranted effect is from zero, at least.
 const CLEAR: f64 = 4.0;
+/// Rise of the unseen error up to which a removal costs nothing.
+const FREE: f64 = 1.02;
 
 /// Runs `add`.
 pub fn add(arguments: &Add, console: &Console) -> Result<()> {
@@ -137,80 +140,53 @@ fn revise(
     let file = ModelFile { origin: origin(&project, &bench.dataset, &bench.about), model: whole };
     write_model(&project.model_path(), &file)?;
 
-    let adds = action.starts_with("add ");
-    let effect = effect_terms(&project, &after, label);
-    let (warranted, why) = if adds {
-        verdict(&was, &is, &effect)
+    let mut effect = Vec::new();
+    let (warranted, why) = if action.starts_with("add ") {
+        effect = effect_terms(&project, &after, label);
+        added(&was, &is, &effect)
     } else {
-        let (Some(was), Some(is)) = (was.unseen_error, is.unseen_error) else {
-            return show(
-                bench,
-                action,
-                &was,
-                &is,
-                &[],
-                &[],
-                None,
-                "there are no unseen runs to judge it on",
-                console,
-            );
-        };
-        let why = if is <= 1.02 * was {
-            "the unseen error does not rise without it"
-        } else {
-            "the unseen error rises without it"
-        };
-        (is <= 1.02 * was, why.to_string())
+        removed(&was, &is)
     };
     let moved = moved(before, &after);
-    show(bench, action, &was, &is, &moved, &effect, Some(warranted), &why, console)
+    let revised = Revised {
+        action,
+        how: &bench.split.how,
+        before: &was.horizons,
+        after: &is.horizons,
+        moved: &moved,
+        effect: &effect,
+        warranted,
+        why: &why,
+    };
+    show(bench, &revised, &was, &is, console)
 }
 
-#[allow(clippy::too_many_arguments)]
 fn show(
     bench: &Bench,
-    action: &str,
+    revised: &Revised,
     was: &Judged,
     is: &Judged,
-    moved: &[Moved],
-    effect: &[(String, f64, f64)],
-    warranted: Option<bool>,
-    why: &str,
     console: &Console,
 ) -> Result<()> {
-    let text = revision_text(
-        action,
-        &bench.split.how,
-        &was.horizons,
-        &is.horizons,
-        moved,
-        effect,
-        warranted,
-        why,
-        console.width(),
-    );
+    let adds = revised.action.starts_with("add ");
     let object = json!({
-        "format": if action.starts_with("add ") { "leverrier.add/1" } else { "leverrier.remove/1" },
+        "format": if adds { "leverrier.add/1" } else { "leverrier.remove/1" },
         "system": bench.project.system().name,
-        "action": action,
+        "action": revised.action,
         "split": bench.split_json(),
         "before": was,
         "after": is,
-        "effect": effect.iter().map(|(term, value, error)| json!({
-            "term": term, "coefficient": value, "standard_error": finite(*error),
+        "effect": revised.effect.iter().map(|(term, value, error)| json!({
+            "term": term, "coefficient": value, "standard_error": present::finite(*error),
         })).collect::<Vec<_>>(),
-        "moved": moved,
-        "warranted": warranted,
-        "reason": why,
+        "moved": revised.moved,
+        "warranted": revised.warranted,
+        "reason": revised.why,
         "spec": bench.project.name(),
         "model_file": bench.project.model_path().display().to_string(),
         "ledger": Ledger::path(&bench.project.path).display().to_string(),
     });
-    console.result(&text, &object)
-}
-
-fn finite(x: f64) -> Option<f64> {
-    x.is_finite().then_some(x)
+    console.result(&revision_text(revised, console.width()), &object)
 }
 
 /// Both models on the unseen runs, in units of the smaller noise of the two.
@@ -255,22 +231,35 @@ fn effect_terms(project: &Project, model: &Model, label: &str) -> Vec<(String, f
         .collect()
 }
 
-/// Whether an addition pays.
-fn verdict(was: &Judged, is: &Judged, effect: &[(String, f64, f64)]) -> (bool, String) {
-    let clear = effect.iter().map(|(_, x, s)| (x / s).abs()).fold(0.0, f64::max);
+const NO_JUDGE: &str = "there are no unseen runs to judge it on";
+
+/// Whether an addition pays; `None` without unseen runs.
+fn added(was: &Judged, is: &Judged, effect: &[(String, f64, f64)]) -> (Option<bool>, String) {
     if effect.is_empty() {
-        return (false, "the fit does not choose it: its coefficient is zero".to_string());
+        return (Some(false), "the fit does not choose it: its coefficient is zero".to_string());
     }
     let Some((was, is)) = was.unseen_error.zip(is.unseen_error) else {
-        return (false, "there are no unseen runs to judge it on".to_string());
+        return (None, NO_JUDGE.to_string());
     };
-    let far = format!("its coefficient is {clear:.0} standard errors from zero");
-    let (falls, how) = if is < was {
-        (true, format!("the unseen error falls from {was:.2} to {is:.2} times the noise"))
+    let clear = effect.iter().map(|(_, x, s)| (x / s).abs()).fold(0.0, f64::max);
+    let how = if is < was {
+        format!("the unseen error falls from {was:.2} to {is:.2} times the noise")
     } else {
-        (false, format!("the unseen error does not fall: {was:.2} before, {is:.2} after"))
+        format!("the unseen error does not fall: {was:.2} times the noise before, {is:.2} after")
     };
-    (falls && clear > CLEAR, format!("{how}, and {far}"))
+    let why = format!("{how}, and its coefficient is {clear:.0} standard errors from zero");
+    (Some(is < was && clear > CLEAR), why)
+}
+
+/// Whether a removal costs nothing; `None` without unseen runs.
+fn removed(was: &Judged, is: &Judged) -> (Option<bool>, String) {
+    let Some((was, is)) = was.unseen_error.zip(is.unseen_error) else {
+        return (None, NO_JUDGE.to_string());
+    };
+    let free = is <= FREE * was;
+    let how = if free { "does not rise" } else { "rises" };
+    let why = format!("the unseen error {how}: {was:.2} times the noise before, {is:.2} after");
+    (Some(free), why)
 }
 
 /// How the coefficients of terms that both models have moved.

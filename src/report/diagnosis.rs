@@ -256,18 +256,25 @@ pub struct Moved {
 }
 
 /// What a revision of a spec brought.
-#[allow(clippy::too_many_arguments)]
-pub fn revision_text(
-    action: &str,
-    how: &str,
-    before: &[(usize, f64)],
-    after: &[(usize, f64)],
-    moved: &[Moved],
-    effect: &[(String, f64, f64)],
-    warranted: Option<bool>,
-    why: &str,
-    width: Option<u16>,
-) -> String {
+pub struct Revised<'a> {
+    /// `add viscous_drag(theta)`.
+    pub action: &'a str,
+    /// How the data were split.
+    pub how: &'a str,
+    /// Samples and error on unseen runs, at every length of prediction.
+    pub before: &'a [(usize, f64)],
+    pub after: &'a [(usize, f64)],
+    pub moved: &'a [Moved],
+    /// Terms of the effect: name, coefficient, standard error.
+    pub effect: &'a [(String, f64, f64)],
+    /// `None` where nothing can be said.
+    pub warranted: Option<bool>,
+    pub why: &'a str,
+}
+
+/// Before and after a revision of a spec.
+pub fn revision_text(revised: &Revised, width: Option<u16>) -> String {
+    let Revised { action, how, before, after, moved, effect, warranted, why } = *revised;
     let width = width.map_or(WIDTH, |width| usize::from(width).max(40));
     let word = match warranted {
         Some(true) => "warranted",
@@ -316,6 +323,9 @@ pub fn revision_text(
     if !rows.is_empty() {
         let header = ["part", "term", "before", "after", "moved, in standard errors"];
         sections.push(table(&header, rows, &[2, 3, 4], width));
+    }
+    if warranted == Some(false) {
+        sections.push("`leverrier undo` takes it back.".to_string());
     }
     sections.join("\n\n")
 }
