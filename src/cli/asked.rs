@@ -132,7 +132,7 @@ impl Asked {
         for values in &candidate.grid {
             let probes = candidate.probes(&mut system, values);
             let columns: Vec<usize> = (0..probes.len()).collect();
-            let score = context.probe(&system, &probes)?.group(&columns);
+            let score = context.probe(&system, &probes)?.scores.group(&columns);
             if score.deviance.is_finite() && best.is_none_or(|(most, _)| score.deviance > most) {
                 best = Some((score.deviance, values));
             }

@@ -152,7 +152,7 @@ pub fn residual_maps(context: &Context) -> Result<Vec<ResidualMap>> {
     if terms.is_empty() {
         return Ok(Vec::new());
     }
-    let scores = context.probe(&system, &terms)?;
+    let scores = context.probe(&system, &terms)?.scores;
     Ok(layout
         .into_iter()
         .map(|(on, against, centres, columns)| {

@@ -11,6 +11,13 @@ use crate::fit::pass::{Problem, States, Stepping, Sums, linearise, settle};
 use crate::fit::segments::{Segments, cut, first_state};
 use crate::fit::{Loss, Model};
 
+/// Scores of probes, and what they cost.
+pub struct Probed {
+    pub scores: Scores,
+    /// Segments that were lost: predictions, or effects of a probe, that are not finite.
+    pub exploded: usize,
+}
+
 /// A learned model and measurements that it is held against.
 pub struct Context<'a> {
     pub system: &'a System,
@@ -111,7 +118,7 @@ impl<'a> Context<'a> {
     ///
     /// `extended` is the system with whatever its graph must hold for the expressions of
     /// `probes`; its own terms are those of the system, or begin with them.
-    pub fn probe(&self, extended: &System, probes: &[Term]) -> Result<Scores> {
+    pub fn probe(&self, extended: &System, probes: &[Term]) -> Result<Probed> {
         let (segments, states, _) = self.settle(self.window);
         let mut system = extended.clone();
         let first = system.terms.len();
@@ -124,8 +131,13 @@ impl<'a> Context<'a> {
         let problem = self.problem(&segments, &weights);
         let linearised = linearise(&problem, &dynamics, &theta, &states);
         if linearised.sums.rows <= count + dynamics.parameters().len() {
+            let Sums { rows, exploded, .. } = linearised.sums;
             return Err(Error::fit(
-                "there are too few measurements to ask what is missing",
+                format!(
+                    "{rows} independent residuals do not suffice to ask what is missing \
+                     ({exploded} of {} predictions left the finite numbers)",
+                    segments.list.len()
+                ),
                 "measure longer runs, or more of them",
             ));
         }
@@ -138,7 +150,8 @@ impl<'a> Context<'a> {
         let base = count + dynamics.parameters().len();
         let factor = linearised.merged().select(&order);
         let variance = noise_variance(&factor, base);
-        Ok(Scores::new(&factor, base, variance))
+        let exploded = linearised.sums.exploded;
+        Ok(Probed { scores: Scores::new(&factor, base, variance), exploded })
     }
 }
 

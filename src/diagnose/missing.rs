@@ -171,7 +171,9 @@ pub fn diagnose(
 /// Scores every candidate at every grid point; the best grid point of each, best candidate first.
 fn score_all(context: &Context, all: &[Candidate]) -> Result<(Vec<Scored>, usize)> {
     let mut system = context.system.clone();
-    let mut queue: Vec<(usize, Vec<f64>, Vec<Term>)> = Vec::new();
+    let (_, _, sums) = context.settle(context.window);
+    let lost = sums.exploded;
+    let mut queue: Vec<Try> = Vec::new();
     for (c, candidate) in all.iter().enumerate() {
         for values in &candidate.grid {
             let terms = candidate.probes(&mut system, values);
@@ -188,26 +190,53 @@ fn score_all(context: &Context, all: &[Candidate]) -> Result<(Vec<Scored>, usize
             width += queue[end].2.len();
             end += 1;
         }
-        let terms: Vec<Term> = queue[start..end].iter().flat_map(|(_, _, t)| t.clone()).collect();
-        let scores: Scores = context.probe(&system, &terms)?;
-        let mut column = 0;
-        for (c, values, terms) in &queue[start..end] {
-            let columns: Vec<usize> = (column..column + terms.len()).collect();
-            column += terms.len();
-            let score = scores.group(&columns);
-            let unknowns = score.degrees + values.len();
-            let merit = score.deviance - unknowns as f64 * (scores.rows as f64).ln();
-            if score.degrees > 0 && best[*c].as_ref().is_none_or(|b| merit > b.merit) {
-                let p_value = (score.p_value * tried as f64).min(1.0);
-                let values = values.clone();
-                best[*c] = Some(Scored { candidate: *c, values, score, p_value, merit });
-            }
-        }
+        score_range(context, &system, &queue[start..end], tried, lost, &mut best)?;
         start = end;
     }
     let mut scored: Vec<Scored> = best.into_iter().flatten().collect();
     scored.sort_by(|a, b| b.merit.total_cmp(&a.merit).then(a.candidate.cmp(&b.candidate)));
     Ok((scored, tried))
+}
+
+/// A candidate, values of its inner parameters, and its terms at them.
+type Try = (usize, Vec<f64>, Vec<Term>);
+
+/// Scores some tries together. Where one of them loses segments that the model itself does not
+/// (it divides by zero, say), the tries are taken apart, and that one is left out.
+fn score_range(
+    context: &Context,
+    system: &System,
+    tries: &[Try],
+    tried: usize,
+    lost: usize,
+    best: &mut [Option<Scored>],
+) -> Result<()> {
+    let terms: Vec<Term> = tries.iter().flat_map(|(_, _, terms)| terms.clone()).collect();
+    let probed = match context.probe(system, &terms) {
+        Ok(probed) if probed.exploded <= lost => probed,
+        Err(error) if tries.len() == 1 && lost > 0 => return Err(error),
+        _ if tries.len() == 1 => return Ok(()),
+        _ => {
+            let (first, second) = tries.split_at(tries.len() / 2);
+            score_range(context, system, first, tried, lost, best)?;
+            return score_range(context, system, second, tried, lost, best);
+        }
+    };
+    let scores: Scores = probed.scores;
+    let mut column = 0;
+    for (c, values, terms) in tries {
+        let columns: Vec<usize> = (column..column + terms.len()).collect();
+        column += terms.len();
+        let score = scores.group(&columns);
+        let unknowns = score.degrees + values.len();
+        let merit = score.deviance - unknowns as f64 * (scores.rows as f64).ln();
+        if score.degrees > 0 && best[*c].as_ref().is_none_or(|b| merit > b.merit) {
+            let p_value = (score.p_value * tried as f64).min(1.0);
+            let values = values.clone();
+            best[*c] = Some(Scored { candidate: *c, values, score, p_value, merit });
+        }
+    }
+    Ok(())
 }
 
 /// The model with a candidate in it, refitted from the model's own values; with its merit.
