@@ -40,6 +40,8 @@
 //! # Ok::<(), leverrier::error::Error>(())
 //! ```
 
+#![warn(missing_docs)]
+
 pub mod cli;
 pub mod data;
 pub mod diagnostic;

@@ -21,7 +21,9 @@ enum Strength {
 
 /// Writes expressions of one graph.
 pub struct Writer<'a> {
+    /// The graph that the expressions belong to.
     pub graph: &'a Graph,
+    /// What symbols are called.
     pub names: &'a Names,
     /// What `Symbol::Coefficient(j)` stands for; one without an entry is written by its name.
     pub numbers: &'a [PrettyNumber],

@@ -7,9 +7,13 @@ use super::graph::{Expr, Graph, Node, Symbol};
 /// What symbols are called in print.
 #[derive(Debug, Clone, Default)]
 pub struct Names {
+    /// Name of each `Symbol::Coordinate`.
     pub coordinates: Vec<String>,
+    /// Name of each `Symbol::Momentum`.
     pub momenta: Vec<String>,
+    /// Name of each `Symbol::Parameter`.
     pub parameters: Vec<String>,
+    /// Name of each `Symbol::Coefficient`.
     pub coefficients: Vec<String>,
 }
 

@@ -19,6 +19,7 @@ use crate::expr::Observed;
 /// How trajectories are integrated between samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stepping {
+    /// Method of integration.
     pub method: Method,
     /// No step is longer.
     pub longest: f64,
@@ -27,12 +28,17 @@ pub struct Stepping {
 /// What a pass works on.
 #[derive(Clone, Copy)]
 pub struct Problem<'a> {
+    /// The measurements; observables in the order of the system's.
     pub dataset: &'a Dataset,
+    /// The stretches of measurement that are integrated.
     pub segments: &'a Segments,
+    /// What the second half of the observables is.
     pub observed: Observed,
     /// One over the noise of each observable.
     pub weights: &'a [f64],
+    /// What a weighted residual costs.
     pub loss: Loss,
+    /// How trajectories are integrated between samples.
     pub stepping: Stepping,
     /// Weighted residuals below this are rounding or the integrator's own error.
     pub floor: f64,
@@ -172,6 +178,7 @@ fn settle_block(
 pub struct Linearised {
     /// One factor for each fold of the segments.
     pub folds: Vec<Factor>,
+    /// Sums over all segments at that theta.
     pub sums: Sums,
 }
 
