@@ -31,9 +31,9 @@ impl Names {
     }
 }
 
-/// How tightly the text holds together; a looser one gets parentheses.
+/// How tightly a text holds together; a looser one gets parentheses inside a tighter one.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
-enum Strength {
+pub(crate) enum Strength {
     Sum,
     Product,
     Power,

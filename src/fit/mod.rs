@@ -46,7 +46,7 @@ use crate::expr::System;
 ///
 /// # Errors
 ///
-/// [`Error::Fit`](crate::error::Error::Fit) when the data do not suffice, with what to do.
+/// [`Error::Fit`] when the data do not suffice, with what to do.
 pub fn fit(
     system: &System,
     dataset: &Dataset,
