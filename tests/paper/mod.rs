@@ -132,9 +132,9 @@ pub fn mass_spring(seed: u64) -> Law {
         terms.push(("T", format!("p[{}]^2", i + 1), 0.5 / m[i]));
         terms.push(("V", format!("q[{}]^2", i + 1), (k[i] + k[i + 1]) / 2.0));
     }
-    for i in 1..5 {
-        potential.push(format!("{}*(q[{}] - q[{i}])^2", k[i], i + 1));
-        terms.push(("V", format!("q[{i}]*q[{}]", i + 1), -k[i]));
+    for (i, stiffness) in k.iter().enumerate().take(5).skip(1) {
+        potential.push(format!("{stiffness}*(q[{}] - q[{i}])^2", i + 1));
+        terms.push(("V", format!("q[{i}]*q[{}]", i + 1), -stiffness));
     }
     terms.push(("V", "q[5]".to_string(), -k[5] * length));
     let spec =
