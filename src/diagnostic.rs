@@ -9,11 +9,14 @@ use serde::Serialize;
 /// A half-open range of bytes in a source text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Serialize)]
 pub struct Span {
+    /// First byte.
     pub start: usize,
+    /// The byte after the last one.
     pub end: usize,
 }
 
 impl Span {
+    /// The bytes `start .. end`.
     pub fn new(start: usize, end: usize) -> Self {
         Span { start, end }
     }
@@ -23,6 +26,7 @@ impl Span {
         Span::new(self.start.min(other.start), self.end.max(other.end))
     }
 
+    /// The same bytes as a range to index a text with.
     pub fn range(self) -> Range<usize> {
         self.start..self.end
     }
@@ -32,14 +36,18 @@ impl Span {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Severity {
+    /// Something worth knowing; nothing has to be done.
     Note,
+    /// The command goes on, but its result may not be what was meant.
     Warning,
+    /// The command stops.
     Error,
 }
 
 /// One message about a user's text.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Diagnostic {
+    /// How bad it is.
     pub severity: Severity,
     /// A sentence that says what is wrong.
     pub message: String,
@@ -54,6 +62,7 @@ pub struct Diagnostic {
 }
 
 impl Diagnostic {
+    /// A message without label, hint or related places.
     pub fn new(severity: Severity, span: Span, message: impl Into<String>) -> Self {
         Diagnostic {
             severity,
@@ -65,24 +74,29 @@ impl Diagnostic {
         }
     }
 
+    /// An error: [`Diagnostic::new`] with [`Severity::Error`].
     pub fn error(span: Span, message: impl Into<String>) -> Self {
         Self::new(Severity::Error, span, message)
     }
 
+    /// A warning: [`Diagnostic::new`] with [`Severity::Warning`].
     pub fn warning(span: Span, message: impl Into<String>) -> Self {
         Self::new(Severity::Warning, span, message)
     }
 
+    /// Says what stands at the place.
     pub fn label(mut self, label: impl Into<String>) -> Self {
         self.label = label.into();
         self
     }
 
+    /// Says what to do about it.
     pub fn hint(mut self, hint: impl Into<String>) -> Self {
         self.hint = Some(hint.into());
         self
     }
 
+    /// Adds another place that matters, with what stands there.
     pub fn related(mut self, span: Span, label: impl Into<String>) -> Self {
         self.related.push((span, label.into()));
         self

@@ -41,6 +41,8 @@
 //! # Ok::<(), leverrier::error::Error>(())
 //! ```
 
+#![warn(missing_docs)]
+
 pub mod cli;
 pub mod data;
 pub mod diagnose;

@@ -22,6 +22,7 @@ use crate::expr::System;
 
 /// A fitted model and where it comes from: everything that an exporter may write.
 pub struct Export<'a> {
+    /// The system whose unknown parts were learned.
     pub system: &'a System,
     /// Terms of the model, as indices into `system.terms`, ascending.
     pub active: &'a [usize],
@@ -41,6 +42,7 @@ pub struct Export<'a> {
     pub step: f64,
     /// Standard deviation of the noise of each observable, by name; empty when unknown.
     pub noise: Vec<(String, f64)>,
+    /// What the model was made from.
     pub provenance: Provenance,
     /// A typical start: the time, and q_1 .. q_n, p_1 .. p_n.
     pub start: Option<(f64, Vec<f64>)>,
@@ -53,6 +55,7 @@ pub struct Integrator {
     pub name: String,
     /// The global error falls with this power of the step.
     pub order: u32,
+    /// How one step is taken, with its numbers.
     pub kind: IntegratorKind,
 }
 
@@ -62,7 +65,10 @@ pub enum IntegratorKind {
     /// A composition of steps drift, kick, drift of lengths `weights[i]` h; for dynamics in
     /// which dq/dt depends on p and t only, dp/dt on q and t only. The time stands still
     /// during drift and kick and moves on between them.
-    Splitting { weights: Vec<f64> },
+    Splitting {
+        /// Lengths of the parts in units of the step, in the order in which they are taken.
+        weights: Vec<f64>,
+    },
     /// Implicit Runge-Kutta (Gauss-Legendre).
     Implicit(Tableau),
     /// Explicit Runge-Kutta.
@@ -89,6 +95,7 @@ pub struct Provenance {
     pub spec: (String, String),
     /// Name and SHA-256 (hexadecimal) of the data; `None` for a fully known system.
     pub data: Option<(String, String)>,
+    /// Seed of the random numbers of the fit.
     pub seed: u64,
 }
 

@@ -7,9 +7,11 @@ use crate::expr::{Expr, Graph, Place, Symbol, System};
 /// Expressions in which `Symbol::Coefficient(j)` stands for `numbers[j]`.
 #[derive(Debug, Clone, Default)]
 pub struct Pretty {
+    /// The graph that `parts` belong to.
     pub graph: Graph,
     /// At most one expression for each place; a place that is zero is left out.
     pub parts: Vec<(Place, Expr)>,
+    /// The numbers that the expressions hold, in the order of their symbols.
     pub numbers: Vec<PrettyNumber>,
     /// What was done to the expressions that a reader should know.
     pub notes: Vec<String>,
@@ -18,6 +20,7 @@ pub struct Pretty {
 /// A number of a [`Pretty`] expression.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PrettyNumber {
+    /// The learned value; the exact number itself where `snapped` is given.
     pub value: f64,
     /// Zero for an exact number, infinite or NaN when unknown.
     pub standard_error: f64,

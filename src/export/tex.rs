@@ -3,25 +3,18 @@
 use super::letters::name;
 use super::number::{Measured, fraction, shortest, significant};
 use super::pretty::PrettyNumber;
-use crate::expr::{Expr, Function, Graph, Names, Node, Symbol};
+use crate::expr::{Expr, Function, Graph, Names, Node, Strength, Symbol};
 
 /// Largest denominator of a number that is printed as a fraction.
 const LARGEST_DENOMINATOR: u32 = 100;
 /// Width of a line of an equation, in characters as they are printed.
 const LINE: usize = 64;
 
-/// How tightly the text holds together; a looser one gets parentheses.
-#[derive(Clone, Copy, PartialEq, PartialOrd)]
-enum Strength {
-    Sum,
-    Product,
-    Power,
-    Atom,
-}
-
 /// Writes expressions of one graph.
 pub struct Writer<'a> {
+    /// The graph that the expressions belong to.
     pub graph: &'a Graph,
+    /// What symbols are called.
     pub names: &'a Names,
     /// What `Symbol::Coefficient(j)` stands for; one without an entry is written by its name.
     pub numbers: &'a [PrettyNumber],

@@ -30,9 +30,11 @@ impl Domain {
 pub struct FunctionRow {
     /// Its name in the mini-language.
     pub name: &'static str,
+    /// Its value at a number; NaN outside its domain.
     pub value: fn(f64) -> f64,
     /// Its derivative at an expression.
     pub derivative: fn(&mut Graph, Expr) -> Expr,
+    /// Where it is defined.
     pub domain: Domain,
     /// f(-x) = -f(x).
     pub odd: bool,
@@ -65,6 +67,7 @@ impl Function {
         (0..FUNCTIONS.len()).map(|i| Function(i as u8))
     }
 
+    /// The function's row of [`FUNCTIONS`].
     pub fn row(self) -> &'static FunctionRow {
         &FUNCTIONS[self.0 as usize]
     }

@@ -19,6 +19,7 @@ pub enum Symbol {
     Coordinate(usize),
     /// Conjugate momentum p_i, counted from 0.
     Momentum(usize),
+    /// The time t.
     Time,
     /// Inner parameter: learned, not penalised.
     Parameter(usize),
@@ -31,10 +32,12 @@ pub enum Symbol {
 pub struct Number(u64);
 
 impl Number {
+    /// The number; NaN is allowed, -0 becomes 0.
     pub fn new(value: f64) -> Self {
         Number((value + 0.0).to_bits())
     }
 
+    /// The number as floating point.
     pub fn value(self) -> f64 {
         f64::from_bits(self.0)
     }
@@ -43,17 +46,22 @@ impl Number {
 /// How an expression is made of others. Lists are sorted and hold no repetition.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Node {
+    /// A constant.
     Number(Number),
+    /// A quantity from outside.
     Symbol(Symbol),
     /// constant + sum of factor * term. A single scaled term is a sum of one.
     Sum {
+        /// The number that is added to the terms.
         constant: Number,
+        /// (term, factor) of every term.
         terms: Box<[(Expr, Number)]>,
     },
     /// Product of base ^ constant exponent. A single power is a product of one.
     Product(Box<[(Expr, Number)]>),
     /// base ^ exponent with an exponent that is not a number.
     Power(Expr, Expr),
+    /// An elementary function of one argument.
     Apply(Function, Expr),
 }
 
@@ -65,10 +73,12 @@ pub struct Graph {
 }
 
 impl Graph {
+    /// A graph without expressions.
     pub fn new() -> Self {
         Graph::default()
     }
 
+    /// How an expression of this graph is made.
     pub fn node(&self, expr: Expr) -> &Node {
         &self.nodes[expr.0 as usize]
     }
@@ -78,6 +88,7 @@ impl Graph {
         self.nodes.len()
     }
 
+    /// Whether no expression is stored.
     pub fn is_empty(&self) -> bool {
         self.nodes.is_empty()
     }
@@ -92,10 +103,12 @@ impl Graph {
         expr
     }
 
+    /// A constant.
     pub fn number(&mut self, value: f64) -> Expr {
         self.intern(Node::Number(Number::new(value)))
     }
 
+    /// A quantity from outside.
     pub fn symbol(&mut self, symbol: Symbol) -> Expr {
         self.intern(Node::Symbol(symbol))
     }
@@ -108,6 +121,7 @@ impl Graph {
         }
     }
 
+    /// Whether an expression is the number 0.
     pub fn is_zero(&self, expr: Expr) -> bool {
         self.as_number(expr) == Some(0.0)
     }
@@ -189,27 +203,33 @@ impl Graph {
         }
     }
 
+    /// a + b.
     pub fn add(&mut self, a: Expr, b: Expr) -> Expr {
         self.linear(0.0, &[(1.0, a), (1.0, b)])
     }
 
+    /// a - b.
     pub fn subtract(&mut self, a: Expr, b: Expr) -> Expr {
         self.linear(0.0, &[(1.0, a), (-1.0, b)])
     }
 
+    /// Sum of all parts; 0 for none.
     pub fn sum(&mut self, parts: &[Expr]) -> Expr {
         let parts: Vec<_> = parts.iter().map(|&part| (1.0, part)).collect();
         self.linear(0.0, &parts)
     }
 
+    /// -a.
     pub fn negate(&mut self, a: Expr) -> Expr {
         self.linear(0.0, &[(-1.0, a)])
     }
 
+    /// factor * a.
     pub fn scale(&mut self, factor: f64, a: Expr) -> Expr {
         self.linear(0.0, &[(factor, a)])
     }
 
+    /// a * b.
     pub fn multiply(&mut self, a: Expr, b: Expr) -> Expr {
         match (self.as_number(a), self.as_number(b)) {
             (Some(factor), _) => self.scale(factor, b),
@@ -218,6 +238,7 @@ impl Graph {
         }
     }
 
+    /// a / b; a division by the number 0 stays as b ^ -1.
     pub fn divide(&mut self, a: Expr, b: Expr) -> Expr {
         match self.as_number(b) {
             Some(divisor) if divisor != 0.0 => self.scale(1.0 / divisor, a),
@@ -293,6 +314,7 @@ impl Graph {
         symbols
     }
 
+    /// Whether a symbol occurs in an expression.
     pub fn depends_on(&self, expr: Expr, symbol: Symbol) -> bool {
         self.symbols(&[expr]).binary_search(&symbol).is_ok()
     }

@@ -19,6 +19,7 @@ pub use graph::{Expr, Graph, Node, Number, Symbol, raise};
 pub use independence::{Dependence, MOST_EXAMINED, dependences};
 pub use lower::{Candidate, Compiled, MOST_TERMS, build};
 pub use print::Names;
+pub(crate) use print::Strength;
 pub use space::{FunctionSpace, SpaceKnown, SpaceParameter, SpaceTerm, SpaceVariable};
 pub use system::{Bounds, Observed, Parameter, Place, System, Term, Variable};
 pub use unit::Unit;

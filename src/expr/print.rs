@@ -7,9 +7,13 @@ use super::graph::{Expr, Graph, Node, Symbol};
 /// What symbols are called in print.
 #[derive(Debug, Clone, Default)]
 pub struct Names {
+    /// Name of each `Symbol::Coordinate`.
     pub coordinates: Vec<String>,
+    /// Name of each `Symbol::Momentum`.
     pub momenta: Vec<String>,
+    /// Name of each `Symbol::Parameter`.
     pub parameters: Vec<String>,
+    /// Name of each `Symbol::Coefficient`.
     pub coefficients: Vec<String>,
 }
 
@@ -27,9 +31,9 @@ impl Names {
     }
 }
 
-/// How tightly the text holds together; a looser one gets parentheses.
+/// How tightly a text holds together; a looser one gets parentheses inside a tighter one.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
-enum Strength {
+pub(crate) enum Strength {
     Sum,
     Product,
     Power,

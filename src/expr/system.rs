@@ -54,17 +54,22 @@ impl Place {
 /// Allowed values of a coefficient or parameter; infinite where there is no bound.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
+    /// Smallest allowed value, or minus infinity.
     pub lower: f64,
+    /// Largest allowed value, or infinity.
     pub upper: f64,
 }
 
 impl Bounds {
+    /// No bound on either side.
     pub const FREE: Bounds = Bounds { lower: f64::NEG_INFINITY, upper: f64::INFINITY };
 
+    /// Whether there is no bound on either side.
     pub fn is_free(self) -> bool {
         self == Bounds::FREE
     }
 
+    /// The allowed value nearest to `value`.
     pub fn clamp(self, value: f64) -> f64 {
         value.max(self.lower).min(self.upper)
     }
@@ -73,7 +78,9 @@ impl Bounds {
 /// A member of the function space: its coefficient is learned and penalised.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Term {
+    /// The part of the equations of motion that it is a term of.
     pub place: Place,
+    /// The term without its coefficient.
     pub expr: Expr,
     /// Further places where the same coefficient stands, with what it multiplies there.
     pub also: Vec<(Place, Expr)>,
@@ -83,9 +90,11 @@ pub struct Term {
     pub label: String,
     /// The name that the user gave to the coefficient, if any.
     pub name: Option<String>,
+    /// Allowed values of the coefficient.
     pub bounds: Bounds,
     /// Unit of the coefficient, where units were given.
     pub unit: Option<Unit>,
+    /// The coefficient's unit as text, for print.
     pub unit_text: Option<String>,
 }
 
@@ -104,10 +113,15 @@ impl Term {
 /// An inner parameter: a number inside terms that is learned and not penalised.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
+    /// As written in the spec.
     pub name: String,
+    /// Value that training starts from.
     pub start: f64,
+    /// Allowed values.
     pub bounds: Bounds,
+    /// `None`: no unit was given, nothing about it is checked.
     pub unit: Option<Unit>,
+    /// The unit as the user wrote it, for print.
     pub unit_text: Option<String>,
 }
 
@@ -120,18 +134,27 @@ pub struct Parameter {
 /// Every known part is an expression in [`Symbol`]s; zero where nothing is known.
 #[derive(Debug, Clone)]
 pub struct System {
+    /// Name of the system, usually the spec's file name without its ending.
     pub name: String,
+    /// The graph that every expression below belongs to.
     pub graph: Graph,
+    /// Generalised coordinates q_1 .. q_n.
     pub coordinates: Vec<Variable>,
     /// Conjugate momenta, one for each coordinate.
     pub momenta: Vec<Variable>,
+    /// What the second half of the observables is.
     pub observed: Observed,
     /// Names of the measured velocities; empty when momenta are observed.
     pub velocities: Vec<Variable>,
+    /// The time, with its unit.
     pub time: Variable,
+    /// Inner parameters; `parameters[j]` is `Symbol::Parameter(j)`.
     pub parameters: Vec<Parameter>,
+    /// The known part of T(p).
     pub kinetic: Expr,
+    /// The known part of V(q).
     pub potential: Expr,
+    /// The known part of H(q, p) that is neither T nor V.
     pub hamiltonian: Expr,
     /// One for each coordinate.
     pub forces: Vec<Expr>,

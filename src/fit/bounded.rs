@@ -7,7 +7,9 @@ use crate::expr::Bounds;
 
 /// Least squares within bounds.
 pub struct Bounded {
+    /// The unknowns x, `[column of the factor]`.
     pub values: DVector<f64>,
+    /// |A x - b|^2 at the solution.
     pub squares: f64,
     /// Unknowns that ended on a bound.
     pub bound: Vec<usize>,

@@ -48,6 +48,7 @@ pub struct Screening {
     pub history: Vec<(f64, f64, usize)>,
     /// Gradient steps that were taken.
     pub steps: usize,
+    /// Whether it was stopped before the last penalty.
     pub interrupted: bool,
 }
 

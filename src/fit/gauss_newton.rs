@@ -40,12 +40,17 @@ impl StopReason {
 
 /// The best theta of one support.
 pub struct Refit {
+    /// Coefficients of the support, then the inner parameters that it uses.
     pub theta: Vec<f64>,
+    /// Initial states of the segments, settled at `theta`.
     pub states: States,
+    /// Sums over all segments at `theta`.
     pub sums: Sums,
     /// The problem linearised at `theta`.
     pub linearised: Linearised,
+    /// Gauss-Newton iterations that were taken.
     pub iterations: usize,
+    /// Why they ended.
     pub stop: StopReason,
 }
 

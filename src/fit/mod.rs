@@ -11,6 +11,7 @@ pub mod criterion;
 pub mod elimination;
 pub mod factor;
 pub mod first_order;
+mod gathered;
 mod gauge;
 pub mod gauss_newton;
 pub mod loss;
@@ -20,6 +21,7 @@ pub mod options;
 pub mod pass;
 pub mod path;
 mod prune;
+mod rows;
 pub mod screening;
 pub mod segments;
 pub mod starts;
@@ -46,7 +48,7 @@ use crate::expr::System;
 ///
 /// # Errors
 ///
-/// [`Error::Fit`](crate::error::Error::Fit) when the data do not suffice, with what to do.
+/// [`Error::Fit`] when the data do not suffice, with what to do.
 pub fn fit(
     system: &System,
     dataset: &Dataset,

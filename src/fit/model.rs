@@ -21,13 +21,18 @@ pub struct Model {
     pub system: String,
     /// Hash of everything in the spec that has a meaning to the fit; comments do not count.
     pub fingerprint: String,
+    /// The support: every term whose coefficient is not zero.
     pub terms: Vec<LearnedTerm>,
+    /// The inner parameters that occur in the support.
     pub parameters: Vec<LearnedParameter>,
     /// Covariance of the coefficients of `terms`, then of `parameters`; `null` where infinite.
     #[serde(with = "finite_or_null")]
     pub covariance: Vec<Vec<f64>>,
+    /// Noise of each observable, in the order of the system's observables.
     pub noise: Vec<Noise>,
+    /// How trajectories were integrated.
     pub integrator: Integrator,
+    /// What the fit rests on.
     pub evidence: Evidence,
     /// The best model of every size: error against number of terms.
     pub front: Vec<FrontPoint>,
@@ -39,6 +44,7 @@ pub struct Model {
     pub unlearnable: Vec<String>,
     /// L1 penalty and the coefficients at it, along the path.
     pub path: Vec<PathEntry>,
+    /// Why training ended.
     pub stop: Stop,
 }
 
@@ -51,27 +57,35 @@ pub struct LearnedTerm {
     pub term: String,
     /// The name that the spec gives the coefficient.
     pub name: Option<String>,
+    /// Coefficient, in units of `unit`.
     pub coefficient: f64,
+    /// Standard error of the coefficient, in the same unit; `null` in the file where infinite.
     #[serde(with = "finite_or_null_one")]
     pub standard_error: f64,
     /// How often the term is chosen when the data are resampled, 0 to 1.
     pub inclusion: f64,
+    /// Unit of the coefficient, where units were given.
     pub unit: Option<String>,
 }
 
 /// An inner parameter that occurs in the model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LearnedParameter {
+    /// As written in the spec.
     pub name: String,
+    /// Learned value, in units of `unit`.
     pub value: f64,
+    /// Standard error, in the same unit; `null` in the file where infinite.
     #[serde(with = "finite_or_null_one")]
     pub standard_error: f64,
+    /// Unit of the parameter, where one was given.
     pub unit: Option<String>,
 }
 
 /// Noise of one observable.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Noise {
+    /// Name of the observable.
     pub observable: String,
     /// Standard deviation, in the observable's unit.
     pub standard_deviation: f64,
@@ -82,6 +96,7 @@ pub struct Noise {
 /// The integrator that the fit ended with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Integrator {
+    /// Name of the method, as in "leapfrog".
     pub method: String,
     /// No step was longer, in the spec's unit of time.
     pub longest_step: f64,
@@ -92,8 +107,11 @@ pub struct Integrator {
 /// What the fit rests on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
+    /// Runs of the data set.
     pub runs: usize,
+    /// Samples of all runs.
     pub samples: usize,
+    /// Segments that the runs were cut into.
     pub segments: usize,
     /// Samples of the longest segment.
     pub window: usize,
@@ -107,20 +125,28 @@ pub struct Evidence {
     pub function_space: usize,
     /// Coefficients and inner parameters of the model.
     pub learned: usize,
+    /// Value of the criterion for the model (a deviance; smaller is better).
     pub criterion: f64,
+    /// How the support was chosen, in words.
     pub selection: String,
+    /// Name of the loss, a row of [`LOSSES`](super::LOSSES).
     pub loss: String,
+    /// Supports that the last search tried.
     pub supports_tried: usize,
+    /// Seed of the random numbers.
     pub seed: u64,
 }
 
 /// The best model with a given number of terms.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FrontPoint {
+    /// Its terms, in the mini-language.
     pub terms: Vec<String>,
     /// Root mean square of the residuals in units of the noise.
     pub error: f64,
+    /// Value of the criterion (a deviance; smaller is better).
     pub criterion: f64,
+    /// Whether it is the model.
     pub chosen: bool,
 }
 
@@ -136,23 +162,31 @@ pub struct RunnerUp {
 /// A term of the model and one that could stand in its place.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Exchange {
+    /// The term of the model.
     pub term: String,
+    /// The term that could stand in its place.
     pub instead: String,
+    /// How much worse the criterion (a deviance) gets by the exchange.
     pub difference: f64,
 }
 
 /// One penalty of the L1 path.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PathEntry {
+    /// Penalty on a coefficient times the norm of its column.
     pub lambda: f64,
+    /// Term and coefficient of every term that is not zero at this penalty.
     pub coefficients: Vec<(String, f64)>,
 }
 
 /// Why training ended.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Stop {
+    /// What ended the last refit.
     pub reason: StopReason,
+    /// The reason in a sentence.
     pub sentence: String,
+    /// Rounds of training: search and refit.
     pub rounds: usize,
     /// Gauss-Newton iterations of the last refit.
     pub iterations: usize,

@@ -6,19 +6,21 @@
 //! no longer know the state; they are what the factor takes in (variable projection:
 //! Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973, in Kaufman's form).
 
-use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use super::factor::Factor;
+use super::gathered::Gathered;
 use super::loss::Loss;
+use super::rows::Rows;
 use super::segments::{Segment, Segments, blocks};
 use crate::data::Dataset;
-use crate::dynamics::{Batch, Dynamics, Method, Scratch, advance, observe};
+use crate::dynamics::{Dynamics, Method, Scratch};
 use crate::expr::Observed;
 
 /// How trajectories are integrated between samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stepping {
+    /// Method of integration.
     pub method: Method,
     /// No step is longer.
     pub longest: f64,
@@ -27,12 +29,17 @@ pub struct Stepping {
 /// What a pass works on.
 #[derive(Clone, Copy)]
 pub struct Problem<'a> {
+    /// The measurements; observables in the order of the system's.
     pub dataset: &'a Dataset,
+    /// The stretches of measurement that are integrated.
     pub segments: &'a Segments,
+    /// What the second half of the observables is.
     pub observed: Observed,
     /// One over the noise of each observable.
     pub weights: &'a [f64],
+    /// What a weighted residual costs.
     pub loss: Loss,
+    /// How trajectories are integrated between samples.
     pub stepping: Stepping,
     /// Weighted residuals below this are rounding or the integrator's own error.
     pub floor: f64,
@@ -172,6 +179,7 @@ fn settle_block(
 pub struct Linearised {
     /// One factor for each fold of the segments.
     pub folds: Vec<Factor>,
+    /// Sums over all segments at that theta.
     pub sums: Sums,
 }
 
@@ -233,330 +241,4 @@ fn width(problem: &Problem, columns: usize) -> usize {
     let samples = problem.segments.list.iter().map(|s| s.samples()).max().unwrap_or(1);
     let lane_bytes = samples * problem.weights.len() * columns * 8;
     (BLOCK_BYTES / lane_bytes.max(1)).clamp(4, LANES) / 4 * 4
-}
-
-/// Weighted residuals and derivatives of a block of segments, `[row][column][lane]`.
-///
-/// Rows are (sample, observable); columns are the initial state, then theta, then the
-/// residual "measured - predicted". What was not measured is a row of zeros.
-struct Rows {
-    values: Vec<f64>,
-    rows: usize,
-    columns: usize,
-    lanes: usize,
-    /// Dimension of the state.
-    state: usize,
-    /// Loss of each lane; infinite where the trajectory exploded.
-    losses: Vec<f64>,
-    /// Measured values of each lane.
-    measured: Vec<usize>,
-    observables: usize,
-    /// State columns and residuals before elimination, `[row][state + 1][lane]`.
-    original: Vec<f64>,
-    /// What each residual adds to the estimate of the variance, `[row][lane]`.
-    scales: Vec<f64>,
-    /// Squared norm of each column of theta before elimination.
-    touched: Vec<f64>,
-}
-
-impl Rows {
-    fn integrate(
-        problem: &Problem,
-        dynamics: &Dynamics,
-        theta: &[f64],
-        segments: &[Segment],
-        states: &[Vec<f64>],
-        by_theta: bool,
-        scratch: &mut Scratch,
-    ) -> Rows {
-        let (degrees, lanes) = (dynamics.degrees(), segments.len());
-        let state = 2 * degrees;
-        let observables = problem.weights.len();
-        let unknowns = dynamics.unknowns();
-        let mut batch = Batch::with_tangents(degrees, lanes, unknowns);
-        let kept = if by_theta { unknowns } else { 0 };
-        let columns = state + kept + 1;
-        let samples = segments.iter().map(|s| s.samples()).max().unwrap_or(0);
-        let mut rows = Rows {
-            values: vec![0.0; samples * observables * columns * lanes],
-            rows: samples * observables,
-            columns,
-            lanes,
-            state,
-            losses: vec![0.0; lanes],
-            measured: vec![0; lanes],
-            observables,
-            original: Vec::new(),
-            scales: vec![0.0; samples * observables * lanes],
-            touched: vec![0.0; kept],
-        };
-        for (lane, (segment, start)) in segments.iter().zip(states).enumerate() {
-            batch.set(lane, problem.dataset.runs[segment.run].times[segment.first], start);
-        }
-        let mut span = vec![0.0; lanes];
-        let mut out = vec![0.0; state * lanes];
-        let mut tangent = vec![0.0; state * batch.columns() * lanes];
-        for sample in 0..samples {
-            if sample > 0 {
-                for (lane, segment) in segments.iter().enumerate() {
-                    let times = &problem.dataset.runs[segment.run].times;
-                    let at = segment.first + sample;
-                    span[lane] = if at <= segment.last { times[at] - times[at - 1] } else { 0.0 };
-                }
-                let longest = span.iter().fold(0.0f64, |m, s| m.max(s.abs()));
-                let steps = (longest / problem.stepping.longest * (1.0 - 1e-9)).ceil().max(1.0);
-                let method = problem.stepping.method;
-                advance(dynamics, method, &mut batch, &span, steps as usize, theta, scratch);
-            }
-            let observed = problem.observed;
-            observe(dynamics, observed, &batch, theta, &mut out, Some(&mut tangent), scratch);
-            rows.take(problem, segments, sample, &out, &tangent, batch.columns());
-        }
-        rows
-    }
-
-    /// Takes one sample of every lane in.
-    fn take(
-        &mut self,
-        problem: &Problem,
-        segments: &[Segment],
-        sample: usize,
-        out: &[f64],
-        tangent: &[f64],
-        tangent_columns: usize,
-    ) {
-        let lanes = self.lanes;
-        let mut scale = vec![0.0; lanes];
-        for observable in 0..self.observables {
-            let row = sample * self.observables + observable;
-            let base = row * self.columns * lanes;
-            let last = base + (self.columns - 1) * lanes;
-            for (lane, segment) in segments.iter().enumerate() {
-                scale[lane] = 0.0;
-                let at = segment.first + sample;
-                if at > segment.last {
-                    continue;
-                }
-                let measured = problem.dataset.runs[segment.run].values[observable][at];
-                if !measured.is_finite() {
-                    continue;
-                }
-                let weight = problem.weights[observable];
-                let residual = weight * (measured - out[observable * lanes + lane]);
-                self.measured[lane] += 1;
-                if !residual.is_finite() {
-                    self.losses[lane] = f64::INFINITY;
-                    continue;
-                }
-                let robust = (problem.loss.row().weight)(residual).sqrt();
-                self.losses[lane] += (problem.loss.row().value)(residual);
-                scale[lane] = weight * robust;
-                self.scales[row * lanes + lane] = problem.loss.scale(residual);
-                self.values[last + lane] = residual * robust;
-            }
-            for column in 0..self.columns - 1 {
-                let from = (observable * tangent_columns + column) * lanes;
-                let into = base + column * lanes;
-                let target = &mut self.values[into..into + lanes];
-                for ((t, d), s) in target.iter_mut().zip(&tangent[from..from + lanes]).zip(&scale) {
-                    // An exploded lane has NaN derivatives; its weight is zero.
-                    *t = if *s == 0.0 { 0.0 } else { d * s };
-                }
-            }
-        }
-    }
-
-    fn at(&self, row: usize, column: usize, lane: usize) -> f64 {
-        self.values[(row * self.columns + column) * self.lanes + lane]
-    }
-
-    /// Takes exploded lanes out: all their rows become zero.
-    fn silence(&mut self) {
-        let lost: Vec<usize> =
-            (0..self.lanes).filter(|&lane| !self.losses[lane].is_finite()).collect();
-        if !lost.is_empty() {
-            for row in self.values.chunks_exact_mut(self.lanes) {
-                lost.iter().for_each(|&lane| row[lane] = 0.0);
-            }
-        }
-    }
-
-    /// Householder reflections, each lane with its own, all lanes at once.
-    fn eliminate_states(&mut self) {
-        self.silence();
-        let (lanes, columns) = (self.lanes, self.columns);
-        for row in self.values.chunks_exact(columns * lanes) {
-            self.original.extend_from_slice(&row[..self.state * lanes]);
-            self.original.extend_from_slice(&row[(columns - 1) * lanes..]);
-            let columns = row[self.state * lanes..].chunks_exact(lanes);
-            for (squares, column) in self.touched.iter_mut().zip(columns) {
-                *squares += column.iter().map(|x| x * x).sum::<f64>();
-            }
-        }
-        let mut norm = vec![0.0; lanes];
-        let mut factor = vec![0.0; lanes];
-        let mut dot = vec![0.0; lanes];
-        for pivot in 0..self.state.min(self.rows) {
-            let at = |row: usize, column: usize| (row * columns + column) * lanes;
-            norm.fill(0.0);
-            for row in pivot..self.rows {
-                let column = &self.values[at(row, pivot)..][..lanes];
-                for (n, x) in norm.iter_mut().zip(column) {
-                    *n += x * x;
-                }
-            }
-            // v = (alpha - beta, rest); I - v v' / (norm^2 - alpha beta).
-            let head = at(pivot, pivot);
-            let mut beta = vec![0.0; lanes];
-            for lane in 0..lanes {
-                let alpha = self.values[head + lane];
-                beta[lane] = -norm[lane].sqrt().copysign(alpha);
-                let size = norm[lane] - alpha * beta[lane];
-                factor[lane] = if size > 0.0 { 1.0 / size } else { 0.0 };
-                self.values[head + lane] = alpha - beta[lane];
-            }
-            for column in pivot + 1..columns {
-                dot.fill(0.0);
-                for row in pivot..self.rows {
-                    let v = &self.values[at(row, pivot)..][..lanes];
-                    let x = &self.values[at(row, column)..][..lanes];
-                    for ((d, v), x) in dot.iter_mut().zip(v).zip(x) {
-                        *d += v * x;
-                    }
-                }
-                for (d, f) in dot.iter_mut().zip(&factor) {
-                    *d *= f;
-                }
-                for row in pivot..self.rows {
-                    let (left, right) = self.values.split_at_mut(at(row, column));
-                    let v = &left[at(row, pivot)..][..lanes];
-                    for ((x, d), v) in right[..lanes].iter_mut().zip(&dot).zip(v) {
-                        *x -= d * v;
-                    }
-                }
-            }
-            for row in pivot + 1..self.rows {
-                self.values[at(row, pivot)..][..lanes].fill(0.0);
-            }
-            self.values[head..head + lanes].copy_from_slice(&beta);
-        }
-    }
-
-    /// The Gauss-Newton step of a lane's state, after elimination, theta held.
-    fn state_step(&self, lane: usize) -> Vec<f64> {
-        let last = self.columns - 1;
-        let mut step = vec![0.0; self.state];
-        for i in (0..self.state.min(self.rows)).rev() {
-            let pivot = self.at(i, i, lane);
-            let norm = (0..=i).map(|row| self.at(row, i, lane).powi(2)).sum::<f64>().sqrt();
-            if pivot.abs() <= 1e-12 * norm {
-                continue;
-            }
-            let known: f64 = (i + 1..self.state).map(|j| self.at(i, j, lane) * step[j]).sum();
-            step[i] = (self.at(i, last, lane) - known) / pivot;
-        }
-        step
-    }
-
-    /// By how much the squares of a lane fall if its state takes the step.
-    fn promised(&self, lane: usize) -> f64 {
-        let last = self.columns - 1;
-        (0..self.state.min(self.rows)).map(|i| self.at(i, last, lane).powi(2)).sum()
-    }
-
-    /// Number of states that a lane's measurements determine, after elimination or before.
-    fn independent(&self, lane: usize) -> usize {
-        self.measured[lane].saturating_sub(self.state)
-    }
-
-    /// Adds losses, squares and degrees of freedom of the lanes; after elimination.
-    ///
-    /// The leverage of a measured value on the states is |J_row R_s^-1|^2.
-    fn sum_up(&self, sums: &mut Sums) {
-        let (lanes, state) = (self.lanes, self.state);
-        let mut solved = vec![0.0; state];
-        for lane in 0..lanes {
-            if !self.losses[lane].is_finite() {
-                sums.exploded += 1;
-                continue;
-            }
-            sums.loss += self.losses[lane];
-            sums.rows += self.independent(lane);
-            let norms: Vec<f64> = (0..state.min(self.rows))
-                .map(|c| (0..=c).map(|r| self.at(r, c, lane).powi(2)).sum::<f64>().sqrt())
-                .collect();
-            for (row, values) in self.original.chunks_exact((state + 1) * lanes).enumerate() {
-                let residual = values[state * lanes + lane];
-                let mut leverage = 0.0;
-                let mut measured = residual != 0.0;
-                for (c, &norm) in norms.iter().enumerate() {
-                    let entry = values[c * lanes + lane];
-                    measured |= entry != 0.0;
-                    let known: f64 = (0..c).map(|r| self.at(r, c, lane) * solved[r]).sum();
-                    let pivot = self.at(c, c, lane);
-                    solved[c] =
-                        if pivot.abs() > 1e-12 * norm { (entry - known) / pivot } else { 0.0 };
-                    leverage += solved[c] * solved[c];
-                }
-                if measured {
-                    let observable = row % self.observables;
-                    sums.squares[observable] += self.scales[row * lanes + lane];
-                    sums.freedom[observable] += 1.0 - leverage;
-                }
-            }
-        }
-    }
-}
-
-/// Rows on their way into a factor, gathered until a product of matrices pays.
-struct Gathered {
-    width: usize,
-    blocks: Vec<(Vec<f64>, usize)>,
-    rows: usize,
-    count: usize,
-}
-
-impl Gathered {
-    fn new(width: usize) -> Gathered {
-        Gathered { width, blocks: Vec::new(), rows: 0, count: 0 }
-    }
-
-    /// Takes the rows below the eliminated states.
-    fn take(&mut self, rows: &Rows, factor: &mut Factor) {
-        let kept = rows.rows.saturating_sub(rows.state);
-        if kept == 0 {
-            return;
-        }
-        // Column-major within the block: [column][row][lane].
-        let mut block = Vec::with_capacity(kept * rows.lanes * self.width);
-        for column in rows.state..rows.columns {
-            for row in rows.state..rows.rows {
-                let at = (row * rows.columns + column) * rows.lanes;
-                block.extend_from_slice(&rows.values[at..at + rows.lanes]);
-            }
-        }
-        self.rows += kept * rows.lanes;
-        self.count += (0..rows.lanes)
-            .filter(|&lane| rows.losses[lane].is_finite())
-            .map(|lane| rows.independent(lane))
-            .sum::<usize>();
-        self.blocks.push((block, kept * rows.lanes));
-        if self.rows >= (4 * self.width).max(512) {
-            self.flush(factor);
-        }
-    }
-
-    fn flush(&mut self, factor: &mut Factor) {
-        let mut stacked = DMatrix::zeros(self.rows, self.width);
-        let mut start = 0;
-        for (block, rows) in self.blocks.drain(..) {
-            for (column, values) in block.chunks_exact(rows).enumerate() {
-                stacked.view_mut((start, column), (rows, 1)).copy_from_slice(values);
-            }
-            start += rows;
-        }
-        factor.push(&mut stacked, self.count);
-        self.rows = 0;
-        self.count = 0;
-    }
 }

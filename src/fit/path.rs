@@ -39,6 +39,7 @@ pub struct PathPoint {
 }
 
 impl PathPoint {
+    /// Indices of the unknowns that are not zero.
     pub fn support(&self) -> Vec<usize> {
         self.coefficients.iter().map(|&(k, _)| k).collect()
     }

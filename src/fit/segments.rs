@@ -7,12 +7,16 @@ use crate::data::Dataset;
 /// Samples `first ..= last` of one run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Segment {
+    /// Index of the run in the data set.
     pub run: usize,
+    /// Index of the first sample.
     pub first: usize,
+    /// Index of the last sample, which belongs to the segment.
     pub last: usize,
 }
 
 impl Segment {
+    /// Number of samples, the first and the last included.
     pub fn samples(self) -> usize {
         self.last - self.first + 1
     }
@@ -21,6 +25,7 @@ impl Segment {
 /// All segments of a data set, fold after fold.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Segments {
+    /// The segments, those of one fold next to each other.
     pub list: Vec<Segment>,
     /// Ranges of `list`. A fold holds whole runs where there are enough of them, else whole
     /// stretches of time, so that leaving one out is leaving out something unseen.

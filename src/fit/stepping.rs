@@ -11,6 +11,7 @@ use crate::expr::System;
 /// An integrator with what it can resolve.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choice {
+    /// Method and longest step.
     pub stepping: Stepping,
     /// Largest error of each component of the state between two samples; infinite when unknown.
     pub error: Vec<f64>,

@@ -71,7 +71,9 @@ pub struct Candidate {
     pub support: Vec<usize>,
     /// (column, value) of every unknown that belongs to it.
     pub values: Vec<(usize, f64)>,
+    /// Sum of squares that the support leaves, in squares of the noise.
     pub squares: f64,
+    /// Value of the criterion (a deviance; smaller is better).
     pub criterion: f64,
 }
 
@@ -80,6 +82,7 @@ pub struct Candidate {
 pub struct Search {
     /// Distinct supports, best first.
     pub candidates: Vec<Candidate>,
+    /// The solutions of the L1 problem, from strong to weak penalties.
     pub path: Vec<PathPoint>,
     /// Supports that were tried.
     pub tried: usize,
@@ -147,7 +150,9 @@ pub fn quick_search(factor: &Factor, columns: &Columns, criterion: Criterion) ->
 /// A term of the support, and one outside it that could stand in its place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Alternative {
+    /// The term of the support.
     pub term: usize,
+    /// The term that could stand in its place.
     pub instead: usize,
     /// How much worse the criterion gets by the exchange.
     pub difference: f64,

@@ -32,37 +32,50 @@ const TRIAL_SEGMENTS: usize = 400;
 /// A model under training, with everything that the next round starts from.
 #[derive(Clone)]
 pub struct Training<'a> {
+    /// What is learned.
     pub system: &'a System,
+    /// What it is learned from.
     pub dataset: &'a Dataset,
+    /// How it is learned.
     pub options: &'a Options,
+    /// Segments of the current round.
     pub segments: Segments,
+    /// Samples of the longest segment.
     pub window: usize,
+    /// Initial states of the segments.
     pub states: States,
     /// One coefficient for each term; zero outside the support.
     pub coefficients: Vec<f64>,
     /// One value for each inner parameter.
     pub parameters: Vec<f64>,
+    /// Terms of the model, sorted.
     pub support: Vec<usize>,
     /// Standard deviation of the noise of each observable.
     pub noise: Vec<f64>,
     /// Spread of each observable's measurements (1 where there are none).
     pub spread: Vec<f64>,
+    /// Integrator of the current round, with what it can resolve.
     pub integrator: Choice,
     /// Whether every term of the function space leaves H = T(p) + V(q).
     pub separable: bool,
+    /// Rounds that were made.
     pub rounds: usize,
 }
 
 /// What a round ended with.
 pub struct Round {
+    /// The supports that the round found.
     pub search: Search,
+    /// The model, refitted on its support.
     pub refit: Refit,
     /// The factor of the whole space at the model before the round; coefficients absolute,
     /// parameters as increments.
     pub folds: Vec<Factor>,
     /// All folds together.
     pub merged: Factor,
+    /// What the columns of the factors mean.
     pub columns: Columns,
+    /// What the search chose by.
     pub criterion: Criterion,
 }
 
@@ -170,6 +183,7 @@ impl<'a> Training<'a> {
         (squares / self.noise.len().max(1) as f64).sqrt()
     }
 
+    /// The problem that a pass works on, with one weight for each observable.
     pub fn problem<'b>(&'b self, weights: &'b [f64]) -> Problem<'b> {
         Problem {
             dataset: self.dataset,

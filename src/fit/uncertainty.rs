@@ -85,9 +85,17 @@ pub fn inclusion(
 #[derive(Debug, Clone, PartialEq)]
 pub enum Unlearnable {
     /// It does not change any measured value.
-    Untouched { column: usize },
+    Untouched {
+        /// Index of the column.
+        column: usize,
+    },
     /// It does the same as a combination of others (empty: which one was not looked for).
-    Dependent { column: usize, on: Vec<(usize, f64)> },
+    Dependent {
+        /// Index of the column.
+        column: usize,
+        /// The other columns and their factors.
+        on: Vec<(usize, f64)>,
+    },
 }
 
 /// Columns that are zero, or a combination of the others to rounding.

@@ -13,6 +13,7 @@ pub mod cost;
 mod emit;
 mod form;
 mod lang;
+pub mod measured;
 mod normal;
 mod numbers;
 mod part;
@@ -28,6 +29,7 @@ use std::collections::HashMap;
 use nalgebra::DMatrix;
 
 pub use code::for_machines;
+pub use measured::Measured;
 pub use snap::{Nice, Tolerance};
 pub use text::{Style, significant, uncertain};
 

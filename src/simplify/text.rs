@@ -2,8 +2,9 @@
 
 use std::fmt::Write;
 
+use super::measured::Measured;
 use super::{DerivedNumber, Part, Simplified};
-use crate::expr::{Expr, Node, Place, Symbol};
+use crate::expr::{Expr, Node, Place, Strength, Symbol};
 
 /// How numbers are printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,36 +37,14 @@ impl DerivedNumber {
     }
 }
 
-/// `0.5012(13)`: two digits of the standard error, the value to the same place.
+/// `0.5012(13)` as [`Measured`] has it; a number without a standard error (zero, infinite or lost
+/// in rounding) with that many significant digits.
 pub fn uncertain(value: f64, standard_error: f64, digits: usize) -> String {
     let size = value.abs().max(1e-300);
     if !(standard_error > 1e-12 * size && standard_error.is_finite() && value.is_finite()) {
         return significant(value, digits);
     }
-    let mut places = 1 - standard_error.log10().floor() as i32;
-    if (standard_error * 10f64.powi(places)).round() >= 100.0 {
-        places -= 1;
-    }
-    if !(0..=15).contains(&places) {
-        // Very small or very large: in units of a power of ten.
-        let power = size.max(standard_error).log10().floor() as i32;
-        let unit = 10f64.powi(power);
-        if power.abs() > 200 || places + power < 0 {
-            return format!("{value:e}");
-        }
-        let inner = uncertain(value / unit, standard_error / unit, digits);
-        return format!("{inner}e{power}");
-    }
-    let last = (standard_error * 10f64.powi(places)).round();
-    let mut text = format!("{value:.*}", places as usize);
-    let shown = if places == 1 && last >= 10.0 {
-        // 12.3(1.2): the digits in brackets reach past the point.
-        format!("{:.1}", last / 10.0)
-    } else {
-        format!("{last}")
-    };
-    let _ = write!(text, "({shown})");
-    text
+    Measured::new(value, standard_error).text()
 }
 
 /// That many significant digits at most, no trailing zeros.
@@ -74,15 +53,6 @@ pub fn significant(value: f64, digits: usize) -> String {
     let rounded: f64 = text.parse().unwrap_or(value);
     let plain = rounded == 0.0 || (1e-5..1e16).contains(&rounded.abs());
     if plain { format!("{rounded}") } else { format!("{rounded:e}") }
-}
-
-/// How tightly a text holds together.
-#[derive(Clone, Copy, PartialEq, PartialOrd)]
-enum Strength {
-    Sum,
-    Product,
-    Power,
-    Atom,
 }
 
 impl Simplified {

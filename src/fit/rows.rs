@@ -1,0 +1,278 @@
+//! Rows of a linearised block: weighted residuals and their derivatives, freed of the states.
+
+use super::pass::{Problem, Sums};
+use super::segments::Segment;
+use crate::dynamics::{Batch, Dynamics, Scratch, advance, observe};
+
+/// Weighted residuals and derivatives of a block of segments, `[row][column][lane]`.
+///
+/// Rows are (sample, observable); columns are the initial state, then theta, then the
+/// residual "measured - predicted". What was not measured is a row of zeros.
+pub(super) struct Rows {
+    pub(super) values: Vec<f64>,
+    pub(super) rows: usize,
+    pub(super) columns: usize,
+    pub(super) lanes: usize,
+    /// Dimension of the state.
+    pub(super) state: usize,
+    /// Loss of each lane; infinite where the trajectory exploded.
+    pub(super) losses: Vec<f64>,
+    /// Measured values of each lane.
+    pub(super) measured: Vec<usize>,
+    observables: usize,
+    /// State columns and residuals before elimination, `[row][state + 1][lane]`.
+    original: Vec<f64>,
+    /// What each residual adds to the estimate of the variance, `[row][lane]`.
+    scales: Vec<f64>,
+    /// Squared norm of each column of theta before elimination.
+    pub(super) touched: Vec<f64>,
+}
+
+impl Rows {
+    pub(super) fn integrate(
+        problem: &Problem,
+        dynamics: &Dynamics,
+        theta: &[f64],
+        segments: &[Segment],
+        states: &[Vec<f64>],
+        by_theta: bool,
+        scratch: &mut Scratch,
+    ) -> Rows {
+        let (degrees, lanes) = (dynamics.degrees(), segments.len());
+        let state = 2 * degrees;
+        let observables = problem.weights.len();
+        let unknowns = dynamics.unknowns();
+        let mut batch = Batch::with_tangents(degrees, lanes, unknowns);
+        let kept = if by_theta { unknowns } else { 0 };
+        let columns = state + kept + 1;
+        let samples = segments.iter().map(|s| s.samples()).max().unwrap_or(0);
+        let mut rows = Rows {
+            values: vec![0.0; samples * observables * columns * lanes],
+            rows: samples * observables,
+            columns,
+            lanes,
+            state,
+            losses: vec![0.0; lanes],
+            measured: vec![0; lanes],
+            observables,
+            original: Vec::new(),
+            scales: vec![0.0; samples * observables * lanes],
+            touched: vec![0.0; kept],
+        };
+        for (lane, (segment, start)) in segments.iter().zip(states).enumerate() {
+            batch.set(lane, problem.dataset.runs[segment.run].times[segment.first], start);
+        }
+        let mut span = vec![0.0; lanes];
+        let mut out = vec![0.0; state * lanes];
+        let mut tangent = vec![0.0; state * batch.columns() * lanes];
+        for sample in 0..samples {
+            if sample > 0 {
+                for (lane, segment) in segments.iter().enumerate() {
+                    let times = &problem.dataset.runs[segment.run].times;
+                    let at = segment.first + sample;
+                    span[lane] = if at <= segment.last { times[at] - times[at - 1] } else { 0.0 };
+                }
+                let longest = span.iter().fold(0.0f64, |m, s| m.max(s.abs()));
+                let steps = (longest / problem.stepping.longest * (1.0 - 1e-9)).ceil().max(1.0);
+                let method = problem.stepping.method;
+                advance(dynamics, method, &mut batch, &span, steps as usize, theta, scratch);
+            }
+            let observed = problem.observed;
+            observe(dynamics, observed, &batch, theta, &mut out, Some(&mut tangent), scratch);
+            rows.take(problem, segments, sample, &out, &tangent, batch.columns());
+        }
+        rows
+    }
+
+    /// Takes one sample of every lane in.
+    fn take(
+        &mut self,
+        problem: &Problem,
+        segments: &[Segment],
+        sample: usize,
+        out: &[f64],
+        tangent: &[f64],
+        tangent_columns: usize,
+    ) {
+        let lanes = self.lanes;
+        let mut scale = vec![0.0; lanes];
+        for observable in 0..self.observables {
+            let row = sample * self.observables + observable;
+            let base = row * self.columns * lanes;
+            let last = base + (self.columns - 1) * lanes;
+            for (lane, segment) in segments.iter().enumerate() {
+                scale[lane] = 0.0;
+                let at = segment.first + sample;
+                if at > segment.last {
+                    continue;
+                }
+                let measured = problem.dataset.runs[segment.run].values[observable][at];
+                if !measured.is_finite() {
+                    continue;
+                }
+                let weight = problem.weights[observable];
+                let residual = weight * (measured - out[observable * lanes + lane]);
+                self.measured[lane] += 1;
+                if !residual.is_finite() {
+                    self.losses[lane] = f64::INFINITY;
+                    continue;
+                }
+                let robust = (problem.loss.row().weight)(residual).sqrt();
+                self.losses[lane] += (problem.loss.row().value)(residual);
+                scale[lane] = weight * robust;
+                self.scales[row * lanes + lane] = problem.loss.scale(residual);
+                self.values[last + lane] = residual * robust;
+            }
+            for column in 0..self.columns - 1 {
+                let from = (observable * tangent_columns + column) * lanes;
+                let into = base + column * lanes;
+                let target = &mut self.values[into..into + lanes];
+                for ((t, d), s) in target.iter_mut().zip(&tangent[from..from + lanes]).zip(&scale) {
+                    // An exploded lane has NaN derivatives; its weight is zero.
+                    *t = if *s == 0.0 { 0.0 } else { d * s };
+                }
+            }
+        }
+    }
+
+    fn at(&self, row: usize, column: usize, lane: usize) -> f64 {
+        self.values[(row * self.columns + column) * self.lanes + lane]
+    }
+
+    /// Takes exploded lanes out: all their rows become zero.
+    fn silence(&mut self) {
+        let lost: Vec<usize> =
+            (0..self.lanes).filter(|&lane| !self.losses[lane].is_finite()).collect();
+        if !lost.is_empty() {
+            for row in self.values.chunks_exact_mut(self.lanes) {
+                lost.iter().for_each(|&lane| row[lane] = 0.0);
+            }
+        }
+    }
+
+    /// Householder reflections, each lane with its own, all lanes at once.
+    pub(super) fn eliminate_states(&mut self) {
+        self.silence();
+        let (lanes, columns) = (self.lanes, self.columns);
+        for row in self.values.chunks_exact(columns * lanes) {
+            self.original.extend_from_slice(&row[..self.state * lanes]);
+            self.original.extend_from_slice(&row[(columns - 1) * lanes..]);
+            let columns = row[self.state * lanes..].chunks_exact(lanes);
+            for (squares, column) in self.touched.iter_mut().zip(columns) {
+                *squares += column.iter().map(|x| x * x).sum::<f64>();
+            }
+        }
+        let mut norm = vec![0.0; lanes];
+        let mut factor = vec![0.0; lanes];
+        let mut dot = vec![0.0; lanes];
+        for pivot in 0..self.state.min(self.rows) {
+            let at = |row: usize, column: usize| (row * columns + column) * lanes;
+            norm.fill(0.0);
+            for row in pivot..self.rows {
+                let column = &self.values[at(row, pivot)..][..lanes];
+                for (n, x) in norm.iter_mut().zip(column) {
+                    *n += x * x;
+                }
+            }
+            // v = (alpha - beta, rest); I - v v' / (norm^2 - alpha beta).
+            let head = at(pivot, pivot);
+            let mut beta = vec![0.0; lanes];
+            for lane in 0..lanes {
+                let alpha = self.values[head + lane];
+                beta[lane] = -norm[lane].sqrt().copysign(alpha);
+                let size = norm[lane] - alpha * beta[lane];
+                factor[lane] = if size > 0.0 { 1.0 / size } else { 0.0 };
+                self.values[head + lane] = alpha - beta[lane];
+            }
+            for column in pivot + 1..columns {
+                dot.fill(0.0);
+                for row in pivot..self.rows {
+                    let v = &self.values[at(row, pivot)..][..lanes];
+                    let x = &self.values[at(row, column)..][..lanes];
+                    for ((d, v), x) in dot.iter_mut().zip(v).zip(x) {
+                        *d += v * x;
+                    }
+                }
+                for (d, f) in dot.iter_mut().zip(&factor) {
+                    *d *= f;
+                }
+                for row in pivot..self.rows {
+                    let (left, right) = self.values.split_at_mut(at(row, column));
+                    let v = &left[at(row, pivot)..][..lanes];
+                    for ((x, d), v) in right[..lanes].iter_mut().zip(&dot).zip(v) {
+                        *x -= d * v;
+                    }
+                }
+            }
+            for row in pivot + 1..self.rows {
+                self.values[at(row, pivot)..][..lanes].fill(0.0);
+            }
+            self.values[head..head + lanes].copy_from_slice(&beta);
+        }
+    }
+
+    /// The Gauss-Newton step of a lane's state, after elimination, theta held.
+    pub(super) fn state_step(&self, lane: usize) -> Vec<f64> {
+        let last = self.columns - 1;
+        let mut step = vec![0.0; self.state];
+        for i in (0..self.state.min(self.rows)).rev() {
+            let pivot = self.at(i, i, lane);
+            let norm = (0..=i).map(|row| self.at(row, i, lane).powi(2)).sum::<f64>().sqrt();
+            if pivot.abs() <= 1e-12 * norm {
+                continue;
+            }
+            let known: f64 = (i + 1..self.state).map(|j| self.at(i, j, lane) * step[j]).sum();
+            step[i] = (self.at(i, last, lane) - known) / pivot;
+        }
+        step
+    }
+
+    /// By how much the squares of a lane fall if its state takes the step.
+    pub(super) fn promised(&self, lane: usize) -> f64 {
+        let last = self.columns - 1;
+        (0..self.state.min(self.rows)).map(|i| self.at(i, last, lane).powi(2)).sum()
+    }
+
+    /// Number of states that a lane's measurements determine, after elimination or before.
+    pub(super) fn independent(&self, lane: usize) -> usize {
+        self.measured[lane].saturating_sub(self.state)
+    }
+
+    /// Adds losses, squares and degrees of freedom of the lanes; after elimination.
+    ///
+    /// The leverage of a measured value on the states is |J_row R_s^-1|^2.
+    pub(super) fn sum_up(&self, sums: &mut Sums) {
+        let (lanes, state) = (self.lanes, self.state);
+        let mut solved = vec![0.0; state];
+        for lane in 0..lanes {
+            if !self.losses[lane].is_finite() {
+                sums.exploded += 1;
+                continue;
+            }
+            sums.loss += self.losses[lane];
+            sums.rows += self.independent(lane);
+            let norms: Vec<f64> = (0..state.min(self.rows))
+                .map(|c| (0..=c).map(|r| self.at(r, c, lane).powi(2)).sum::<f64>().sqrt())
+                .collect();
+            for (row, values) in self.original.chunks_exact((state + 1) * lanes).enumerate() {
+                let residual = values[state * lanes + lane];
+                let mut leverage = 0.0;
+                let mut measured = residual != 0.0;
+                for (c, &norm) in norms.iter().enumerate() {
+                    let entry = values[c * lanes + lane];
+                    measured |= entry != 0.0;
+                    let known: f64 = (0..c).map(|r| self.at(r, c, lane) * solved[r]).sum();
+                    let pivot = self.at(c, c, lane);
+                    solved[c] =
+                        if pivot.abs() > 1e-12 * norm { (entry - known) / pivot } else { 0.0 };
+                    leverage += solved[c] * solved[c];
+                }
+                if measured {
+                    let observable = row % self.observables;
+                    sums.squares[observable] += self.scales[row * lanes + lane];
+                    sums.freedom[observable] += 1.0 - leverage;
+                }
+            }
+        }
+    }
+}
