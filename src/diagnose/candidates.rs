@@ -10,6 +10,7 @@ use crate::spec::effects::{EffectRow, Scan, ScanBy, Scene, instances};
 
 /// One effect on one choice of arguments.
 pub struct Candidate {
+    /// Its row of the catalogue.
     pub effect: &'static EffectRow,
     /// `viscous_drag(theta)`.
     pub label: String,

@@ -19,6 +19,7 @@ pub struct Comparison {
     pub noise_floor: Vec<(String, f64)>,
     /// Residual force on each coordinate against each variable.
     pub maps: Vec<ResidualMap>,
+    /// How the energy changes along every run.
     pub energy: Vec<EnergyDrift>,
     /// The worst, in plain sentences.
     pub findings: Vec<String>,
@@ -30,9 +31,11 @@ pub struct Comparison {
 /// freedom that the initial state takes up is paid for.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Horizon {
+    /// Samples of a prediction, the first included.
     pub samples: usize,
     /// In the spec's unit of time.
     pub duration: f64,
+    /// Error on the runs that the model was trained on.
     pub training: f64,
     /// `None` without unseen runs.
     pub unseen: Option<f64>,
@@ -47,23 +50,30 @@ pub struct Horizon {
 pub struct ResidualMap {
     /// Coordinate that the force acts on.
     pub on: String,
+    /// Variable that the force is shown against.
     pub against: String,
     /// (value of the variable, force, standard error).
     pub points: Vec<(f64, f64, f64)>,
     /// Fall of the deviance that the whole map would bring, and its degrees of freedom.
     pub deviance: f64,
+    /// Degrees of freedom of the map.
     pub degrees: usize,
+    /// Chance that noise does as well.
     pub p_value: f64,
 }
 
 /// How the model's energy changes along the measurements of a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct EnergyDrift {
+    /// Name of the run.
     pub run: String,
+    /// Energy at the first point.
     pub first: f64,
+    /// Energy at the last point.
     pub last: f64,
     /// Slope over time and its standard error.
     pub rate: f64,
+    /// Standard error of `rate`.
     pub rate_error: f64,
 }
 

@@ -13,6 +13,7 @@ use crate::fit::{Loss, Model};
 
 /// Scores of probes, and what they cost.
 pub struct Probed {
+    /// One column for each probe.
     pub scores: Scores,
     /// Segments that were lost: predictions, or effects of a probe, that are not finite.
     pub exploded: usize,
@@ -20,15 +21,19 @@ pub struct Probed {
 
 /// A learned model and measurements that it is held against.
 pub struct Context<'a> {
+    /// The system that the model is of.
     pub system: &'a System,
+    /// The measurements.
     pub dataset: &'a Dataset,
     /// Indices of the model's terms in the system's function space.
     pub support: Vec<usize>,
+    /// Coefficients of `support`, in its order.
     pub coefficients: Vec<f64>,
     /// One value for each inner parameter of the system.
     pub parameters: Vec<f64>,
     /// Noise of each observable.
     pub noise: Vec<f64>,
+    /// How predictions are integrated.
     pub stepping: Stepping,
     /// Samples of a segment.
     pub window: usize,

@@ -13,9 +13,11 @@ use crate::spec::edit::insert;
 /// What the loop did, and why it ended.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Discovery {
+    /// Additions, in order.
     pub steps: Vec<Step>,
     /// Why it ended, in a sentence.
     pub stop: String,
+    /// Verdict of the last diagnosis.
     pub verdict: Verdict,
     /// The spec with every addition.
     pub text: String,
@@ -28,13 +30,19 @@ pub struct Discovery {
 /// One addition.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Step {
+    /// `viscous_drag(theta)`.
     pub effect: String,
     /// The statement that was added.
     pub snippet: String,
+    /// Coefficients of its terms, then its inner parameters.
     pub coefficient: Vec<f64>,
+    /// Standard errors, in the same order.
     pub standard_error: Vec<f64>,
+    /// Chance that noise does as well, all tries paid for.
     pub p_value: f64,
+    /// Error on unseen runs over a segment without it, in units of the noise.
     pub unseen_error_before: f64,
+    /// The same with it.
     pub unseen_error_after: f64,
     /// Leaders that these data could not tell from it.
     pub indistinguishable: Vec<String>,

@@ -15,6 +15,7 @@ use crate::fit::{Model, Monitor, Options};
 /// What is missing from a model.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Diagnosis {
+    /// The answer in a word.
     pub verdict: Verdict,
     /// Why, in a sentence.
     pub reason: String,
@@ -24,6 +25,7 @@ pub struct Diagnosis {
     pub indistinguishable: Vec<String>,
     /// Candidates that were tried, and grid points of their inner parameters.
     pub candidates: usize,
+    /// Candidates times the grid points of their inner parameters.
     pub tried: usize,
     /// Error on unseen runs over a segment, in units of the noise, before anything is added.
     pub unseen_error: f64,
@@ -46,12 +48,15 @@ pub enum Verdict {
 /// A candidate that was refitted in full.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Leader {
+    /// `viscous_drag(theta)`.
     pub effect: String,
+    /// Coordinates or observables that it is on.
     pub on: Vec<String>,
     /// The statement that adds it to the spec.
     pub snippet: String,
     /// Coefficient of each of its terms, then its inner parameters.
     pub coefficient: Vec<f64>,
+    /// Standard errors, in the order of `coefficient`.
     pub standard_error: Vec<f64>,
     /// Chance that noise does as well, all candidates and grid points paid for.
     pub p_value: f64,
@@ -59,6 +64,7 @@ pub struct Leader {
     pub deviance: f64,
     /// In units of the noise.
     pub unseen_error_before: f64,
+    /// The same with the effect in the model.
     pub unseen_error_after: f64,
 }
 

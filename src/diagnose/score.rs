@@ -20,6 +20,7 @@ pub struct Score {
     pub degrees: usize,
     /// Coefficient of each column, in the order of the group.
     pub coefficients: Vec<f64>,
+    /// Standard errors, in the same order.
     pub standard_errors: Vec<f64>,
     /// Chance that noise does as well, for this one candidate.
     pub p_value: f64,

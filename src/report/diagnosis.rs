@@ -246,12 +246,17 @@ pub fn diagnosis_text(
 /// A coefficient before and after a revision of the spec.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Moved {
+    /// Where the term stands: T, V, H, a force or a sensor.
     pub place: String,
+    /// The term, or the name of an inner parameter.
     pub term: String,
+    /// Its value before.
     pub before: f64,
+    /// Standard error before.
     pub before_error: f64,
     /// `None` where the term left the model.
     pub after: Option<f64>,
+    /// Standard error after; none where the term left.
     pub after_error: Option<f64>,
 }
 
@@ -263,12 +268,15 @@ pub struct Revised<'a> {
     pub how: &'a str,
     /// Samples and error on unseen runs, at every length of prediction.
     pub before: &'a [(usize, f64)],
+    /// Samples and error after, for every length of prediction.
     pub after: &'a [(usize, f64)],
+    /// How earlier numbers moved.
     pub moved: &'a [Moved],
     /// Terms of the effect: name, coefficient, standard error.
     pub effect: &'a [(String, f64, f64)],
     /// `None` where nothing can be said.
     pub warranted: Option<bool>,
+    /// Why it is warranted or not, in a sentence.
     pub why: &'a str,
 }
 

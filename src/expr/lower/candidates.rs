@@ -11,6 +11,7 @@ use crate::spec::resolve::resolve;
 /// An effect that a spec declares with `candidates`; `effect NAME` adds it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Candidate {
+    /// Its name in the spec.
     pub name: String,
     /// Its statements, as they were written.
     pub statements: Vec<String>,

@@ -168,13 +168,16 @@ pub struct EffectRow {
     pub name: &'static str,
     /// Other names that it goes by.
     pub aliases: &'static [&'static str],
+    /// What sort of physics it is.
     pub kind: Kind,
+    /// What it takes as arguments.
     pub on: On,
     /// Statements with placeholders: {q} {p} the first argument's coordinate and momentum,
     /// {r} {s} those of the second, {o} {u} the observables, {t} time, {n} a name made of the
     /// effect and its arguments, and the inner parameters by their names.
     /// Empty where no statement describes it; then `detector` says what finds it.
     pub template: &'static str,
+    /// Its inner parameters, and how they are looked for.
     pub parameters: &'static [Scan],
     /// Its coordinates must be angles: pure numbers.
     pub angle: bool,
@@ -247,17 +250,20 @@ pub fn hint_for(name: &str, more: &[&str]) -> String {
 /// The names that an effect meets in a spec.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Scene {
+    /// Names of the coordinates.
     pub coordinates: Vec<String>,
     /// As many as coordinates.
     pub momenta: Vec<String>,
     /// Coordinates, then what is measured with them.
     pub observables: Vec<String>,
+    /// Name of time.
     pub time: String,
 }
 
 /// An effect on its arguments.
 #[derive(Debug, Clone)]
 pub struct Instance {
+    /// Its row of the catalogue.
     pub effect: &'static EffectRow,
     /// Names of coordinates or observables.
     pub arguments: Vec<String>,
