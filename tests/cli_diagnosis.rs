@@ -116,3 +116,26 @@ fn effects_that_cannot_be_are_refused_with_the_reason() {
     assert_eq!(fs::read_to_string(folder.path().join("s.ham")).expect("the spec"), SPEC);
     assert!(good(folder.path(), &["history", "s.ham"]).out.contains("no revisions"));
 }
+
+#[test]
+fn the_demo_ends_at_the_noise_floor_with_the_truth_beside() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let shown = good(folder.path(), &["demo", "missing-drag", "--quick"]).out;
+    for line in ["loses energy", "Missing: viscous_drag(q)", "It is warranted", "The truth was"] {
+        assert!(shown.contains(line), "{line} in {shown}");
+    }
+    assert!(shown.contains("Nothing is missing"), "{shown}");
+}
+
+#[test]
+fn discover_writes_what_pays_and_keeps_the_comments() {
+    let folder = bench();
+    let found = json(folder.path(), &["discover", "s.ham"], "leverrier.discover/1");
+    assert_eq!(found["verdict"], "nothing_missing");
+    assert_eq!(found["steps"].as_array().map(Vec::len), Some(1));
+    assert_eq!(found["steps"][0]["effect"], "viscous_drag(theta)");
+    let text = fs::read_to_string(folder.path().join("s.ham")).expect("the spec");
+    assert!(text.contains("# a bench, a Tuesday") && text.contains("effect viscous_drag(theta)"));
+    good(folder.path(), &["undo", "s.ham"]);
+    assert_eq!(fs::read_to_string(folder.path().join("s.ham")).expect("the spec"), SPEC);
+}

@@ -10,6 +10,8 @@ use crate::simplify::{significant, uncertain};
 
 /// Maps that are drawn; the others have a row in the table.
 const DRAWN: usize = 3;
+/// Chance above which a map is not drawn.
+const TELLING: f64 = 0.01;
 /// Rows of the table of energies.
 const RUNS: usize = 12;
 /// Columns of a drawn force, on each side of zero.
@@ -89,7 +91,9 @@ pub fn compare_text(
     if !maps.is_empty() {
         sections.push(table(&header, rows.collect(), &[2, 3, 4], width));
     }
-    sections.extend(maps.iter().take(DRAWN).map(|map| drawn(map, width)));
+    // A map whose bands hold zero everywhere would only take up the screen.
+    let telling = maps.iter().filter(|map| map.p_value < TELLING);
+    sections.extend(telling.take(DRAWN).map(|map| drawn(map, width)));
     sections.retain(|section| !section.is_empty());
     sections.join("\n\n")
 }
