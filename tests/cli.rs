@@ -271,3 +271,22 @@ fn a_real_pendulum_is_fitted_from_its_file() {
     assert!((1.29..=1.33).contains(&a), "{a}");
     assert_eq!(fitted["data"]["gaps"].as_array().expect("gaps").len(), 10);
 }
+
+#[test]
+fn every_demo_runs_and_says_what_it_found() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let list = json(folder.path(), &["demo", "--list"], "leverrier.demo-list/1");
+    let names: Vec<&str> = list["demos"]
+        .as_array()
+        .expect("a list")
+        .iter()
+        .filter_map(|d| d["name"].as_str())
+        .collect();
+    assert_eq!(names.len(), 5);
+    for name in names {
+        let found = json(folder.path(), &["demo", name, "--quick"], "leverrier.demo/1");
+        assert!(!found["truth"].is_null(), "{name}");
+    }
+    let shown = good(folder.path(), &["demo", "pendulum"]).out;
+    assert!(shown.contains("H = p^2/4 - 2 cos(q)"), "{shown}");
+}

@@ -1,5 +1,7 @@
 //! `leverrier demo`: a whole story on data made on the spot.
 
+mod course;
+
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -59,6 +61,21 @@ static DEMOS: &[Demo] = &[
         name: "henon-heiles",
         shows: "learns a chaotic star orbit's Hamiltonian from noisy pairs of states",
         run: henon_heiles,
+    },
+    Demo {
+        name: "coupled-oscillators",
+        shows: "learns a nonlinear coupling from 200 short, noisy runs",
+        run: |stage| course::walk(stage, &course::COUPLED),
+    },
+    Demo {
+        name: "mass-spring",
+        shows: "learns which of five masses are joined by springs, and how stiffly",
+        run: |stage| course::walk(stage, &course::SPRINGS),
+    },
+    Demo {
+        name: "pendulum",
+        shows: "learns numbers inside a sine, and prints a cosine",
+        run: |stage| course::walk(stage, &course::PENDULUM),
     },
     Demo {
         name: "missing-drag",
