@@ -14,7 +14,6 @@ use crate::diagnose::compare;
 use crate::diagnose::context::Context;
 use crate::error::{Error, Result};
 use crate::fit::model::fingerprint;
-use crate::fit::segments::longest_run;
 use crate::fit::{Model, Options};
 
 /// How the measurements are split.
@@ -133,15 +132,6 @@ impl Bench {
         again.evidence.function_space = system.terms.len();
         Ok(again)
     }
-}
-
-/// Lengths of prediction, from two samples to the longest run.
-pub fn windows(data: &Dataset) -> Vec<usize> {
-    let longest = longest_run(data);
-    let mut windows: Vec<usize> =
-        std::iter::successors(Some(2), |w| Some(2 * w)).take_while(|&w| w < longest).collect();
-    windows.push(longest);
-    windows
 }
 
 /// Error over each length of prediction (in samples), in units of `noise`.

@@ -6,13 +6,14 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::asked::Asked;
-use super::bench::{Bench, Splitting, errors, windows};
+use super::bench::{Bench, Splitting, errors};
 use super::console::Console;
 use super::fit::{origin, write_model};
 use super::ledger::{Judged, Ledger, date};
 use super::progress::Progress;
 use super::project::{ModelFile, Project};
 use crate::data::write_atomically;
+use crate::diagnose::compare::windows;
 use crate::diagnose::context::Context;
 use crate::error::{Error, Result};
 use crate::expr;

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::context::Context;
 use super::hats::{centres, force_terms, hats};
+use crate::data::Dataset;
 use crate::dynamics::{Batch, Dynamics, Scratch, advance};
 use crate::error::Result;
 use crate::eval::Backend;
@@ -101,13 +102,18 @@ pub fn error(context: &Context, window: usize) -> (f64, usize) {
     ((squares / freedom.max(1e-9)).sqrt(), sums.exploded)
 }
 
-fn horizons(training: &Context, unseen: Option<&Context>) -> Vec<Horizon> {
-    let step = typical_step(training.dataset);
-    let longest = longest_run(training.dataset);
+/// Lengths of prediction in samples: 2, 4, 8, ... and the longest run.
+pub fn windows(dataset: &Dataset) -> Vec<usize> {
+    let longest = longest_run(dataset);
     let mut windows: Vec<usize> =
         std::iter::successors(Some(2), |w| Some(2 * w)).take_while(|&w| w < longest).collect();
     windows.push(longest);
     windows
+}
+
+fn horizons(training: &Context, unseen: Option<&Context>) -> Vec<Horizon> {
+    let step = typical_step(training.dataset);
+    windows(training.dataset)
         .into_iter()
         .map(|samples| {
             let (seen, exploded) = error(training, samples);
