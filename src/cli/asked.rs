@@ -2,6 +2,7 @@
 
 use crate::diagnose::candidates::candidates;
 use crate::diagnose::context::Context;
+use crate::diagnose::scan::scan;
 use crate::error::{Error, Result};
 use crate::expr::System;
 use crate::spec::ast::{Statement, StatementKind};
@@ -127,22 +128,14 @@ impl Asked {
     pub fn scanned(&mut self, project: &Project, context: &Context) -> Result<()> {
         let all = candidates(&project.name(), &project.text, &project.compiled, context.dataset);
         let Some(candidate) = all.iter().find(|c| c.label == self.label) else { return Ok(()) };
-        let mut system = context.system.clone();
-        let mut best: Option<(f64, &Vec<f64>)> = None;
-        for values in &candidate.grid {
-            let probes = candidate.probes(&mut system, values);
-            let columns: Vec<usize> = (0..probes.len()).collect();
-            let score = context.probe(&system, &probes)?.scores.group(&columns);
-            if score.deviance.is_finite() && best.is_none_or(|(most, _)| score.deviance > most) {
-                best = Some((score.deviance, values));
-            }
-        }
-        if let Some((_, values)) = best {
-            let short: Vec<f64> = values
+        let scores = scan(context, std::slice::from_ref(candidate))?;
+        if let Some(best) = scores.scored.first() {
+            let short: Vec<f64> = best
+                .values
                 .iter()
                 .map(|x| crate::simplify::significant(*x, 6).parse().unwrap_or(*x))
                 .collect();
-            self.statement = candidate.effect.statement(&candidate.on, &short);
+            self.statement = candidate.snippet(&short);
         }
         Ok(())
     }

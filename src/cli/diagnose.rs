@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::bench::{Bench, Splitting};
 use super::console::Console;
 use super::progress::Progress;
-use crate::diagnose::missing::{self, Diagnosis, Verdict};
+use crate::diagnose::missing::{self, Diagnosis};
 use crate::error::Result;
 use crate::report::diagnosis_text;
 
@@ -44,15 +44,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
             unseen,
             &progress,
         )?,
-        None => Diagnosis {
-            verdict: Verdict::TooLittleData,
-            reason: "no samples are left to judge an effect on".to_string(),
-            ranking: Vec::new(),
-            indistinguishable: Vec::new(),
-            candidates: 0,
-            tried: 0,
-            unseen_error: f64::NAN,
-        },
+        None => Diagnosis::too_little("no samples are left to judge an effect on".to_string()),
     };
     drop(progress);
     let text = diagnosis_text(&diagnosis, &split.how, terms, &project.name(), console.width());

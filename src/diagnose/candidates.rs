@@ -6,69 +6,103 @@ use std::collections::HashMap;
 use crate::data::Dataset;
 use crate::expr::{Compiled, Symbol, System, Term, build};
 use crate::fit::segments::{longest_run, typical_step};
-use crate::spec::effects::{EffectRow, Scan, ScanBy, Scene, instances};
+use crate::spec::effects::{EffectRow, ScanBy, instances};
 
-/// One effect on one choice of arguments.
+/// Something that may be missing, ready to be tried.
 pub struct Candidate {
-    /// Its row of the catalogue.
-    pub effect: &'static EffectRow,
+    /// Where it comes from.
+    pub origin: Origin,
     /// `viscous_drag(theta)`.
     pub label: String,
     /// Names of the coordinates or observables that it is on.
     pub on: Vec<String>,
-    /// The spec with the effect in it, inner parameters as parameters.
+    /// The spec with it, inner parameters as parameters.
     pub system: System,
-    /// The effect's terms in `system`.
+    /// Its terms in `system`.
     pub terms: Vec<usize>,
-    /// The effect's inner parameters in `system`.
+    /// Its inner parameters in `system`.
     pub parameters: Vec<usize>,
     /// Values of the inner parameters that are tried; one empty choice without any.
     pub grid: Vec<Vec<f64>>,
+}
+
+/// Where a candidate comes from.
+#[derive(Debug, Clone)]
+pub enum Origin {
+    /// A row of the catalogue.
+    Catalogue(&'static EffectRow),
+    /// The `candidates` of the spec.
+    Spec,
+    /// A term without a name of its own: a statement, its inner parameters between braces.
+    Unnamed {
+        /// The statement.
+        statement: String,
+        /// Names of the inner parameters, in their order.
+        parameters: Vec<String>,
+    },
 }
 
 /// Grid points of one inner parameter, at most; of several together.
 const POINTS: usize = 48;
 const TOGETHER: usize = 60;
 
-/// Everything of the catalogue that the system allows, except what the spec holds already.
+/// Everything of the catalogue that the system allows, and the spec's own candidates, except
+/// what the spec holds already.
 pub fn candidates(name: &str, text: &str, base: &Compiled, dataset: &Dataset) -> Vec<Candidate> {
     let system = &base.system;
-    let scene = Scene {
-        coordinates: system.coordinates.iter().map(|v| v.name.clone()).collect(),
-        momenta: system.momenta.iter().map(|v| v.name.clone()).collect(),
-        observables: system.observables(),
-        time: system.time.name.clone(),
-    };
     let held: Vec<&str> = system.terms.iter().filter_map(|t| t.effect.as_deref()).collect();
     let ranges = ranges(system, dataset);
-    instances(&scene)
-        .into_iter()
-        .filter(|instance| !held.contains(&instance.label().as_str()))
-        .filter_map(|instance| {
-            let extended = format!("{}\n{}\n", text.trim_end(), instance.statement);
-            let built = build(name, &extended).ok()?.system;
-            let label = instance.label();
+    let own = base.candidates.iter().map(|candidate| {
+        let (label, on) = (candidate.name.clone(), Vec::new());
+        (Origin::Spec, format!("effect {label}"), label, on)
+    });
+    let named = instances(&system.scene()).into_iter().map(|instance| {
+        let label = instance.label();
+        (Origin::Catalogue(instance.effect), instance.statement, label, instance.arguments)
+    });
+    own.chain(named)
+        .filter(|(_, _, label, _)| !held.contains(&label.as_str()))
+        .filter_map(|(origin, statement, label, on)| {
+            let built = build(name, &extended(text, &statement)).ok()?.system;
             let terms: Vec<usize> = (0..built.terms.len())
                 .filter(|&k| built.terms[k].effect.as_deref() == Some(label.as_str()))
                 .collect();
-            let known = system.parameters.len();
-            let parameters: Vec<usize> = (known..built.parameters.len()).collect();
-            let first = instance.arguments.first().cloned().unwrap_or_default();
-            let grid = grid(instance.effect.parameters, &first, &ranges, dataset);
-            (!terms.is_empty()).then_some(Candidate {
-                effect: instance.effect,
-                label,
-                on: instance.arguments,
-                system: built,
-                terms,
-                parameters,
-                grid,
-            })
+            let parameters: Vec<usize> =
+                (system.parameters.len()..built.parameters.len()).collect();
+            let first = on.first().map_or("", String::as_str);
+            let grid = match &origin {
+                Origin::Catalogue(row) => {
+                    let scans: Vec<ScanBy> = row.parameters.iter().map(|scan| scan.by).collect();
+                    grid(&scans, first, &ranges, dataset)
+                }
+                _ => vec![parameters.iter().map(|&j| built.parameters[j].start).collect()],
+            };
+            let found = !terms.is_empty();
+            found.then_some(Candidate { origin, label, on, system: built, terms, parameters, grid })
         })
         .collect()
 }
 
+/// A spec with one more statement at its end.
+pub fn extended(text: &str, statement: &str) -> String {
+    format!("{}\n{statement}\n", text.trim_end())
+}
+
 impl Candidate {
+    /// The statement that adds it, its inner parameters at some values.
+    pub fn snippet(&self, values: &[f64]) -> String {
+        match &self.origin {
+            Origin::Catalogue(row) => row.statement(&self.on, values),
+            Origin::Spec => format!("effect {}", self.label),
+            Origin::Unnamed { statement, parameters } => {
+                let fill = |text: String, (name, value): (&String, &f64)| {
+                    text.replace(&format!("{{{name}}}"), &format!("{value:.6}"))
+                };
+                parameters.iter().zip(values).fold(statement.clone(), fill)
+            }
+        }
+    }
+
     /// The effect's terms at one choice of its inner parameters, in the graph of `into`.
     pub fn probes(&self, into: &mut System, values: &[f64]) -> Vec<Term> {
         let numbers: HashMap<Symbol, f64> = self
@@ -91,7 +125,7 @@ impl Candidate {
 }
 
 /// Smallest and largest measured value of every coordinate and momentum, by name.
-fn ranges(system: &System, dataset: &Dataset) -> HashMap<String, (f64, f64, f64)> {
+pub(super) fn ranges(system: &System, dataset: &Dataset) -> HashMap<String, (f64, f64, f64)> {
     let n = system.degrees();
     let names = system.coordinates.iter().chain(&system.momenta);
     let mut out = HashMap::new();
@@ -115,8 +149,8 @@ fn ranges(system: &System, dataset: &Dataset) -> HashMap<String, (f64, f64, f64)
     out
 }
 
-fn grid(
-    scans: &[Scan],
+pub(super) fn grid(
+    scans: &[ScanBy],
     on: &str,
     ranges: &HashMap<String, (f64, f64, f64)>,
     dataset: &Dataset,
@@ -144,7 +178,7 @@ fn grid(
     };
     let axes: Vec<Vec<f64>> = scans
         .iter()
-        .map(|scan| match scan.by {
+        .map(|scan| match scan {
             ScanBy::Frequency => {
                 // Half a turn more over a run is a new frequency; above the fastest that
                 // mechanical data show, a quarter of the sampling rate, nothing is looked for.

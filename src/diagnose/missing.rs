@@ -3,14 +3,17 @@
 use serde::Serialize;
 
 use super::candidates::{Candidate, candidates};
-use super::compare::{error, residual_maps};
+use super::compare::{ResidualMap, error, residual_maps};
 use super::context::Context;
-use super::score::{Score, Scores};
+use super::floor::noise_floor;
+use super::generic::generic;
+pub use super::leader::Leader;
+use super::leader::{Refitted, refit};
+use super::scan::{Scan, scan};
 use crate::data::Dataset;
 use crate::error::Result;
-use crate::expr::{Compiled, System, Term};
-use crate::fit::train::Training;
-use crate::fit::{Model, Monitor, Options};
+use crate::expr::{Compiled, build};
+use crate::fit::{Model, Monitor};
 
 /// What is missing from a model.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -23,12 +26,20 @@ pub struct Diagnosis {
     pub ranking: Vec<Leader>,
     /// Labels of leaders that these data cannot tell from the first; empty when it stands alone.
     pub indistinguishable: Vec<String>,
-    /// Candidates that were tried, and grid points of their inner parameters.
+    /// What would have to be added after the first, by its own merits, to explain the rest.
+    pub then: Vec<Leader>,
+    /// The best term without a name, where the verdict is that something unnamed is missing.
+    pub unnamed: Option<Leader>,
+    /// The force that is left when all that has a name is in the model, where it shows most.
+    pub shape: Option<ResidualMap>,
+    /// Candidates that were tried.
     pub candidates: usize,
     /// Candidates times the grid points of their inner parameters.
     pub tried: usize,
     /// Error on unseen runs over a segment, in units of the noise, before anything is added.
     pub unseen_error: f64,
+    /// Noise of each observable, as predictions over few samples show it.
+    pub noise_floor: Vec<f64>,
 }
 
 /// The answer in a word.
@@ -45,47 +56,38 @@ pub enum Verdict {
     TooLittleData,
 }
 
-/// A candidate that was refitted in full.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Leader {
-    /// `viscous_drag(theta)`.
-    pub effect: String,
-    /// Coordinates or observables that it is on.
-    pub on: Vec<String>,
-    /// The statement that adds it to the spec.
-    pub snippet: String,
-    /// Coefficient of each of its terms, then its inner parameters.
-    pub coefficient: Vec<f64>,
-    /// Standard errors, in the order of `coefficient`.
-    pub standard_error: Vec<f64>,
-    /// Chance that noise does as well, all candidates and grid points paid for.
-    pub p_value: f64,
-    /// Fall of the training deviance in the full refit.
-    pub deviance: f64,
-    /// In units of the noise.
-    pub unseen_error_before: f64,
-    /// The same with the effect in the model.
-    pub unseen_error_after: f64,
+impl Diagnosis {
+    /// Nothing can be said, for this reason.
+    pub fn too_little(reason: String) -> Diagnosis {
+        Diagnosis {
+            verdict: Verdict::TooLittleData,
+            reason,
+            ranking: Vec::new(),
+            indistinguishable: Vec::new(),
+            then: Vec::new(),
+            unnamed: None,
+            shape: None,
+            candidates: 0,
+            tried: 0,
+            unseen_error: f64::NAN,
+            noise_floor: Vec::new(),
+        }
+    }
 }
 
-/// Columns that one linearisation carries, at most.
-const COLUMNS: usize = 240;
-/// Candidates that are refitted.
+/// Candidates that are refitted in the first round, and in later ones.
 const LEADERS: usize = 8;
+const LATER: usize = 3;
+/// Effects together that may explain a misfit.
+const TOGETHER: usize = 3;
 /// Chance below which an effect is there, all tries paid for.
 const SIGNIFICANT: f64 = 1e-3;
 /// Deviances closer than this cannot be told apart (odds of 20 to 1).
-const CLOSE: f64 = 6.0;
-
-struct Scored {
-    candidate: usize,
-    values: Vec<f64>,
-    score: Score,
-    /// p-value with everything that was tried paid for.
-    p_value: f64,
-    /// Deviance less the price of its unknowns.
-    merit: f64,
-}
+pub(super) const CLOSE: f64 = 6.0;
+/// Named effects explain a misfit when they leave less than this part of it.
+const LEAVES: f64 = 0.1;
+/// Standard errors of the noise's variance that a model at the noise may be above it.
+const AT_NOISE: f64 = 4.0;
 
 /// Asks what a model misses.
 ///
@@ -100,240 +102,230 @@ pub fn diagnose(
     unseen: &Dataset,
     monitor: &dyn Monitor,
 ) -> Result<Diagnosis> {
-    let context = Context::new(&base.system, model, training)?;
+    let mut context = Context::new(&base.system, model, training)?;
+    context.noise = noise_floor(&context, model);
     let far = context.with_data(unseen);
     let (before, _) = error(&far, context.window);
     let all = candidates(name, text, base, training);
     monitor.stage("scoring candidates", 0.1);
-    let (scored, tried) = score_all(&context, &all)?;
-    let found: Vec<&Scored> = scored.iter().filter(|s| s.p_value < SIGNIFICANT).collect();
-    let maps = residual_maps(&context)?;
-    let unnamed = maps
-        .iter()
-        .map(|map| (map.p_value * maps.len() as f64, map))
-        .min_by(|a, b| a.0.total_cmp(&b.0));
-    let diagnosis = |verdict, reason: String, ranking, indistinguishable| Diagnosis {
-        verdict,
-        reason,
-        ranking,
-        indistinguishable,
+    let scores = scan(&context, &all)?;
+    let mut diagnosis = Diagnosis {
+        verdict: Verdict::NothingMissing,
         candidates: all.len(),
-        tried,
+        tried: scores.tried,
         unseen_error: before,
+        noise_floor: context.noise.clone(),
+        ..Diagnosis::too_little(format!(
+            "none of {} tries explains more than noise would",
+            scores.tried
+        ))
     };
-    if found.is_empty() {
-        return Ok(match unnamed {
-            Some((p, map)) if p < SIGNIFICANT => diagnosis(
-                Verdict::Unexplained,
-                format!(
-                    "the force on {} depends on {} in a way that no effect of the catalogue has",
-                    map.on, map.against
-                ),
-                Vec::new(),
-                Vec::new(),
-            ),
-            _ => diagnosis(
-                Verdict::NothingMissing,
-                format!("none of {tried} tries explains more than noise would"),
-                Vec::new(),
-                Vec::new(),
-            ),
-        });
-    }
-    let mut leaders: Vec<(Leader, f64)> = Vec::new();
-    for (i, scored) in found.iter().take(LEADERS).enumerate() {
-        monitor.stage("refitting the leaders", 0.3 + 0.6 * i as f64 / LEADERS as f64);
-        if let Some(leader) = refit(&context, &all[scored.candidate], scored, &far, before) {
-            leaders.push(leader);
-        }
-    }
-    leaders.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let best = leaders.first().map_or(0.0, |l| l.1);
-    // Of those that explain equally well the one with the fewest unknowns comes first.
-    let close = leaders.iter().take_while(|l| best - l.1 < CLOSE).count();
-    leaders[..close].sort_by_key(|(leader, _)| leader.coefficient.len());
-    let indistinguishable: Vec<String> = leaders
-        .iter()
-        .skip(1)
-        .filter(|(_, merit)| best - merit < CLOSE)
-        .map(|(leader, _)| leader.effect.clone())
-        .collect();
-    let ranking: Vec<Leader> = leaders.into_iter().map(|(leader, _)| leader).collect();
-    let Some(first) = ranking.first() else {
-        return Ok(diagnosis(
-            Verdict::Unexplained,
-            "effects look likely, but none of them could be fitted".to_string(),
-            ranking,
-            indistinguishable,
-        ));
-    };
-    let reason = format!(
-        "{} takes the error on unseen runs from {:.2} to {:.2} times the noise",
-        first.effect, first.unseen_error_before, first.unseen_error_after
-    );
-    Ok(diagnosis(Verdict::Missing, reason, ranking, indistinguishable))
-}
-
-/// Scores every candidate at every grid point; the best grid point of each, best candidate first.
-fn score_all(context: &Context, all: &[Candidate]) -> Result<(Vec<Scored>, usize)> {
-    let mut system = context.system.clone();
     let (_, _, sums) = context.settle(context.window);
-    let lost = sums.exploded;
-    let mut queue: Vec<Try> = Vec::new();
-    for (c, candidate) in all.iter().enumerate() {
-        for values in &candidate.grid {
-            let terms = candidate.probes(&mut system, values);
-            queue.push((c, values.clone(), terms));
-        }
+    let mut leaders = leaders(&context, &all, &scores, sums.loss, LEADERS, (&far, before), monitor);
+    // The yardstick of all merits: what is left where the most is explained.
+    let variance =
+        leaders.iter().map(|l| l.variance).fold(scores.variance, f64::min).max(f64::MIN_POSITIVE);
+    leaders.iter_mut().for_each(|l| l.leader.deviance = l.fall / variance);
+    leaders.sort_by(|a, b| b.merit(variance).total_cmp(&a.merit(variance)));
+    let best = leaders.first().map_or(0.0, |l| l.merit(variance));
+    // Of those that explain equally well the one with the fewest unknowns comes first.
+    let close = leaders.iter().take_while(|l| best - l.merit(variance) < CLOSE).count();
+    leaders[..close].sort_by_key(|l| l.leader.coefficient.len());
+    if close > 1 {
+        let others = leaders[1..close].iter().map(|l| l.leader.effect.clone());
+        diagnosis.indistinguishable = others.collect();
     }
-    let tried = queue.len();
-    let mut best: Vec<Option<Scored>> = (0..all.len()).map(|_| None).collect();
-    let mut start = 0;
-    while start < queue.len() {
-        let mut end = start;
-        let mut width = 0;
-        while end < queue.len() && (end == start || width + queue[end].2.len() <= COLUMNS) {
-            width += queue[end].2.len();
-            end += 1;
-        }
-        score_range(context, &system, &queue[start..end], tried, lost, &mut best)?;
-        start = end;
-    }
-    let mut scored: Vec<Scored> = best.into_iter().flatten().collect();
-    scored.sort_by(|a, b| b.merit.total_cmp(&a.merit).then(a.candidate.cmp(&b.candidate)));
-    Ok((scored, tried))
+    diagnosis.ranking = leaders.iter().map(|l| l.leader.clone()).collect();
+    monitor.stage("what is left", 0.8);
+    let chain = chain(name, text, &context, leaders, training, (&far, before), monitor)?;
+    judge(&mut diagnosis, name, text, base, &context, chain, variance, monitor)?;
+    Ok(diagnosis)
 }
 
-/// A candidate, values of its inner parameters, and its terms at them.
-type Try = (usize, Vec<f64>, Vec<Term>);
-
-/// Scores some tries together. Where one of them loses segments that the model itself does not
-/// (it divides by zero, say), the tries are taken apart, and that one is left out.
-fn score_range(
+/// Refits the significant candidates.
+fn leaders(
     context: &Context,
-    system: &System,
-    tries: &[Try],
-    tried: usize,
-    lost: usize,
-    best: &mut [Option<Scored>],
+    all: &[Candidate],
+    scores: &Scan,
+    loss: f64,
+    most: usize,
+    unseen: (&Context, f64),
+    monitor: &dyn Monitor,
+) -> Vec<Refitted> {
+    let found = scores.scored.iter().filter(|s| s.p_value < SIGNIFICANT).take(most);
+    found
+        .enumerate()
+        .filter_map(|(i, scored)| {
+            monitor.stage("refitting the leaders", 0.3 + 0.5 * i as f64 / most as f64);
+            refit(context, &all[scored.candidate], scored, loss, unseen)
+        })
+        .filter(|refitted| refitted.fall.is_finite() && refitted.fall > 0.0)
+        .collect()
+}
+
+/// Effects that together explain what the model misses, each the best after those before it.
+struct Chain {
+    links: Vec<Refitted>,
+    /// Squares that are left in excess of the noise, in parts of those at the start.
+    left: f64,
+    /// Whether candidates still explain more than noise would.
+    open: bool,
+    /// The force that is left, where it shows most.
+    shape: Option<ResidualMap>,
+}
+
+/// Goes on with the best leader until nothing significant is left.
+fn chain(
+    name: &str,
+    text: &str,
+    context: &Context,
+    leaders: Vec<Refitted>,
+    training: &Dataset,
+    unseen: (&Context, f64),
+    monitor: &dyn Monitor,
+) -> Result<Chain> {
+    let (_, _, sums) = context.settle(context.window);
+    let rows = sums.rows.max(1) as f64;
+    // A model at the noise leaves one square for each independent residual.
+    let excess = |loss: f64| (loss / rows - 1.0).max(0.0);
+    let at_noise = |loss: f64| excess(loss) < AT_NOISE * (2.0 / rows).sqrt();
+    let mut text = text.to_string();
+    let mut links: Vec<Refitted> = leaders.into_iter().take(1).collect();
+    let mut open = false;
+    let mut loss = sums.loss;
+    while let Some(last) = links.last() {
+        loss -= last.fall;
+        open = false;
+        if at_noise(loss) {
+            break;
+        }
+        text = super::candidates::extended(&text, &last.leader.snippet);
+        let compiled = build(name, &text)?;
+        let present = last.context(context);
+        let present = Context { system: &compiled.system, ..present };
+        let far = present.with_data(unseen.0.dataset);
+        let more = candidates(name, &text, &compiled, training);
+        let scores = scan(&present, &more)?;
+        open = scores.scored.iter().any(|s| s.p_value < SIGNIFICANT);
+        if !open || links.len() == TOGETHER || monitor.stopped() {
+            break;
+        }
+        let (before, _) = error(&far, present.window);
+        let next = leaders_of(&present, &more, &scores, loss, (&far, before), monitor);
+        match next {
+            Some(next) => links.push(next),
+            None => break,
+        }
+    }
+    let last = links.last().map(|last| last.context(context));
+    let present = last.as_ref().unwrap_or(context);
+    let shape = if at_noise(loss) && !links.is_empty() { None } else { shape(present)? };
+    let left = excess(loss) / excess(sums.loss).max(f64::MIN_POSITIVE);
+    let left = if at_noise(loss) { 0.0 } else { left };
+    Ok(Chain { links, left, open, shape })
+}
+
+/// The best of the next round.
+fn leaders_of(
+    context: &Context,
+    all: &[Candidate],
+    scores: &Scan,
+    loss: f64,
+    unseen: (&Context, f64),
+    monitor: &dyn Monitor,
+) -> Option<Refitted> {
+    let mut next = leaders(context, all, scores, loss, LATER, unseen, monitor);
+    let variance = next.iter().map(|l| l.variance).fold(scores.variance, f64::min);
+    next.sort_by(|a, b| b.merit(variance).total_cmp(&a.merit(variance)));
+    next.into_iter().next().filter(|l| l.merit(variance) > 0.0)
+}
+
+/// The residual force where it shows most, if it is more than noise.
+fn shape(context: &Context) -> Result<Option<ResidualMap>> {
+    let maps = residual_maps(context)?;
+    let count = maps.len() as f64;
+    let most = maps.into_iter().min_by(|a, b| a.p_value.total_cmp(&b.p_value));
+    Ok(most.filter(|map| map.p_value * count < SIGNIFICANT))
+}
+
+/// The verdict.
+#[allow(clippy::too_many_arguments)]
+fn judge(
+    diagnosis: &mut Diagnosis,
+    name: &str,
+    text: &str,
+    base: &Compiled,
+    context: &Context,
+    chain: Chain,
+    variance: f64,
+    monitor: &dyn Monitor,
 ) -> Result<()> {
-    let terms: Vec<Term> = tries.iter().flat_map(|(_, _, terms)| terms.clone()).collect();
-    let probed = match context.probe(system, &terms) {
-        Ok(probed) if probed.exploded <= lost => probed,
-        Err(error) if tries.len() == 1 && lost > 0 => return Err(error),
-        _ if tries.len() == 1 => return Ok(()),
-        _ => {
-            let (first, second) = tries.split_at(tries.len() / 2);
-            score_range(context, system, first, tried, lost, best)?;
-            return score_range(context, system, second, tried, lost, best);
+    let Some(first) = chain.links.first() else {
+        if let Some(shape) = chain.shape {
+            diagnosis.verdict = Verdict::Unexplained;
+            diagnosis.reason = format!(
+                "the force on {} depends on {} in a way that no effect of the catalogue has",
+                shape.on, shape.against
+            );
+            diagnosis.shape = Some(shape);
         }
+        return Ok(());
     };
-    let scores: Scores = probed.scores;
-    let mut column = 0;
-    for (c, values, terms) in tries {
-        let columns: Vec<usize> = (column..column + terms.len()).collect();
-        column += terms.len();
-        let score = scores.group(&columns);
-        let unknowns = score.degrees + values.len();
-        let merit = score.deviance - unknowns as f64 * (scores.rows as f64).ln();
-        if score.degrees > 0 && best[*c].as_ref().is_none_or(|b| merit > b.merit) {
-            let p_value = (score.p_value * tried as f64).min(1.0);
-            let values = values.clone();
-            best[*c] = Some(Scored { candidate: *c, values, score, p_value, merit });
+    diagnosis.verdict = Verdict::Missing;
+    diagnosis.reason = format!(
+        "{} takes the error on unseen runs from {:.2} to {:.2} times the noise",
+        first.leader.effect, first.leader.unseen_error_before, first.leader.unseen_error_after
+    );
+    diagnosis.then = chain.links[1..].iter().map(|l| l.leader.clone()).collect();
+    diagnosis.shape = chain.shape;
+    if chain.left == 0.0 && chain.links.len() == 1 {
+        return Ok(());
+    }
+    monitor.stage("terms without a name", 0.9);
+    let (fall, price) = chain.links.iter().fold((0.0, 0.0), |(f, p), l| (f + l.fall, p + l.price));
+    let unnamed = {
+        let all = generic(name, text, base, context.dataset);
+        let scores = scan(context, &all)?;
+        let far = (context, f64::NAN);
+        let (_, _, sums) = context.settle(context.window);
+        leaders_of(context, &all, &scores, sums.loss, far, monitor)
+    };
+    let yardstick = unnamed.as_ref().map_or(variance, |u| u.variance.min(variance));
+    if std::env::var("LEVERRIER_DEBUG").is_ok() {
+        for link in &chain.links {
+            eprintln!(
+                "   link {} fall {:.1} variance {:.3} after {:.3}",
+                link.leader.snippet, link.fall, link.variance, link.leader.unseen_error_after
+            );
         }
+        eprintln!("   left {} open {}", chain.left, chain.open);
+        if let Some(u) = &unnamed {
+            eprintln!(
+                "   unnamed {} fall {:.1} variance {:.3} merit {:.1} against {:.1}",
+                u.leader.snippet,
+                u.fall,
+                u.variance,
+                u.merit(yardstick),
+                fall / yardstick - price
+            );
+        }
+    }
+    let better = unnamed
+        .as_ref()
+        .is_some_and(|u| u.merit(yardstick) > fall / yardstick - price + CLOSE);
+    if better || (chain.open && chain.left > LEAVES) {
+        diagnosis.verdict = Verdict::Unexplained;
+        diagnosis.reason = match (&unnamed, better) {
+            (Some(u), true) => format!(
+                "`{}` explains it better than any effect of the catalogue",
+                u.leader.snippet
+            ),
+            _ => format!(
+                "the best effects of the catalogue leave {:.0} % of the misfit",
+                100.0 * chain.left
+            ),
+        };
+        diagnosis.unnamed = unnamed.map(|u| u.leader);
     }
     Ok(())
-}
-
-/// The model with a candidate in it, refitted from the model's own values; with its merit.
-fn refit(
-    context: &Context,
-    candidate: &Candidate,
-    scored: &Scored,
-    unseen: &Context,
-    before: f64,
-) -> Option<(Leader, f64)> {
-    let mut system = candidate.system.clone();
-    for (place, (&j, &value)) in candidate.parameters.iter().zip(&scored.values).enumerate() {
-        let parameter = &mut system.parameters[j];
-        // Outside the grid the data say nothing about the parameter: it may leave it by half.
-        let axis = candidate.grid.iter().map(|values| values[place]);
-        let (lower, upper) =
-            axis.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
-        let margin = 0.5 * (upper - lower);
-        let smallest = if lower > 0.0 { 0.5 * lower } else { lower - margin };
-        parameter.bounds.lower = parameter.bounds.lower.max(smallest);
-        parameter.bounds.upper = parameter.bounds.upper.min(upper + margin);
-        parameter.start = parameter.bounds.clamp(value);
-    }
-    let support: Vec<usize> =
-        support_in(context, &system).chain(candidate.terms.iter().copied()).collect();
-    let options = Options { window: Some(context.window), ..Options::default() };
-    let silent = crate::fit::Silent;
-    let mut training = Training::new(&system, context.dataset, &options).ok()?;
-    training.noise.clone_from(&context.noise);
-    training.integrator.stepping = context.stepping;
-    training.support = support;
-    training.coefficients.fill(0.0);
-    for (&k, &value) in training.support.iter().zip(&context.coefficients) {
-        training.coefficients[k] = value;
-    }
-    for (&k, &value) in candidate.terms.iter().zip(&scored.score.coefficients) {
-        training.coefficients[k] = value;
-    }
-    for (value, &known) in training.parameters.iter_mut().zip(&context.parameters) {
-        *value = known;
-    }
-    training.choose_integrator();
-    let refit = training.refit(&silent);
-    let (_, _, sums) = context.settle(context.window);
-    let deviance = sums.loss - refit.sums.loss;
-    let count = training.support.len();
-    let variance = 1.0f64.min(refit.sums.loss / refit.sums.rows.max(1) as f64).max(1e-9);
-    let covariance = crate::fit::uncertainty::covariance(&refit.linearised.merged(), variance);
-    let new_terms = count - candidate.terms.len()..count;
-    let of = |i: usize| (refit.theta[i], covariance[(i, i)].sqrt());
-    let (mut coefficient, mut standard_error): (Vec<f64>, Vec<f64>) = new_terms.map(of).unzip();
-    let inner = refit.theta.len() - candidate.parameters.len().min(refit.theta.len() - count);
-    for i in inner..refit.theta.len() {
-        coefficient.push(refit.theta[i]);
-        standard_error.push(covariance[(i, i)].sqrt());
-    }
-    training.take(&refit);
-    let mut after = unseen.with_data(unseen.dataset);
-    after.system = training.system;
-    after.support.clone_from(&training.support);
-    after.coefficients = training.support.iter().map(|&k| training.coefficients[k]).collect();
-    after.parameters.clone_from(&training.parameters);
-    after.stepping = training.integrator.stepping;
-    let (unseen_error_after, _) = error(&after, context.window);
-    let values: Vec<f64> = candidate.parameters.iter().map(|&j| training.parameters[j]).collect();
-    let unknowns = (candidate.terms.len() + candidate.parameters.len()) as f64;
-    // Every unknown is paid for, and the choice among the grid's points (as in the trainer's
-    // criterion).
-    let price = unknowns * (refit.sums.rows.max(1) as f64).ln()
-        + 2.0 * (candidate.grid.len().max(1) as f64).ln();
-    let merit = deviance / variance - price;
-    Some((
-        Leader {
-            effect: candidate.label.clone(),
-            on: candidate.on.clone(),
-            snippet: candidate.effect.statement(&candidate.on, &values),
-            coefficient,
-            standard_error,
-            p_value: scored.p_value,
-            deviance: deviance / variance,
-            unseen_error_before: before,
-            unseen_error_after,
-        },
-        merit,
-    ))
-}
-
-/// The model's terms in a system that holds more.
-fn support_in<'a>(context: &'a Context, system: &'a System) -> impl Iterator<Item = usize> + 'a {
-    context.support.iter().filter_map(|&k| {
-        let term = &context.system.terms[k];
-        system.terms.iter().position(|t| t.place == term.place && t.label == term.label)
-    })
 }

@@ -1,0 +1,109 @@
+//! The hidden-effect benchmark: every effect of the catalogue is hidden in simulated
+//! measurements, and the diagnosis must name it. Regenerates docs/hidden-effects.md.
+//!
+//! ```console
+//! $ cargo run --release --example hidden_effects
+//! $ cargo run --release --example hidden_effects -- pendulum 0.01 1     # base, noise, seed
+//! ```
+
+#[path = "../../tests/hidden/mod.rs"]
+mod hidden;
+mod table;
+
+use hidden::bases::BASES;
+use hidden::outcome::{Outcome, outcome};
+use hidden::strangers::STRANGERS;
+use hidden::{case, statement};
+use leverrier::spec::effects::by_name;
+use rayon::prelude::*;
+
+/// Noise in parts of each column's spread.
+const NOISES: [f64; 3] = [0.0, 0.01, 0.05];
+const SEEDS: [u64; 3] = [1, 2, 3];
+
+/// One case that is to be run.
+#[derive(Clone)]
+struct Task {
+    base: &'static str,
+    /// Label of the hidden effect; empty where nothing is hidden.
+    hidden: String,
+    /// Whether the catalogue has it.
+    listed: bool,
+    stranger: Option<usize>,
+    statement: String,
+    noise: f64,
+    seed: u64,
+}
+
+fn tasks() -> Vec<Task> {
+    let mut out = Vec::new();
+    for noise in NOISES {
+        for seed in SEEDS {
+            for base in BASES {
+                let plain = Task {
+                    base: base.name,
+                    hidden: String::new(),
+                    listed: true,
+                    stranger: None,
+                    statement: String::new(),
+                    noise,
+                    seed,
+                };
+                for &(effect, on) in base.hidden {
+                    let arguments: Vec<String> = on.iter().map(|s| s.to_string()).collect();
+                    let row = by_name(effect).expect("a row of the catalogue");
+                    let (hidden, statement) = (row.label(&arguments), statement(effect, on));
+                    out.push(Task { hidden, statement, ..plain.clone() });
+                }
+                out.push(plain.clone());
+                for (number, stranger) in STRANGERS.iter().enumerate() {
+                    if stranger.base == base.name {
+                        let hidden = stranger.name.to_string();
+                        let stranger = Some(number);
+                        out.push(Task { hidden, listed: false, stranger, ..plain.clone() });
+                    }
+                }
+            }
+        }
+    }
+    out
+}
+
+fn run(task: &Task) -> Outcome {
+    let base = BASES.iter().find(|base| base.name == task.base).expect("a row of BASES");
+    let case = match task.stranger {
+        Some(number) => STRANGERS[number].case(task.noise, task.seed),
+        None => case(base, &task.statement, task.noise, task.seed),
+    };
+    outcome(&case, &task.hidden)
+}
+
+fn main() {
+    let asked: Vec<String> = std::env::args().skip(1).collect();
+    let wanted = |task: &Task| {
+        asked.iter().all(|word| match word.parse::<f64>() {
+            Ok(number) if number < 1.0 => task.noise == number,
+            Ok(number) => task.seed as f64 == number,
+            Err(_) => task.base == word || task.hidden.starts_with(word.as_str()),
+        })
+    };
+    let tasks: Vec<Task> = tasks().into_iter().filter(wanted).collect();
+    let clock = std::time::Instant::now();
+    let done: Vec<(Task, Outcome)> = tasks
+        .par_iter()
+        .map(|task| {
+            let outcome = run(task);
+            println!("{}", table::line(task, &outcome));
+            (task.clone(), outcome)
+        })
+        .collect();
+    let seconds = clock.elapsed().as_secs_f64();
+    let page = table::page(&done);
+    println!("{page}\n{} cases in {seconds:.0} s", done.len());
+    if asked.is_empty() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/hidden-effects.md");
+        if let Err(error) = std::fs::write(path, &page) {
+            eprintln!("{path}: {error}");
+        }
+    }
+}

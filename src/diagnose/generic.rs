@@ -1,0 +1,103 @@
+//! Terms without a name of their own: what to say when no named effect explains the misfit.
+
+use super::candidates::{Candidate, Origin, extended, grid, ranges};
+use crate::data::Dataset;
+use crate::expr::{Compiled, build};
+use crate::spec::effects::ScanBy;
+
+/// Highest total degree of a force that is a product of powers.
+const DEGREE: usize = 4;
+/// Systems of more coordinates are not asked for bumps of two variables.
+const MOST_COORDINATES: usize = 3;
+
+/// A statement whose inner parameters stand between braces.
+struct Draft {
+    label: String,
+    on: Vec<String>,
+    statement: String,
+    scans: Vec<(&'static str, ScanBy)>,
+}
+
+/// Bumps of the potential and forces that are products of powers, on every coordinate.
+pub fn generic(name: &str, text: &str, base: &Compiled, dataset: &Dataset) -> Vec<Candidate> {
+    let system = &base.system;
+    let names = |list: &[crate::expr::Variable]| -> Vec<String> {
+        list.iter().map(|variable| variable.name.clone()).collect()
+    };
+    let (coordinates, momenta) = (names(&system.coordinates), names(&system.momenta));
+    let mut drafts: Vec<Draft> = Vec::new();
+    for (q, p) in coordinates.iter().zip(&momenta) {
+        drafts.push(Draft {
+            label: format!("bump at some {q}"),
+            on: vec![q.clone()],
+            statement: format!("V += span{{ unnamed: exp(-(({q} - {{at}})/{{width}})^2) }}"),
+            scans: vec![("at", ScanBy::Position), ("width", ScanBy::Length)],
+        });
+        for total in 2..=DEGREE {
+            for power in 0..=total {
+                let product = [(q, total - power), (p, power)]
+                    .into_iter()
+                    .filter(|(_, power)| *power > 0)
+                    .map(|(x, power)| if power == 1 { x.clone() } else { format!("{x}^{power}") })
+                    .collect::<Vec<_>>()
+                    .join("*");
+                drafts.push(Draft {
+                    label: format!("force {product} on {q}"),
+                    on: vec![q.clone()],
+                    statement: format!("force {q} += span{{ unnamed: {product} }}"),
+                    scans: Vec::new(),
+                });
+            }
+        }
+    }
+    if coordinates.len() <= MOST_COORDINATES {
+        for (i, x) in coordinates.iter().enumerate() {
+            for y in &coordinates[i + 1..] {
+                drafts.push(Draft {
+                    label: format!("bump at some {x}, {y}"),
+                    on: vec![x.clone(), y.clone()],
+                    statement: format!(
+                        "V += span{{ unnamed: \
+                         exp(-(({x} - {{at}})^2 + ({y} - {{across}})^2)/{{width}}^2) }}"
+                    ),
+                    scans: vec![
+                        ("at", ScanBy::Position),
+                        ("across", ScanBy::Position),
+                        ("width", ScanBy::Length),
+                    ],
+                });
+            }
+        }
+    }
+    let ranges = ranges(system, dataset);
+    let candidate = |draft: Draft| {
+        let mut statement = draft.statement.clone();
+        let mut lines = Vec::new();
+        for (parameter, _) in &draft.scans {
+            let name = format!("{parameter}_of_unnamed");
+            statement = statement.replace(&format!("{{{parameter}}}"), &name);
+            lines.push(format!("param {name} = 1"));
+        }
+        lines.push(statement);
+        let built = build(name, &extended(text, &lines.join("\n"))).ok()?.system;
+        let terms: Vec<usize> = (0..built.terms.len())
+            .filter(|&k| built.terms[k].name.as_deref() == Some("unnamed"))
+            .collect();
+        let scans: Vec<ScanBy> = draft.scans.iter().map(|(_, by)| *by).collect();
+        let first = draft.on.first().map_or("", String::as_str);
+        let grid = grid(&scans, first, &ranges, dataset);
+        (!terms.is_empty()).then(|| Candidate {
+            origin: Origin::Unnamed {
+                statement: draft.statement,
+                parameters: draft.scans.iter().map(|(name, _)| name.to_string()).collect(),
+            },
+            label: draft.label,
+            on: draft.on,
+            terms,
+            parameters: (system.parameters.len()..built.parameters.len()).collect(),
+            system: built,
+            grid,
+        })
+    };
+    drafts.into_iter().filter_map(candidate).collect()
+}

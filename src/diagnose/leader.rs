@@ -1,0 +1,182 @@
+//! A candidate refitted in full, with everything that the model has.
+
+use serde::Serialize;
+
+use super::candidates::Candidate;
+use super::compare::error;
+use super::context::Context;
+use super::scan::Scored;
+use crate::expr::System;
+use crate::fit::pass::Stepping;
+use crate::fit::train::Training;
+use crate::fit::{Options, Silent};
+
+/// A candidate that was refitted in full.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Leader {
+    /// `viscous_drag(theta)`.
+    pub effect: String,
+    /// Coordinates or observables that it is on.
+    pub on: Vec<String>,
+    /// The statement that adds it to the spec.
+    pub snippet: String,
+    /// Coefficient of each of its terms, then its inner parameters.
+    pub coefficient: Vec<f64>,
+    /// Standard errors, in the order of `coefficient`.
+    pub standard_error: Vec<f64>,
+    /// Chance that noise does as well, all candidates and grid points paid for.
+    pub p_value: f64,
+    /// Fall of the training deviance in the full refit.
+    pub deviance: f64,
+    /// In units of the noise.
+    pub unseen_error_before: f64,
+    /// The same with the effect in the model.
+    pub unseen_error_after: f64,
+}
+
+/// A model with one more effect, as far as the diagnosis needs it.
+pub struct Refitted {
+    /// For the ranking.
+    pub leader: Leader,
+    /// The system of the candidate, whose inner parameters start at their fitted values.
+    pub system: System,
+    /// The model's terms in it.
+    pub support: Vec<usize>,
+    /// Coefficients of `support`.
+    pub coefficients: Vec<f64>,
+    /// One value for each inner parameter.
+    pub parameters: Vec<f64>,
+    /// How it is integrated.
+    pub stepping: Stepping,
+    /// Fall of the weighted squares.
+    pub fall: f64,
+    /// What is left of them for each independent residual.
+    pub variance: f64,
+    /// What the unknowns cost, and the choice among the grid's points (as in the trainer's
+    /// criterion).
+    pub price: f64,
+    /// The candidate's place in the list.
+    pub candidate: usize,
+}
+
+impl Refitted {
+    /// Deviance less price, when the weighted residuals have this variance.
+    pub fn merit(&self, variance: f64) -> f64 {
+        self.fall / variance - self.price
+    }
+
+    /// The model with the effect, as the start of further questions.
+    pub fn context<'a>(&'a self, like: &Context<'a>) -> Context<'a> {
+        Context {
+            system: &self.system,
+            support: self.support.clone(),
+            coefficients: self.coefficients.clone(),
+            parameters: self.parameters.clone(),
+            stepping: self.stepping,
+            ..like.with_data(like.dataset)
+        }
+    }
+}
+
+/// The model with a candidate in it, refitted from the model's own values.
+///
+/// `loss` is what the model leaves of the weighted squares; `unseen` the model before unseen
+/// runs, with its error there. `None` where the candidate cannot be fitted.
+pub fn refit(
+    context: &Context,
+    candidate: &Candidate,
+    scored: &Scored,
+    loss: f64,
+    unseen: (&Context, f64),
+) -> Option<Refitted> {
+    let system = bounded(candidate, &scored.values);
+    let support: Vec<usize> =
+        support_in(context, &system).chain(candidate.terms.iter().copied()).collect();
+    let options = Options { window: Some(context.window), ..Options::default() };
+    let mut training = Training::new(&system, context.dataset, &options).ok()?;
+    training.noise.clone_from(&context.noise);
+    training.integrator.stepping = context.stepping;
+    training.support = support;
+    training.coefficients.fill(0.0);
+    for (&k, &value) in training.support.iter().zip(&context.coefficients) {
+        training.coefficients[k] = value;
+    }
+    for (&k, &value) in candidate.terms.iter().zip(&scored.score.coefficients) {
+        training.coefficients[k] = value;
+    }
+    for (value, &known) in training.parameters.iter_mut().zip(&context.parameters) {
+        *value = known;
+    }
+    training.choose_integrator();
+    let refit = training.refit(&Silent);
+    let count = training.support.len();
+    let rows = refit.sums.rows.max(1) as f64;
+    let variance = (refit.sums.loss / rows).max(1e-12);
+    let covariance =
+        crate::fit::uncertainty::covariance(&refit.linearised.merged(), variance.min(1.0));
+    let inner = refit.theta.len() - candidate.parameters.len().min(refit.theta.len() - count);
+    let own = (count - candidate.terms.len()..count).chain(inner..refit.theta.len());
+    let (coefficient, standard_error): (Vec<f64>, Vec<f64>) =
+        own.map(|i| (refit.theta[i], covariance[(i, i)].sqrt())).unzip();
+    training.take(&refit);
+    let coefficients: Vec<f64> =
+        training.support.iter().map(|&k| training.coefficients[k]).collect();
+    let values: Vec<f64> = candidate.parameters.iter().map(|&j| training.parameters[j]).collect();
+    let unknowns = (candidate.terms.len() + candidate.parameters.len()) as f64;
+    let price = unknowns * rows.ln() + 2.0 * (candidate.grid.len().max(1) as f64).ln();
+    let Training { support, parameters, integrator, .. } = training;
+    let mut refitted = Refitted {
+        leader: Leader {
+            effect: candidate.label.clone(),
+            on: candidate.on.clone(),
+            snippet: candidate.snippet(&values),
+            coefficient,
+            standard_error,
+            p_value: scored.p_value,
+            deviance: 0.0,
+            unseen_error_before: unseen.1,
+            unseen_error_after: f64::NAN,
+        },
+        system,
+        support,
+        coefficients,
+        parameters,
+        stepping: integrator.stepping,
+        fall: loss - refit.sums.loss,
+        variance,
+        price,
+        candidate: scored.candidate,
+    };
+    let (after, _) = error(&refitted.context(unseen.0), context.window);
+    refitted.leader.unseen_error_after = after;
+    Some(refitted)
+}
+
+/// The candidate's system with its inner parameters at a grid point. Outside the grid the data
+/// say nothing about a parameter: it may leave the grid by half of its length.
+fn bounded(candidate: &Candidate, values: &[f64]) -> System {
+    let mut system = candidate.system.clone();
+    for (place, (&j, &value)) in candidate.parameters.iter().zip(values).enumerate() {
+        let parameter = &mut system.parameters[j];
+        let axis = candidate.grid.iter().map(|values| values[place]);
+        let (lower, upper) =
+            axis.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+        let margin = 0.5 * (upper - lower);
+        let smallest = if lower > 0.0 { 0.5 * lower } else { lower - margin };
+        parameter.bounds.lower = parameter.bounds.lower.max(smallest);
+        parameter.bounds.upper = parameter.bounds.upper.min(upper + margin);
+        parameter.start = parameter.bounds.clamp(value);
+    }
+    system
+}
+
+/// The model's terms in a system that holds more.
+pub(super) fn support_in<'a>(
+    context: &'a Context,
+    system: &'a System,
+) -> impl Iterator<Item = usize> + 'a {
+    context.support.iter().filter_map(|&k| {
+        let term = &context.system.terms[k];
+        system.terms.iter().position(|t| t.place == term.place && t.label == term.label)
+    })
+}

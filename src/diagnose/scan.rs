@@ -1,0 +1,112 @@
+//! Scores of all candidates over the grids of their inner parameters.
+
+use super::candidates::Candidate;
+use super::context::Context;
+use super::score::{Score, Scores};
+use crate::error::Result;
+use crate::expr::{System, Term};
+
+/// Columns that one linearisation carries, at most.
+const COLUMNS: usize = 240;
+
+/// The best grid point of one candidate.
+#[derive(Debug, Clone)]
+pub struct Scored {
+    /// Index of the candidate.
+    pub candidate: usize,
+    /// Its inner parameters there.
+    pub values: Vec<f64>,
+    /// What it would take off the misfit.
+    pub score: Score,
+    /// Chance that noise does as well, with everything that was tried paid for.
+    pub p_value: f64,
+    /// Deviance less the price of its unknowns.
+    pub merit: f64,
+}
+
+/// Scores of all candidates.
+pub struct Scan {
+    /// The best grid point of each candidate that can be told from the model, best first.
+    pub scored: Vec<Scored>,
+    /// Candidates times grid points.
+    pub tried: usize,
+    /// Variance of the weighted residuals once the best of all candidates are in.
+    pub variance: f64,
+}
+
+/// A candidate, values of its inner parameters, and its terms at them.
+type Try = (usize, Vec<f64>, Vec<Term>);
+
+/// Scores every candidate at every grid point.
+pub fn scan(context: &Context, all: &[Candidate]) -> Result<Scan> {
+    let mut system = context.system.clone();
+    let (_, _, sums) = context.settle(context.window);
+    let mut queue: Vec<Try> = Vec::new();
+    for (c, candidate) in all.iter().enumerate() {
+        for values in &candidate.grid {
+            queue.push((c, values.clone(), candidate.probes(&mut system, values)));
+        }
+    }
+    let mut probed = Vec::new();
+    let mut start = 0;
+    while start < queue.len() {
+        let mut end = start;
+        let mut width = 0;
+        while end < queue.len() && (end == start || width + queue[end].2.len() <= COLUMNS) {
+            width += queue[end].2.len();
+            end += 1;
+        }
+        probe_range(context, &system, &queue[start..end], sums.exploded, &mut probed)?;
+        start = end;
+    }
+    // One yardstick for all: what is left where the most is explained.
+    let least = probed.iter().map(|(_, scores)| scores.variance).fold(f64::INFINITY, f64::min);
+    let variance = if least.is_finite() { least } else { 1.0 };
+    let mut best: Vec<Option<Scored>> = vec![None; all.len()];
+    for (tries, mut scores) in probed {
+        scores.variance = variance;
+        choose(&scores, tries, queue.len(), &mut best);
+    }
+    let mut scored: Vec<Scored> = best.into_iter().flatten().collect();
+    scored.sort_by(|a, b| b.merit.total_cmp(&a.merit).then(a.candidate.cmp(&b.candidate)));
+    Ok(Scan { scored, tried: queue.len(), variance })
+}
+
+/// Probes some tries together. Where one of them loses segments that the model itself does not
+/// (it divides by zero, say), the tries are taken apart, and that one is left out.
+fn probe_range<'t>(
+    context: &Context,
+    system: &System,
+    tries: &'t [Try],
+    lost: usize,
+    probed: &mut Vec<(&'t [Try], Scores)>,
+) -> Result<()> {
+    let terms: Vec<Term> = tries.iter().flat_map(|(_, _, terms)| terms.clone()).collect();
+    match context.probe(system, &terms) {
+        Ok(found) if found.exploded <= lost => probed.push((tries, found.scores)),
+        Err(error) if tries.len() == 1 && lost > 0 => return Err(error),
+        _ if tries.len() == 1 => {}
+        _ => {
+            let (first, second) = tries.split_at(tries.len() / 2);
+            probe_range(context, system, first, lost, probed)?;
+            probe_range(context, system, second, lost, probed)?;
+        }
+    }
+    Ok(())
+}
+
+/// Keeps the best grid point of every candidate.
+fn choose(scores: &Scores, tries: &[Try], tried: usize, best: &mut [Option<Scored>]) {
+    let mut column = 0;
+    for (c, values, terms) in tries {
+        let columns: Vec<usize> = (column..column + terms.len()).collect();
+        column += terms.len();
+        let score = scores.group(&columns);
+        let unknowns = score.degrees + values.len();
+        let merit = score.deviance - unknowns as f64 * (scores.rows.max(1) as f64).ln();
+        if score.degrees > 0 && best[*c].as_ref().is_none_or(|b| merit > b.merit) {
+            let p_value = (score.p_value * tried as f64).min(1.0);
+            best[*c] = Some(Scored { candidate: *c, values: values.clone(), score, p_value, merit });
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! What became of one hidden effect: whether it was named, and what adding it did.
+
+use leverrier::diagnose::compare::error;
+use leverrier::diagnose::context::Context;
+use leverrier::diagnose::missing::{Diagnosis, Verdict, diagnose};
+use leverrier::expr::build;
+use leverrier::fit::{Options, Silent, fit};
+use leverrier::spec::edit::insert;
+
+use super::Case;
+
+/// How well an effect was named.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// It stands first.
+    First,
+    /// It is in the group that the data cannot tell apart, of at most three.
+    Group,
+    /// It is in a larger group.
+    Crowd,
+    /// It is among the leaders, but said to be worse.
+    Behind,
+    /// It is not there.
+    Absent,
+}
+
+impl Place {
+    /// First, or in a group of at most three.
+    pub fn is_named(self) -> bool {
+        matches!(self, Place::First | Place::Group)
+    }
+}
+
+/// What became of one hidden effect.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Where the hidden effect stands in the ranking.
+    pub place: Place,
+    /// The first effect of the ranking.
+    pub first: Option<String>,
+    /// Those that are said to explain as much as the first.
+    pub group: Vec<String>,
+    /// Error on unseen runs with the first effect added, in units of the true noise; without
+    /// noise in units of what the fit takes for noise.
+    pub after: Option<f64>,
+    /// Seconds of the diagnosis.
+    pub seconds: f64,
+    /// The whole diagnosis.
+    pub diagnosis: Diagnosis,
+}
+
+/// Diagnoses a case in which `hidden` (a label such as `viscous_drag(q)`) is missing.
+pub fn outcome(case: &Case, hidden: &str) -> Outcome {
+    let model = case.fit();
+    let clock = std::time::Instant::now();
+    let diagnosis = diagnose(
+        "learned",
+        &case.text,
+        &case.compiled,
+        &model,
+        &case.training,
+        &case.unseen,
+        &Silent,
+    )
+    .unwrap_or_else(|error| panic!("{error}"));
+    let seconds = clock.elapsed().as_secs_f64();
+    let names: Vec<&str> = diagnosis.ranking.iter().map(|l| l.effect.as_str()).collect();
+    let mut group = diagnosis.indistinguishable.clone();
+    if let Some(first) = names.first()
+        && !group.iter().any(|name| name == first)
+    {
+        group.insert(0, first.to_string());
+    }
+    let place = match names.iter().position(|name| *name == hidden) {
+        Some(0) => Place::First,
+        Some(_) if group.iter().any(|name| name == hidden) && group.len() <= 3 => Place::Group,
+        Some(_) if group.iter().any(|name| name == hidden) => Place::Crowd,
+        Some(_) => Place::Behind,
+        None => Place::Absent,
+    };
+    let first = names.first().map(|name| name.to_string());
+    let after = diagnosis.ranking.first().map(|leader| added(case, &leader.snippet));
+    Outcome { verdict: diagnosis.verdict, place, first, group, after, seconds, diagnosis }
+}
+
+/// Error on unseen runs, over segments of the model's own window, once a statement is added and
+/// everything is fitted again.
+pub fn added(case: &Case, snippet: &str) -> f64 {
+    let text = insert(&case.text, snippet);
+    let compiled = build("learned", &text).unwrap_or_else(|error| panic!("{text}\n{error}"));
+    let Ok(model) = fit(&compiled.system, &case.training, &Options::default(), &Silent) else {
+        return f64::INFINITY;
+    };
+    let Ok(mut context) = Context::new(&compiled.system, &model, &case.unseen) else {
+        return f64::INFINITY;
+    };
+    if case.noise.iter().all(|noise| *noise > 0.0) {
+        context.noise.clone_from(&case.noise);
+    }
+    let window = context.window;
+    error(&context, window).0
+}
