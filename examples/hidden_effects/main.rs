@@ -79,7 +79,9 @@ fn run(task: &Task) -> Outcome {
 }
 
 fn main() {
-    let asked: Vec<String> = std::env::args().skip(1).collect();
+    let mut asked: Vec<String> = std::env::args().skip(1).collect();
+    let verbose = asked.iter().any(|word| word == "-v");
+    asked.retain(|word| word != "-v");
     let wanted = |task: &Task| {
         asked.iter().all(|word| match word.parse::<f64>() {
             Ok(number) if number < 1.0 => task.noise == number,
@@ -94,6 +96,9 @@ fn main() {
         .map(|task| {
             let outcome = run(task);
             println!("{}", table::line(task, &outcome));
+            if verbose {
+                println!("{}", table::leaders(&outcome));
+            }
             (task.clone(), outcome)
         })
         .collect();

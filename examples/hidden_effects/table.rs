@@ -26,6 +26,24 @@ pub fn line(task: &Task, outcome: &Outcome) -> String {
     )
 }
 
+/// The ranking of one case, and what the verdict rests on.
+pub fn leaders(outcome: &Outcome) -> String {
+    let diagnosis = &outcome.diagnosis;
+    let mut out = format!("    {}\n", diagnosis.reason);
+    for leader in diagnosis.ranking.iter().chain(&diagnosis.then).chain(&diagnosis.unnamed) {
+        let _ = writeln!(
+            out,
+            "    {:<60} deviance {:9.1}  unseen {:.3} -> {:.3}  {:?}",
+            leader.snippet,
+            leader.deviance,
+            leader.unseen_error_before,
+            leader.unseen_error_after,
+            leader.coefficient
+        );
+    }
+    out
+}
+
 fn word(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Missing => "missing",

@@ -15,7 +15,11 @@ use super::methods::Tableau;
 use super::splitting::rescale;
 
 /// More iterations than Newton's method takes from any start that it can finish from.
-const ITERATIONS: usize = 40;
+const ITERATIONS: usize = 60;
+/// Full steps; those after them are averaged.
+const FULL: usize = 20;
+/// Turns to and fro among the averaged steps that tell a jump from a search without an end.
+const TURNS: usize = 2;
 /// Relative update below which an update that does not shrink any more is rounding.
 const NEARLY_SOLVED: f64 = 1e-7;
 
@@ -112,6 +116,11 @@ impl<'a> Stages<'a> {
     }
 
     /// Solves for the slopes.
+    ///
+    /// Where the force jumps, as that of dry friction that holds, Newton's method goes to and
+    /// fro across the jump. The mean of its iterates then tends to the slopes at the jump (the
+    /// sliding solution of Filippov, Differential Equations with Discontinuous Righthand Sides,
+    /// 1988, chapter 2), up to a part of one step's change.
     pub fn solve(
         &mut self,
         state: &[f64],
@@ -124,7 +133,10 @@ impl<'a> Stages<'a> {
         self.slopes.iter_mut().for_each(|slope| slope.fill(0.0));
         let mut size = vec![f64::INFINITY; lanes];
         let mut solved = vec![false; lanes];
-        for _ in 0..ITERATIONS {
+        let mut turns = vec![0; lanes];
+        let mut last: Vec<Option<DVector<f64>>> = vec![None; lanes];
+        for iteration in 0..ITERATIONS {
+            let part = 1.0 / (iteration.saturating_sub(FULL) + 1) as f64;
             self.evaluate(state, start, step, theta, scratch);
             for lane in (0..lanes).filter(|&lane| !solved[lane]).collect::<Vec<_>>() {
                 let residual = self.residual(lane);
@@ -138,11 +150,16 @@ impl<'a> Stages<'a> {
                 for (i, change) in update.iter().enumerate() {
                     let (stage, row) = (i / rows, i % rows);
                     let slope = &mut self.slopes[stage][row * lanes + lane];
-                    *slope -= change;
+                    *slope -= part * change;
                     let scale = slope.abs() + state[row * lanes + lane].abs();
                     if *change != 0.0 {
                         relative = relative.max(change.abs() / scale);
                     }
+                }
+                if iteration >= FULL {
+                    let back = |last: &DVector<f64>| last.dot(&update) < 0.0;
+                    turns[lane] += usize::from(last[lane].as_ref().is_some_and(back));
+                    last[lane] = Some(update);
                 }
                 let stalled = relative >= 0.5 * size[lane] && relative < NEARLY_SOLVED;
                 solved[lane] = relative <= f64::EPSILON || stalled;
@@ -152,7 +169,7 @@ impl<'a> Stages<'a> {
                 return;
             }
         }
-        for lane in (0..lanes).filter(|&lane| !solved[lane]) {
+        for lane in (0..lanes).filter(|&lane| !solved[lane] && turns[lane] < TURNS) {
             self.slopes.iter_mut().for_each(|s| s[lane] = f64::NAN);
         }
     }

@@ -180,4 +180,3 @@ impl Case {
             .unwrap_or_else(|error| panic!("{error}"))
     }
 }
-
