@@ -57,7 +57,9 @@ fn word(verdict: Verdict) -> &'static str {
 pub fn page(done: &[(Task, Outcome)]) -> String {
     let mut out = String::new();
     out.push_str(HEAD);
-    out.push_str("\n## Goals\n\n| question | noise | cases | share | goal |\n|---|---|---|---|---|\n");
+    out.push_str(
+        "\n## Goals\n\n| question | noise | cases | share | goal |\n|---|---|---|---|---|\n",
+    );
     for noise in NOISES {
         let here: Vec<_> = done.iter().filter(|(task, _)| task.noise == noise).collect();
         let listed = here.iter().filter(|(task, _)| task.listed && !task.hidden.is_empty());
@@ -66,16 +68,38 @@ pub fn page(done: &[(Task, Outcome)]) -> String {
             x if x > 0.0 => "95 %",
             _ => "",
         };
-        let named = |of: &(Task, Outcome)| of.1.place.is_named() && of.1.verdict == Verdict::Missing;
-        row(&mut out, "the hidden effect is first, or in a group of at most three", noise, goal,
-            listed.clone().map(|c| named(c)));
-        row(&mut out, "... and its addition brings unseen runs to 1.1 times the noise", noise, "",
-            listed.clone().filter(|c| named(c)).map(|c| c.1.after.is_some_and(|x| x <= 1.1)));
-        row(&mut out, "nothing is hidden, nothing is named", noise, "95 %",
-            here.iter().filter(|c| c.0.hidden.is_empty())
-                .map(|c| c.1.verdict == Verdict::NothingMissing));
-        row(&mut out, "no effect of the catalogue is hidden: unexplained", noise, "90 %",
-            here.iter().filter(|c| !c.0.listed).map(|c| c.1.verdict == Verdict::Unexplained));
+        let named =
+            |of: &(Task, Outcome)| of.1.place.is_named() && of.1.verdict == Verdict::Missing;
+        row(
+            &mut out,
+            "the hidden effect is first, or in a group of at most three",
+            noise,
+            goal,
+            listed.clone().map(|c| named(c)),
+        );
+        row(
+            &mut out,
+            "... and its addition brings unseen runs to 1.1 times the noise",
+            noise,
+            "",
+            listed.clone().filter(|c| named(c)).map(|c| c.1.after.is_some_and(|x| x <= 1.1)),
+        );
+        row(
+            &mut out,
+            "nothing is hidden, nothing is named",
+            noise,
+            "95 %",
+            here.iter()
+                .filter(|c| c.0.hidden.is_empty())
+                .map(|c| c.1.verdict == Verdict::NothingMissing),
+        );
+        row(
+            &mut out,
+            "no effect of the catalogue is hidden: unexplained",
+            noise,
+            "90 %",
+            here.iter().filter(|c| !c.0.listed).map(|c| c.1.verdict == Verdict::Unexplained),
+        );
     }
     kinds(&mut out, done);
     effects(&mut out, done);
@@ -95,13 +119,15 @@ fn row(out: &mut String, what: &str, noise: f64, goal: &str, hits: impl Iterator
         return;
     }
     let share = 100.0 * hits.iter().filter(|hit| **hit).count() as f64 / hits.len() as f64;
-    let _ = writeln!(out, "| {what} | {} % | {} | {share:.1} % | {goal} |", 100.0 * noise, hits.len());
+    let _ =
+        writeln!(out, "| {what} | {} % | {} | {share:.1} % | {goal} |", 100.0 * noise, hits.len());
 }
 
 /// What an effect is of, for the matrix; strangers and nothing by themselves.
 fn kind(label: &str) -> String {
     let name = label.split('(').next().unwrap_or_default();
-    by_name(name).map_or_else(|| "not in the catalogue".to_string(), |row| row.kind.text().to_string())
+    by_name(name)
+        .map_or_else(|| "not in the catalogue".to_string(), |row| row.kind.text().to_string())
 }
 
 /// What was named, by kind.
@@ -118,18 +144,23 @@ fn kinds(out: &mut String, done: &[(Task, Outcome)]) {
     let mut rows = columns.clone();
     columns.extend(["nothing missing".to_string(), "unexplained".to_string()]);
     rows.extend(["nothing".to_string(), "not in the catalogue".to_string()]);
-    out.push_str("\n## Confusion of kinds\n\nHidden down, named across; all noises and seeds.\n\n| |");
+    out.push_str(
+        "\n## Confusion of kinds\n\nHidden down, named across; all noises and seeds.\n\n| |",
+    );
     for column in &columns {
         let _ = write!(out, " {column} |");
     }
     let _ = write!(out, "\n|---|{}\n", "---|".repeat(columns.len()));
     for name in &rows {
-        let of = |task: &Task| if task.hidden.is_empty() { "nothing".to_string() } else { kind(&task.hidden) };
+        let of = |task: &Task| {
+            if task.hidden.is_empty() { "nothing".to_string() } else { kind(&task.hidden) }
+        };
         let here: Vec<_> = done.iter().filter(|(task, _)| of(task) == *name).collect();
         let _ = write!(out, "| **{name}** |");
         for column in &columns {
             let count = here.iter().filter(|(_, outcome)| answer(outcome) == *column).count();
-            let _ = write!(out, " {} |", if count == 0 { String::new() } else { count.to_string() });
+            let _ =
+                write!(out, " {} |", if count == 0 { String::new() } else { count.to_string() });
         }
         out.push('\n');
     }
@@ -141,9 +172,11 @@ fn effects(out: &mut String, done: &[(Task, Outcome)]) {
         "\n## Confusion of effects\n\nWhat stood first, or stood in one group with the hidden \
          effect; how often out of all noises and seeds.\n\n| hidden | in | named | instead |\n|---|---|---|---|\n",
     );
-    let mut lines: BTreeMap<(String, &str), (usize, usize, BTreeMap<String, usize>)> = BTreeMap::new();
+    let mut lines: BTreeMap<(String, &str), (usize, usize, BTreeMap<String, usize>)> =
+        BTreeMap::new();
     for (task, outcome) in done {
-        let name = if task.hidden.is_empty() { "(nothing)".to_string() } else { task.hidden.clone() };
+        let name =
+            if task.hidden.is_empty() { "(nothing)".to_string() } else { task.hidden.clone() };
         let line = lines.entry((name, task.base)).or_default();
         line.1 += 1;
         let right = match (task.hidden.is_empty(), task.listed) {

@@ -37,6 +37,8 @@ pub struct Context<'a> {
     pub stepping: Stepping,
     /// Samples of a segment.
     pub window: usize,
+    /// Samples that questions are asked of, at most; they are spread over all segments.
+    pub most: usize,
 }
 
 impl<'a> Context<'a> {
@@ -61,6 +63,7 @@ impl<'a> Context<'a> {
             noise: model.noise.iter().map(|n| n.standard_deviation).collect(),
             stepping: Stepping { method, longest: model.integrator.longest_step },
             window: model.evidence.window,
+            most: usize::MAX,
         })
     }
 
@@ -74,6 +77,11 @@ impl<'a> Context<'a> {
             noise: self.noise.clone(),
             ..*self
         }
+    }
+
+    /// The same model before a part of its measurements.
+    pub fn thinned(&self, most: usize) -> Context<'a> {
+        Context { most, ..self.with_data(self.dataset) }
     }
 
     fn weights(&self) -> Vec<f64> {
@@ -102,7 +110,7 @@ impl<'a> Context<'a> {
 
     /// Best states of all segments of at most `window` samples, and what is left then.
     pub fn settle(&self, window: usize) -> (Segments, States, Sums) {
-        let segments = cut(self.dataset, window);
+        let segments = cut(self.dataset, window).spread(self.most);
         let mut states: States = segments
             .list
             .iter()

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::candidates::Candidate;
 use super::compare::error;
 use super::context::Context;
-use super::scan::Scored;
+use super::scan::{FEW, Scored};
 use crate::expr::System;
 use crate::fit::pass::Stepping;
 use crate::fit::train::Training;
@@ -55,8 +55,10 @@ pub struct Refitted {
     /// What the unknowns cost, and the choice among the grid's points (as in the trainer's
     /// criterion).
     pub price: f64,
-    /// The candidate's place in the list.
-    pub candidate: usize,
+    /// The part of `price` that the choice costs.
+    choice: f64,
+    /// Whether it was fitted to all the data.
+    finished: bool,
 }
 
 impl Refitted {
@@ -78,7 +80,18 @@ impl Refitted {
     }
 }
 
-/// The model with a candidate in it, refitted from the model's own values.
+/// Where a refit starts.
+struct Start {
+    system: System,
+    /// The model's terms, then the candidate's.
+    support: Vec<usize>,
+    coefficients: Vec<f64>,
+    parameters: Vec<f64>,
+    stepping: Stepping,
+}
+
+/// The model with a candidate in it, refitted from the model's own values: on a part of the
+/// data where there are many; [`Refitted::finish`] then takes them all.
 ///
 /// `loss` is what the model leaves of the weighted squares; `unseen` the model before unseen
 /// runs, with its error there. `None` where the candidate cannot be fitted.
@@ -90,23 +103,82 @@ pub fn refit(
     unseen: (&Context, f64),
 ) -> Option<Refitted> {
     let system = bounded(candidate, &scored.values);
-    let support: Vec<usize> =
-        support_in(context, &system).chain(candidate.terms.iter().copied()).collect();
-    let options = Options { window: Some(context.window), ..Options::default() };
-    let mut training = Training::new(&system, context.dataset, &options).ok()?;
-    training.noise.clone_from(&context.noise);
-    training.integrator.stepping = context.stepping;
-    training.support = support;
-    training.coefficients.fill(0.0);
-    for (&k, &value) in training.support.iter().zip(&context.coefficients) {
-        training.coefficients[k] = value;
-    }
-    for (&k, &value) in candidate.terms.iter().zip(&scored.score.coefficients) {
-        training.coefficients[k] = value;
-    }
-    for (value, &known) in training.parameters.iter_mut().zip(&context.parameters) {
+    let mut parameters: Vec<f64> =
+        system.parameters.iter().map(|p| p.bounds.clamp(p.start)).collect();
+    for (value, &known) in parameters.iter_mut().zip(&context.parameters) {
         *value = known;
     }
+    let start = Start {
+        support: support_in(context, &system).chain(candidate.terms.iter().copied()).collect(),
+        system,
+        coefficients: (context.coefficients.iter())
+            .chain(&scored.score.coefficients)
+            .copied()
+            .collect(),
+        parameters,
+        stepping: context.stepping,
+    };
+    let thin = context.thinned(FEW.min(context.most));
+    let whole = context.dataset.samples().min(context.most) <= FEW;
+    let mut refitted = fit(&thin, candidate, scored.p_value, start)?;
+    refitted.leader.unseen_error_before = unseen.1;
+    refitted.judge(context, loss, unseen.0);
+    refitted.finished = whole;
+    Some(refitted)
+}
+
+impl Refitted {
+    /// Fits it to all the data, from where it stands.
+    pub fn finish(
+        self,
+        context: &Context,
+        candidate: &Candidate,
+        loss: f64,
+        unseen: &Context,
+    ) -> Option<Refitted> {
+        if self.finished {
+            return Some(self);
+        }
+        let start = Start {
+            system: self.system,
+            support: self.support,
+            coefficients: self.coefficients,
+            parameters: self.parameters,
+            stepping: self.stepping,
+        };
+        let mut refitted = fit(context, candidate, self.leader.p_value, start)?;
+        refitted.finished = true;
+        refitted.leader.unseen_error_before = self.leader.unseen_error_before;
+        refitted.judge(context, loss, unseen);
+        Some(refitted)
+    }
+
+    /// What it leaves of the misfit, and of the error on unseen runs.
+    fn judge(&mut self, context: &Context, loss: f64, unseen: &Context) {
+        let (_, _, sums) = self.context(context).settle(context.window);
+        self.fall = loss - sums.loss;
+        self.variance = (sums.loss / sums.rows.max(1) as f64).max(1e-12);
+        let unknowns = self.leader.coefficient.len() as f64;
+        self.price = unknowns * (sums.rows.max(1) as f64).ln() + self.choice;
+        self.leader.unseen_error_after = error(&self.context(unseen), context.window).0;
+    }
+}
+
+/// Gauss-Newton on the segments of a context. What [`Refitted::judge`] says is left to the
+/// caller.
+fn fit(context: &Context, candidate: &Candidate, p_value: f64, start: Start) -> Option<Refitted> {
+    let options = Options { window: Some(context.window), ..Options::default() };
+    let mut training = Training::new(&start.system, context.dataset, &options).ok()?;
+    let (segments, states, _) = context.settle(context.window);
+    (training.segments, training.states) = (segments, states);
+    training.noise.clone_from(&context.noise);
+    training.integrator.stepping = start.stepping;
+    training.coefficients.fill(0.0);
+    for (&k, &value) in start.support.iter().zip(&start.coefficients) {
+        training.coefficients[k] = value;
+    }
+    training.support.clone_from(&start.support);
+    training.parameters.clone_from(&start.parameters);
     training.choose_integrator();
     let refit = training.refit(&Silent);
     let count = training.support.len();
@@ -119,37 +191,32 @@ pub fn refit(
     let (coefficient, standard_error): (Vec<f64>, Vec<f64>) =
         own.map(|i| (refit.theta[i], covariance[(i, i)].sqrt())).unzip();
     training.take(&refit);
-    let coefficients: Vec<f64> =
-        training.support.iter().map(|&k| training.coefficients[k]).collect();
+    let coefficients = training.support.iter().map(|&k| training.coefficients[k]).collect();
     let values: Vec<f64> = candidate.parameters.iter().map(|&j| training.parameters[j]).collect();
-    let unknowns = (candidate.terms.len() + candidate.parameters.len()) as f64;
-    let price = unknowns * rows.ln() + 2.0 * (candidate.grid.len().max(1) as f64).ln();
     let Training { support, parameters, integrator, .. } = training;
-    let mut refitted = Refitted {
+    Some(Refitted {
         leader: Leader {
             effect: candidate.label.clone(),
             on: candidate.on.clone(),
             snippet: candidate.snippet(&values),
             coefficient,
             standard_error,
-            p_value: scored.p_value,
+            p_value,
             deviance: 0.0,
-            unseen_error_before: unseen.1,
+            unseen_error_before: f64::NAN,
             unseen_error_after: f64::NAN,
         },
-        system,
+        system: start.system,
         support,
         coefficients,
         parameters,
         stepping: integrator.stepping,
-        fall: loss - refit.sums.loss,
+        fall: 0.0,
         variance,
-        price,
-        candidate: scored.candidate,
-    };
-    let (after, _) = error(&refitted.context(unseen.0), context.window);
-    refitted.leader.unseen_error_after = after;
-    Some(refitted)
+        price: 0.0,
+        choice: 2.0 * (candidate.grid.len().max(1) as f64).ln(),
+        finished: false,
+    })
 }
 
 /// The candidate's system with its inner parameters at a grid point. Outside the grid the data

@@ -78,6 +78,11 @@ impl Diagnosis {
 /// Candidates that are refitted in the first round, and in later ones.
 const LEADERS: usize = 8;
 const LATER: usize = 3;
+/// Leaders within this part of the best merit, or that much of it, are fitted to all the data,
+/// so many at most.
+const NEAR: f64 = 0.01;
+const MARGIN: f64 = 50.0;
+const FINISHED: usize = 4;
 /// Effects together that may explain a misfit.
 const TOGETHER: usize = 3;
 /// Chance below which an effect is there, all tries paid for.
@@ -142,7 +147,7 @@ pub fn diagnose(
     Ok(diagnosis)
 }
 
-/// Refits the significant candidates.
+/// Refits the significant candidates; the best of them on all the data.
 fn leaders(
     context: &Context,
     all: &[Candidate],
@@ -153,13 +158,28 @@ fn leaders(
     monitor: &dyn Monitor,
 ) -> Vec<Refitted> {
     let found = scores.scored.iter().filter(|s| s.p_value < SIGNIFICANT).take(most);
-    found
+    let usable = |l: &Refitted| l.fall.is_finite() && l.fall > 0.0;
+    let mut leaders: Vec<(usize, Refitted)> = found
         .enumerate()
         .filter_map(|(i, scored)| {
             monitor.stage("refitting the leaders", 0.3 + 0.5 * i as f64 / most as f64);
-            refit(context, &all[scored.candidate], scored, loss, unseen)
+            let refitted = refit(context, &all[scored.candidate], scored, loss, unseen)?;
+            usable(&refitted).then_some((scored.candidate, refitted))
         })
-        .filter(|refitted| refitted.fall.is_finite() && refitted.fall > 0.0)
+        .collect();
+    let variance = leaders.iter().map(|(_, l)| l.variance).fold(scores.variance, f64::min);
+    leaders.sort_by(|(_, a), (_, b)| b.merit(variance).total_cmp(&a.merit(variance)));
+    let best = leaders.first().map_or(0.0, |(_, l)| l.merit(variance));
+    leaders
+        .into_iter()
+        .enumerate()
+        .filter_map(|(place, (candidate, l))| {
+            let near = best - l.merit(variance) < MARGIN.max(NEAR * best);
+            if place > 0 && (place >= FINISHED || !near) {
+                return Some(l);
+            }
+            l.finish(context, &all[candidate], loss, unseen.0).filter(usable)
+        })
         .collect()
 }
 
@@ -310,9 +330,8 @@ fn judge(
             );
         }
     }
-    let better = unnamed
-        .as_ref()
-        .is_some_and(|u| u.merit(yardstick) > fall / yardstick - price + CLOSE);
+    let better =
+        unnamed.as_ref().is_some_and(|u| u.merit(yardstick) > fall / yardstick - price + CLOSE);
     if better || (chain.open && chain.left > LEAVES) {
         diagnosis.verdict = Verdict::Unexplained;
         diagnosis.reason = match (&unnamed, better) {

@@ -8,6 +8,8 @@ use crate::expr::{System, Term};
 
 /// Columns that one linearisation carries, at most.
 const COLUMNS: usize = 240;
+/// Samples on which grids of inner parameters are looked through.
+pub(super) const FEW: usize = 2_000;
 
 /// The best grid point of one candidate.
 #[derive(Debug, Clone)]
@@ -38,13 +40,42 @@ pub struct Scan {
 type Try = (usize, Vec<f64>, Vec<Term>);
 
 /// Scores every candidate at every grid point.
+///
+/// Grids are looked through on a part of the data; the best point of each candidate is then
+/// judged on all of them.
 pub fn scan(context: &Context, all: &[Candidate]) -> Result<Scan> {
+    let tried = all.iter().map(|candidate| candidate.grid.len()).sum();
+    let every: Vec<(usize, Vec<Vec<f64>>)> =
+        all.iter().map(|candidate| candidate.grid.clone()).enumerate().collect();
+    let thin = context.thinned(FEW.min(context.most));
+    let wide = context.dataset.samples().min(context.most) > FEW;
+    let points = if wide {
+        let (grids, plain): (Vec<_>, Vec<_>) = every.into_iter().partition(|(_, g)| g.len() > 1);
+        let (found, _) = score(&thin, all, &grids, tried)?;
+        let best = found.into_iter().map(|scored| (scored.candidate, vec![scored.values]));
+        plain.into_iter().chain(best).collect()
+    } else {
+        every
+    };
+    let (mut scored, variance) = score(context, all, &points, tried)?;
+    scored.sort_by(|a, b| b.merit.total_cmp(&a.merit).then(a.candidate.cmp(&b.candidate)));
+    Ok(Scan { scored, tried, variance })
+}
+
+/// Scores candidates at some points of their grids; the best point of each, and the variance of
+/// the weighted residuals where the most is explained.
+fn score(
+    context: &Context,
+    all: &[Candidate],
+    points: &[(usize, Vec<Vec<f64>>)],
+    tried: usize,
+) -> Result<(Vec<Scored>, f64)> {
     let mut system = context.system.clone();
     let (_, _, sums) = context.settle(context.window);
     let mut queue: Vec<Try> = Vec::new();
-    for (c, candidate) in all.iter().enumerate() {
-        for values in &candidate.grid {
-            queue.push((c, values.clone(), candidate.probes(&mut system, values)));
+    for (c, grid) in points {
+        for values in grid {
+            queue.push((*c, values.clone(), all[*c].probes(&mut system, values)));
         }
     }
     let mut probed = Vec::new();
@@ -65,11 +96,9 @@ pub fn scan(context: &Context, all: &[Candidate]) -> Result<Scan> {
     let mut best: Vec<Option<Scored>> = vec![None; all.len()];
     for (tries, mut scores) in probed {
         scores.variance = variance;
-        choose(&scores, tries, queue.len(), &mut best);
+        choose(&scores, tries, tried, &mut best);
     }
-    let mut scored: Vec<Scored> = best.into_iter().flatten().collect();
-    scored.sort_by(|a, b| b.merit.total_cmp(&a.merit).then(a.candidate.cmp(&b.candidate)));
-    Ok(Scan { scored, tried: queue.len(), variance })
+    Ok((best.into_iter().flatten().collect(), variance))
 }
 
 /// Probes some tries together. Where one of them loses segments that the model itself does not
@@ -106,7 +135,8 @@ fn choose(scores: &Scores, tries: &[Try], tried: usize, best: &mut [Option<Score
         let merit = score.deviance - unknowns as f64 * (scores.rows.max(1) as f64).ln();
         if score.degrees > 0 && best[*c].as_ref().is_none_or(|b| merit > b.merit) {
             let p_value = (score.p_value * tried as f64).min(1.0);
-            best[*c] = Some(Scored { candidate: *c, values: values.clone(), score, p_value, merit });
+            best[*c] =
+                Some(Scored { candidate: *c, values: values.clone(), score, p_value, merit });
         }
     }
 }

@@ -15,9 +15,9 @@ use super::methods::Tableau;
 use super::splitting::rescale;
 
 /// More iterations than Newton's method takes from any start that it can finish from.
-const ITERATIONS: usize = 60;
+const ITERATIONS: usize = 40;
 /// Full steps; those after them are averaged.
-const FULL: usize = 20;
+const FULL: usize = 12;
 /// Turns to and fro among the averaged steps that tell a jump from a search without an end.
 const TURNS: usize = 2;
 /// Relative update below which an update that does not shrink any more is rounding.

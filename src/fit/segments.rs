@@ -46,6 +46,22 @@ impl Segments {
     }
 }
 
+impl Segments {
+    /// Segments of at most about `samples` samples in all, taken evenly from every fold; all
+    /// of them where there are no more.
+    pub fn spread(&self, samples: usize) -> Segments {
+        let all: usize = self.list.iter().map(|segment| segment.samples()).sum();
+        let stride = all.div_ceil(samples.max(1)).max(1);
+        let mut spread = Segments::default();
+        for fold in &self.folds {
+            let start = spread.list.len();
+            spread.list.extend(self.list[fold.clone()].iter().step_by(stride));
+            spread.folds.push(start..spread.list.len());
+        }
+        spread
+    }
+}
+
 /// Folds that the data are kept in.
 const FOLDS: usize = 16;
 

@@ -44,13 +44,9 @@ pub static STRANGERS: &[Stranger] = &[
         base: "trap",
         how: How::Statement("V += span{ bump: exp(-((x - 0.3)^2 + (y + 0.2)^2)/0.1) }"),
     },
-    Stranger { name: "delay", base: "pendulum", how: How::Delay(2.5) },
-    Stranger { name: "delay", base: "Duffing", how: How::Delay(1.7) },
-    Stranger {
-        name: "hidden body",
-        base: "Kepler",
-        how: How::Body { radius: 1.9, rate: 0.38 },
-    },
+    Stranger { name: "delay", base: "pendulum", how: How::Delay(11.0) },
+    Stranger { name: "delay", base: "Duffing", how: How::Delay(8.0) },
+    Stranger { name: "hidden body", base: "Kepler", how: How::Body { radius: 1.9, rate: 0.38 } },
     Stranger { name: "hidden body", base: "trap", how: How::Body { radius: 2.0, rate: 0.9 } },
 ];
 
@@ -120,9 +116,13 @@ impl Force {
         let mut z = start.to_vec();
         let mut past = vec![start[0]];
         let mut out = vec![z.clone()];
-        let total = (times.len() - 1) * STEPS;
+        // It moves for as long as the delay before the first sample, so that there is a past.
+        let total = (times.len() - 1) * STEPS + lag;
         for i in 0..total {
-            let t = step * i as f64;
+            if i == lag {
+                out = vec![z.clone()];
+            }
+            let t = step * (i as f64 - lag as f64);
             // The past between two steps is a straight line.
             let was = |shift: f64| {
                 let at = i as f64 + shift - lag as f64;
@@ -130,7 +130,8 @@ impl Force {
                 let next = past[(low + 1).min(past.len() - 1)];
                 past[low] + (next - past[low]) * (at - low as f64).clamp(0.0, 1.0)
             };
-            let rate = |z: &[f64], shift: f64| self.rate(base, z, t + shift * step, was(shift), phase);
+            let rate =
+                |z: &[f64], shift: f64| self.rate(base, z, t + shift * step, was(shift), phase);
             let along = |z: &[f64], k: &[f64], h: f64| -> Vec<f64> {
                 z.iter().zip(k).map(|(z, k)| z + h * k).collect()
             };
@@ -142,7 +143,7 @@ impl Force {
                 *z += step / 6.0 * (k1[j] + 2.0 * k2[j] + 2.0 * k3[j] + k4[j]);
             }
             past.push(z[0]);
-            if (i + 1) % STEPS == 0 {
+            if i >= lag && (i + 1 - lag) % STEPS == 0 {
                 out.push(z.clone());
             }
         }
