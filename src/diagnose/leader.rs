@@ -81,49 +81,68 @@ impl Refitted {
 }
 
 /// Where a refit starts.
-struct Start {
+pub struct Start {
     system: System,
     /// The model's terms, then the candidate's.
     support: Vec<usize>,
     coefficients: Vec<f64>,
     parameters: Vec<f64>,
     stepping: Stepping,
+    p_value: f64,
 }
 
-/// The model with a candidate in it, refitted from the model's own values: on a part of the
-/// data where there are many; [`Refitted::finish`] then takes them all.
+impl Start {
+    /// The model's own values, and a candidate where its score likes it best.
+    pub fn scored(context: &Context, candidate: &Candidate, scored: &Scored) -> Start {
+        let system = bounded(candidate, &scored.values);
+        let mut parameters: Vec<f64> =
+            system.parameters.iter().map(|p| p.bounds.clamp(p.start)).collect();
+        for (value, &known) in parameters.iter_mut().zip(&context.parameters) {
+            *value = known;
+        }
+        Start {
+            support: support_in(context, &system).chain(candidate.terms.iter().copied()).collect(),
+            system,
+            coefficients: (context.coefficients.iter())
+                .chain(&scored.score.coefficients)
+                .copied()
+                .collect(),
+            parameters,
+            stepping: context.stepping,
+            p_value: scored.p_value,
+        }
+    }
+}
+
+impl From<Refitted> for Start {
+    fn from(refitted: Refitted) -> Start {
+        Start {
+            system: refitted.system,
+            support: refitted.support,
+            coefficients: refitted.coefficients,
+            parameters: refitted.parameters,
+            stepping: refitted.stepping,
+            p_value: refitted.leader.p_value,
+        }
+    }
+}
+
+/// The model with a candidate in it, refitted: on a part of the data where there are many;
+/// [`Refitted::finish`] then takes them all.
 ///
 /// `loss` is what the model leaves of the weighted squares; `unseen` the model before unseen
 /// runs, with its error there. `None` where the candidate cannot be fitted.
 pub fn refit(
     context: &Context,
     candidate: &Candidate,
-    scored: &Scored,
+    start: Start,
     loss: f64,
     unseen: (&Context, f64),
 ) -> Option<Refitted> {
-    let system = bounded(candidate, &scored.values);
-    let mut parameters: Vec<f64> =
-        system.parameters.iter().map(|p| p.bounds.clamp(p.start)).collect();
-    for (value, &known) in parameters.iter_mut().zip(&context.parameters) {
-        *value = known;
-    }
-    let start = Start {
-        support: support_in(context, &system).chain(candidate.terms.iter().copied()).collect(),
-        system,
-        coefficients: (context.coefficients.iter())
-            .chain(&scored.score.coefficients)
-            .copied()
-            .collect(),
-        parameters,
-        stepping: context.stepping,
-    };
     let thin = context.thinned(FEW.min(context.most));
-    let whole = context.dataset.samples().min(context.most) <= FEW;
-    let mut refitted = fit(&thin, candidate, scored.p_value, start)?;
-    refitted.leader.unseen_error_before = unseen.1;
-    refitted.judge(context, loss, unseen.0);
-    refitted.finished = whole;
+    let mut refitted = fit(&thin, candidate, start)?;
+    refitted.finished = context.dataset.samples().min(context.most) <= FEW;
+    refitted.judge(context, loss, unseen);
     Some(refitted)
 }
 
@@ -134,39 +153,32 @@ impl Refitted {
         context: &Context,
         candidate: &Candidate,
         loss: f64,
-        unseen: &Context,
+        unseen: (&Context, f64),
     ) -> Option<Refitted> {
         if self.finished {
             return Some(self);
         }
-        let start = Start {
-            system: self.system,
-            support: self.support,
-            coefficients: self.coefficients,
-            parameters: self.parameters,
-            stepping: self.stepping,
-        };
-        let mut refitted = fit(context, candidate, self.leader.p_value, start)?;
+        let mut refitted = fit(context, candidate, self.into())?;
         refitted.finished = true;
-        refitted.leader.unseen_error_before = self.leader.unseen_error_before;
         refitted.judge(context, loss, unseen);
         Some(refitted)
     }
 
     /// What it leaves of the misfit, and of the error on unseen runs.
-    fn judge(&mut self, context: &Context, loss: f64, unseen: &Context) {
+    fn judge(&mut self, context: &Context, loss: f64, unseen: (&Context, f64)) {
         let (_, _, sums) = self.context(context).settle(context.window);
         self.fall = loss - sums.loss;
         self.variance = (sums.loss / sums.rows.max(1) as f64).max(1e-12);
         let unknowns = self.leader.coefficient.len() as f64;
         self.price = unknowns * (sums.rows.max(1) as f64).ln() + self.choice;
-        self.leader.unseen_error_after = error(&self.context(unseen), context.window).0;
+        self.leader.unseen_error_before = unseen.1;
+        self.leader.unseen_error_after = error(&self.context(unseen.0), context.window).0;
     }
 }
 
 /// Gauss-Newton on the segments of a context. What [`Refitted::judge`] says is left to the
 /// caller.
-fn fit(context: &Context, candidate: &Candidate, p_value: f64, start: Start) -> Option<Refitted> {
+fn fit(context: &Context, candidate: &Candidate, start: Start) -> Option<Refitted> {
     let options = Options { window: Some(context.window), ..Options::default() };
     let mut training = Training::new(&start.system, context.dataset, &options).ok()?;
     let (segments, states, _) = context.settle(context.window);
@@ -201,7 +213,7 @@ fn fit(context: &Context, candidate: &Candidate, p_value: f64, start: Start) -> 
             snippet: candidate.snippet(&values),
             coefficient,
             standard_error,
-            p_value,
+            p_value: start.p_value,
             deviance: 0.0,
             unseen_error_before: f64::NAN,
             unseen_error_after: f64::NAN,

@@ -9,5 +9,6 @@ pub mod generic;
 pub mod hats;
 pub mod leader;
 pub mod missing;
+pub mod round;
 pub mod scan;
 pub mod score;

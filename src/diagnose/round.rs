@@ -1,0 +1,152 @@
+//! One round of asking: every candidate is scored, the best are refitted in full and ranked.
+
+use super::candidates::Candidate;
+use super::compare::error;
+use super::context::Context;
+use super::leader::{Refitted, Start, refit};
+use super::scan::scan;
+use crate::data::Dataset;
+use crate::error::Result;
+use crate::fit::Monitor;
+use crate::fit::segments::longest_run;
+
+/// Chance below which an effect is there, all tries paid for.
+pub(super) const SIGNIFICANT: f64 = 1e-3;
+/// Deviances closer than this cannot be told apart (odds of 20 to 1).
+pub(super) const CLOSE: f64 = 6.0;
+/// Leaders within this part of the best merit, or that much of it, are fitted to all the data,
+/// so many at most.
+const NEAR: f64 = 0.01;
+const MARGIN: f64 = 50.0;
+const FINISHED: usize = 4;
+/// Segments may grow while the error grows by less than this.
+const FOLLOWS: f64 = 1.5;
+/// Longest segment, in samples.
+const LONGEST: usize = 64;
+
+/// What one round found.
+pub struct Round {
+    /// The refitted candidates, the best first.
+    pub leaders: Vec<Refitted>,
+    /// How many of them, the first included, explain equally well.
+    pub close: usize,
+    /// Variance of the weighted residuals where the most is explained: the yardstick of merits.
+    pub variance: f64,
+    /// Samples of a segment when they were ranked.
+    pub window: usize,
+    /// Error of the model before unseen runs, over such segments.
+    pub before: f64,
+    /// Candidates times grid points.
+    pub tried: usize,
+}
+
+/// Candidates being refitted on segments of one length.
+struct Field<'a, 'b> {
+    context: &'b Context<'a>,
+    unseen: Context<'a>,
+    before: f64,
+    loss: f64,
+    variance: f64,
+    all: &'b [Candidate],
+}
+
+/// Scores all candidates, refits the significant ones (`most` of them) and ranks them.
+///
+/// With the best of them in it the model may follow the measurements for longer: then the
+/// segments grow, and all are refitted on the longer ones.
+pub fn round(
+    context: &Context,
+    unseen: &Dataset,
+    all: &[Candidate],
+    most: usize,
+    monitor: &dyn Monitor,
+) -> Result<Round> {
+    let scores = scan(context, all)?;
+    let mut context = context.with_data(context.dataset);
+    let found = scores.scored.iter().filter(|s| s.p_value < SIGNIFICANT).take(most);
+    let mut starts: Vec<(usize, Start)> =
+        found.map(|s| (s.candidate, Start::scored(&context, &all[s.candidate], s))).collect();
+    loop {
+        let far = Context { dataset: unseen, ..context.with_data(context.dataset) };
+        let before = error(&far, context.window).0;
+        let loss = context.settle(context.window).2.loss;
+        let variance = scores.variance;
+        let field = Field { context: &context, unseen: far, before, loss, variance, all };
+        let leaders = field.refit(starts, monitor);
+        let window =
+            leaders.first().map_or(context.window, |(_, best)| grown(&best.context(&context)));
+        if window == context.window || monitor.stopped() {
+            return Ok(field.rank(leaders, scores.tried));
+        }
+        starts = leaders.into_iter().map(|(c, leader)| (c, Start::from(leader))).collect();
+        context.window = window;
+    }
+}
+
+impl Field<'_, '_> {
+    /// Refits from some starts; the best of them on all the data. Best first.
+    fn refit(&self, starts: Vec<(usize, Start)>, monitor: &dyn Monitor) -> Vec<(usize, Refitted)> {
+        let usable = |l: &Refitted| l.fall.is_finite() && l.fall > 0.0;
+        let before = (&self.unseen, self.before);
+        let count = starts.len().max(1) as f64;
+        let mut leaders: Vec<(usize, Refitted)> = starts
+            .into_iter()
+            .enumerate()
+            .filter_map(|(i, (candidate, start))| {
+                monitor.stage("refitting the leaders", 0.3 + 0.5 * i as f64 / count);
+                let of = &self.all[candidate];
+                let refitted = refit(self.context, of, start, self.loss, before)?;
+                usable(&refitted).then_some((candidate, refitted))
+            })
+            .collect();
+        let variance = self.yardstick(leaders.iter().map(|(_, l)| l));
+        leaders.sort_by(|(_, a), (_, b)| b.merit(variance).total_cmp(&a.merit(variance)));
+        let best = leaders.first().map_or(0.0, |(_, l)| l.merit(variance));
+        leaders
+            .into_iter()
+            .enumerate()
+            .filter_map(|(place, (candidate, l))| {
+                let near = best - l.merit(variance) < MARGIN.max(NEAR * best);
+                if place > 0 && (place >= FINISHED || !near) {
+                    return Some((candidate, l));
+                }
+                let l = l.finish(self.context, &self.all[candidate], self.loss, before)?;
+                usable(&l).then_some((candidate, l))
+            })
+            .collect()
+    }
+
+    /// What is left where the most is explained.
+    fn yardstick<'l>(&self, leaders: impl Iterator<Item = &'l Refitted>) -> f64 {
+        leaders.map(|l| l.variance).fold(self.variance, f64::min).max(f64::MIN_POSITIVE)
+    }
+
+    fn rank(&self, leaders: Vec<(usize, Refitted)>, tried: usize) -> Round {
+        let mut leaders: Vec<Refitted> = leaders.into_iter().map(|(_, leader)| leader).collect();
+        let variance = self.yardstick(leaders.iter());
+        leaders.iter_mut().for_each(|l| l.leader.deviance = l.fall / variance);
+        leaders.sort_by(|a, b| b.merit(variance).total_cmp(&a.merit(variance)));
+        let best = leaders.first().map_or(0.0, |l| l.merit(variance));
+        // Of those that explain equally well the one with the fewest unknowns comes first.
+        let close = leaders.iter().take_while(|l| best - l.merit(variance) < CLOSE).count();
+        leaders[..close].sort_by_key(|l| l.leader.coefficient.len());
+        let (window, before) = (self.context.window, self.before);
+        Round { leaders, close, variance, window, before, tried }
+    }
+}
+
+/// The longest segments, in samples, that a model follows as well as those half as long.
+fn grown(context: &Context) -> usize {
+    let longest = longest_run(context.dataset).min(LONGEST);
+    let mut window = context.window;
+    let (mut present, mut lost) = error(context, window);
+    while window < longest {
+        let next = (2 * window).min(longest);
+        let (longer, more) = error(context, next);
+        if more > lost || longer.is_nan() || longer > FOLLOWS * present.max(1.0) {
+            break;
+        }
+        (window, present, lost) = (next, longer, more);
+    }
+    window
+}
