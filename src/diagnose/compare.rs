@@ -220,8 +220,9 @@ fn variables(context: &Context, system: &mut System) -> Vec<(String, Expr, Vec<f
     variables
 }
 
-/// Energy of the model at the measured states of every run, as a straight line over time.
-fn energy_drift(context: &Context) -> Vec<EnergyDrift> {
+/// Energy of the model at the measured states of every run: (time, energy) of each segment's
+/// middle, sorted by time; one list a run.
+pub fn energies(context: &Context) -> Vec<Vec<(f64, f64)>> {
     let dynamics = Dynamics::new(context.system, &context.support, Backend::Batched);
     let theta: Vec<f64> = context
         .coefficients
@@ -247,15 +248,19 @@ fn energy_drift(context: &Context) -> Vec<EnergyDrift> {
             points[segment.run].push((times[segment.first] + middle, energy[0]));
         }
     }
-    context
-        .dataset
-        .runs
-        .iter()
-        .zip(&mut points)
+    for points in &mut points {
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    }
+    points
+}
+
+/// Energy along every run, as a straight line over time.
+fn energy_drift(context: &Context) -> Vec<EnergyDrift> {
+    let runs = context.dataset.runs.iter();
+    runs.zip(energies(context))
         .filter(|(_, points)| points.len() >= 3)
         .map(|(run, points)| {
-            points.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let (rate, rate_error) = slope(points);
+            let (rate, rate_error) = slope(&points);
             EnergyDrift {
                 run: run.name.clone(),
                 first: points[0].1,

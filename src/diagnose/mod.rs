@@ -9,5 +9,8 @@ pub mod generic;
 pub mod hats;
 pub mod leader;
 pub mod missing;
+pub mod plane;
+pub mod predictions;
 pub mod scan;
 pub mod score;
+pub mod view;
