@@ -210,7 +210,11 @@ fn facts(bench: &Bench, law: &Law, arguments: &Arguments) -> Vec<(String, String
     fact("loss", model.evidence.loss.clone());
     fact(
         "integrator",
-        format!("{}, steps of at most {}", model.integrator.method, model.integrator.longest_step),
+        format!(
+            "{}, steps of at most {}",
+            model.integrator.method,
+            crate::simplify::significant(model.integrator.longest_step, 6)
+        ),
     );
     fact("meaning of the spec", model.fingerprint.clone());
     let splitting = &arguments.splitting;

@@ -284,6 +284,16 @@ fn slope(points: &[(f64, f64)]) -> (f64, f64) {
     (slope, (left / (n - 2.0).max(1.0) / xx.max(f64::MIN_POSITIVE)).sqrt())
 }
 
+/// Three decimals, or as many digits of what is smaller or larger.
+fn short(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 || (0.01..1e4).contains(&size) {
+        format!("{value:.3}")
+    } else {
+        format!("{value:.2e}")
+    }
+}
+
 fn findings(
     context: &Context,
     horizons: &[Horizon],
@@ -293,7 +303,9 @@ fn findings(
     let mut out = Vec::new();
     if let (Some(first), Some(last)) = (horizons.first(), horizons.last()) {
         let growth = last.training / first.training.max(1e-9);
-        out.push(if growth < 1.2 {
+        out.push(if first.samples == last.samples {
+            format!("the error over {} samples is {:.2} times the noise", last.samples, last.training)
+        } else if growth < 1.2 {
             format!(
                 "the error stays at {:.2} times the noise from {} samples to {}",
                 last.training, first.samples, last.samples
@@ -318,10 +330,12 @@ fn findings(
             .max_by(|a, b| (a.1 / a.2).abs().total_cmp(&(b.1 / b.2).abs()));
         if let Some(&(at, force, error)) = peak {
             out.push(format!(
-                "the force on {} is off by {force:.3} ({:.0} standard errors) where {} is near {at:.3}",
+                "the force on {} is off by {} ({:.0} standard errors) where {} is near {}",
                 map.on,
+                short(force),
                 (force / error).abs(),
-                map.against
+                map.against,
+                short(at)
             ));
         }
     }

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::{Page, shown, tables};
 use crate::diagnose::missing::Verdict;
-use crate::report::plots::{Figure, escaped, number, plot, term, unit};
+use crate::report::plots::{Figure, amount, escaped, plot, number, term, unit};
 use crate::simplify::Style;
 
 /// A heading and what stands below it.
@@ -43,15 +43,14 @@ pub fn cards(page: &Page) -> String {
     };
     let comparison = page.material.comparison;
     if let Some(last) = comparison.horizons.last() {
-        let time = unit(page.material.view.time.unit.as_deref());
-        let over = format!("{} {time}", number(last.duration, 3));
+        let over = amount(last.duration, 3, page.material.view.time.unit.as_deref());
         let (error, runs) = match last.unseen {
             Some(error) => (error, "unseen runs"),
             None => (last.training, "runs of the training"),
         };
         card(
             &format!("{} × noise", number(error, 3)),
-            &format!("error on {runs}, predicted over {}", over.trim_end()),
+            &format!("error on {runs}, predicted over a time of {over}"),
         );
     }
     if let Some(model) = page.model {
@@ -114,7 +113,7 @@ fn sentences(all: impl Iterator<Item = String>) -> String {
     for text in all {
         let mut letters = text.trim().chars();
         let first: String = letters.next().map(|c| c.to_uppercase().collect()).unwrap_or_default();
-        let text = format!("{first}{}", letters.as_str());
+        let text = format!("{first}{}", letters.as_str()).replace(" -", " −");
         let end = if text.ends_with(['.', '!', '?']) { "" } else { "." };
         let _ = writeln!(out, "<li>{}{end}</li>", escaped(&text));
     }
@@ -197,8 +196,8 @@ fn missing(page: &Page, figures: &Drawn) -> String {
         escaped(diagnosis.reason.trim_end_matches('.'))
     );
     if let Some(first) = diagnosis.ranking.first() {
-        out += &drawn(figures, "ranking");
-        out += &tables::leaders(diagnosis);
+        let (plot, table) = (drawn(figures, "ranking"), tables::leaders(diagnosis));
+        let _ = writeln!(out, "<div class=\"beside\">{plot}{table}</div>");
         if !diagnosis.indistinguishable.is_empty() {
             let _ = writeln!(
                 out,

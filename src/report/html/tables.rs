@@ -148,7 +148,7 @@ pub fn leaders(diagnosis: &Diagnosis) -> String {
             ]
         })
         .collect();
-    let head = ["effect", "coefficient", "deviance", "chance", "unseen error before", "after"];
+    let head = ["effect", "coefficient", "deviance", "chance", "unseen before", "after"];
     table(&head, &rows, &[1, 2, 3, 4, 5])
 }
 

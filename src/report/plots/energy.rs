@@ -72,7 +72,7 @@ pub fn figures(material: &Material) -> Vec<Figure> {
     }
     for (at, series) in all.iter().enumerate().take(NAMED) {
         let rate = drift(series).map_or(String::new(), |e| {
-            format!(": {} per unit of time", crate::simplify::uncertain(e.rate, e.rate_error, 2))
+            format!(": dH/dt = {}", crate::simplify::uncertain(e.rate, e.rate_error, 2))
         });
         let unseen = if series.unseen { " (unseen)" } else { "" };
         let shape = if series.points.len() <= 40 { Shape::Both } else { Shape::Line };

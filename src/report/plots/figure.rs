@@ -61,6 +61,8 @@ pub enum Shape {
     Both,
     /// A filled area.
     Area,
+    /// Many points.
+    Cloud,
 }
 
 /// A rectangle with axes, and what is drawn in it.
@@ -251,9 +253,9 @@ impl About {
 }
 
 /// Width of an ordinary figure: two of them stand side by side on a screen, one on a telephone.
-pub const WIDTH: f64 = 480.0;
+pub const WIDTH: f64 = 430.0;
 /// Height of an ordinary figure.
-pub const HEIGHT: f64 = 340.0;
+pub const HEIGHT: f64 = 310.0;
 
 impl Figure {
     /// A figure of ordinary size without panels.

@@ -7,6 +7,9 @@ use super::{Material, label};
 use crate::diagnose::plane::ForcePlane;
 use crate::diagnose::view::View;
 
+/// Chance below which a map is worth its numbers.
+const TELLING: f64 = 1e-3;
+
 /// One figure for each coordinate whose plane is known.
 pub fn figures(material: &Material) -> Vec<Figure> {
     let view = material.view;
@@ -24,15 +27,23 @@ fn figure(view: &View, plane: &ForcePlane) -> Option<Figure> {
     let title = format!("Missing force on {name} over phase space");
     let sure = |force: f64, error: f64| force.abs() > 2.0 * error;
     let significant = plane.nodes.iter().filter(|n| sure(n.force, n.standard_error)).count();
-    let caption = format!(
+    let telling = plane.p_value < TELLING;
+    let mut caption = format!(
         "Force on {name} that the model lacks, over {name} and {}. The stronger the colour, the \
-         larger the force (vermilion and + push up, blue and − push down); numbers stand where it \
-         is more than two standard errors from zero: {significant} of {} places. Noise does as \
-         much with a chance of {}.",
+         larger the force (vermilion and + push up, blue and − push down). Noise does as much with \
+         a chance of {}",
         label::plain(&p.name),
-        plane.nodes.len(),
         chance(plane.p_value),
     );
+    caption += &if telling {
+        format!(
+            "; numbers stand where it is more than two standard errors from zero, at \
+             {significant} of {} places.",
+            plane.nodes.len()
+        )
+    } else {
+        ": nothing to see.".to_string()
+    };
     let mut figure = Figure::new(&format!("force-map-{}", q.name), title, caption);
     let half = |all: &[f64]| 0.5 * (all[1] - all[0]);
     let (half_x, half_y) = (half(&plane.across), half(&plane.up));
@@ -41,6 +52,8 @@ fn figure(view: &View, plane: &ForcePlane) -> Option<Figure> {
     let x = Axis::between(left, right, 6).variable(&q.name, q.unit.as_deref());
     let y = Axis::between(low, high, 5).variable(&p.name, p.unit.as_deref());
     let mut panel = Panel::new(1.0, x, y);
+    panel.marks.push(Mark::Level { style: Style::Reference, y: 0.0 });
+    panel.marks.push(Mark::Upright { style: Style::Reference, x: 0.0 });
     // One power of ten for all numbers, so that they fit into their cells.
     let power = most.log10().floor();
     let shift = if (-2.0..3.0).contains(&power) { 0.0 } else { power };
@@ -49,7 +62,7 @@ fn figure(view: &View, plane: &ForcePlane) -> Option<Figure> {
             continue;
         };
         let scaled = node.force / 10f64.powf(shift);
-        let label = if sure(node.force, node.standard_error) {
+        let label = if telling && sure(node.force, node.standard_error) {
             let digits = (1.0 - (most.log10().floor() - shift)).clamp(0.0, 3.0) as usize;
             format!("{scaled:+.digits$}").replace('-', "−")
         } else {
@@ -68,7 +81,7 @@ fn figure(view: &View, plane: &ForcePlane) -> Option<Figure> {
         panel.marks.push(Mark::Cell {
             x: (x - half_x, x + half_x),
             y: (y - half_y, y + half_y),
-            strength: 0.75 * trust * node.force / most,
+            strength: if telling { 0.75 } else { 0.2 } * trust * node.force / most,
             label,
             text,
         });
@@ -76,8 +89,6 @@ fn figure(view: &View, plane: &ForcePlane) -> Option<Figure> {
     if shift != 0.0 {
         figure.title += &format!(", in {}", label::power_of_ten(shift as i32));
     }
-    panel.marks.push(Mark::Level { style: Style::Reference, y: 0.0 });
-    panel.marks.push(Mark::Upright { style: Style::Reference, x: 0.0 });
     figure.panels.push(panel);
     Some(figure)
 }

@@ -61,7 +61,11 @@ pub fn figure(view: &View, map: &ResidualMap) -> Option<Figure> {
     let x = Axis::linear(points.iter().map(|p| p.0), 6).variable(&map.against, unit);
     let band: Vec<(f64, f64, f64)> =
         points.iter().map(|&(x, f, s)| (x, f - 2.0 * s, f + 2.0 * s)).collect();
-    let ends = band.iter().flat_map(|p| [p.1, p.2]).chain([0.0]);
+    // Where next to nothing is known the band would make the rest small.
+    let mut errors: Vec<f64> = points.iter().map(|p| p.2).collect();
+    errors.sort_by(f64::total_cmp);
+    let most = points.iter().map(|p| p.1.abs()).fold(3.0 * errors[errors.len() / 2], f64::max);
+    let ends = band.iter().flat_map(|p| [p.1, p.2]).filter(|y| y.abs() <= 2.5 * most).chain([0.0]);
     let y = Axis::linear(ends, 5).words("force");
     let mut panel = Panel::new(1.0, x, y);
     let curve: Vec<(f64, f64)> = points.iter().map(|p| (p.0, p.1)).collect();

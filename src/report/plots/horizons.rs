@@ -8,14 +8,14 @@ use crate::diagnose::compare::Horizon;
 /// One figure: training, unseen, the guess that nothing moves.
 pub fn figures(material: &Material) -> Vec<Figure> {
     let horizons = &material.comparison.horizons;
-    let Some(last) = horizons.last() else { return Vec::new() };
+    let (Some(last), true) = (horizons.last(), horizons.len() > 1) else { return Vec::new() };
     let time = &material.view.time;
     let of = |value: &dyn Fn(&Horizon) -> Option<f64>| -> Vec<(f64, f64)> {
         let points = horizons.iter().filter_map(|h| value(h).map(|error| (h.duration, error)));
         points.filter(|(t, error)| error.is_finite() && *error > 0.0 && *t > 0.0).collect()
     };
     let curves = [
-        (Style::Model, "runs of the training", of(&|h| Some(h.training))),
+        (Style::Model, "training", of(&|h| Some(h.training))),
         (Style::Unseen, "unseen runs", of(&|h| h.unseen)),
         (Style::Baseline, "nothing moves", of(&|h| Some(h.baseline))),
     ];
@@ -25,10 +25,9 @@ pub fn figures(material: &Material) -> Vec<Figure> {
     }
     let mut caption = format!(
         "Root mean square error of predictions from their best initial state, in units of the \
-         noise: 1 is the noise floor. Over the longest prediction ({} {}) it is {} on runs of \
+         noise: 1 is the noise floor. Over the longest prediction ({}) it is {} on runs of \
          the training",
-        label::number(last.duration, 3),
-        label::unit(time.unit.as_deref()),
+        label::amount(last.duration, 3, time.unit.as_deref()),
         times(last.training),
     );
     if let Some(unseen) = last.unseen {

@@ -133,6 +133,13 @@ pub fn number(value: f64, digits: usize) -> String {
     text.replace('-', "−")
 }
 
+/// A number with its unit, if it has one.
+pub fn amount(value: f64, digits: usize, unit: Option<&str>) -> String {
+    let unit = self::unit(unit);
+    let number = number(value, digits);
+    if unit.is_empty() { number } else { format!("{number} {unit}") }
+}
+
 /// A term of the mini-language as a line of text: `q[1]^2*cos(theta)` is q₁² cos(θ).
 pub fn term(text: &str) -> String {
     let mut out = String::new();

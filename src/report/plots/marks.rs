@@ -134,6 +134,8 @@ impl Pen<'_> {
 
 /// Columns in which a line keeps its extremes, to a pixel.
 const COLUMNS_A_PIXEL: f64 = 1.0;
+/// More points than this are a crowd.
+const CROWD: usize = 1500;
 /// Side of the cells in which a cloud keeps one point, in pixels.
 const CELL: f64 = 2.0;
 
@@ -180,9 +182,11 @@ pub fn draw_mark(out: &mut String, pen: &Pen, mark: &Mark) {
                 } else {
                     format!(" data-times=\"{}\"", times.trim_end())
                 };
+                // A crowd of points shows its density better when each is small.
+                let dense = if kept.len() > CROWD { " dense" } else { "" };
                 let _ = writeln!(
                     out,
-                    "<path class=\"cloud {}\"{}{times} d=\"{path}\"/>",
+                    "<path class=\"cloud {}{dense}\"{}{times} d=\"{path}\"/>",
                     class(*style),
                     series(about)
                 );

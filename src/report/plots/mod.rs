@@ -27,7 +27,7 @@ use serde::Serialize;
 
 pub use axes::{Axis, Scale, Tick};
 pub use figure::Figure;
-pub use label::{number, plain, term, unit};
+pub use label::{amount, number, plain, term, unit};
 pub use style::{SCRIPT, live_sheet, sheet};
 pub use svg::{For, draw, escaped};
 
@@ -86,7 +86,7 @@ pub static PLOTS: &[Plot] = &[
     Plot {
         name: "horizons",
         title: "Error by length of prediction",
-        absent: "No prediction could be made.",
+        absent: "All predictions are of one length: there is no curve to draw.",
         figures: horizons::figures,
     },
     Plot {

@@ -43,7 +43,7 @@ fn figure(view: &View, portrait: &Portrait) -> Option<Figure> {
     }
     let mut figure =
         Figure::new(&format!("portrait-{}-{}", x.name, y.name), title, caption);
-    figure.height = 380.0;
+    figure.height = 350.0;
     let across = Axis::between(left, right, 6).variable(&x.name, x.unit.as_deref());
     let up = Axis::between(low, high, 6).variable(&y.name, y.unit.as_deref());
     let mut panel = Panel::new(1.0, across, up);
@@ -52,10 +52,10 @@ fn figure(view: &View, portrait: &Portrait) -> Option<Figure> {
     let seen = view.predictions.iter().any(|p| !p.unseen);
     let what = if view.momenta_measured || coordinates { "measured" } else { "from the best states" };
     if seen {
-        figure.key(Style::Measured, Shape::Point, what);
+        figure.key(Style::Measured, Shape::Cloud, what);
     }
     if view.predictions.iter().any(|p| p.unseen) {
-        figure.key(Style::Unseen, Shape::Point, "unseen runs");
+        figure.key(Style::Unseen, Shape::Cloud, "unseen runs");
     }
     contours(portrait, &mut panel);
     figure.panels.push(panel);

@@ -68,7 +68,7 @@ pub fn figure(view: &View, run: usize, observable: usize, why: &str) -> Option<F
         times(error),
     );
     let mut figure = Figure::new(&format!("predictions-{run}-{}", quantity.name), title, caption);
-    figure.key(Style::Measured, Shape::Point, "measured");
+    figure.key(Style::Measured, Shape::Cloud, "measured");
     let style = if prediction.unseen { Style::Unseen } else { Style::Model };
     let what = if prediction.unseen { "predicted, unseen run" } else { "predicted" };
     figure.key(style, Shape::Line, what);
@@ -169,9 +169,9 @@ fn pairs(view: &View) -> Vec<Figure> {
         );
         let title = format!("{name} of all pairs");
         let mut figure = Figure::new(&format!("predictions-pairs-{}", quantity.name), title, caption);
-        figure.key(Style::Measured, Shape::Point, "training");
+        figure.key(Style::Measured, Shape::Cloud, "training");
         if !unseen.is_empty() {
-            figure.key(Style::Unseen, Shape::Point, "unseen");
+            figure.key(Style::Unseen, Shape::Cloud, "unseen");
         }
         figure.key(Style::Reference, Shape::Area, "2σ of the noise");
         let x = || {

@@ -160,6 +160,13 @@ fn legend(figure: &Figure) -> (String, usize) {
                 y - 5.0
             );
         }
+        if *shape == Shape::Cloud {
+            let _ = write!(out, "<path class=\"cloud {class}\" d=\"");
+            for (right, down) in [(4.0, 2.0), (12.0, -2.0), (20.0, 1.0)] {
+                let _ = write!(out, "M{:.1} {:.1}h0", x + right, y + down);
+            }
+            out += "\"/>";
+        }
         if matches!(shape, Shape::Point | Shape::Both) {
             out += &marker(*style, x + 12.0, y, "");
         }
