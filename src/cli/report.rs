@@ -54,10 +54,8 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
-    let path = arguments
-        .output
-        .clone()
-        .unwrap_or_else(|| arguments.spec.with_extension("report.html"));
+    let path =
+        arguments.output.clone().unwrap_or_else(|| arguments.spec.with_extension("report.html"));
     require_page(&path, arguments.force)?;
     let bench = Bench::open(&arguments.spec, &arguments.splitting, console)?;
     let progress = Progress::new();
@@ -85,8 +83,9 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let simplified = present::of_law(&fitted, law.ranges());
     let pretty = present::pretty(&simplified);
     // A law that cannot be typeset is printed as text.
-    let formulas =
-        the_export(&bench.project, &law, &pretty).and_then(|law| formulas(&law)).unwrap_or_default();
+    let formulas = the_export(&bench.project, &law, &pretty)
+        .and_then(|law| formulas(&law))
+        .unwrap_or_default();
     let facts = facts(&bench, &law, arguments);
     let commands = commands(arguments);
     let entries = entries(&ledger);

@@ -304,7 +304,10 @@ fn findings(
     if let (Some(first), Some(last)) = (horizons.first(), horizons.last()) {
         let growth = last.training / first.training.max(1e-9);
         out.push(if first.samples == last.samples {
-            format!("the error over {} samples is {:.2} times the noise", last.samples, last.training)
+            format!(
+                "the error over {} samples is {:.2} times the noise",
+                last.samples, last.training
+            )
         } else if growth < 1.2 {
             format!(
                 "the error stays at {:.2} times the noise from {} samples to {}",

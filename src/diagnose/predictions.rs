@@ -61,8 +61,7 @@ pub fn predictions(context: &Context, unseen: bool) -> Vec<Prediction> {
         .collect();
     let law = Law::new(context);
     let mut scratch = Scratch::new();
-    let all: Vec<(Segment, &Vec<f64>)> =
-        segments.list.iter().copied().zip(states.iter()).collect();
+    let all: Vec<(Segment, &Vec<f64>)> = segments.list.iter().copied().zip(states.iter()).collect();
     for block in all.chunks(LANES) {
         law.follow(block, &mut out, &mut scratch);
     }

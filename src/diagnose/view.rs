@@ -9,6 +9,7 @@ use super::plane::{ForcePlane, force_planes};
 use super::predictions::{Law, Prediction, predictions};
 use crate::error::Result;
 use crate::expr::{Observed, Variable};
+use crate::fit::segments::longest_run;
 
 /// Everything that pictures of a model before its data are drawn from.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -102,6 +103,8 @@ pub struct Portrait {
 const GRID: usize = 81;
 /// How far a portrait reaches beyond the data, as part of their range.
 const MARGIN: f64 = 0.15;
+/// Energies along the longest run, at least.
+const STRETCHES: usize = 16;
 /// Planes of a coordinate and its momentum that are drawn.
 const MOST: usize = 6;
 
@@ -146,7 +149,10 @@ pub fn view(training: &Context, unseen: Option<&Context>) -> Result<View> {
 }
 
 fn series(context: &Context, unseen: bool) -> Vec<EnergySeries> {
-    let runs = context.dataset.runs.iter().zip(energies(context));
+    // Where the model follows whole runs, these are cut more finely than for training.
+    let mut finer = context.with_data(context.dataset);
+    finer.window = context.window.min((longest_run(context.dataset) / STRETCHES).max(4));
+    let runs = context.dataset.runs.iter().zip(energies(&finer));
     runs.map(|(run, points)| EnergySeries { run: run.name.clone(), unseen, points }).collect()
 }
 

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::{Page, shown, tables};
 use crate::diagnose::missing::Verdict;
-use crate::report::plots::{Figure, amount, escaped, plot, number, term, unit};
+use crate::report::plots::{Figure, amount, escaped, number, plot, term, unit};
 use crate::simplify::Style;
 
 /// A heading and what stands below it.
@@ -21,10 +21,18 @@ pub fn all(page: &Page, figures: &Drawn) -> Vec<Section> {
     let mut sections = vec![
         Section { id: "law", title: "The law", body: law(page) },
         Section { id: "findings", title: "Findings", body: findings(page) },
-        Section { id: "predictions", title: "How far it predicts", body: predictions(page, figures) },
+        Section {
+            id: "predictions",
+            title: "How far it predicts",
+            body: predictions(page, figures),
+        },
         Section { id: "forces", title: "Where it fails", body: forces(page, figures) },
         Section { id: "missing", title: "What is missing", body: missing(page, figures) },
-        Section { id: "motion", title: "The motion", body: several(figures, &["portrait", "energy"]) },
+        Section {
+            id: "motion",
+            title: "The motion",
+            body: several(figures, &["portrait", "energy"]),
+        },
         Section { id: "search", title: "How the terms were found", body: search(page, figures) },
         Section { id: "ledger", title: "How the spec came about", body: ledger(page, figures) },
         Section { id: "data", title: "The data", body: data(page) },
@@ -64,12 +72,19 @@ pub fn cards(page: &Page) -> String {
         let first = diagnosis.ranking.first().map_or("", |leader| leader.effect.as_str());
         match diagnosis.verdict {
             Verdict::Missing => card(first, "is missing, as far as these data can say"),
-            Verdict::NothingMissing => card("nothing", "is missing that would stand out of the noise"),
-            Verdict::Unexplained => card("unnamed", "something is missing that the catalogue lacks"),
+            Verdict::NothingMissing => {
+                card("nothing", "is missing that would stand out of the noise")
+            }
+            Verdict::Unexplained => {
+                card("unnamed", "something is missing that the catalogue lacks")
+            }
             Verdict::TooLittleData => card("too little", "data to say whether anything is missing"),
         }
     }
-    card(&page.data.samples.to_string(), &format!("samples in {}", count(page.data.runs.len(), "run")));
+    card(
+        &page.data.samples.to_string(),
+        &format!("samples in {}", count(page.data.runs.len(), "run")),
+    );
     out + "</div>\n"
 }
 
@@ -82,7 +97,7 @@ fn law(page: &Page) -> String {
     let (motion, energy): (Vec<_>, Vec<_>) = page.formulas.iter().partition(|f| f.motion);
     if energy.is_empty() {
         let text = escaped(&page.simplified.text(Style::default()));
-        let _ = write!(out, "<pre>{text}</pre>\n");
+        let _ = writeln!(out, "<pre>{text}</pre>");
     } else {
         out += "<div class=\"law\">\n";
         for formula in energy {
@@ -99,7 +114,8 @@ fn law(page: &Page) -> String {
         }
         out += "</div></details>\n";
     }
-    out += "<p class=\"soft\">Digits in parentheses are the standard error of the last digits.</p>\n";
+    out +=
+        "<p class=\"soft\">Digits in parentheses are the standard error of the last digits.</p>\n";
     out += &sentences(page.notes.iter().take(12).cloned());
     if let Some(model) = page.model {
         out += &tables::coefficients(model);
@@ -225,10 +241,9 @@ fn search(page: &Page, figures: &Drawn) -> String {
     let Some(model) = page.model else { return String::new() };
     let evidence = &model.evidence;
     let mut out = format!(
-        "<p>{} were tried in a function space of {}; the model was chosen by the {}. Training {} \
-         ({}).</p>\n",
-        count(evidence.supports_tried, "model"),
+        "<p>Function space: {}; models tried: {}; chosen by the {}. Training {} ({}).</p>\n",
         count(evidence.function_space, "term"),
+        evidence.supports_tried,
         escaped(&evidence.selection),
         escaped(model.stop.sentence.trim_end_matches('.')),
         count(model.stop.rounds, "round"),

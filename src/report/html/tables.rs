@@ -7,8 +7,7 @@ use crate::data::DataReport;
 use crate::diagnose::compare::Comparison;
 use crate::diagnose::missing::Diagnosis;
 use crate::fit::Model;
-use crate::report::plots::{escaped, number, plain, term, unit};
-use crate::simplify::uncertain;
+use crate::report::plots::{escaped, measured, number, plain, tenths, term, unit};
 
 /// Rows of a table; the others are counted.
 const MOST: usize = 40;
@@ -38,11 +37,6 @@ fn table(head: &[&str], rows: &[Vec<String>], numbers: &[usize]) -> String {
     out
 }
 
-/// A value with its standard error in print: `0.5012(13)`, with a real minus sign.
-fn measured(value: f64, error: f64) -> String {
-    uncertain(value, error, 8).replace('-', "−")
-}
-
 /// Coefficients and inner parameters of the law.
 pub fn coefficients(model: &Model) -> String {
     let rows: Vec<Vec<String>> = model
@@ -53,7 +47,7 @@ pub fn coefficients(model: &Model) -> String {
             vec![
                 learned.place.clone(),
                 name + &term(&learned.term),
-                measured(learned.coefficient, learned.standard_error),
+                measured(learned.coefficient, learned.standard_error, 8),
                 unit(learned.unit.as_deref()),
                 format!("{:.0} %", 100.0 * learned.inclusion),
             ]
@@ -62,7 +56,7 @@ pub fn coefficients(model: &Model) -> String {
             vec![
                 "inner parameter".to_string(),
                 plain(&parameter.name),
-                measured(parameter.value, parameter.standard_error),
+                measured(parameter.value, parameter.standard_error, 8),
                 unit(parameter.unit.as_deref()),
                 String::new(),
             ]
@@ -116,13 +110,14 @@ pub fn forces(comparison: &Comparison) -> String {
             vec![
                 plain(&map.on),
                 plain(&map.against),
-                format!("{:.1}", map.deviance),
+                tenths(map.deviance),
                 map.degrees.to_string(),
                 chance(map.p_value),
             ]
         })
         .collect();
-    let head = ["force on", "against", "deviance", "degrees of freedom", "chance if nothing is missing"];
+    let head =
+        ["force on", "against", "deviance", "degrees of freedom", "chance if nothing is missing"];
     table(&head, &rows, &[2, 3, 4])
 }
 
@@ -137,11 +132,11 @@ pub fn leaders(diagnosis: &Diagnosis) -> String {
         .iter()
         .map(|leader| {
             let numbers = leader.coefficient.iter().zip(&leader.standard_error);
-            let numbers: Vec<String> = numbers.map(|(&x, &s)| measured(x, s)).collect();
+            let numbers: Vec<String> = numbers.map(|(&x, &s)| measured(x, s, 4)).collect();
             vec![
                 leader.effect.clone(),
                 numbers.join(", "),
-                format!("{:.1}", leader.deviance),
+                tenths(leader.deviance),
                 chance(leader.p_value),
                 number(leader.unseen_error_before, 3),
                 number(leader.unseen_error_after, 3),
@@ -161,7 +156,7 @@ pub fn runners_up(model: &Model) -> String {
         .map(|runner| {
             let terms: Vec<String> = runner.terms.iter().take(12).map(|(t, _)| term(t)).collect();
             let more = if runner.terms.len() > 12 { ", …" } else { "" };
-            vec![format!("+{:.1}", runner.difference), terms.join(", ") + more]
+            vec![format!("+{}", tenths(runner.difference)), terms.join(", ") + more]
         })
         .collect();
     table(&["criterion", "terms of the runner-up"], &rows, &[0])
@@ -204,7 +199,8 @@ pub fn columns(data: &DataReport) -> String {
             ]
         })
         .collect();
-    let head = ["observable", "column", "measured", "missing", "minimum", "maximum", "mean", "spread"];
+    let head =
+        ["observable", "column", "measured", "missing", "minimum", "maximum", "mean", "spread"];
     table(&head, &rows, &[2, 3, 4, 5, 6, 7])
 }
 
@@ -219,7 +215,7 @@ pub fn gaps(data: &DataReport) -> String {
                 gap.after_line.to_string(),
                 number(gap.start, 6),
                 number(gap.end, 6),
-                format!("{:.1}", gap.steps),
+                tenths(gap.steps),
             ]
         })
         .collect();

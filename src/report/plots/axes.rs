@@ -160,7 +160,7 @@ pub fn nice_ticks(low: f64, high: f64, count: usize) -> Vec<Tick> {
         .min_by(|a, b| (a / rough).ln().abs().total_cmp(&(b / rough).ln().abs()))
         .unwrap_or(unit);
     let (first, last) = ((low / step).ceil(), (high / step).floor());
-    if !(step > 0.0) || last - first > 1000.0 || first.abs().max(last.abs()) > 1e15 {
+    if step <= 0.0 || last - first > 1000.0 || first.abs().max(last.abs()) > 1e15 {
         return Vec::new();
     }
     let steps = (0..=(last - first).max(-1.0) as i64).map(|i| first + i as f64);
@@ -237,10 +237,9 @@ mod tests {
     #[test]
     fn an_axis_without_values_or_spread_is_still_an_axis() {
         for values in [vec![], vec![f64::NAN], vec![0.0, 0.0], vec![3.0], vec![f64::INFINITY]] {
-            for axis in [
-                Axis::linear(values.iter().copied(), 5),
-                Axis::logarithmic(values.iter().copied()),
-            ] {
+            for axis in
+                [Axis::linear(values.iter().copied(), 5), Axis::logarithmic(values.iter().copied())]
+            {
                 assert!(axis.high > axis.low, "{values:?}: {axis:?}");
                 assert!(axis.ticks.len() >= 2, "{values:?}: {axis:?}");
             }

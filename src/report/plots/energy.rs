@@ -50,8 +50,8 @@ pub fn figures(material: &Material) -> Vec<Figure> {
     );
     let mut figure = Figure::new("energy", "Energy along the measurements".into(), caption);
     let points = || all.iter().flat_map(|series| series.points.iter());
-    let x = Axis::linear(points().map(|p| p.0), 6)
-        .variable(&view.time.name, view.time.unit.as_deref());
+    let x =
+        Axis::linear(points().map(|p| p.0), 6).variable(&view.time.name, view.time.unit.as_deref());
     let y = Axis::linear(points().map(|p| p.1), 5).words("energy H");
     let mut panel = Panel::new(1.0, x, y);
     for (at, series) in all.iter().enumerate().rev() {
@@ -72,11 +72,10 @@ pub fn figures(material: &Material) -> Vec<Figure> {
     }
     for (at, series) in all.iter().enumerate().take(NAMED) {
         let rate = drift(series).map_or(String::new(), |e| {
-            format!(": dH/dt = {}", crate::simplify::uncertain(e.rate, e.rate_error, 2))
+            format!(": dH/dt = {}", label::measured(e.rate, e.rate_error, 2))
         });
         let unseen = if series.unseen { " (unseen)" } else { "" };
         let shape = if series.points.len() <= 40 { Shape::Both } else { Shape::Line };
-        let rate = rate.replace('-', "−");
         figure.key(Style::Series(at as u8), shape, &format!("run {}{unseen}{rate}", series.run));
     }
     if all.len() > NAMED {

@@ -4,7 +4,7 @@ use super::axes::Axis;
 use super::figure::{Figure, Mark, Panel, Style};
 use super::forces::chance;
 use super::{Material, label};
-use crate::diagnose::plane::ForcePlane;
+use crate::diagnose::plane::{ForceNode, ForcePlane};
 use crate::diagnose::view::View;
 
 /// Chance below which a map is worth its numbers.
@@ -19,14 +19,16 @@ pub fn figures(material: &Material) -> Vec<Figure> {
 fn figure(view: &View, plane: &ForcePlane) -> Option<Figure> {
     let q = view.state.get(plane.coordinate)?;
     let p = view.state.get(view.state.len() / 2 + plane.coordinate)?;
-    let most = plane.nodes.iter().map(|n| n.force.abs()).fold(0.0, f64::max);
-    if plane.nodes.is_empty() || most <= 0.0 || plane.across.len() < 2 || plane.up.len() < 2 {
+    let known = |node: &&ForceNode| node.force.is_finite() && node.standard_error.is_finite();
+    let nodes: Vec<&ForceNode> = plane.nodes.iter().filter(known).collect();
+    let most = nodes.iter().map(|n| n.force.abs()).fold(0.0, f64::max);
+    if nodes.is_empty() || most <= 0.0 || plane.across.len() < 2 || plane.up.len() < 2 {
         return None;
     }
     let name = label::plain(&q.name);
     let title = format!("Missing force on {name} over phase space");
     let sure = |force: f64, error: f64| force.abs() > 2.0 * error;
-    let significant = plane.nodes.iter().filter(|n| sure(n.force, n.standard_error)).count();
+    let significant = nodes.iter().filter(|n| sure(n.force, n.standard_error)).count();
     let telling = plane.p_value < TELLING;
     let mut caption = format!(
         "Force on {name} that the model lacks, over {name} and {}. The stronger the colour, the \
@@ -39,7 +41,7 @@ fn figure(view: &View, plane: &ForcePlane) -> Option<Figure> {
         format!(
             "; numbers stand where it is more than two standard errors from zero, at \
              {significant} of {} places.",
-            plane.nodes.len()
+            nodes.len()
         )
     } else {
         ": nothing to see.".to_string()
@@ -57,7 +59,7 @@ fn figure(view: &View, plane: &ForcePlane) -> Option<Figure> {
     // One power of ten for all numbers, so that they fit into their cells.
     let power = most.log10().floor();
     let shift = if (-2.0..3.0).contains(&power) { 0.0 } else { power };
-    for node in &plane.nodes {
+    for node in nodes {
         let (Some(&x), Some(&y)) = (plane.across.get(node.column), plane.up.get(node.row)) else {
             continue;
         };
@@ -73,11 +75,12 @@ fn figure(view: &View, plane: &ForcePlane) -> Option<Figure> {
             label::number(x, 3),
             label::plain(&p.name),
             label::number(y, 3),
-            crate::simplify::uncertain(node.force, node.standard_error, 3),
+            label::measured(node.force, node.standard_error, 3),
             node.samples
         );
         // What is not known is not coloured as if it were.
-        let trust = (node.force.abs() / (2.0 * node.standard_error).max(f64::MIN_POSITIVE)).min(1.0);
+        let trust =
+            (node.force.abs() / (2.0 * node.standard_error).max(f64::MIN_POSITIVE)).min(1.0);
         panel.marks.push(Mark::Cell {
             x: (x - half_x, x + half_x),
             y: (y - half_y, y + half_y),

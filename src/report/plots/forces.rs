@@ -46,10 +46,9 @@ pub fn figure(view: &View, map: &ResidualMap) -> Option<Figure> {
             (force / error).abs(),
             chance(map.p_value)
         ),
-        _ => format!(
-            "Noise does as much with a chance of {}: nothing to see.",
-            chance(map.p_value)
-        ),
+        _ => {
+            format!("Noise does as much with a chance of {}: nothing to see.", chance(map.p_value))
+        }
     };
     let title = format!("Missing force on {on} against {against}");
     let id = format!("forces-{}-{}", map.on, map.against);
@@ -57,7 +56,8 @@ pub fn figure(view: &View, map: &ResidualMap) -> Option<Figure> {
     figure.key(Style::Model, Shape::Both, "missing force");
     figure.key(Style::Model, Shape::Area, "two standard errors");
     let quantities = view.state.iter().chain([&view.time]);
-    let unit = quantities.into_iter().find(|q| q.name == map.against).and_then(|q| q.unit.as_deref());
+    let unit =
+        quantities.into_iter().find(|q| q.name == map.against).and_then(|q| q.unit.as_deref());
     let x = Axis::linear(points.iter().map(|p| p.0), 6).variable(&map.against, unit);
     let band: Vec<(f64, f64, f64)> =
         points.iter().map(|&(x, f, s)| (x, f - 2.0 * s, f + 2.0 * s)).collect();
@@ -72,7 +72,7 @@ pub fn figure(view: &View, map: &ResidualMap) -> Option<Figure> {
     let texts = points
         .iter()
         .map(|&(x, force, error)| {
-            let force = crate::simplify::uncertain(force, error, 3);
+            let force = label::measured(force, error, 3);
             format!("{against} = {}: force {force}", label::number(x, 3))
         })
         .collect();
@@ -88,5 +88,8 @@ pub fn figure(view: &View, map: &ResidualMap) -> Option<Figure> {
 
 /// A p-value in words.
 pub fn chance(p: f64) -> String {
+    if !p.is_finite() {
+        return "?".to_string();
+    }
     if p < 1e-12 { "less than 10⁻¹²".to_string() } else { label::number(p, 2) }
 }

@@ -36,7 +36,8 @@ pub fn figures(material: &Material) -> Vec<Figure> {
     let mut x = Axis::between(first - 0.5, last + 0.5, 7).words("terms in the model");
     x.ticks.retain(|tick| tick.value.fract() == 0.0);
     x.ticks.iter_mut().for_each(|tick| tick.text = format!("{:.0}", tick.value));
-    let y = Axis::logarithmic(front.iter().map(|p| p.error).chain([0.9, 1.1])).words("error / noise");
+    let y =
+        Axis::logarithmic(front.iter().map(|p| p.error).chain([0.9, 1.1])).words("error / noise");
     let mut panel = Panel::new(1.0, x, y);
     let points: Vec<(f64, f64)> = front.iter().map(|point| place(point)).collect();
     let texts = front

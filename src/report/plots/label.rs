@@ -105,9 +105,7 @@ fn superscript(c: char) -> char {
         '2' => '²',
         '3' => '³',
         '-' => '⁻',
-        '0' | '4'..='9' => {
-            char::from_u32('⁰' as u32 + c as u32 - '0' as u32).unwrap_or(c)
-        }
+        '0' | '4'..='9' => char::from_u32('⁰' as u32 + c as u32 - '0' as u32).unwrap_or(c),
         c => c,
     }
 }
@@ -133,6 +131,19 @@ pub fn number(value: f64, digits: usize) -> String {
     text.replace('-', "−")
 }
 
+/// A value with its standard error, `0.5012(13)`, and a real minus sign.
+pub fn measured(value: f64, standard_error: f64, digits: usize) -> String {
+    if !value.is_finite() {
+        return "?".to_string();
+    }
+    crate::simplify::uncertain(value, standard_error, digits).replace('-', "−")
+}
+
+/// A number with one decimal.
+pub fn tenths(value: f64) -> String {
+    if value.is_finite() { format!("{value:.1}").replace('-', "−") } else { "?".to_string() }
+}
+
 /// A number with its unit, if it has one.
 pub fn amount(value: f64, digits: usize, unit: Option<&str>) -> String {
     let unit = self::unit(unit);
@@ -146,17 +157,15 @@ pub fn term(text: &str) -> String {
     let mut rest = text;
     while let Some(c) = rest.chars().next() {
         if c.is_alphabetic() {
-            let mut end = rest
-                .find(|c: char| !(c.is_alphanumeric() || c == '_'))
-                .unwrap_or(rest.len());
+            let mut end =
+                rest.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(rest.len());
             if rest[end..].starts_with('[') {
                 end = rest[end..].find(']').map_or(rest.len(), |close| end + close + 1);
             }
             out += &plain(&rest[..end]);
             rest = &rest[end..];
         } else if c == '^' {
-            let digits: String =
-                rest[1..].chars().take_while(|c| c.is_ascii_digit()).collect();
+            let digits: String = rest[1..].chars().take_while(|c| c.is_ascii_digit()).collect();
             if digits.is_empty() {
                 out.push('^');
             }

@@ -44,19 +44,13 @@ pub fn marker(style: Style, x: f64, y: f64, text: &str) -> String {
         }
         Style::Series(3) => format!("M{x:.1} {:.1}l4.6 4.6l-4.6 4.6l-4.6 -4.6z", y - 4.6),
         Style::Series(4) => format!("M{x:.1} {:.1}l4.3 -7.4h-8.6z", y + 4.7),
-        Style::Chosen => format!(
-            "M{:.1} {y:.1}a7 7 0 1 0 14 0a7 7 0 1 0 -14 0z",
-            x - 7.0
-        ),
+        Style::Chosen => format!("M{:.1} {y:.1}a7 7 0 1 0 14 0a7 7 0 1 0 -14 0z", x - 7.0),
         _ => format!("M{:.1} {y:.1}a3.8 3.8 0 1 0 7.6 0a3.8 3.8 0 1 0 -7.6 0z", x - 3.8),
     };
     if text.is_empty() {
         return format!("<path class=\"marker {class}\" d=\"{form}\"/>");
     }
-    format!(
-        "<path class=\"marker {class}\" d=\"{form}\"><title>{}</title></path>",
-        escaped(text)
-    )
+    format!("<path class=\"marker {class}\" d=\"{form}\"><title>{}</title></path>", escaped(text))
 }
 
 /// A panel's own coordinates.
@@ -91,10 +85,7 @@ impl Pen<'_> {
         let hold = |value: f64, low: f64, high: f64| {
             if value.is_nan() { low } else { value.clamp(low, high) }
         };
-        (
-            hold(x, self.frame.left, self.right()),
-            hold(y, self.frame.top, self.bottom()),
-        )
+        (hold(x, self.frame.left, self.right()), hold(y, self.frame.top, self.bottom()))
     }
 
     fn inside(&self, (x, y): (f64, f64)) -> bool {
@@ -209,7 +200,8 @@ pub fn draw_mark(out: &mut String, pen: &Pen, mark: &Mark) {
                 let _ = write!(path, "M{:.1} {:.1}V{:.1}", low.0, low.1, high.1);
             }
             if !path.is_empty() {
-                let _ = writeln!(out, "<path class=\"line error {}\" d=\"{path}\"/>", class(*style));
+                let _ =
+                    writeln!(out, "<path class=\"line error {}\" d=\"{path}\"/>", class(*style));
             }
         }
         Mark::Bar { style, row, from, to, text } => {
@@ -292,7 +284,7 @@ pub fn draw_mark(out: &mut String, pen: &Pen, mark: &Mark) {
 }
 
 fn ascending(points: &[(f64, f64)]) -> bool {
-    points.windows(2).all(|pair| !(pair[1].0 < pair[0].0))
+    points.windows(2).all(|pair| pair[0].0 <= pair[1].0 || pair[0].0.is_nan() || pair[1].0.is_nan())
 }
 
 fn series(about: &About) -> String {

@@ -27,7 +27,7 @@ use serde::Serialize;
 
 pub use axes::{Axis, Scale, Tick};
 pub use figure::Figure;
-pub use label::{amount, number, plain, term, unit};
+pub use label::{amount, measured, number, plain, tenths, term, unit};
 pub use style::{SCRIPT, live_sheet, sheet};
 pub use svg::{For, draw, escaped};
 

@@ -36,13 +36,11 @@ fn figure(view: &View, portrait: &Portrait) -> Option<Figure> {
             Some(format!("{name} = {}", label::number(*value, 3)))
         })
         .collect();
-    let mut caption =
-        "Lines of equal energy of the learned H, and the motion on them.".to_string();
+    let mut caption = "Lines of equal energy of the learned H, and the motion on them.".to_string();
     if !held.is_empty() {
         caption += &format!(" H is shown at {}; the motion is projected.", held.join(", "));
     }
-    let mut figure =
-        Figure::new(&format!("portrait-{}-{}", x.name, y.name), title, caption);
+    let mut figure = Figure::new(&format!("portrait-{}-{}", x.name, y.name), title, caption);
     figure.height = 350.0;
     let across = Axis::between(left, right, 6).variable(&x.name, x.unit.as_deref());
     let up = Axis::between(low, high, 6).variable(&y.name, y.unit.as_deref());
@@ -50,7 +48,8 @@ fn figure(view: &View, portrait: &Portrait) -> Option<Figure> {
     figure.key(Style::Contour, Shape::Line, "H = const.");
     tracks(view, portrait, &mut panel);
     let seen = view.predictions.iter().any(|p| !p.unseen);
-    let what = if view.momenta_measured || coordinates { "measured" } else { "from the best states" };
+    let what =
+        if view.momenta_measured || coordinates { "measured" } else { "from the best states" };
     if seen {
         figure.key(Style::Measured, Shape::Cloud, what);
     }
@@ -101,15 +100,14 @@ fn contours(portrait: &Portrait, panel: &mut Panel) {
         }
         None => (least, most),
     };
-    if !(to > from) {
+    if from.is_nan() || to.is_nan() || to <= from {
         return;
     }
     let ticks = nice_ticks(from, to, LEVELS);
     let every = ticks.len().div_ceil(5).max(1);
     let mut words = Vec::new();
     for (at, tick) in ticks.iter().enumerate() {
-        let lines =
-            contour::lines(&portrait.columns, &portrait.rows, &portrait.energy, tick.value);
+        let lines = contour::lines(&portrait.columns, &portrait.rows, &portrait.energy, tick.value);
         let longest = lines.iter().max_by_key(|line| line.len());
         if at % every == 0
             && let Some(place) = longest.filter(|line| line.len() > 24).and_then(|line| {

@@ -21,7 +21,8 @@ pub fn figures(material: &Material) -> Vec<Figure> {
         return pairs(view);
     }
     order.sort_by(|&a, &b| view.predictions[b].error.total_cmp(&view.predictions[a].error));
-    let worst = |unseen: bool| order.iter().copied().find(|&i| view.predictions[i].unseen == unseen);
+    let worst =
+        |unseen: bool| order.iter().copied().find(|&i| view.predictions[i].unseen == unseen);
     let mut chosen: Vec<(usize, &str)> = Vec::new();
     let candidates = [
         (worst(true), "worst unseen run"),
@@ -122,9 +123,8 @@ fn run_name(name: &str) -> String {
 
 fn error(measured: &[f64], predicted: &[f64], noise: f64) -> f64 {
     let both = measured.iter().zip(predicted).filter(|(a, b)| a.is_finite() && b.is_finite());
-    let (sum, count) = both.fold((0.0, 0.0), |(sum, count), (a, b)| {
-        (sum + ((a - b) / noise).powi(2), count + 1.0)
-    });
+    let (sum, count) = both
+        .fold((0.0, 0.0), |(sum, count), (a, b)| (sum + ((a - b) / noise).powi(2), count + 1.0));
     (sum / count).sqrt()
 }
 
@@ -168,7 +168,8 @@ fn pairs(view: &View) -> Vec<Figure> {
             all().count()
         );
         let title = format!("{name} of all pairs");
-        let mut figure = Figure::new(&format!("predictions-pairs-{}", quantity.name), title, caption);
+        let mut figure =
+            Figure::new(&format!("predictions-pairs-{}", quantity.name), title, caption);
         figure.key(Style::Measured, Shape::Cloud, "training");
         if !unseen.is_empty() {
             figure.key(Style::Unseen, Shape::Cloud, "unseen");

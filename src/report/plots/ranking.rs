@@ -3,7 +3,7 @@
 
 use super::axes::Axis;
 use super::figure::{Arrangement, Figure, Mark, Panel, Shape, Style};
-use super::{Material, times};
+use super::{Material, tenths, times};
 
 /// One figure, the best effect on top.
 pub fn figures(material: &Material) -> Vec<Figure> {
@@ -36,15 +36,16 @@ pub fn figures(material: &Material) -> Vec<Figure> {
     let x = Axis::logarithmic(errors.chain([0.9, 1.2])).words("unseen error / noise");
     let mut error = Panel::new(0.5, x, rows());
     error.marks.push(Mark::Upright { style: Style::Reference, x: 1.0 });
-    let like_first =
-        |effect: &str| effect == first.effect || diagnosis.indistinguishable.iter().any(|e| e == effect);
+    let like_first = |effect: &str| {
+        effect == first.effect || diagnosis.indistinguishable.iter().any(|e| e == effect)
+    };
     for (at, leader) in ranking.iter().enumerate() {
         let row = row(at);
         let style = if like_first(&leader.effect) { Style::Chosen } else { Style::Faint };
         let text = format!(
-            "{}: deviance falls by {:.1}; unseen error {} to {}",
+            "{}: deviance falls by {}; unseen error {} to {}",
             leader.effect,
-            leader.deviance,
+            tenths(leader.deviance),
             times(leader.unseen_error_before),
             times(leader.unseen_error_after)
         );

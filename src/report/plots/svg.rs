@@ -6,8 +6,8 @@ use std::fmt::Write;
 use super::axes::Axis;
 use super::figure::{Arrangement, Figure, Key, Panel, Shape};
 use super::label;
-use super::style;
 use super::marks::{Frame, Pen, class, draw_mark, marker};
+use super::style;
 
 /// Where the drawing goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -107,7 +107,8 @@ fn frames(figure: &Figure, top: f64) -> Vec<Frame> {
     let letters = labelled.iter().map(|panel| widest(&panel.y)).fold(2.0, f64::max);
     let named = labelled.iter().any(|panel| !panel.y.name.is_empty());
     let left = 12.0 + LETTER * letters + if named { 18.0 } else { 0.0 };
-    let below = if figure.panels.iter().any(|panel| !panel.x.name.is_empty()) { 42.0 } else { 24.0 };
+    let below =
+        if figure.panels.iter().any(|panel| !panel.x.name.is_empty()) { 42.0 } else { 24.0 };
     let all: f64 = figure.panels.iter().map(|panel| panel.share).sum();
     let gaps = GAP * figure.panels.len().saturating_sub(1) as f64;
     let (width, height) = (figure.width - left - RIGHT, figure.height - top - below);

@@ -13,7 +13,8 @@ pub fn line(points: &[(f64, f64)], columns: usize) -> Vec<usize> {
     }
     let finite = |p: &(f64, f64)| p.0.is_finite() && p.1.is_finite();
     let xs = || points.iter().filter(|p| finite(p)).map(|p| p.0);
-    let (low, high) = xs().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+    let (low, high) =
+        xs().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
     let width = (high - low).max(f64::MIN_POSITIVE);
     let column = |x: f64| ((x - low) / width * columns as f64).min(columns as f64 - 1.0) as usize;
     let mut kept = Vec::new();
