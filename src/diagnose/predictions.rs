@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::context::Context;
 use crate::dynamics::{Batch, Dynamics, Scratch, advance, observe};
 use crate::eval::Backend;
+use crate::expr::Observed;
 use crate::fit::segments::{Segment, longest_run};
 
 /// One run: its measurements, and the motion that the model predicts from the best start.
@@ -22,7 +23,8 @@ pub struct Prediction {
     pub measured: Vec<Vec<f64>>,
     /// `[observable][sample]`; NaN where nothing could be predicted.
     pub predicted: Vec<Vec<f64>>,
-    /// The predicted state, `[q, then p][sample]`.
+    /// The motion, `[q, then p][sample]`: as measured where momenta are, else the states that
+    /// fit the measurements best, stretch by stretch of the length of training.
     pub states: Vec<Vec<f64>>,
     /// Energy of the model along the prediction, at each sample.
     pub energy: Vec<f64>,
@@ -38,7 +40,6 @@ const LANES: usize = 64;
 /// Predictions of every run, in the order of the data, each over as long as its data have no
 /// hole.
 pub fn predictions(context: &Context, unseen: bool) -> Vec<Prediction> {
-    let (segments, states, _) = context.settle(longest_run(context.dataset));
     let rows = 2 * context.system.degrees();
     let mut out: Vec<Prediction> = context
         .dataset
@@ -61,11 +62,31 @@ pub fn predictions(context: &Context, unseen: bool) -> Vec<Prediction> {
         .collect();
     let law = Law::new(context);
     let mut scratch = Scratch::new();
-    let all: Vec<(Segment, &Vec<f64>)> = segments.list.iter().copied().zip(states.iter()).collect();
-    for block in all.chunks(LANES) {
-        law.follow(block, &mut out, &mut scratch);
-    }
-    for prediction in &mut out {
+    let mut follow = |window: usize, out: &mut [Prediction]| {
+        let (segments, states, _) = context.settle(window);
+        let all: Vec<(Segment, &Vec<f64>)> =
+            segments.list.iter().copied().zip(states.iter()).collect();
+        for block in all.chunks(LANES) {
+            law.follow(block, out, &mut scratch);
+        }
+    };
+    let measured = |row: usize| {
+        let mut all = context.dataset.runs.iter().filter_map(|run| run.values.get(row)).flatten();
+        all.any(|x| x.is_finite())
+    };
+    let near = if context.system.observed == Observed::Momenta && (0..rows).all(measured) {
+        None
+    } else {
+        let mut near = out.clone();
+        follow(context.window, &mut near);
+        Some(near)
+    };
+    follow(longest_run(context.dataset), &mut out);
+    for (at, prediction) in out.iter_mut().enumerate() {
+        prediction.states = match near.as_ref().and_then(|near| near.get(at)) {
+            Some(near) => near.states.clone(),
+            None => prediction.measured.clone(),
+        };
         prediction.starts.sort_unstable();
         prediction.error = error(prediction, &context.noise);
     }

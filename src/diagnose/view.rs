@@ -62,24 +62,6 @@ pub struct EnergySeries {
     pub points: Vec<(f64, f64)>,
 }
 
-impl View {
-    /// A component of the motion of a run (q, then p): as measured where it is, else as
-    /// predicted from the best start.
-    pub fn motion<'a>(&self, prediction: &'a Prediction, row: usize) -> &'a [f64] {
-        motion(prediction, row, self.momenta_measured)
-    }
-}
-
-fn motion(prediction: &Prediction, row: usize, momenta_measured: bool) -> &[f64] {
-    let n = prediction.states.len() / 2;
-    let measured = &prediction.measured[row];
-    let is_state = row < n || momenta_measured;
-    if is_state && measured.iter().any(|x| x.is_finite()) {
-        return measured;
-    }
-    &prediction.states[row]
-}
-
 /// H over a plane of the phase space, the other components of the state held.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Portrait {
@@ -122,7 +104,7 @@ pub fn view(training: &Context, unseen: Option<&Context>) -> Result<View> {
         all.extend(predictions(context, true));
     }
     let planes = force_planes(training, &|row| {
-        all[..seen].iter().flat_map(|p| motion(p, row, momenta_measured)).copied().collect()
+        all[..seen].iter().flat_map(|p| p.states[row].iter().copied()).collect()
     })?;
     let second = match system.observed {
         Observed::Momenta => &system.momenta,
@@ -142,7 +124,7 @@ pub fn view(training: &Context, unseen: Option<&Context>) -> Result<View> {
             .into_iter()
             .flat_map(|(context, unseen)| context.map(|c| series(c, unseen)).unwrap_or_default())
             .collect(),
-        portraits: portraits(training, &all, momenta_measured),
+        portraits: portraits(training, &all),
         predictions: all,
         planes,
     })
@@ -157,12 +139,12 @@ fn series(context: &Context, unseen: bool) -> Vec<EnergySeries> {
 }
 
 /// The plane of every coordinate and its momentum; of two coordinates, also the plane of both.
-fn portraits(context: &Context, predictions: &[Prediction], measured: bool) -> Vec<Portrait> {
+fn portraits(context: &Context, predictions: &[Prediction]) -> Vec<Portrait> {
     let n = context.system.degrees();
     let law = Law::new(context);
     let start = predictions.iter().find_map(|p| p.times.first().copied()).unwrap_or(0.0);
     let spans: Vec<Option<(f64, f64, f64)>> = (0..2 * n)
-        .map(|row| span(predictions.iter().flat_map(|p| motion(p, row, measured)).copied()))
+        .map(|row| span(predictions.iter().flat_map(|p| p.states[row].iter().copied())))
         .collect();
     let reached = reached(predictions);
     let mut planes: Vec<(usize, usize)> = (0..n.min(MOST)).map(|i| (i, n + i)).collect();

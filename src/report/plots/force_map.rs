@@ -21,13 +21,20 @@ fn figure(view: &View, plane: &ForcePlane) -> Option<Figure> {
     let p = view.state.get(view.state.len() / 2 + plane.coordinate)?;
     let known = |node: &&ForceNode| node.force.is_finite() && node.standard_error.is_finite();
     let nodes: Vec<&ForceNode> = plane.nodes.iter().filter(known).collect();
-    let most = nodes.iter().map(|n| n.force.abs()).fold(0.0, f64::max);
+    let sure = |force: f64, error: f64| force.abs() > 2.0 * error;
+    let largest = |all: &dyn Fn(&ForceNode) -> bool| {
+        nodes.iter().filter(|n| all(n)).map(|n| n.force.abs()).fold(0.0, f64::max)
+    };
+    // What is not known sets no scale.
+    let most = match largest(&|n| sure(n.force, n.standard_error)) {
+        most if most > 0.0 => most,
+        _ => largest(&|_| true),
+    };
     if nodes.is_empty() || most <= 0.0 || plane.across.len() < 2 || plane.up.len() < 2 {
         return None;
     }
     let name = label::plain(&q.name);
     let title = format!("Missing force on {name} over phase space");
-    let sure = |force: f64, error: f64| force.abs() > 2.0 * error;
     let significant = nodes.iter().filter(|n| sure(n.force, n.standard_error)).count();
     let telling = plane.p_value < TELLING;
     let mut caption = format!(
@@ -84,7 +91,9 @@ fn figure(view: &View, plane: &ForcePlane) -> Option<Figure> {
         panel.marks.push(Mark::Cell {
             x: (x - half_x, x + half_x),
             y: (y - half_y, y + half_y),
-            strength: if telling { 0.75 } else { 0.2 } * trust * node.force / most,
+            strength: if telling { 0.75 } else { 0.2 }
+                * trust
+                * (node.force / most).clamp(-1.0, 1.0),
             label,
             text,
         });

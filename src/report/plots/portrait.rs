@@ -4,6 +4,7 @@ use super::axes::{Axis, nice_ticks};
 use super::contour;
 use super::figure::{About, Anchor, Figure, Mark, Panel, Shape, Style};
 use super::{Material, label};
+use crate::diagnose::predictions::Prediction;
 use crate::diagnose::view::{Portrait, View};
 
 /// Contours, more or less.
@@ -48,8 +49,7 @@ fn figure(view: &View, portrait: &Portrait) -> Option<Figure> {
     figure.key(Style::Contour, Shape::Line, "H = const.");
     tracks(view, portrait, &mut panel);
     let seen = view.predictions.iter().any(|p| !p.unseen);
-    let what =
-        if view.momenta_measured || coordinates { "measured" } else { "from the best states" };
+    let what = if view.momenta_measured { "measured" } else { "from the best states" };
     if seen {
         figure.key(Style::Measured, Shape::Cloud, what);
     }
@@ -61,14 +61,18 @@ fn figure(view: &View, portrait: &Portrait) -> Option<Figure> {
     Some(figure)
 }
 
+fn component(prediction: &Prediction, row: usize) -> impl Iterator<Item = f64> + '_ {
+    prediction.states.get(row).into_iter().flatten().copied()
+}
+
 fn tracks(view: &View, portrait: &Portrait, panel: &mut Panel) {
     let separate = view.predictions.len() <= RUNS;
     for unseen in [false, true] {
         let style = if unseen { Style::Unseen } else { Style::Measured };
         let mut points = Vec::new();
         for prediction in view.predictions.iter().filter(|p| p.unseen == unseen) {
-            let xs = view.motion(prediction, portrait.across).iter().copied();
-            let ys = view.motion(prediction, portrait.up).iter().copied();
+            let xs = component(prediction, portrait.across);
+            let ys = component(prediction, portrait.up);
             points.extend(xs.zip(ys));
             if separate {
                 let about = About {

@@ -30,10 +30,10 @@ pub fn figures(material: &Material) -> Vec<Figure> {
     let row = |at: usize| (ranking.len() - 1 - at) as f64;
     let rows = || Axis::rows(ranking.iter().rev().map(|leader| leader.effect.clone()));
     let most = ranking.iter().map(|l| l.deviance).filter(|d| d.is_finite()).fold(1.0, f64::max);
-    let x = Axis::between(0.0, 1.06 * most, 3).words("fall of the deviance");
+    let x = Axis::between(0.0, 1.06 * most, 3).words("evidence");
     let mut evidence = Panel::new(0.5, x, rows());
     let errors = ranking.iter().flat_map(|l| [l.unseen_error_before, l.unseen_error_after]);
-    let x = Axis::logarithmic(errors.chain([0.9, 1.2])).words("unseen error / noise");
+    let x = Axis::logarithmic(errors.chain([0.9, 1.2])).words("unseen error");
     let mut error = Panel::new(0.5, x, rows());
     error.marks.push(Mark::Upright { style: Style::Reference, x: 1.0 });
     let like_first = |effect: &str| {
