@@ -225,24 +225,26 @@ fn broken(value: f64) -> Story {
         PathEntry { lambda: 1.0, coefficients: vec![("x^2".into(), value), ("x^3".into(), 2.0)] },
         PathEntry { lambda: 0.1, coefficients: vec![("x^2".into(), 1e200)] },
     ];
+    let leader = Leader {
+        effect: "an_effect_with_a_very_long_name(theta_one, theta_two)".into(),
+        on: vec![],
+        snippet: "effect <a>".into(),
+        coefficient: vec![value],
+        standard_error: vec![value],
+        p_value: value,
+        deviance: value,
+        unseen_error_before: value,
+        unseen_error_after: 1.0,
+    };
     story.diagnosis = Some(Diagnosis {
         verdict: Verdict::Missing,
-        reason: "x < y".into(),
-        ranking: vec![Leader {
-            effect: "an_effect_with_a_very_long_name(theta_one, theta_two)".into(),
-            on: vec![],
-            snippet: "effect <a>".into(),
-            coefficient: vec![value],
-            standard_error: vec![value],
-            p_value: value,
-            deviance: value,
-            unseen_error_before: value,
-            unseen_error_after: 1.0,
-        }],
+        ranking: vec![leader.clone()],
         indistinguishable: vec!["b".into()],
-        candidates: 1,
-        tried: 1,
+        then: vec![leader.clone()],
+        unnamed: Some(leader),
+        shape: story.comparison.maps.first().cloned(),
         unseen_error: value,
+        ..Diagnosis::too_little("x < y".into())
     });
     let stage = |error| Stage { action: "add".into(), error, undone: false };
     story.history = vec![stage(Some(value)), stage(None), stage(Some(1e9)), stage(Some(1.0))];

@@ -211,9 +211,11 @@ fn missing(page: &Page, figures: &Drawn) -> String {
         verdict(diagnosis.verdict),
         escaped(diagnosis.reason.trim_end_matches('.'))
     );
-    if let Some(first) = diagnosis.ranking.first() {
+    if figures.iter().any(|(name, own)| *name == "ranking" && !own.is_empty()) {
         let (plot, table) = (drawn(figures, "ranking"), tables::leaders(diagnosis));
         let _ = writeln!(out, "<div class=\"beside\">{plot}{table}</div>");
+    }
+    if let Some(first) = diagnosis.ranking.first() {
         if !diagnosis.indistinguishable.is_empty() {
             let _ = writeln!(
                 out,
@@ -226,6 +228,23 @@ fn missing(page: &Page, figures: &Drawn) -> String {
             out,
             "<p>To add it, write into the spec:</p>\n<pre>{}</pre>",
             escaped(&first.snippet)
+        );
+    }
+    if !diagnosis.then.is_empty() {
+        let then: Vec<&str> = diagnosis.then.iter().map(|leader| leader.effect.as_str()).collect();
+        let _ = writeln!(
+            out,
+            "<p>By its own merits there would follow: {}.</p>",
+            escaped(&then.join(", then "))
+        );
+    }
+    if let Some(unnamed) = &diagnosis.unnamed {
+        let _ = writeln!(
+            out,
+            "<p>The best term without a name ({}), to be understood before it is used:</p>\n\
+             <pre>{}</pre>",
+            escaped(&unnamed.effect),
+            escaped(&unnamed.snippet)
         );
     }
     let _ = writeln!(

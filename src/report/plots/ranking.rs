@@ -3,13 +3,24 @@
 
 use super::axes::Axis;
 use super::figure::{Arrangement, Figure, Mark, Panel, Shape, Style};
-use super::{Material, tenths, times};
+use super::{Material, forces, tenths, times};
+use crate::diagnose::missing::Diagnosis;
 
-/// One figure, the best effect on top.
+/// The leaders, the best on top; and the force that is left when all that has a name is in.
 pub fn figures(material: &Material) -> Vec<Figure> {
     let Some(diagnosis) = material.diagnosis else { return Vec::new() };
+    let shape = diagnosis.shape.as_ref().and_then(|map| forces::figure(material.view, map));
+    let shape = shape.map(|mut figure| {
+        figure.id = "ranking-shape".to_string();
+        figure.title = format!("Without a name: {}", figure.title);
+        figure
+    });
+    ranking(diagnosis).into_iter().chain(shape).collect()
+}
+
+fn ranking(diagnosis: &Diagnosis) -> Option<Figure> {
     let ranking = &diagnosis.ranking;
-    let Some(first) = ranking.first() else { return Vec::new() };
+    let first = ranking.first()?;
     let mut caption = format!(
         "Left, the evidence for each effect: by how much the deviance of the training runs falls \
          when it is added and all is fitted again. Right, the error on unseen runs before and \
@@ -71,5 +82,5 @@ pub fn figures(material: &Material) -> Vec<Figure> {
     figure.key(Style::Model, Shape::Point, "after");
     figure.key(Style::Reference, Shape::Line, "noise floor");
     figure.panels = vec![evidence, error];
-    vec![figure]
+    Some(figure)
 }
