@@ -105,7 +105,8 @@ fn default_folder(project: &Project, format: &str) -> PathBuf {
     project.path.with_file_name(format!("{stem}-{format}"))
 }
 
-fn the_export<'a>(
+/// A law as the exporters take it.
+pub fn the_export<'a>(
     project: &'a Project,
     law: &'a Law,
     pretty: &'a export::Pretty,

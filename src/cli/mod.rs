@@ -15,6 +15,7 @@ mod ledger;
 mod new;
 mod progress;
 mod project;
+mod report;
 mod revise;
 mod simulate;
 mod values;
@@ -72,6 +73,7 @@ enum Command {
     Effects(effects::Arguments),
     Simulate(simulate::Arguments),
     Export(export::Arguments),
+    Report(report::Arguments),
     Demo(demo::Arguments),
 }
 
@@ -96,6 +98,7 @@ pub fn main() -> ExitCode {
         Command::Effects(arguments) => effects::run(&arguments, &console),
         Command::Simulate(arguments) => simulate::run(&arguments, &console),
         Command::Export(arguments) => export::run(&arguments, &console),
+        Command::Report(arguments) => report::run(&arguments, &console),
         Command::Demo(arguments) => demo::run(&arguments, &console),
     };
     match done {

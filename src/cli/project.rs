@@ -240,24 +240,27 @@ impl Project {
         let file: ModelFile = serde_json::from_value(value).map_err(|error| {
             wrong(format!("the file is damaged ({error})"), format!("{again} to write it anew"))
         })?;
-        let Some((active, coefficients)) = file.model.active(system) else {
-            return Err(wrong(
-                format!(
-                    "this model was fitted to another spec (`{}`, or {} before it was edited)",
-                    file.model.system,
-                    self.name()
-                ),
-                format!("{again} again"),
-            ));
-        };
-        let parameters = file.model.parameter_values(system);
-        if !coefficients.iter().chain(&parameters).all(|x| x.is_finite()) {
+        let other = format!(
+            "this model was fitted to another spec (`{}`, or {} before it was edited)",
+            file.model.system,
+            self.name()
+        );
+        let law = self.law_of(file).ok_or_else(|| wrong(other, format!("{again} again")))?;
+        if !law.coefficients.iter().chain(&law.parameters).all(|x| x.is_finite()) {
             let message = "the file is damaged: it has a number that is not finite".to_string();
             return Err(wrong(message, format!("{again} to write it anew")));
         }
+        Ok(law)
+    }
+
+    /// The law that a model says; none when it belongs to another spec.
+    pub fn law_of(&self, file: ModelFile) -> Option<Law> {
+        let system = self.system();
+        let (active, coefficients) = file.model.active(system)?;
+        let parameters = file.model.parameter_values(system);
         let covariance = file.model.full_covariance(system);
         let errors = present::standard_errors(&covariance);
-        Ok(Law { active, coefficients, parameters, covariance, errors, file: Some(file) })
+        Some(Law { active, coefficients, parameters, covariance, errors, file: Some(file) })
     }
 }
 

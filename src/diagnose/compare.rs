@@ -220,8 +220,9 @@ fn variables(context: &Context, system: &mut System) -> Vec<(String, Expr, Vec<f
     variables
 }
 
-/// Energy of the model at the measured states of every run, as a straight line over time.
-fn energy_drift(context: &Context) -> Vec<EnergyDrift> {
+/// Energy of the model at the measured states of every run: (time, energy) of each segment's
+/// middle, sorted by time; one list a run.
+pub fn energies(context: &Context) -> Vec<Vec<(f64, f64)>> {
     let dynamics = Dynamics::new(context.system, &context.support, Backend::Batched);
     let theta: Vec<f64> = context
         .coefficients
@@ -247,15 +248,19 @@ fn energy_drift(context: &Context) -> Vec<EnergyDrift> {
             points[segment.run].push((times[segment.first] + middle, energy[0]));
         }
     }
-    context
-        .dataset
-        .runs
-        .iter()
-        .zip(&mut points)
+    for points in &mut points {
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    }
+    points
+}
+
+/// Energy along every run, as a straight line over time.
+fn energy_drift(context: &Context) -> Vec<EnergyDrift> {
+    let runs = context.dataset.runs.iter();
+    runs.zip(energies(context))
         .filter(|(_, points)| points.len() >= 3)
         .map(|(run, points)| {
-            points.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let (rate, rate_error) = slope(points);
+            let (rate, rate_error) = slope(&points);
             EnergyDrift {
                 run: run.name.clone(),
                 first: points[0].1,
@@ -279,6 +284,16 @@ fn slope(points: &[(f64, f64)]) -> (f64, f64) {
     (slope, (left / (n - 2.0).max(1.0) / xx.max(f64::MIN_POSITIVE)).sqrt())
 }
 
+/// Three decimals, or as many digits of what is smaller or larger.
+fn short(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 || (0.01..1e4).contains(&size) {
+        format!("{value:.3}")
+    } else {
+        format!("{value:.2e}")
+    }
+}
+
 fn findings(
     context: &Context,
     horizons: &[Horizon],
@@ -288,7 +303,12 @@ fn findings(
     let mut out = Vec::new();
     if let (Some(first), Some(last)) = (horizons.first(), horizons.last()) {
         let growth = last.training / first.training.max(1e-9);
-        out.push(if growth < 1.2 {
+        out.push(if first.samples == last.samples {
+            format!(
+                "the error over {} samples is {:.2} times the noise",
+                last.samples, last.training
+            )
+        } else if growth < 1.2 {
             format!(
                 "the error stays at {:.2} times the noise from {} samples to {}",
                 last.training, first.samples, last.samples
@@ -313,10 +333,12 @@ fn findings(
             .max_by(|a, b| (a.1 / a.2).abs().total_cmp(&(b.1 / b.2).abs()));
         if let Some(&(at, force, error)) = peak {
             out.push(format!(
-                "the force on {} is off by {force:.3} ({:.0} standard errors) where {} is near {at:.3}",
+                "the force on {} is off by {} ({:.0} standard errors) where {} is near {}",
                 map.on,
+                short(force),
                 (force / error).abs(),
-                map.against
+                map.against,
+                short(at)
             ));
         }
     }

@@ -4,7 +4,7 @@ use super::candidates::Candidate;
 use super::compare::error;
 use super::context::Context;
 use super::leader::{Refitted, Start, refit};
-use super::scan::scan;
+use super::scan::{FEW, scan};
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::fit::Monitor;
@@ -96,19 +96,21 @@ impl Field<'_, '_> {
                 monitor.stage("refitting the leaders", 0.3 + 0.5 * i as f64 / count);
                 let of = &self.all[candidate];
                 let refitted = refit(self.context, of, start, self.loss, before)?;
-                usable(&refitted).then_some((candidate, refitted))
+                refitted.fall.is_finite().then_some((candidate, refitted))
             })
             .collect();
         let variance = self.yardstick(leaders.iter().map(|(_, l)| l));
         leaders.sort_by(|(_, a), (_, b)| b.merit(variance).total_cmp(&a.merit(variance)));
         let best = leaders.first().map_or(0.0, |(_, l)| l.merit(variance));
+        // What a part of the data says of a small effect is rough.
+        let rough = (self.context.dataset.samples() as f64 / FEW as f64).max(1.0);
         leaders
             .into_iter()
             .enumerate()
             .filter_map(|(place, (candidate, l))| {
-                let near = best - l.merit(variance) < MARGIN.max(NEAR * best);
+                let near = best - l.merit(variance) < (MARGIN * rough).max(NEAR * best);
                 if place > 0 && (place >= FINISHED || !near) {
-                    return Some((candidate, l));
+                    return usable(&l).then_some((candidate, l));
                 }
                 let l = l.finish(self.context, &self.all[candidate], self.loss, before)?;
                 usable(&l).then_some((candidate, l))

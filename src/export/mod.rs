@@ -15,6 +15,7 @@ mod python;
 mod rust;
 pub mod tex;
 
+pub use mathml::{Formula, formulas};
 pub use pretty::{Pretty, PrettyNumber};
 
 use crate::error::{Error, Result};

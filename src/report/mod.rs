@@ -1,7 +1,9 @@
 //! Results as people read them.
 
 mod diagnosis;
+pub mod html;
 pub mod layout;
+pub mod plots;
 pub mod present;
 mod text;
 

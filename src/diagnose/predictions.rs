@@ -1,0 +1,184 @@
+//! What a model predicts, beside what was measured.
+
+use serde::Serialize;
+
+use super::context::Context;
+use crate::dynamics::{Batch, Dynamics, Scratch, advance, observe};
+use crate::eval::Backend;
+use crate::expr::Observed;
+use crate::fit::segments::{Segment, longest_run};
+
+/// One run: its measurements, and the motion that the model predicts from the best start.
+///
+/// A hole in the measurements ends a prediction, and another one starts behind it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Prediction {
+    /// Name of the run.
+    pub run: String,
+    /// Whether the model was not trained on it.
+    pub unseen: bool,
+    /// Times of the samples, in the spec's unit.
+    pub times: Vec<f64>,
+    /// `[observable][sample]`; NaN (null in JSON) where nothing was measured.
+    pub measured: Vec<Vec<f64>>,
+    /// `[observable][sample]`; NaN where nothing could be predicted.
+    pub predicted: Vec<Vec<f64>>,
+    /// The motion, `[q, then p][sample]`: as measured where momenta are, else the states that
+    /// fit the measurements best, stretch by stretch of the length of training.
+    pub states: Vec<Vec<f64>>,
+    /// Energy of the model along the prediction, at each sample.
+    pub energy: Vec<f64>,
+    /// Samples at which a prediction starts.
+    pub starts: Vec<usize>,
+    /// Root mean square of measured minus predicted, in units of the noise.
+    pub error: f64,
+}
+
+/// Predictions that are followed side by side.
+const LANES: usize = 64;
+
+/// Predictions of every run, in the order of the data, each over as long as its data have no
+/// hole.
+pub fn predictions(context: &Context, unseen: bool) -> Vec<Prediction> {
+    let rows = 2 * context.system.degrees();
+    let mut out: Vec<Prediction> = context
+        .dataset
+        .runs
+        .iter()
+        .map(|run| {
+            let missing = vec![vec![f64::NAN; run.times.len()]; rows];
+            Prediction {
+                run: run.name.clone(),
+                unseen,
+                times: run.times.clone(),
+                measured: run.values.clone(),
+                predicted: missing.clone(),
+                states: missing,
+                energy: vec![f64::NAN; run.times.len()],
+                starts: Vec::new(),
+                error: f64::NAN,
+            }
+        })
+        .collect();
+    let law = Law::new(context);
+    let mut scratch = Scratch::new();
+    let mut follow = |window: usize, out: &mut [Prediction]| {
+        let (segments, states, _) = context.settle(window);
+        let all: Vec<(Segment, &Vec<f64>)> =
+            segments.list.iter().copied().zip(states.iter()).collect();
+        for block in all.chunks(LANES) {
+            law.follow(block, out, &mut scratch);
+        }
+    };
+    let measured = |row: usize| {
+        let mut all = context.dataset.runs.iter().filter_map(|run| run.values.get(row)).flatten();
+        all.any(|x| x.is_finite())
+    };
+    let near = if context.system.observed == Observed::Momenta && (0..rows).all(measured) {
+        None
+    } else {
+        let mut near = out.clone();
+        follow(context.window, &mut near);
+        Some(near)
+    };
+    follow(longest_run(context.dataset), &mut out);
+    for (at, prediction) in out.iter_mut().enumerate() {
+        prediction.states = match near.as_ref().and_then(|near| near.get(at)) {
+            Some(near) => near.states.clone(),
+            None => prediction.measured.clone(),
+        };
+        prediction.starts.sort_unstable();
+        prediction.error = error(prediction, &context.noise);
+    }
+    out
+}
+
+/// The compiled model and its numbers.
+pub(super) struct Law<'a> {
+    context: &'a Context<'a>,
+    dynamics: Dynamics,
+    theta: Vec<f64>,
+}
+
+impl<'a> Law<'a> {
+    pub(super) fn new(context: &'a Context) -> Self {
+        let dynamics = Dynamics::new(context.system, &context.support, Backend::Batched);
+        let parameters = dynamics.parameters().iter().map(|&j| context.parameters[j]);
+        let theta = context.coefficients.iter().copied().chain(parameters).collect();
+        Law { context, dynamics, theta }
+    }
+
+    /// H at states of 2n numbers, at one time.
+    pub(super) fn energies(&self, states: &[Vec<f64>], time: f64) -> Vec<f64> {
+        let mut batch = Batch::new(self.context.system.degrees(), states.len());
+        for (lane, state) in states.iter().enumerate() {
+            batch.set(lane, time, state);
+        }
+        let mut out = vec![f64::NAN; states.len()];
+        self.dynamics.energy(&batch, &self.theta, &mut out, &mut Scratch::new());
+        out
+    }
+
+    fn follow(
+        &self,
+        block: &[(Segment, &Vec<f64>)],
+        out: &mut [Prediction],
+        scratch: &mut Scratch,
+    ) {
+        let context = self.context;
+        let (degrees, lanes) = (context.system.degrees(), block.len());
+        let rows = 2 * degrees;
+        let mut batch = Batch::new(degrees, lanes);
+        for (lane, (segment, state)) in block.iter().enumerate() {
+            batch.set(lane, out[segment.run].times[segment.first], state);
+            out[segment.run].starts.push(segment.first);
+        }
+        let samples = block.iter().map(|(segment, _)| segment.samples()).max().unwrap_or(0);
+        let mut span = vec![0.0; lanes];
+        let mut seen = vec![0.0; rows * lanes];
+        let mut energy = vec![0.0; lanes];
+        for sample in 0..samples {
+            if sample > 0 {
+                for (lane, (segment, _)) in block.iter().enumerate() {
+                    let times = &out[segment.run].times;
+                    let at = segment.first + sample;
+                    span[lane] = if at <= segment.last { times[at] - times[at - 1] } else { 0.0 };
+                }
+                let longest = span.iter().fold(0.0f64, |most, s| most.max(s.abs()));
+                let ratio = longest / context.stepping.longest * (1.0 - 1e-9);
+                let steps = ratio.ceil().max(1.0) as usize;
+                let method = context.stepping.method;
+                advance(&self.dynamics, method, &mut batch, &span, steps, &self.theta, scratch);
+            }
+            let observed = context.system.observed;
+            observe(&self.dynamics, observed, &batch, &self.theta, &mut seen, None, scratch);
+            self.dynamics.energy(&batch, &self.theta, &mut energy, scratch);
+            for (lane, (segment, _)) in block.iter().enumerate() {
+                let at = segment.first + sample;
+                if at > segment.last {
+                    continue;
+                }
+                let prediction = &mut out[segment.run];
+                for row in 0..rows {
+                    prediction.predicted[row][at] = seen[row * lanes + lane];
+                    prediction.states[row][at] = batch.state[row * lanes + lane];
+                }
+                prediction.energy[at] = energy[lane];
+            }
+        }
+    }
+}
+
+fn error(prediction: &Prediction, noise: &[f64]) -> f64 {
+    let (mut squares, mut count) = (0.0, 0);
+    let rows = prediction.measured.iter().zip(&prediction.predicted).zip(noise);
+    for ((measured, predicted), noise) in rows {
+        for (a, b) in measured.iter().zip(predicted) {
+            if a.is_finite() && b.is_finite() {
+                squares += ((a - b) / noise.max(f64::MIN_POSITIVE)).powi(2);
+                count += 1;
+            }
+        }
+    }
+    (squares / f64::from(count.max(1))).sqrt()
+}

@@ -1,0 +1,329 @@
+//! Sections of the report, each with its words, tables and figures.
+
+use std::fmt::Write;
+
+use super::{Page, shown, tables};
+use crate::diagnose::missing::Verdict;
+use crate::report::plots::{Figure, amount, escaped, number, plot, term, unit};
+use crate::simplify::Style;
+
+/// A heading and what stands below it.
+pub struct Section {
+    pub id: &'static str,
+    pub title: &'static str,
+    pub body: String,
+}
+
+type Drawn = [(&'static str, Vec<Figure>)];
+
+/// All sections that have something to say.
+pub fn all(page: &Page, figures: &Drawn) -> Vec<Section> {
+    let mut sections = vec![
+        Section { id: "law", title: "The law", body: law(page) },
+        Section { id: "findings", title: "Findings", body: findings(page) },
+        Section {
+            id: "predictions",
+            title: "How far it predicts",
+            body: predictions(page, figures),
+        },
+        Section { id: "forces", title: "Where it fails", body: forces(page, figures) },
+        Section { id: "missing", title: "What is missing", body: missing(page, figures) },
+        Section {
+            id: "motion",
+            title: "The motion",
+            body: several(figures, &["portrait", "energy"]),
+        },
+        Section { id: "search", title: "How the terms were found", body: search(page, figures) },
+        Section { id: "ledger", title: "How the spec came about", body: ledger(page, figures) },
+        Section { id: "data", title: "The data", body: data(page) },
+        Section { id: "again", title: "To make it again", body: again(page) },
+    ];
+    sections.retain(|section| !section.body.is_empty());
+    sections
+}
+
+/// The numbers that a reader looks for first.
+pub fn cards(page: &Page) -> String {
+    let mut out = String::from("<div class=\"cards\">\n");
+    let mut card = |number: &str, words: &str| {
+        let (number, words) = (escaped(number), escaped(words));
+        let _ = writeln!(out, "<div class=\"card\"><b>{number}</b><span>{words}</span></div>");
+    };
+    let comparison = page.material.comparison;
+    if let Some(last) = comparison.horizons.last() {
+        let over = amount(last.duration, 3, page.material.view.time.unit.as_deref());
+        let (error, runs) = match last.unseen {
+            Some(error) => (error, "unseen runs"),
+            None => (last.training, "runs of the training"),
+        };
+        card(
+            &format!("{} × noise", number(error, 3)),
+            &format!("error on {runs}, predicted over a time of {over}"),
+        );
+    }
+    if let Some(model) = page.model {
+        let evidence = &model.evidence;
+        card(
+            &format!("{} of {}", model.terms.len(), evidence.function_space),
+            "terms of the function space are in the law",
+        );
+    }
+    if let Some(diagnosis) = page.material.diagnosis {
+        let first = diagnosis.ranking.first().map_or("", |leader| leader.effect.as_str());
+        match diagnosis.verdict {
+            Verdict::Missing => card(first, "is missing, as far as these data can say"),
+            Verdict::NothingMissing => {
+                card("nothing", "is missing that would stand out of the noise")
+            }
+            Verdict::Unexplained => {
+                card("unnamed", "something is missing that the catalogue lacks")
+            }
+            Verdict::TooLittleData => card("too little", "data to say whether anything is missing"),
+        }
+    }
+    card(
+        &page.data.samples.to_string(),
+        &format!("samples in {}", count(page.data.runs.len(), "run")),
+    );
+    out + "</div>\n"
+}
+
+fn count(number: usize, noun: &str) -> String {
+    format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
+}
+
+fn law(page: &Page) -> String {
+    let mut out = String::new();
+    let (motion, energy): (Vec<_>, Vec<_>) = page.formulas.iter().partition(|f| f.motion);
+    if energy.is_empty() {
+        let text = escaped(&page.simplified.text(Style::default()));
+        let _ = writeln!(out, "<pre>{text}</pre>");
+    } else {
+        out += "<div class=\"law\">\n";
+        for formula in energy {
+            out += &formula.mathml;
+            out.push('\n');
+        }
+        out += "</div>\n";
+    }
+    if !motion.is_empty() {
+        out += "<details><summary>Equations of motion</summary>\n<div class=\"law\">\n";
+        for formula in motion {
+            out += &formula.mathml;
+            out.push('\n');
+        }
+        out += "</div></details>\n";
+    }
+    out +=
+        "<p class=\"soft\">Digits in parentheses are the standard error of the last digits.</p>\n";
+    out += &sentences(page.notes.iter().take(12).cloned());
+    if let Some(model) = page.model {
+        out += &tables::coefficients(model);
+    }
+    out + &tables::noise(page)
+}
+
+/// A list of sentences, each with a capital letter and a full stop.
+fn sentences(all: impl Iterator<Item = String>) -> String {
+    let mut out = String::new();
+    for text in all {
+        let mut letters = text.trim().chars();
+        let first: String = letters.next().map(|c| c.to_uppercase().collect()).unwrap_or_default();
+        let text = format!("{first}{}", letters.as_str()).replace(" -", " −");
+        let end = if text.ends_with(['.', '!', '?']) { "" } else { "." };
+        let _ = writeln!(out, "<li>{}{end}</li>", escaped(&text));
+    }
+    if out.is_empty() { out } else { format!("<ul class=\"findings\">\n{out}</ul>\n") }
+}
+
+fn findings(page: &Page) -> String {
+    let mut all = page.material.comparison.findings.clone();
+    if let Some(diagnosis) = page.material.diagnosis {
+        all.push(format!("{}: {}", verdict(diagnosis.verdict), diagnosis.reason));
+    }
+    all.extend(page.data.warnings.iter().take(8).map(|w| format!("About the data: {w}")));
+    let how = format!(
+        "<p class=\"soft\">Split: {} The model that is judged: {}.</p>\n",
+        escaped(page.split),
+        escaped(page.terms_from)
+    );
+    sentences(all.into_iter()) + &how
+}
+
+fn verdict(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Missing => "Something is missing",
+        Verdict::NothingMissing => "Nothing is missing",
+        Verdict::Unexplained => "Something is missing that has no name here",
+        Verdict::TooLittleData => "Too little data to say what is missing",
+    }
+}
+
+/// Figures of one plot, or the sentence that says why there are none.
+fn drawn(figures: &Drawn, name: &str) -> String {
+    let Some((_, own)) = figures.iter().find(|(plot, _)| *plot == name) else {
+        return String::new();
+    };
+    if own.is_empty() {
+        let why = plot(name).map_or("", |row| row.absent);
+        return format!("<p class=\"soft\">{}</p>\n", escaped(why));
+    }
+    shown(own)
+}
+
+/// Figures of several plots in one grid.
+fn several(figures: &Drawn, names: &[&str]) -> String {
+    let mut all = Vec::new();
+    let mut absent = String::new();
+    for name in names {
+        match figures.iter().find(|(plot, own)| plot == name && !own.is_empty()) {
+            Some((_, own)) => all.extend(own.iter().cloned()),
+            None => absent += &drawn(figures, name),
+        }
+    }
+    shown(&all) + &absent
+}
+
+fn predictions(page: &Page, figures: &Drawn) -> String {
+    let table = tables::horizons(page.material.comparison);
+    several(figures, &["horizons", "predictions"])
+        + &format!("<details><summary>The errors as a table</summary>\n{table}</details>\n")
+}
+
+fn forces(page: &Page, figures: &Drawn) -> String {
+    let mut out = several(figures, &["forces", "force-map"]);
+    let table = tables::forces(page.material.comparison);
+    if !table.is_empty() {
+        let _ = write!(out, "<details><summary>All maps as a table</summary>\n{table}</details>\n");
+    }
+    out
+}
+
+fn missing(page: &Page, figures: &Drawn) -> String {
+    let Some(diagnosis) = page.material.diagnosis else { return String::new() };
+    let class = match diagnosis.verdict {
+        Verdict::Missing => "missing",
+        Verdict::Unexplained => "unexplained",
+        Verdict::NothingMissing | Verdict::TooLittleData => "quiet",
+    };
+    let mut out = format!(
+        "<p class=\"verdict {class}\"><strong>{}</strong>: {}.</p>\n",
+        verdict(diagnosis.verdict),
+        escaped(diagnosis.reason.trim_end_matches('.'))
+    );
+    if figures.iter().any(|(name, own)| *name == "ranking" && !own.is_empty()) {
+        let (plot, table) = (drawn(figures, "ranking"), tables::leaders(diagnosis));
+        let _ = writeln!(out, "<div class=\"beside\">{plot}{table}</div>");
+    }
+    if let Some(first) = diagnosis.ranking.first() {
+        if !diagnosis.indistinguishable.is_empty() {
+            let _ = writeln!(
+                out,
+                "<p>These data cannot tell {} from {}.</p>",
+                escaped(&first.effect),
+                escaped(&diagnosis.indistinguishable.join(", "))
+            );
+        }
+        let _ = writeln!(
+            out,
+            "<p>To add it, write into the spec:</p>\n<pre>{}</pre>",
+            escaped(&first.snippet)
+        );
+    }
+    if !diagnosis.then.is_empty() {
+        let then: Vec<&str> = diagnosis.then.iter().map(|leader| leader.effect.as_str()).collect();
+        let _ = writeln!(
+            out,
+            "<p>By its own merits there would follow: {}.</p>",
+            escaped(&then.join(", then "))
+        );
+    }
+    if let Some(unnamed) = &diagnosis.unnamed {
+        let _ = writeln!(
+            out,
+            "<p>The best term without a name ({}), to be understood before it is used:</p>\n\
+             <pre>{}</pre>",
+            escaped(&unnamed.effect),
+            escaped(&unnamed.snippet)
+        );
+    }
+    let _ = writeln!(
+        out,
+        "<p class=\"soft\">{} effects of the catalogue were asked, in {} tries; chances have all \
+         tries paid for.</p>",
+        diagnosis.candidates, diagnosis.tried
+    );
+    out
+}
+
+fn search(page: &Page, figures: &Drawn) -> String {
+    let Some(model) = page.model else { return String::new() };
+    let evidence = &model.evidence;
+    let mut out = format!(
+        "<p>Function space: {}; models tried: {}; chosen by the {}. Training {} ({}).</p>\n",
+        count(evidence.function_space, "term"),
+        evidence.supports_tried,
+        escaped(&evidence.selection),
+        escaped(model.stop.sentence.trim_end_matches('.')),
+        count(model.stop.rounds, "round"),
+    );
+    out += &several(figures, &["front", "path"]);
+    out += &tables::runners_up(model);
+    let doubts = model.alternatives.iter().take(12).map(|exchange| {
+        format!(
+            "These data can hardly tell {} from {} (criterion +{:.1})",
+            term(&exchange.term),
+            term(&exchange.instead),
+            exchange.difference
+        )
+    });
+    out + &sentences(doubts.chain(model.unlearnable.iter().take(12).cloned()))
+}
+
+fn ledger(page: &Page, figures: &Drawn) -> String {
+    if page.history.is_empty() {
+        return String::new();
+    }
+    drawn(figures, "ledger") + &tables::ledger(page.history)
+}
+
+fn data(page: &Page) -> String {
+    let data = page.data;
+    let sampling = data.sampling;
+    let time = unit(page.material.view.time.unit.as_deref());
+    let every = if sampling.is_regular {
+        format!("one every {} {time}", number(sampling.median, 4))
+    } else {
+        format!(
+            "irregular, one every {} {time} in the median (from {} to {})",
+            number(sampling.median, 4),
+            number(sampling.minimum, 4),
+            number(sampling.maximum, 4)
+        )
+    };
+    let mut out = format!(
+        "<p>{} in {}; {}.</p>\n",
+        count(data.samples, "sample"),
+        count(data.runs.len(), "run"),
+        escaped(every.trim_end())
+    );
+    out += &tables::columns(data);
+    out += &tables::gaps(data);
+    out + &sentences(data.warnings.iter().cloned())
+}
+
+fn again(page: &Page) -> String {
+    let mut out = tables::facts(page.facts);
+    let _ = write!(
+        out,
+        "<pre>{}</pre>\n<details><summary>The spec</summary>\n<pre>{}</pre></details>\n",
+        lines(&page.commands.join("\n")),
+        lines(page.spec)
+    );
+    out
+}
+
+/// A text with its lines as they are.
+fn lines(text: &str) -> String {
+    text.lines().map(|line| escaped(line) + "\n").collect()
+}

@@ -1,0 +1,240 @@
+//! Tables of the report.
+
+use std::fmt::Write;
+
+use super::{Entry, Page};
+use crate::data::DataReport;
+use crate::diagnose::compare::Comparison;
+use crate::diagnose::missing::Diagnosis;
+use crate::fit::Model;
+use crate::report::plots::{escaped, measured, number, plain, tenths, term, unit};
+
+/// Rows of a table; the others are counted.
+const MOST: usize = 40;
+
+/// A table; columns listed in `numbers` stand to the right. Nothing without rows.
+fn table(head: &[&str], rows: &[Vec<String>], numbers: &[usize]) -> String {
+    if rows.is_empty() {
+        return String::new();
+    }
+    let class = |at: usize| if numbers.contains(&at) { " class=\"number\"" } else { "" };
+    let mut out = String::from("<div class=\"scroll\"><table>\n<thead><tr>");
+    for (at, cell) in head.iter().enumerate() {
+        let _ = write!(out, "<th scope=\"col\"{}>{}</th>", class(at), escaped(cell));
+    }
+    out += "</tr></thead>\n<tbody>\n";
+    for row in rows.iter().take(MOST) {
+        out += "<tr>";
+        for (at, cell) in row.iter().enumerate() {
+            let _ = write!(out, "<td{}>{}</td>", class(at), escaped(cell));
+        }
+        out += "</tr>\n";
+    }
+    out += "</tbody></table></div>\n";
+    if rows.len() > MOST {
+        let _ = writeln!(out, "<p class=\"soft\">and {} more</p>", rows.len() - MOST);
+    }
+    out
+}
+
+/// Coefficients and inner parameters of the law.
+pub fn coefficients(model: &Model) -> String {
+    let rows: Vec<Vec<String>> = model
+        .terms
+        .iter()
+        .map(|learned| {
+            let name = learned.name.as_ref().map_or(String::new(), |name| format!("{name}: "));
+            vec![
+                learned.place.clone(),
+                name + &term(&learned.term),
+                measured(learned.coefficient, learned.standard_error, 8),
+                unit(learned.unit.as_deref()),
+                format!("{:.0} %", 100.0 * learned.inclusion),
+            ]
+        })
+        .chain(model.parameters.iter().map(|parameter| {
+            vec![
+                "inner parameter".to_string(),
+                plain(&parameter.name),
+                measured(parameter.value, parameter.standard_error, 8),
+                unit(parameter.unit.as_deref()),
+                String::new(),
+            ]
+        }))
+        .collect();
+    table(&["part", "term", "coefficient", "unit", "chosen on resampled data"], &rows, &[2, 4])
+}
+
+/// Noise of every observable.
+pub fn noise(page: &Page) -> String {
+    let view = page.material.view;
+    let rows: Vec<Vec<String>> = view
+        .observables
+        .iter()
+        .zip(&view.noise)
+        .map(|(quantity, noise)| {
+            vec![plain(&quantity.name), number(*noise, 3), unit(quantity.unit.as_deref())]
+        })
+        .collect();
+    table(&["noise of", "standard deviation", "unit"], &rows, &[1])
+}
+
+/// Errors by length of prediction.
+pub fn horizons(comparison: &Comparison) -> String {
+    let times = |error: f64| number(error, 3);
+    let rows: Vec<Vec<String>> = comparison
+        .horizons
+        .iter()
+        .map(|h| {
+            vec![
+                h.samples.to_string(),
+                number(h.duration, 4),
+                times(h.training),
+                h.unseen.map_or(String::new(), times),
+                times(h.baseline),
+                if h.exploded > 0 { h.exploded.to_string() } else { String::new() },
+            ]
+        })
+        .collect();
+    let head = ["samples", "time", "training", "unseen", "nothing moves", "exploded"];
+    table(&head, &rows, &[0, 1, 2, 3, 4, 5])
+}
+
+/// Residual forces, the most telling first.
+pub fn forces(comparison: &Comparison) -> String {
+    let mut maps: Vec<_> = comparison.maps.iter().collect();
+    maps.sort_by(|a, b| a.p_value.total_cmp(&b.p_value).then(b.deviance.total_cmp(&a.deviance)));
+    let rows: Vec<Vec<String>> = maps
+        .iter()
+        .map(|map| {
+            vec![
+                plain(&map.on),
+                plain(&map.against),
+                tenths(map.deviance),
+                map.degrees.to_string(),
+                chance(map.p_value),
+            ]
+        })
+        .collect();
+    let head =
+        ["force on", "against", "deviance", "degrees of freedom", "chance if nothing is missing"];
+    table(&head, &rows, &[2, 3, 4])
+}
+
+fn chance(p: f64) -> String {
+    if p < 1e-12 { "< 10⁻¹²".to_string() } else { number(p, 2) }
+}
+
+/// The leaders of a diagnosis.
+pub fn leaders(diagnosis: &Diagnosis) -> String {
+    let rows: Vec<Vec<String>> = diagnosis
+        .ranking
+        .iter()
+        .map(|leader| {
+            let numbers = leader.coefficient.iter().zip(&leader.standard_error);
+            let numbers: Vec<String> = numbers.map(|(&x, &s)| measured(x, s, 4)).collect();
+            vec![
+                leader.effect.clone(),
+                numbers.join(", "),
+                tenths(leader.deviance),
+                chance(leader.p_value),
+                number(leader.unseen_error_before, 3),
+                number(leader.unseen_error_after, 3),
+            ]
+        })
+        .collect();
+    let head = ["effect", "coefficient", "deviance", "chance", "unseen before", "after"];
+    table(&head, &rows, &[1, 2, 3, 4, 5])
+}
+
+/// Models that came close.
+pub fn runners_up(model: &Model) -> String {
+    let rows: Vec<Vec<String>> = model
+        .runners_up
+        .iter()
+        .take(8)
+        .map(|runner| {
+            let terms: Vec<String> = runner.terms.iter().take(12).map(|(t, _)| term(t)).collect();
+            let more = if runner.terms.len() > 12 { ", …" } else { "" };
+            vec![format!("+{}", tenths(runner.difference)), terms.join(", ") + more]
+        })
+        .collect();
+    table(&["criterion", "terms of the runner-up"], &rows, &[0])
+}
+
+/// The ledger.
+pub fn ledger(history: &[Entry]) -> String {
+    let error = |error: Option<f64>| error.map_or(String::new(), |e| number(e, 3));
+    let rows: Vec<Vec<String>> = history
+        .iter()
+        .map(|entry| {
+            vec![
+                entry.date.clone(),
+                entry.action.clone(),
+                error(entry.before),
+                error(entry.after),
+                if entry.undone { "taken back".to_string() } else { String::new() },
+            ]
+        })
+        .collect();
+    table(&["time (UTC)", "action", "unseen error before", "after", ""], &rows, &[2, 3])
+}
+
+/// What was measured.
+pub fn columns(data: &DataReport) -> String {
+    let value = |x: Option<f64>| x.map_or("–".to_string(), |x| number(x, 5));
+    let rows: Vec<Vec<String>> = data
+        .columns
+        .iter()
+        .map(|column| {
+            vec![
+                plain(&column.name),
+                column.header.clone().unwrap_or_default(),
+                column.measured.to_string(),
+                column.missing.to_string(),
+                value(column.minimum),
+                value(column.maximum),
+                value(column.mean),
+                value(column.spread),
+            ]
+        })
+        .collect();
+    let head =
+        ["observable", "column", "measured", "missing", "minimum", "maximum", "mean", "spread"];
+    table(&head, &rows, &[2, 3, 4, 5, 6, 7])
+}
+
+/// Where samples are missing.
+pub fn gaps(data: &DataReport) -> String {
+    let rows: Vec<Vec<String>> = data
+        .gaps
+        .iter()
+        .map(|gap| {
+            vec![
+                gap.run.clone(),
+                gap.after_line.to_string(),
+                number(gap.start, 6),
+                number(gap.end, 6),
+                tenths(gap.steps),
+            ]
+        })
+        .collect();
+    let head = ["gap in run", "after line", "from", "to", "median steps"];
+    table(&head, &rows, &[1, 2, 3, 4])
+}
+
+/// Names and values.
+pub fn facts(facts: &[(String, String)]) -> String {
+    let mut out = String::from("<div class=\"scroll\"><table>\n<tbody>\n");
+    for (name, value) in facts {
+        let hash = value.len() >= 64 && value.split(' ').any(|word| word.len() == 64);
+        let class = if hash { " class=\"hash\"" } else { "" };
+        let _ = writeln!(
+            out,
+            "<tr><th scope=\"row\">{}</th><td><code{class}>{}</code></td></tr>",
+            escaped(name),
+            escaped(value)
+        );
+    }
+    out + "</tbody></table></div>\n"
+}

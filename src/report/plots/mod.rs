@@ -1,0 +1,154 @@
+//! Plots: what a model, its data and its doubts look like.
+//!
+//! A plot is one file and one row of [`PLOTS`]: a function from plain data ([`Material`]) to
+//! [`Figure`]s, which are plain data too. [`draw`] makes SVG of them. Terminal commands, the
+//! report and whatever shows them live take the same figures.
+
+mod axes;
+mod contour;
+mod energy;
+pub mod figure;
+mod force_map;
+mod forces;
+mod front;
+mod horizons;
+mod label;
+mod ledger;
+mod marks;
+mod path;
+mod portrait;
+pub mod predictions;
+mod ranking;
+mod style;
+mod svg;
+mod thin;
+
+use serde::Serialize;
+
+pub use axes::{Axis, Scale, Tick};
+pub use figure::Figure;
+pub use label::{amount, measured, number, plain, tenths, term, unit};
+pub use style::{SCRIPT, live_sheet, sheet};
+pub use svg::{For, draw, escaped};
+
+use crate::diagnose::compare::Comparison;
+use crate::diagnose::missing::Diagnosis;
+use crate::diagnose::view::View;
+use crate::fit::Model;
+
+/// What plots are drawn from.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Material<'a> {
+    /// The model before its data.
+    pub view: &'a View,
+    /// Its errors.
+    pub comparison: &'a Comparison,
+    /// The search that it came from: the L1 path and the Pareto front.
+    pub model: &'a Model,
+    /// What is missing, where that was asked.
+    pub diagnosis: Option<&'a Diagnosis>,
+    /// How the spec came about, oldest first.
+    pub history: &'a [Stage],
+}
+
+/// A state of the spec, and the error on unseen runs that its model had.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Stage {
+    /// What was done: `start`, `add viscous_drag(theta)`.
+    pub action: String,
+    /// Error on unseen runs in units of the noise; none where it was not judged.
+    pub error: Option<f64>,
+    /// Whether it was taken back.
+    pub undone: bool,
+}
+
+/// One kind of plot.
+pub struct Plot {
+    /// Its name in file names and programs.
+    pub name: &'static str,
+    /// What it shows.
+    pub title: &'static str,
+    /// Why there may be nothing to draw, in a sentence.
+    pub absent: &'static str,
+    /// Draws it: several figures where there are several things of the kind, none where there
+    /// is nothing.
+    pub figures: fn(&Material) -> Vec<Figure>,
+}
+
+/// Every plot, in the order of a report. A new one is one file and one row here.
+pub static PLOTS: &[Plot] = &[
+    Plot {
+        name: "predictions",
+        title: "Measured and predicted",
+        absent: "No run has a sample that could be predicted.",
+        figures: predictions::figures,
+    },
+    Plot {
+        name: "horizons",
+        title: "Error by length of prediction",
+        absent: "All predictions are of one length: there is no curve to draw.",
+        figures: horizons::figures,
+    },
+    Plot {
+        name: "forces",
+        title: "The force that is missing, variable by variable",
+        absent: "The data do not spread enough to show a residual force.",
+        figures: forces::figures,
+    },
+    Plot {
+        name: "force-map",
+        title: "The force that is missing, over phase space",
+        absent: "The data do not fill enough of the phase space to show a residual force over it.",
+        figures: force_map::figures,
+    },
+    Plot {
+        name: "portrait",
+        title: "Phase portrait",
+        absent: "The state does not move in these data.",
+        figures: portrait::figures,
+    },
+    Plot {
+        name: "energy",
+        title: "Energy along the measurements",
+        absent: "The runs are too short to see their energy change.",
+        figures: energy::figures,
+    },
+    Plot {
+        name: "path",
+        title: "Coefficients along the path of penalties",
+        absent: "The terms were not searched with a penalty.",
+        figures: path::figures,
+    },
+    Plot {
+        name: "front",
+        title: "Error against number of terms",
+        absent: "There is only one size of model.",
+        figures: front::figures,
+    },
+    Plot {
+        name: "ranking",
+        title: "Effects that could be missing",
+        absent: "No effect of the catalogue explains more than noise would.",
+        figures: ranking::figures,
+    },
+    Plot {
+        name: "ledger",
+        title: "Error after every step",
+        absent: "Nothing was added to the spec yet.",
+        figures: ledger::figures,
+    },
+];
+
+/// A plot by its name.
+pub fn plot(name: &str) -> Option<&'static Plot> {
+    PLOTS.iter().find(|row| row.name == name)
+}
+
+/// A number of times the noise, in words.
+fn times(error: f64) -> String {
+    match error {
+        e if !e.is_finite() => "beyond all bounds".to_string(),
+        e if e < 100.0 => format!("{e:.2}"),
+        e => number(e, 3),
+    }
+}

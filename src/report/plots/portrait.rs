@@ -1,0 +1,136 @@
+//! Phase portrait: energy contours of the learned H, and the data on them.
+
+use super::axes::{Axis, nice_ticks};
+use super::contour;
+use super::figure::{About, Anchor, Figure, Mark, Panel, Shape, Style};
+use super::{Material, label};
+use crate::diagnose::predictions::Prediction;
+use crate::diagnose::view::{Portrait, View};
+
+/// Contours, more or less.
+const LEVELS: usize = 9;
+/// Runs that are series of their own; more of them are one cloud.
+const RUNS: usize = 40;
+
+/// One figure for each plane.
+pub fn figures(material: &Material) -> Vec<Figure> {
+    let view = material.view;
+    view.portraits.iter().filter_map(|portrait| figure(view, portrait)).collect()
+}
+
+fn figure(view: &View, portrait: &Portrait) -> Option<Figure> {
+    let (x, y) = (view.state.get(portrait.across)?, view.state.get(portrait.up)?);
+    let (&left, &right) = (portrait.columns.first()?, portrait.columns.last()?);
+    let (&low, &high) = (portrait.rows.first()?, portrait.rows.last()?);
+    let (name_x, name_y) = (label::plain(&x.name), label::plain(&y.name));
+    let coordinates = portrait.up < view.state.len() / 2;
+    let title = if coordinates {
+        format!("Potential energy and orbits: {name_x}, {name_y}")
+    } else {
+        format!("Phase portrait: {name_x}, {name_y}")
+    };
+    let held: Vec<String> = portrait
+        .held
+        .iter()
+        .filter_map(|(row, value)| {
+            let name = label::plain(&view.state.get(*row)?.name);
+            Some(format!("{name} = {}", label::number(*value, 3)))
+        })
+        .collect();
+    let mut caption = "Lines of equal energy of the learned H, and the motion on them.".to_string();
+    if !held.is_empty() {
+        caption += &format!(" H is shown at {}; the motion is projected.", held.join(", "));
+    }
+    let mut figure = Figure::new(&format!("portrait-{}-{}", x.name, y.name), title, caption);
+    figure.height = 350.0;
+    let across = Axis::between(left, right, 6).variable(&x.name, x.unit.as_deref());
+    let up = Axis::between(low, high, 6).variable(&y.name, y.unit.as_deref());
+    let mut panel = Panel::new(1.0, across, up);
+    figure.key(Style::Contour, Shape::Line, "H = const.");
+    tracks(view, portrait, &mut panel);
+    let seen = view.predictions.iter().any(|p| !p.unseen);
+    let what = if view.momenta_measured { "measured" } else { "from the best states" };
+    if seen {
+        figure.key(Style::Measured, Shape::Cloud, what);
+    }
+    if view.predictions.iter().any(|p| p.unseen) {
+        figure.key(Style::Unseen, Shape::Cloud, "unseen runs");
+    }
+    contours(portrait, &mut panel);
+    figure.panels.push(panel);
+    Some(figure)
+}
+
+fn component(prediction: &Prediction, row: usize) -> impl Iterator<Item = f64> + '_ {
+    prediction.states.get(row).into_iter().flatten().copied()
+}
+
+fn tracks(view: &View, portrait: &Portrait, panel: &mut Panel) {
+    let separate = view.predictions.len() <= RUNS;
+    for unseen in [false, true] {
+        let style = if unseen { Style::Unseen } else { Style::Measured };
+        let mut points = Vec::new();
+        for prediction in view.predictions.iter().filter(|p| p.unseen == unseen) {
+            let xs = component(prediction, portrait.across);
+            let ys = component(prediction, portrait.up);
+            points.extend(xs.zip(ys));
+            if separate {
+                let about = About {
+                    times: prediction.times.clone(),
+                    ..About::run("motion", &prediction.run)
+                };
+                let points = std::mem::take(&mut points);
+                panel.marks.push(Mark::Cloud { style, points, about });
+            }
+        }
+        if !points.is_empty() {
+            let about = About::named(if unseen { "unseen" } else { "training" });
+            panel.marks.push(Mark::Cloud { style, points, about });
+        }
+    }
+}
+
+fn contours(portrait: &Portrait, panel: &mut Panel) {
+    let all = || portrait.energy.iter().flatten().copied().filter(|e| e.is_finite());
+    let (Some(least), Some(most)) = (all().reduce(f64::min), all().reduce(f64::max)) else {
+        return;
+    };
+    // Contours where the motion is, and somewhat beyond it.
+    let (from, to) = match portrait.reached {
+        Some((low, high)) => {
+            let low = low.max(least).min(most);
+            let beyond = 0.6 * (high - least.min(low)).max(1e-12 * high.abs());
+            (least.max(low - 4.0 * (high - low).abs() - beyond), most.min(high + beyond))
+        }
+        None => (least, most),
+    };
+    if from.is_nan() || to.is_nan() || to <= from {
+        return;
+    }
+    let ticks = nice_ticks(from, to, LEVELS);
+    let every = ticks.len().div_ceil(5).max(1);
+    let mut words = Vec::new();
+    for (at, tick) in ticks.iter().enumerate() {
+        let lines = contour::lines(&portrait.columns, &portrait.rows, &portrait.energy, tick.value);
+        let longest = lines.iter().max_by_key(|line| line.len());
+        if at % every == 0
+            && let Some(place) = longest.filter(|line| line.len() > 24).and_then(|line| {
+                // Labels of neighbours stand apart.
+                line.get((line.len() / 8 + at * 3).min(line.len() - 1)).copied()
+            })
+        {
+            words.push(Mark::Text {
+                at: place,
+                anchor: Anchor::Middle,
+                style: Style::Contour,
+                shift: (0.0, 4.0),
+                text: tick.text.clone(),
+            });
+        }
+        for points in lines {
+            let about = About::named(&format!("H = {}", tick.text));
+            panel.marks.push(Mark::Line { style: Style::Contour, points, about });
+        }
+    }
+    panel.marks.append(&mut words);
+}
