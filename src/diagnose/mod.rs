@@ -3,11 +3,16 @@
 pub mod candidates;
 pub mod compare;
 pub mod context;
+pub mod design;
 pub mod discover;
 pub mod floor;
 pub mod generic;
 pub mod hats;
 pub mod leader;
 pub mod missing;
+pub mod plan;
+pub mod rival;
 pub mod scan;
 pub mod score;
+mod search;
+mod trial;
