@@ -64,6 +64,33 @@ fn a_run_is_proposed_between_two_effects_and_can_be_simulated() {
 }
 
 #[test]
+fn what_is_tied_is_settled_by_the_run_that_is_proposed() {
+    let folder = bench("force theta += -0.03*p\n");
+    let rivals = |plan: &serde_json::Value| -> Vec<String> {
+        let rivals = plan["rivals"].as_array().expect("rivals").iter();
+        rivals.map(|rival| rival["effect"].as_str().expect("a name").to_string()).collect()
+    };
+    let before = json(folder.path(), &["design", "s.ham"], "leverrier.design/1");
+    let tied = rivals(&before);
+    assert!(tied.contains(&"viscous_drag(theta)".to_string()) && tied.len() > 2, "{before}");
+    let line = before["simulate"].as_str().expect("a command").replace("s.ham", "truth.ham");
+    let line = format!("{line} --noise 0.02 --seed 77 -o next.csv");
+    good(folder.path(), &line.split_whitespace().skip(1).collect::<Vec<_>>());
+    let read = |name: &str| fs::read_to_string(folder.path().join(name)).expect("a table");
+    let new = read("next.csv");
+    let rows: String = new.lines().skip(1).map(|row| format!("5,{row}\n")).collect();
+    fs::write(folder.path().join("swings.csv"), read("swings.csv") + &rows).expect("written");
+    // Whichever runs are kept unseen.
+    for seed in ["0", "1", "2"] {
+        let words = ["design", "s.ham", "--seed", seed];
+        let after = json(folder.path(), &words, "leverrier.design/1");
+        let why = after["why"].as_str().expect("a sentence");
+        assert!(why.contains("viscous_drag(theta) is missing"), "{why}");
+        assert_eq!(rivals(&after).len(), 0, "{after}");
+    }
+}
+
+#[test]
 fn without_a_tie_the_worst_coefficient_is_measured() {
     let folder = bench("");
     let plan = json(folder.path(), &["design", "s.ham"], "leverrier.design/1");

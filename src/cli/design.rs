@@ -162,22 +162,39 @@ fn purpose(
     for leader in first.into_iter().chain(found.ranking.iter().skip(1).filter(tied)).take(RIVALS) {
         rivals.push(with(&leader.effect, &leader.snippet, &leader.coefficient)?);
     }
-    let all = 1 + found.ranking.iter().skip(1).filter(tied).count();
+    let close = 1 + found.ranking.iter().skip(1).filter(tied).count();
+    let more = close.saturating_sub(rivals.len());
+    let alone = rivals.len() == 1;
+    let among = listed(&rivals);
+    if rivals.len() > 1 {
+        // The diagnosis kept some runs unseen; all of them together may have the answer.
+        let behind = design::standings(&rivals, &bench.dataset, model.evidence.window)?;
+        let mut behind = behind.iter().map(|standing| standing.behind);
+        rivals.retain(|_| behind.next().is_some_and(|behind| behind <= design::TOLD_APART));
+    }
     Ok(match (rivals.len(), found.verdict) {
         (2.., _) => {
-            let more = all - rivals.len();
             let more = match more {
                 0 => String::new(),
+                1 => " (one more comes close, and is left out)".to_string(),
                 _ => format!(" ({more} more come close, and are left out)"),
             };
             let why = format!("These data cannot tell {} apart{more}.", listed(&rivals));
             Purpose { goal: Goal::Rivals, rivals, why }
         }
         (1, _) => {
+            let label = &rivals[0].label;
+            let missing = if alone {
+                format!("{label} is missing, and no other effect comes close: `leverrier add` it.")
+            } else {
+                format!(
+                    "The training part alone cannot tell {among} apart, but all measurements \
+                     together can: {label} is missing, and `leverrier add` adds it."
+                )
+            };
             let why = format!(
-                "{} is missing, and no other effect comes close: `leverrier add` it. The run is \
-                 the one that best measures the coefficient known worst of the model with it.",
-                rivals[0].label
+                "{missing} The run is the one that best measures the coefficient known worst of \
+                 the model with it."
             );
             Purpose { goal: worst, rivals, why }
         }

@@ -17,6 +17,9 @@ use crate::fit::segments::typical_step;
 use crate::fit::uncertainty::covariance;
 use crate::simulate::Box;
 
+/// A rival that is further behind than this has been told apart.
+pub const TOLD_APART: f64 = CLOSE;
+
 /// Longest run that is thought of, in samples.
 const MOST_SAMPLES: usize = 20_000;
 /// Earlier runs that are thought of as repeated.

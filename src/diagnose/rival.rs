@@ -258,9 +258,9 @@ impl<'a> Known<'a> {
     }
 }
 
-/// The stages of an implicit method may have no solution where a force jumps, as dry friction
-/// does where the motion turns, and rivals must be able to follow the same runs. Half the step
-/// makes up for the larger error of the explicit method of the same order.
+/// The stages of an implicit method are found slowly where a force jumps, as dry friction does
+/// where the motion turns, and a search follows thousands of runs. Half the step makes up for
+/// the larger error of the explicit method.
 fn explicit(stepping: Stepping) -> Stepping {
     match (&stepping.method.row().kind, Method::by_name("rk4")) {
         (Kind::Implicit(_), Some(method)) => Stepping { method, longest: 0.5 * stepping.longest },
