@@ -6,6 +6,7 @@ mod check;
 mod compare;
 mod console;
 mod demo;
+mod design;
 mod diagnose;
 mod discover;
 mod effects;
@@ -65,6 +66,7 @@ enum Command {
     Fit(fit::Arguments),
     Compare(compare::Arguments),
     Diagnose(diagnose::Arguments),
+    Design(design::Arguments),
     Discover(discover::Arguments),
     Add(revise::Add),
     Remove(revise::Remove),
@@ -90,6 +92,7 @@ pub fn main() -> ExitCode {
         Command::Fit(arguments) => fit::run(&arguments, &console),
         Command::Compare(arguments) => compare::run(&arguments, &console),
         Command::Diagnose(arguments) => diagnose::run(&arguments, &console),
+        Command::Design(arguments) => design::run(&arguments, &console),
         Command::Discover(arguments) => discover::run(&arguments, &console),
         Command::Add(arguments) => revise::add(&arguments, &console),
         Command::Remove(arguments) => revise::remove(&arguments, &console),

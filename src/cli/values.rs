@@ -120,6 +120,15 @@ pub fn range_of(text: &str) -> Result<Box> {
     Ok(Box { lower, upper })
 }
 
+/// `20`, or `5..20`.
+pub fn number_or_range(text: &str) -> Result<Box> {
+    if text.contains("..") {
+        return range_of(text);
+    }
+    let value = number(text)?;
+    Ok(Box { lower: value, upper: value })
+}
+
 /// One noise for each observable.
 pub fn noise(system: &System, texts: &[String]) -> Result<Vec<Noise>> {
     let names = system.observables();

@@ -75,31 +75,10 @@ const HOLE: f64 = 10.0;
 /// segments are sorted by length, so that blocks of them are nearly rectangular.
 pub fn cut(dataset: &Dataset, window: usize) -> Segments {
     let typical = typical_step(dataset);
-    let longest = 2.0 * typical * (window.max(2) - 1) as f64;
     let mut segments = Vec::new();
     for (run, record) in dataset.runs.iter().enumerate() {
-        let times = &record.times;
-        let pair = times.len() == 2;
-        let mut first = 0;
-        while first + 1 < times.len() {
-            let mut last = first;
-            while last + 1 < times.len() && last + 1 - first < window.max(2) {
-                let hole = times[last + 1] - times[last] > HOLE * typical;
-                let long = last > first && times[last + 1] - times[first] > longest;
-                if (hole || long) && !pair {
-                    break;
-                }
-                last += 1;
-            }
-            let alone = last + 2 == times.len();
-            if alone && times[last + 1] - times[last] <= 2.0 * typical && last > first {
-                last += 1;
-            }
-            if last > first {
-                segments.push(Segment { run, first, last });
-            }
-            first = last + 1;
-        }
+        let parts = stretches(&record.times, window, typical);
+        segments.extend(parts.into_iter().map(|(first, last)| Segment { run, first, last }));
     }
     let count = FOLDS.min(segments.len()).max(1);
     let runs = dataset.runs.len();
@@ -117,6 +96,35 @@ pub fn cut(dataset: &Dataset, window: usize) -> Segments {
         start += chunk.len();
     }
     Segments { list: folded.into_iter().map(|(_, s)| s).collect(), folds }
+}
+
+/// First and last samples of the segments of one run, in a data set whose usual interval
+/// between samples is `typical`.
+pub fn stretches(times: &[f64], window: usize, typical: f64) -> Vec<(usize, usize)> {
+    let longest = 2.0 * typical * (window.max(2) - 1) as f64;
+    let pair = times.len() == 2;
+    let mut found = Vec::new();
+    let mut first = 0;
+    while first + 1 < times.len() {
+        let mut last = first;
+        while last + 1 < times.len() && last + 1 - first < window.max(2) {
+            let hole = times[last + 1] - times[last] > HOLE * typical;
+            let long = last > first && times[last + 1] - times[first] > longest;
+            if (hole || long) && !pair {
+                break;
+            }
+            last += 1;
+        }
+        let alone = last + 2 == times.len();
+        if alone && times[last + 1] - times[last] <= 2.0 * typical && last > first {
+            last += 1;
+        }
+        if last > first {
+            found.push((first, last));
+        }
+        first = last + 1;
+    }
+    found
 }
 
 /// The median interval between consecutive samples; 0 when there is none.

@@ -1,5 +1,6 @@
 //! Results as people read them.
 
+mod design;
 mod diagnosis;
 pub mod html;
 pub mod layout;
@@ -9,6 +10,7 @@ mod text;
 
 use serde_json::{Value, json};
 
+pub use design::{design_text, measured_by};
 pub use diagnosis::{Moved, Revised, compare_text, diagnosis_text, discovery_text, revision_text};
 pub use text::{fit_text, seconds};
 

@@ -1,0 +1,274 @@
+//! `leverrier design`: the next run worth measuring.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::asked::Asked;
+use super::bench::{Bench, Splitting};
+use super::console::Console;
+use super::progress::Progress;
+use super::values::{example, matching, number_or_range, range_of};
+use crate::diagnose::context::Context;
+use crate::diagnose::design::{self, Allowed, Goal};
+use crate::diagnose::missing::{self, Leader, Verdict};
+use crate::diagnose::rival::Rival;
+use crate::error::{Error, Result};
+use crate::expr::System;
+use crate::fit::Model;
+use crate::report::{design_text, measured_by};
+use crate::simulate::Box;
+
+/// Say which run to measure next.
+///
+/// It is the one that best tells apart the effects between which `diagnose` cannot decide, or
+/// the one that best measures the coefficient that is known worst.
+#[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    leverrier design pendulum.ham\n  \
+    leverrier design pendulum.ham --within theta=-2..2 --within omega=0..0 --duration 20\n  \
+    leverrier design pendulum.ham --between viscous_drag coulomb_friction\n  \
+    leverrier design pendulum.ham --coefficient \"cos(theta)\" --step 0.02..0.2\n\n\
+    What is left open is as in the measurements so far: where they went, how long their runs\n\
+    last, how often they sample.")]
+pub struct Arguments {
+    /// The spec.
+    pub spec: PathBuf,
+    /// Where the run may start: `q=-1..1`; `q=-1..1` for all of a family. Repeat it for others.
+    #[arg(long, value_name = "NAME=LOW..HIGH", allow_hyphen_values = true)]
+    pub within: Vec<String>,
+    /// What the motion may not leave: `q=-2..2`. Repeat it for others.
+    #[arg(long, value_name = "NAME=LOW..HIGH", allow_hyphen_values = true)]
+    pub stay: Vec<String>,
+    /// Time from the first to the last sample, or a range of it to choose from.
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
+    pub duration: Option<String>,
+    /// Time between samples, or a range of it to choose from.
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
+    pub step: Option<String>,
+    /// Time of the first sample; it matters where a force depends on time.
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
+    pub from: Option<f64>,
+    /// The effects to tell apart, two or more.
+    #[arg(long, value_name = "EFFECT", num_args = 1.., conflicts_with = "coefficient")]
+    pub between: Vec<String>,
+    /// The coefficient or inner parameter to measure: its name, or its term.
+    #[arg(long, value_name = "NAME")]
+    pub coefficient: Option<String>,
+    #[command(flatten)]
+    pub splitting: Splitting,
+}
+
+/// Rivals that are compared, at most.
+const RIVALS: usize = 4;
+/// Values of a range that are tried.
+const DURATIONS: usize = 3;
+const STEPS: usize = 3;
+
+/// What the run is for, the models that it is designed with, and why.
+struct Purpose {
+    goal: Goal,
+    rivals: Vec<Rival>,
+    why: String,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+    if arguments.between.len() == 1 {
+        return Err(Error::usage(
+            "one effect has nothing to be told apart from",
+            "name two or more after --between",
+        ));
+    }
+    let bench = Bench::open(&arguments.spec, &arguments.splitting, console)?;
+    let allowed = arguments.allowed(bench.project.system())?;
+    let progress = Progress::new();
+    let (model, terms) = bench.model(&progress)?;
+    let purpose = purpose(arguments, &bench, &model, &progress)?;
+    let (data, window) = (&bench.dataset, model.evidence.window);
+    let plan = design::design(&purpose.rivals, &purpose.goal, data, window, &allowed, &progress)?;
+    drop(progress);
+    let spec = bench.project.name();
+    let text = design_text(&plan, &purpose.why, &spec, console.width());
+    let mut object = json!({
+        "format": "leverrier.design/1",
+        "system": bench.project.system().name,
+        "split": bench.split_json(),
+        "terms_from": terms,
+        "why": purpose.why,
+    });
+    if let (Some(object), Value::Object(fields)) = (object.as_object_mut(), json!(plan)) {
+        object.extend(fields);
+    }
+    object["simulate"] = json!(measured_by(&plan.best, &spec));
+    console.result(&text, &object)
+}
+
+/// What to design for: what was asked for, or else what `diagnose` cannot decide.
+fn purpose(
+    arguments: &Arguments,
+    bench: &Bench,
+    model: &Model,
+    progress: &Progress,
+) -> Result<Purpose> {
+    let project = &bench.project;
+    let context = Context::new(project.system(), model, &bench.dataset)?;
+    let with = |label: &str, statement: &str, start: &[f64]| {
+        Rival::with_effect(&context, &project.name(), &project.text, label, statement, start)
+    };
+    if !arguments.between.is_empty() {
+        let mut rivals: Vec<Rival> = Vec::new();
+        for text in &arguments.between {
+            let mut asked = Asked::new(text, project)?;
+            if asked.place(&project.text).is_some() {
+                return Err(Error::usage(
+                    format!("{} has `{}` already", project.name(), asked.label),
+                    "`leverrier remove` takes it out; rivals are judged by adding them",
+                ));
+            }
+            if rivals.iter().any(|rival| rival.label == asked.label) {
+                return Err(Error::usage(
+                    format!("`{}` is named twice", asked.label),
+                    "name different effects after --between",
+                ));
+            }
+            if asked.open {
+                asked.scanned(project, &context)?;
+            }
+            rivals.push(with(&asked.label, &asked.statement, &[])?);
+        }
+        let why = format!("Asked for: the run that best tells {} apart.", listed(&rivals));
+        return Ok(Purpose { goal: Goal::Rivals, rivals, why });
+    }
+    if let Some(name) = &arguments.coefficient {
+        let rivals = vec![Rival::as_it_is(&context, "the model")];
+        let why = format!("Asked for: the run that best measures {name}.");
+        return Ok(Purpose { goal: Goal::Coefficient(Some(name.clone())), rivals, why });
+    }
+    let worst = Goal::Coefficient(None);
+    let measures = "so the run is the one that best measures the coefficient known worst.";
+    let as_it_is = || vec![Rival::as_it_is(&context, "the model")];
+    let Some(unseen) = bench.unseen() else {
+        let why = format!("Too little was measured to ask what is missing, {measures}");
+        return Ok(Purpose { goal: worst, rivals: as_it_is(), why });
+    };
+    let training = &bench.split.training;
+    let (name, text, base) = (project.name(), &project.text, &project.compiled);
+    let found = missing::diagnose(&name, text, base, model, training, unseen, progress)?;
+    let tied = |leader: &&Leader| found.indistinguishable.contains(&leader.effect);
+    let first = found.ranking.first();
+    let mut rivals: Vec<Rival> = Vec::new();
+    for leader in first.into_iter().chain(found.ranking.iter().skip(1).filter(tied)).take(RIVALS) {
+        rivals.push(with(&leader.effect, &leader.snippet, &leader.coefficient)?);
+    }
+    let close = 1 + found.ranking.iter().skip(1).filter(tied).count();
+    let more = close.saturating_sub(rivals.len());
+    let alone = rivals.len() == 1;
+    let among = listed(&rivals);
+    if rivals.len() > 1 {
+        // The diagnosis kept some runs unseen; all of them together may have the answer.
+        let behind = design::standings(&rivals, &bench.dataset, model.evidence.window)?;
+        let mut behind = behind.iter().map(|standing| standing.behind);
+        rivals.retain(|_| behind.next().is_some_and(|behind| behind <= design::TOLD_APART));
+    }
+    Ok(match (rivals.len(), found.verdict) {
+        (2.., _) => {
+            let more = match more {
+                0 => String::new(),
+                1 => " (one more comes close, and is left out)".to_string(),
+                _ => format!(" ({more} more come close, and are left out)"),
+            };
+            let why = format!("These data cannot tell {} apart{more}.", listed(&rivals));
+            Purpose { goal: Goal::Rivals, rivals, why }
+        }
+        (1, _) => {
+            let label = &rivals[0].label;
+            let missing = if alone {
+                format!("{label} is missing, and no other effect comes close: `leverrier add` it.")
+            } else {
+                format!(
+                    "The training part alone cannot tell {among} apart, but all measurements \
+                     together can: {label} is missing, and `leverrier add` adds it."
+                )
+            };
+            let why = format!(
+                "{missing} The run is the one that best measures the coefficient known worst of \
+                 the model with it."
+            );
+            Purpose { goal: worst, rivals, why }
+        }
+        (_, Verdict::Unexplained) => {
+            let why = format!("What is missing has no name here, {measures}");
+            Purpose { goal: worst, rivals: as_it_is(), why }
+        }
+        _ => {
+            let why = format!("Nothing is missing, {measures}");
+            Purpose { goal: worst, rivals: as_it_is(), why }
+        }
+    })
+}
+
+/// `a, b and c`.
+fn listed(rivals: &[Rival]) -> String {
+    let labels: Vec<&str> = rivals.iter().map(|rival| rival.label.as_str()).collect();
+    match labels.split_last() {
+        Some((last, rest)) if !rest.is_empty() => format!("{} and {last}", rest.join(", ")),
+        _ => labels.concat(),
+    }
+}
+
+impl Arguments {
+    fn allowed(&self, system: &System) -> Result<Allowed> {
+        let positive = |what: &str, text: &Option<String>, count: usize| -> Result<Vec<f64>> {
+            let Some(text) = text else { return Ok(Vec::new()) };
+            let range = number_or_range(text)?;
+            if range.lower <= 0.0 {
+                return Err(Error::usage(
+                    format!("{what} must be positive"),
+                    "give a time, such as 20, or a range of it, such as 5..20",
+                ));
+            }
+            Ok(between(&range, count))
+        };
+        if self.from.is_some_and(|from| !from.is_finite()) {
+            return Err(Error::usage("--from must be a finite time", "give a time, such as 0"));
+        }
+        Ok(Allowed {
+            start: boxes("--within", &self.within, system)?,
+            motion: boxes("--stay", &self.stay, system)?,
+            from: self.from,
+            durations: positive("--duration", &self.duration, DURATIONS)?,
+            steps: positive("--step", &self.step, STEPS)?,
+        })
+    }
+}
+
+/// A bound for each component of the state, where one is given.
+fn boxes(option: &str, texts: &[String], system: &System) -> Result<Vec<Option<Box>>> {
+    let names: Vec<String> =
+        system.coordinates.iter().chain(&system.momenta).map(|v| v.name.clone()).collect();
+    let mut out = vec![None; names.len()];
+    for text in texts {
+        let (name, range) = text.split_once('=').ok_or_else(|| {
+            Error::usage(
+                format!("`{text}` bounds nothing"),
+                format!("write {option} {}", example(&names[..1]).replace("0.1", "-1..1")),
+            )
+        })?;
+        let range = range_of(range)?;
+        for at in matching(&names, name.trim())? {
+            out[at] = Some(range);
+        }
+    }
+    Ok(out)
+}
+
+/// Values from the lower to the upper end in equal ratios.
+fn between(range: &Box, count: usize) -> Vec<f64> {
+    if range.lower == range.upper {
+        return vec![range.lower];
+    }
+    let ratio = range.upper / range.lower;
+    (0..count).map(|i| range.lower * ratio.powf(i as f64 / (count - 1) as f64)).collect()
+}

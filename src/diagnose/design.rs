@@ -1,0 +1,372 @@
+//! The next run worth measuring: the one that tells rival models apart best, or that measures
+//! the coefficient that is known worst.
+
+use statrs::distribution::{ContinuousCDF, Normal};
+
+pub use super::plan::{
+    Allowed, Bound, Expected, Gain, Goal, Named, Plan, Proposal, Sought, Standing,
+};
+use super::rival::{Known, Rival};
+use super::round::CLOSE;
+use super::search::{Found, about_as_good, at_rest, round_to, score, search};
+use super::trial::{Jury, Question, Sampling, Trial};
+use crate::data::Dataset;
+use crate::error::{Error, Result};
+use crate::fit::Monitor;
+use crate::fit::segments::typical_step;
+use crate::fit::uncertainty::covariance;
+use crate::simulate::Box;
+
+/// A rival that is further behind than this has been told apart.
+pub const TOLD_APART: f64 = CLOSE;
+
+/// Longest run that is thought of, in samples.
+const MOST_SAMPLES: usize = 20_000;
+/// Earlier runs that are thought of as repeated.
+const REPEATS: usize = 16;
+/// Shortest run, in samples, that is proposed unasked.
+const SHORTEST: usize = 21;
+
+/// Looks for the run that brings most.
+///
+/// `rivals` are models of `dataset`, the measurements so far; `window` is the number of samples
+/// of a segment that shares an initial state, as in the fits. Expectations are taken at the
+/// rivals' best values: where these are known badly, the run will bring more or less than is
+/// said. What is expected of a single coefficient is linearised; evidence between rivals is
+/// linearised in the search, and computed from full refits for the results.
+///
+/// # Errors
+///
+/// When no run within the bounds is possible, a coefficient's name is unknown, or there are too
+/// few rivals or unknowns.
+pub fn design(
+    rivals: &[Rival],
+    goal: &Goal,
+    dataset: &Dataset,
+    window: usize,
+    allowed: &Allowed,
+    monitor: &dyn Monitor,
+) -> Result<Plan> {
+    let wanted = if *goal == Goal::Rivals { 2 } else { 1 };
+    let Some(first) = rivals.first().filter(|_| rivals.len() >= wanted) else {
+        return Err(Error::fit(
+            format!("a run is designed between {wanted} models or more, not {}", rivals.len()),
+            "name at least two effects",
+        ));
+    };
+    let judged = if *goal == Goal::Rivals { rivals } else { std::slice::from_ref(first) };
+    monitor.stage("fitting the rivals", 0.4);
+    let known = informed(judged, dataset, window)?;
+    let (question, coefficient) = match goal {
+        Goal::Rivals => (Question::Rivals, None),
+        Goal::Coefficient(name) => {
+            let (at, sought) = sought(&known[0], name.as_deref())?;
+            (Question::Unknown(at), Some(sought))
+        }
+    };
+    let everywhere = Box { lower: f64::NEG_INFINITY, upper: f64::INFINITY };
+    let dimensions = 2 * first.system.degrees();
+    let reach = reach(&known[0], dataset);
+    let start = bounds(&allowed.start, &reach, 0.0);
+    let wide: Vec<Box> = start.iter().zip(&reach).map(|(a, b)| around(a, b)).collect();
+    let motion = bounds(&allowed.motion, &wide, 1.0);
+    let samplings = samplings(dataset, allowed)?;
+    let mut jury = Jury { known, dataset, window, motion: vec![everywhere; dimensions], question };
+    let standings: Vec<f64> = jury.known.iter().map(Known::standing).collect();
+    let rivals = match question {
+        Question::Rivals => ahead(judged, &standings),
+        Question::Unknown(_) => Vec::new(),
+    };
+    let repeat = repeated(&jury);
+    jury.motion.clone_from(&motion);
+    let search = search(&jury, &samplings, &start, monitor);
+    monitor.stage("refitting", 0.9);
+    let mut found: Vec<Found> = Vec::new();
+    for mut one in search.found {
+        if question == Question::Rivals {
+            let sampling = &samplings[one.sampling];
+            let trial = Trial { start: one.start.clone(), sampling };
+            let Some(values) = jury.judge_in_full(&trial) else { continue };
+            one.score = score(&jury, &search.live, &values);
+            one.values = values;
+        }
+        found.push(one);
+    }
+    found.sort_by(|a, b| b.score.total_cmp(&a.score));
+    let Some(best) = found.first().map(|found| found.score) else {
+        return Err(Error::fit(
+            format!(
+                "none of the {} runs that were tried stays within its bounds and finite",
+                search.tried
+            ),
+            "start from smaller bounds, shorten the run, or widen the bounds of the motion",
+        ));
+    };
+    // Of those that are about as good, the shortest.
+    let cheap = found
+        .iter()
+        .enumerate()
+        .filter(|(_, one)| about_as_good(one.score, best))
+        .min_by_key(|(at, one)| (samplings[one.sampling].times.len(), *at))
+        .map_or(0, |(at, _)| at);
+    let chosen = found.remove(cheap);
+    found.insert(0, chosen);
+    let mut proposals: Vec<Proposal> =
+        found.iter().map(|one| proposal(&jury, one, &samplings, &standings)).collect();
+    let best = proposals.remove(0);
+    let labels = |(a, b): (usize, usize)| (judged[a].label.clone(), judged[b].label.clone());
+    let alike = if question == Question::Rivals {
+        let pairs = jury.pairs().into_iter().zip(&search.live);
+        pairs.filter(|(_, live)| !**live).map(|(pair, _)| labels(pair)).collect()
+    } else {
+        Vec::new()
+    };
+    Ok(Plan {
+        rivals,
+        coefficient,
+        best,
+        alternatives: proposals,
+        repeat: repeat.map(|values| expected(&jury, &values, &standings)),
+        alike,
+        start_bounds: named_bounds(first, &start),
+        motion_bounds: named_bounds(first, &motion),
+        tried: search.tried,
+        stop: search.stop,
+    })
+}
+
+/// What measurements say about rivals, in their order.
+///
+/// # Errors
+///
+/// When a rival cannot be fitted to the measurements.
+pub fn standings(rivals: &[Rival], dataset: &Dataset, window: usize) -> Result<Vec<Standing>> {
+    let known = informed(rivals, dataset, window)?;
+    Ok(ahead(rivals, &known.iter().map(Known::standing).collect::<Vec<_>>()))
+}
+
+/// Rivals fitted to the same measurements, with the noise of the one that leaves least.
+fn informed<'a>(rivals: &'a [Rival], dataset: &Dataset, window: usize) -> Result<Vec<Known<'a>>> {
+    let rows = rivals.first().map_or(0, |rival| rival.noise.len());
+    let noise: Vec<f64> = (0..rows)
+        .map(|row| rivals.iter().map(|r| r.noise[row]).fold(f64::INFINITY, f64::min))
+        .collect();
+    rivals.iter().map(|rival| Known::new(rival, dataset, window, &noise)).collect()
+}
+
+fn ahead(rivals: &[Rival], standings: &[f64]) -> Vec<Standing> {
+    let least = standings.iter().copied().fold(f64::INFINITY, f64::min);
+    let standing = |(rival, standing): (&Rival, &f64)| Standing {
+        effect: rival.label.clone(),
+        snippet: rival.statement.clone(),
+        behind: standing - least,
+    };
+    rivals.iter().zip(standings).map(standing).collect()
+}
+
+/// The unknown that is named, or the one with the largest relative standard error.
+fn sought(known: &Known, name: Option<&str>) -> Result<(usize, Sought)> {
+    let system = &known.rival.system;
+    let terms = known.rival.support.iter().map(|&k| {
+        let term = &system.terms[k];
+        (term.name.clone().unwrap_or_else(|| term.label.clone()), term.label.clone())
+    });
+    let parameters = known.dynamics.parameters().iter().map(|&j| {
+        let name = system.parameters[j].name.clone();
+        (name.clone(), name)
+    });
+    let unknowns: Vec<(String, String)> = terms.chain(parameters).collect();
+    let covariance = covariance(&known.factor, 1.0);
+    let error = |at: usize| covariance[(at, at)].sqrt();
+    let relative = |at: usize| error(at) / known.theta[at].abs().max(f64::MIN_POSITIVE);
+    let names = || unknowns.iter().map(|(name, _)| name.as_str());
+    let at = match name {
+        None => (0..unknowns.len()).max_by(|&a, &b| relative(a).total_cmp(&relative(b))),
+        Some(name) => {
+            let wanted = name.replace(' ', "");
+            let is = |text: &String| text.replace(' ', "") == wanted;
+            let at = unknowns.iter().position(|(name, label)| is(name) || is(label));
+            if at.is_none() {
+                let hint = match crate::spec::nearest(name, names()) {
+                    Some(near) => format!("did you mean `{near}`?"),
+                    None => format!("it has {}", names().collect::<Vec<_>>().join(", ")),
+                };
+                return Err(Error::usage(format!("the model has no coefficient `{name}`"), hint));
+            }
+            at
+        }
+    };
+    let Some(at) = at else {
+        return Err(Error::fit(
+            "nothing is missing and nothing is learned: there is nothing to design a run for",
+            "put the unknown part into `span{ ... }`, or name two effects to tell apart",
+        ));
+    };
+    let what = unknowns[at].0.clone();
+    Ok((at, Sought { what, value: known.theta[at], standard_error: error(at) }))
+}
+
+/// The box of all states that the measurements so far went through.
+fn reach(known: &Known, dataset: &Dataset) -> Vec<Box> {
+    let runs: Vec<(&[f64], &[f64])> = known
+        .segments
+        .list
+        .iter()
+        .zip(&known.states)
+        .map(|(s, state)| (state.as_slice(), &dataset.runs[s.run].times[s.first..=s.last]))
+        .collect();
+    let none = Box { lower: f64::INFINITY, upper: f64::NEG_INFINITY };
+    let mut reach = vec![none; 2 * known.dynamics.degrees()];
+    let paths = known.predict(&runs);
+    let states = paths.iter().flat_map(|path| &path.states);
+    for state in states.filter(|state| state.iter().all(|x| x.is_finite())) {
+        for (side, &x) in reach.iter_mut().zip(state) {
+            *side = Box { lower: side.lower.min(x), upper: side.upper.max(x) };
+        }
+    }
+    for side in &mut reach {
+        if side.lower > side.upper {
+            *side = Box { lower: -1.0, upper: 1.0 };
+        }
+        // Numbers that people would say.
+        let inner = *side;
+        side.lower = round_to(inner.lower, &inner);
+        side.upper = round_to(inner.upper, &inner);
+    }
+    reach
+}
+
+/// What was asked for, or else the usual, made wider on both sides by a part of its width.
+fn bounds(asked: &[Option<Box>], usual: &[Box], wider: f64) -> Vec<Box> {
+    let of = |(i, usual): (usize, &Box)| {
+        let more = wider * (usual.upper - usual.lower);
+        let usual = Box { lower: usual.lower - more, upper: usual.upper + more };
+        asked.get(i).copied().flatten().unwrap_or(usual)
+    };
+    usual.iter().enumerate().map(of).collect()
+}
+
+fn around(a: &Box, b: &Box) -> Box {
+    Box { lower: a.lower.min(b.lower), upper: a.upper.max(b.upper) }
+}
+
+/// Every duration with every step.
+fn samplings(dataset: &Dataset, allowed: &Allowed) -> Result<Vec<Sampling>> {
+    let median = |mut values: Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied()
+    };
+    let ends = || dataset.runs.iter().filter_map(|run| run.times.first().zip(run.times.last()));
+    let typical = typical_step(dataset);
+    let from = allowed.from.or_else(|| median(ends().map(|(a, _)| *a).collect())).unwrap_or(0.0);
+    let steps = if allowed.steps.is_empty() { vec![typical] } else { allowed.steps.clone() };
+    let usual = median(ends().map(|(a, b)| b - a).collect()).unwrap_or(0.0);
+    let least = steps.iter().copied().fold(0.0, f64::max) * (SHORTEST - 1) as f64;
+    let durations = if allowed.durations.is_empty() {
+        vec![usual.max(least)]
+    } else {
+        allowed.durations.clone()
+    };
+    let mut out = Vec::new();
+    for &duration in &durations {
+        for &step in &steps {
+            let intervals = (duration / step * (1.0 + 1e-9)).floor();
+            if !(intervals >= 1.0 && intervals < MOST_SAMPLES as f64) {
+                return Err(Error::usage(
+                    format!("a run of {duration} with a sample every {step} is not possible"),
+                    format!("a run has from 2 to {MOST_SAMPLES} samples"),
+                ));
+            }
+            let times = (0..=intervals as usize).map(|i| from + i as f64 * step).collect();
+            out.push(Sampling::beside(dataset, times));
+        }
+    }
+    Ok(out)
+}
+
+/// What a repeat of an earlier run would bring, on average.
+fn repeated(jury: &Jury) -> Option<Vec<f64>> {
+    let known = &jury.known[0];
+    let runs = jury.dataset.runs.len();
+    let mut firsts: Vec<Option<(usize, &Vec<f64>)>> = vec![None; runs];
+    for (segment, state) in known.segments.list.iter().zip(&known.states) {
+        let first = &mut firsts[segment.run];
+        if first.is_none_or(|(sample, _)| segment.first < sample) {
+            *first = Some((segment.first, state));
+        }
+    }
+    let stride = runs.div_ceil(REPEATS).max(1);
+    let chosen: Vec<(Vec<f64>, Sampling)> = firsts
+        .into_iter()
+        .enumerate()
+        .step_by(stride)
+        .filter_map(|(run, first)| {
+            let (sample, state) = first?;
+            let times = jury.dataset.runs[run].times[sample..].to_vec();
+            Some((state.clone(), Sampling::beside(jury.dataset, times)))
+        })
+        .collect();
+    let trials: Vec<Trial> =
+        chosen.iter().map(|(start, sampling)| Trial { start: start.clone(), sampling }).collect();
+    let judged: Vec<Vec<f64>> = jury.judge(&trials).into_iter().flatten().collect();
+    let mean = |k: usize| judged.iter().map(|v| v[k]).sum::<f64>() / judged.len() as f64;
+    judged.first().map(|first| (0..first.len()).map(mean).collect())
+}
+
+/// Values of a jury as they are reported.
+fn expected(jury: &Jury, values: &[f64], standings: &[f64]) -> Expected {
+    if let Question::Unknown(_) = jury.question {
+        return Expected { gains: Vec::new(), standard_error: values.first().copied() };
+    }
+    let gain = |((a, b), &deviance): ((usize, usize), &f64)| Gain {
+        truth: jury.known[a].rival.label.clone(),
+        against: jury.known[b].rival.label.clone(),
+        deviance,
+        settles: settles(standings[b] - standings[a], deviance),
+    };
+    let gains = jury.pairs().into_iter().zip(values).map(gain).collect();
+    Expected { gains, standard_error: None }
+}
+
+/// Chance that a difference of deviances is above [`CLOSE`] after it grew. Growth that is
+/// expected to be g is Gaussian of variance 4 g: twice the difference times the noise.
+fn settles(now: f64, growth: f64) -> f64 {
+    let spread = 2.0 * growth.max(1e-9).sqrt();
+    Normal::standard().cdf((now + growth - CLOSE) / spread)
+}
+
+fn proposal(jury: &Jury, found: &Found, samplings: &[Sampling], standings: &[f64]) -> Proposal {
+    let known = &jury.known[0];
+    let system = &known.rival.system;
+    let times = &samplings[found.sampling].times;
+    let shown = known.predict(&[(found.start.as_slice(), &times[..1])]);
+    let observed = shown.iter().flat_map(|path| &path.observed).flatten();
+    let named = |(name, &value): (String, &f64)| Named { name, value };
+    let from = times[0];
+    let step = shorter(times[1] - from);
+    Proposal {
+        start: state_names(known.rival).into_iter().zip(&found.start).map(named).collect(),
+        observed: system.observables().into_iter().zip(observed).map(named).collect(),
+        at_rest: at_rest(&found.start),
+        from,
+        duration: shorter(step * (times.len() - 1) as f64),
+        step,
+        samples: times.len(),
+        expected: expected(jury, &found.values, standings),
+    }
+}
+
+/// A number without what rounding did to its last digits.
+fn shorter(x: f64) -> f64 {
+    format!("{x:.11e}").parse().unwrap_or(x)
+}
+
+fn named_bounds(rival: &Rival, bounds: &[Box]) -> Vec<Bound> {
+    let names = state_names(rival).into_iter().zip(bounds);
+    names.map(|(name, b)| Bound { name, lower: b.lower, upper: b.upper }).collect()
+}
+
+fn state_names(rival: &Rival) -> Vec<String> {
+    let system = &rival.system;
+    system.coordinates.iter().chain(&system.momenta).map(|v| v.name.clone()).collect()
+}

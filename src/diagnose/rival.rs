@@ -1,0 +1,283 @@
+//! Models that compete for the same measurements, and what they would predict for a new run.
+
+use rayon::prelude::*;
+
+use super::context::Context;
+use super::leader::support_in;
+use crate::data::Dataset;
+use crate::dynamics::{Batch, Dynamics, Kind, Method, Scratch, advance, observe};
+use crate::error::{Error, Result};
+use crate::eval::Backend;
+use crate::expr::{Bounds, Observed, System, build};
+use crate::fit::factor::Factor;
+use crate::fit::gauss_newton::refit;
+use crate::fit::pass::{Linearised, Problem, States, Stepping, Sums, linearise, settle};
+use crate::fit::segments::{Segments, cut, first_state, typical_step};
+use crate::fit::train::Training;
+use crate::fit::{Loss, Options, Silent};
+use crate::spec::edit::insert;
+
+/// A fitted model that claims to explain the measurements.
+#[derive(Debug, Clone)]
+pub struct Rival {
+    /// `viscous_drag(theta)`, or what the model is called.
+    pub label: String,
+    /// The statement that makes the spec its own; empty for the spec as it is.
+    pub statement: String,
+    /// What the model is of.
+    pub system: System,
+    /// Its terms in `system`.
+    pub support: Vec<usize>,
+    /// Coefficients of `support`, in its order.
+    pub coefficients: Vec<f64>,
+    /// One value for each inner parameter of `system`.
+    pub parameters: Vec<f64>,
+    /// Noise of each observable.
+    pub noise: Vec<f64>,
+    /// How it is integrated.
+    pub stepping: Stepping,
+}
+
+impl Rival {
+    /// The model of a context as it is.
+    pub fn as_it_is(context: &Context, label: &str) -> Rival {
+        Rival {
+            label: label.to_string(),
+            statement: String::new(),
+            system: context.system.clone(),
+            support: context.support.clone(),
+            coefficients: context.coefficients.clone(),
+            parameters: context.parameters.clone(),
+            noise: context.noise.clone(),
+            stepping: context.stepping,
+        }
+    }
+
+    /// The model of a context with an effect in it, fitted to the context's measurements.
+    ///
+    /// `text` is the spec of the context's system; `statement` adds the effect `label` to it.
+    /// `start` holds first guesses of the coefficients of the effect's terms (zero where short).
+    ///
+    /// # Errors
+    ///
+    /// When the statement does not fit the spec, or the model cannot be fitted.
+    pub fn with_effect(
+        context: &Context,
+        name: &str,
+        text: &str,
+        label: &str,
+        statement: &str,
+        start: &[f64],
+    ) -> Result<Rival> {
+        let mut system = build(name, &insert(text, statement))?.system;
+        for (parameter, &value) in context.system.parameters.iter().zip(&context.parameters) {
+            if let Some(same) = system.parameters.iter_mut().find(|p| p.name == parameter.name) {
+                same.start = value;
+            }
+        }
+        let terms = 0..system.terms.len();
+        let new: Vec<usize> =
+            terms.filter(|&k| system.terms[k].effect.as_deref() == Some(label)).collect();
+        let known: Vec<usize> = support_in(context, &system).collect();
+        let options = Options { window: Some(context.window), ..Options::default() };
+        let mut training = Training::new(&system, context.dataset, &options)?;
+        training.noise.clone_from(&context.noise);
+        training.integrator.stepping = context.stepping;
+        training.coefficients.fill(0.0);
+        for (&k, &value) in known.iter().zip(&context.coefficients) {
+            training.coefficients[k] = value;
+        }
+        for (&k, &value) in new.iter().zip(start) {
+            training.coefficients[k] = value;
+        }
+        training.support = known.into_iter().chain(new).collect();
+        training.choose_integrator();
+        let fitted = training.refit(&Silent);
+        training.take(&fitted);
+        let coefficients = training.support.iter().map(|&k| training.coefficients[k]).collect();
+        let Training { support, parameters, noise, integrator, .. } = training;
+        let mut stepping = integrator.stepping;
+        let usual = context.stepping.longest.min(typical_step(context.dataset));
+        stepping.longest = stepping.longest.max(usual / FINER);
+        Ok(Rival {
+            label: label.to_string(),
+            statement: statement.to_string(),
+            support,
+            coefficients,
+            parameters,
+            noise,
+            stepping,
+            system,
+        })
+    }
+}
+
+/// A rival takes steps so many times shorter than the model without its effect, at most: a force
+/// that jumps would ask for any number of them, which noise does not notice.
+const FINER: f64 = 8.0;
+
+/// A trajectory at the samples of a run.
+pub(super) struct Path {
+    /// `[sample][2n]`: coordinates, then momenta.
+    pub states: Vec<Vec<f64>>,
+    /// `[observable][sample]`.
+    pub observed: Vec<Vec<f64>>,
+}
+
+/// Trajectories that are followed side by side.
+const LANES: usize = 32;
+
+/// What a rival knows from the measurements so far.
+pub(super) struct Known<'a> {
+    pub rival: &'a Rival,
+    stepping: Stepping,
+    pub dynamics: Dynamics,
+    /// Coefficients, then the inner parameters in use, at their best.
+    pub theta: Vec<f64>,
+    bounds: Vec<Bounds>,
+    weights: Vec<f64>,
+    /// Segments of the measurements so far, and their initial states.
+    pub segments: Segments,
+    pub states: States,
+    /// The problem of the measurements so far, linearised at `theta`; unknowns are increments.
+    pub factor: Factor,
+    /// What the measurements so far leave unexplained, and from how many of them.
+    pub sums: Sums,
+}
+
+impl<'a> Known<'a> {
+    /// Fits a rival to the measurements so far, in segments of `window` samples, with the noise
+    /// that all rivals are judged by.
+    pub fn new(rival: &'a Rival, dataset: &Dataset, window: usize, noise: &[f64]) -> Result<Self> {
+        let Rival { system, support, .. } = rival;
+        let dynamics = Dynamics::new(system, support, Backend::Batched);
+        let theta: Vec<f64> = rival
+            .coefficients
+            .iter()
+            .copied()
+            .chain(dynamics.parameters().iter().map(|&j| rival.parameters[j]))
+            .collect();
+        let bounds: Vec<Bounds> = support
+            .iter()
+            .map(|&k| system.terms[k].bounds)
+            .chain(dynamics.parameters().iter().map(|&j| system.parameters[j].bounds))
+            .collect();
+        let segments = cut(dataset, window);
+        let degrees = system.degrees();
+        let states: States =
+            segments.list.iter().map(|&s| first_state(dataset, s, degrees)).collect();
+        let weights: Vec<f64> = noise.iter().map(|s| 1.0 / s.max(f64::MIN_POSITIVE)).collect();
+        let stepping = explicit(rival.stepping);
+        let problem = problem(rival, stepping, dataset, &segments, &weights);
+        let best = refit(&problem, &dynamics, &bounds, &theta, states, &Silent);
+        if !best.sums.loss.is_finite() || best.sums.rows <= best.theta.len() {
+            return Err(Error::fit(
+                format!("{} cannot be fitted to the measurements so far", rival.label),
+                "measure longer runs, or leave it out",
+            ));
+        }
+        let factor = best.linearised.merged();
+        let (theta, states, sums) = (best.theta, best.states, best.sums);
+        Ok(Known {
+            rival,
+            stepping,
+            dynamics,
+            theta,
+            bounds,
+            weights,
+            segments,
+            states,
+            factor,
+            sums,
+        })
+    }
+
+    /// Trajectories from (start, times) of each run; where one leaves the finite numbers, so do
+    /// its states.
+    pub fn predict(&self, runs: &[(&[f64], &[f64])]) -> Vec<Path> {
+        runs.par_chunks(LANES).flat_map_iter(|chunk| self.predict_block(chunk)).collect()
+    }
+
+    fn predict_block(&self, runs: &[(&[f64], &[f64])]) -> Vec<Path> {
+        let lanes = runs.len();
+        let rows = 2 * self.dynamics.degrees();
+        let mut batch = Batch::new(self.dynamics.degrees(), lanes);
+        for (lane, (start, times)) in runs.iter().enumerate() {
+            batch.set(lane, times.first().copied().unwrap_or(0.0), start);
+        }
+        let mut scratch = Scratch::new();
+        let mut seen = vec![0.0; rows * lanes];
+        let mut span = vec![0.0; lanes];
+        let mut paths: Vec<Path> = (0..lanes)
+            .map(|_| Path { states: Vec::new(), observed: vec![Vec::new(); rows] })
+            .collect();
+        let Stepping { method, longest } = self.stepping;
+        let samples = runs.iter().map(|(_, times)| times.len()).max().unwrap_or(0);
+        for sample in 0..samples {
+            if sample > 0 {
+                for (span, (_, times)) in span.iter_mut().zip(runs) {
+                    *span = times.get(sample).map_or(0.0, |time| time - times[sample - 1]);
+                }
+                let most = span.iter().fold(0.0f64, |most, s| most.max(s.abs()));
+                let steps = (most / longest * (1.0 - 1e-9)).ceil().max(1.0) as usize;
+                let dynamics = &self.dynamics;
+                advance(dynamics, method, &mut batch, &span, steps, &self.theta, &mut scratch);
+            }
+            let observed = self.rival.system.observed;
+            let theta = &self.theta;
+            observe(&self.dynamics, observed, &batch, theta, &mut seen, None, &mut scratch);
+            for (lane, path) in paths.iter_mut().enumerate() {
+                if sample < runs[lane].1.len() {
+                    path.states.push(batch.get(lane));
+                    for (row, values) in path.observed.iter_mut().enumerate() {
+                        values.push(seen[row * lanes + lane]);
+                    }
+                }
+            }
+        }
+        paths
+    }
+
+    /// The rival before other measurements, from guesses of the segments' initial states: one
+    /// factor for each fold of the segments.
+    pub fn before(&self, dataset: &Dataset, segments: &Segments, mut states: States) -> Linearised {
+        let problem = problem(self.rival, self.stepping, dataset, segments, &self.weights);
+        settle(&problem, &self.dynamics, &self.theta, &mut states);
+        linearise(&problem, &self.dynamics, &self.theta, &states)
+    }
+
+    /// The loss after a full refit to other measurements.
+    pub fn refitted(&self, dataset: &Dataset, segments: &Segments, states: States) -> f64 {
+        let problem = problem(self.rival, self.stepping, dataset, segments, &self.weights);
+        refit(&problem, &self.dynamics, &self.bounds, &self.theta, states, &Silent).sums.loss
+    }
+
+    /// Deviance so far, with a price of log(residuals) for every unknown.
+    pub fn standing(&self) -> f64 {
+        self.sums.loss + self.theta.len() as f64 * (self.sums.rows.max(1) as f64).ln()
+    }
+}
+
+/// The stages of an implicit method are found slowly where a force jumps, as dry friction does
+/// where the motion turns, and a search follows thousands of runs. Half the step makes up for
+/// the larger error of the explicit method.
+fn explicit(stepping: Stepping) -> Stepping {
+    match (&stepping.method.row().kind, Method::by_name("rk4")) {
+        (Kind::Implicit(_), Some(method)) => Stepping { method, longest: 0.5 * stepping.longest },
+        _ => stepping,
+    }
+}
+
+/// Below this residuals are rounding, in units of the noise.
+const FLOOR: f64 = 1e-3;
+
+fn problem<'b>(
+    rival: &'b Rival,
+    stepping: Stepping,
+    dataset: &'b Dataset,
+    segments: &'b Segments,
+    weights: &'b [f64],
+) -> Problem<'b> {
+    let observed: Observed = rival.system.observed;
+    Problem { dataset, segments, observed, weights, loss: Loss::SQUARES, stepping, floor: FLOOR }
+}

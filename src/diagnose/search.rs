@@ -1,0 +1,318 @@
+//! The search for the best run: points spread over the bounds, then a compass.
+
+use super::trial::{Jury, Question, Sampling, Trial};
+use crate::fit::Monitor;
+use crate::simulate::Box;
+
+/// A run and what it would bring.
+#[derive(Debug, Clone)]
+pub(super) struct Found {
+    /// q, then p.
+    pub start: Vec<f64>,
+    /// Index of its sampling.
+    pub sampling: usize,
+    /// As [`Jury::judge`] says it.
+    pub values: Vec<f64>,
+    /// The larger the better.
+    pub score: f64,
+}
+
+/// What a search came to.
+pub(super) struct Search {
+    /// The best of each neighbourhood, rounded; the best first.
+    pub found: Vec<Found>,
+    /// For each pair of rivals whether some run tells them apart.
+    pub live: Vec<bool>,
+    /// Runs that were tried.
+    pub tried: usize,
+    /// Why it ended, in a sentence.
+    pub stop: String,
+}
+
+/// Points that are spread over the bounds for each sampling, and of them those at rest.
+const POINTS: usize = 192;
+const AT_REST: usize = 64;
+/// Points of a sampling where there are several of them.
+const FEWER: usize = 96;
+/// Runs that are judged at a time.
+const TOGETHER: usize = 128;
+/// A pair whose deviance no run makes grow by more is given up: from equal standing, its chance
+/// to be told apart stays below a fifth.
+const LEAST: f64 = 3.0;
+/// A shorter run is preferred if it brings this part of the best.
+pub(super) const ENOUGH: f64 = 0.95;
+/// Neighbourhoods that are searched.
+const SEEDS: usize = 3;
+/// Points nearer than this, in parts of the bounds, share a neighbourhood.
+const APART: f64 = 0.15;
+/// First and last step of the compass, in parts of the bounds.
+const FIRST: f64 = 1.0 / 8.0;
+const LAST: f64 = 1.0 / 100.0;
+const ROUNDS: usize = 24;
+
+/// Searches the starts within `bounds` (q, then p) and the samplings.
+pub(super) fn search(
+    jury: &Jury,
+    samplings: &[Sampling],
+    bounds: &[Box],
+    monitor: &dyn Monitor,
+) -> Search {
+    let points = points(bounds, if samplings.len() > 1 { FEWER } else { POINTS });
+    let mut all: Vec<Found> = Vec::new();
+    let mut tried = 0;
+    let mut stopped = false;
+    for (s, sampling) in samplings.iter().enumerate() {
+        for chunk in points.chunks(TOGETHER) {
+            stopped = stopped || !all.is_empty() && monitor.stopped();
+            if stopped {
+                break;
+            }
+            monitor.stage("trying runs", 0.5 + 0.2 * s as f64 / samplings.len() as f64);
+            tried += chunk.len();
+            all.extend(judged(jury, s, sampling, chunk));
+        }
+    }
+    let live = live(jury, &all);
+    rank(jury, &live, &mut all);
+    let Some(best) = all.first().map(|found| found.score) else {
+        let stop = "no run was possible".to_string();
+        return Search { found: all, live, tried, stop };
+    };
+    // The cheapest sampling that is about as good as the best.
+    let chosen = all
+        .iter()
+        .filter(|found| about_as_good(found.score, best))
+        .map(|found| found.sampling)
+        .min_by_key(|&s| samplings[s].times.len())
+        .unwrap_or(0);
+    let mut seeds: Vec<Found> = Vec::new();
+    let rests = |found: &Found| at_rest(&found.start);
+    let mut resting = 0;
+    for found in all.iter().filter(|found| found.sampling == chosen) {
+        let near = |other: &Found| distance(&found.start, &other.start, bounds) < APART;
+        let first_at_rest = rests(found) && resting == 0;
+        if first_at_rest || seeds.len() < SEEDS && !seeds.iter().any(near) {
+            resting += usize::from(rests(found));
+            seeds.push(found.clone());
+        }
+    }
+    let mut steps = vec![FIRST; seeds.len()];
+    let mut round = 0;
+    while !stopped && round < ROUNDS && steps.iter().any(|&step| step >= LAST) {
+        monitor.stage("moving the best", 0.7 + 0.2 * round as f64 / ROUNDS as f64);
+        round += 1;
+        let mut polls: Vec<Vec<f64>> = Vec::new();
+        let mut of: Vec<usize> = Vec::new();
+        for (i, (seed, &step)) in seeds.iter().zip(&steps).enumerate() {
+            if step >= LAST {
+                polls.extend(around(seed, step, bounds));
+                of.resize(polls.len(), i);
+            }
+        }
+        tried += polls.len();
+        let mut moved = vec![false; seeds.len()];
+        for (found, i) in values(jury, &samplings[chosen], &polls).into_iter().zip(of) {
+            let Some((start, values)) = found else { continue };
+            let score = score(jury, &live, &values);
+            if score > seeds[i].score {
+                seeds[i] = Found { start, sampling: chosen, values, score };
+                moved[i] = true;
+            }
+        }
+        for (step, moved) in steps.iter_mut().zip(moved) {
+            *step *= if moved { 1.0 } else { 0.5 };
+        }
+        stopped = monitor.stopped();
+    }
+    let stop = if stopped {
+        "interrupted: the best so far was kept".to_string()
+    } else if steps.iter().any(|&step| step >= LAST) {
+        "the best start was still moving when the search had used up its rounds".to_string()
+    } else {
+        "moving the best start by a hundredth of its bounds gains nothing more".to_string()
+    };
+    for s in (0..samplings.len()).filter(|&s| s != chosen) {
+        seeds.extend(all.iter().find(|found| found.sampling == s).cloned());
+    }
+    let mut found: Vec<Found> = Vec::new();
+    for seed in seeds {
+        let rounded: Vec<f64> =
+            seed.start.iter().zip(bounds).map(|(&x, b)| round_to(x, b)).collect();
+        let s = seed.sampling;
+        if found.iter().any(|other| other.sampling == s && other.start == rounded) {
+            continue;
+        }
+        found.extend(judged(jury, s, &samplings[s], &[rounded]));
+    }
+    rank(jury, &live, &mut found);
+    Search { found, live, tried, stop }
+}
+
+/// Whether a score is about as good as the best. Standard errors have negative scores.
+pub(super) fn about_as_good(score: f64, best: f64) -> bool {
+    if best >= 0.0 { score >= ENOUGH * best } else { ENOUGH * score >= best }
+}
+
+/// What a run is worth: the growth of the deviance for the pair where it grows least, or the
+/// standard error with a minus.
+pub(super) fn score(jury: &Jury, live: &[bool], values: &[f64]) -> f64 {
+    match jury.question {
+        Question::Unknown(_) => -values.first().copied().unwrap_or(f64::INFINITY),
+        Question::Rivals => {
+            let of = |all: bool| {
+                let counted = values.iter().zip(live).filter(move |(_, live)| all || **live);
+                counted.map(|(value, _)| *value).fold(f64::INFINITY, f64::min)
+            };
+            if live.contains(&true) { of(false) } else { of(true) }
+        }
+    }
+}
+
+/// Whether a run starts without momentum.
+pub(super) fn at_rest(start: &[f64]) -> bool {
+    start[start.len() / 2..].iter().all(|p| *p == 0.0)
+}
+
+fn live(jury: &Jury, all: &[Found]) -> Vec<bool> {
+    let count = if jury.question == Question::Rivals { jury.pairs().len() } else { 1 };
+    (0..count).map(|k| all.iter().any(|found| found.values[k] >= LEAST)).collect()
+}
+
+fn rank(jury: &Jury, live: &[bool], all: &mut [Found]) {
+    for found in all.iter_mut() {
+        found.score = score(jury, live, &found.values);
+    }
+    all.sort_by(|a, b| b.score.total_cmp(&a.score));
+}
+
+fn values(
+    jury: &Jury,
+    sampling: &Sampling,
+    starts: &[Vec<f64>],
+) -> Vec<Option<(Vec<f64>, Vec<f64>)>> {
+    let trials: Vec<Trial> =
+        starts.iter().map(|start| Trial { start: start.clone(), sampling }).collect();
+    let judged = jury.judge(&trials);
+    judged.into_iter().zip(starts).map(|(v, start)| v.map(|v| (start.clone(), v))).collect()
+}
+
+fn judged(jury: &Jury, at: usize, sampling: &Sampling, starts: &[Vec<f64>]) -> Vec<Found> {
+    let found = values(jury, sampling, starts).into_iter().flatten();
+    found.map(|(start, values)| Found { start, sampling: at, values, score: 0.0 }).collect()
+}
+
+/// Starts spread over the bounds, some of them at rest where that is allowed, and the corners.
+///
+/// The points are multiples of powers of the inverse of the root of x^(d+1) = x + 1, the golden
+/// ratio in d dimensions, which leave no large hole (Roberts, "The unreasonable effectiveness
+/// of quasirandom sequences", 2018).
+fn points(bounds: &[Box], count: usize) -> Vec<Vec<f64>> {
+    let degrees = bounds.len() / 2;
+    let rest = bounds[degrees..].iter().all(|b| b.lower <= 0.0 && b.upper >= 0.0);
+    let place = |unit: &[f64]| -> Vec<f64> {
+        unit.iter().zip(bounds).map(|(u, b)| b.lower + u * (b.upper - b.lower)).collect()
+    };
+    let mut points: Vec<Vec<f64>> = spread(bounds.len(), count).iter().map(|u| place(u)).collect();
+    if rest {
+        let still = |unit: &Vec<f64>| {
+            let mut start = place(&[unit.as_slice(), &vec![0.0; degrees]].concat());
+            start[degrees..].fill(0.0);
+            start
+        };
+        points.extend(spread(degrees, count.min(AT_REST)).iter().map(still));
+    }
+    if bounds.len() <= 4 {
+        let corner = |k: usize| -> Vec<f64> {
+            (0..bounds.len()).map(|i| if k >> i & 1 == 1 { 1.0 } else { 0.0 }).collect()
+        };
+        points.extend((0..1 << bounds.len()).map(|k| place(&corner(k))));
+    }
+    points
+}
+
+fn spread(dimensions: usize, count: usize) -> Vec<Vec<f64>> {
+    let mut ratio: f64 = 2.0;
+    for _ in 0..64 {
+        ratio = (1.0 + ratio).powf(1.0 / (dimensions as f64 + 1.0));
+    }
+    let at = |i: usize, k: usize| (0.5 + i as f64 * ratio.powi(-(k as i32 + 1))).fract();
+    (1..=count).map(|i| (0..dimensions).map(|k| at(i, k)).collect()).collect()
+}
+
+/// The compass around a start; one at rest stays at rest.
+fn around(seed: &Found, step: f64, bounds: &[Box]) -> Vec<Vec<f64>> {
+    let free = if at_rest(&seed.start) { bounds.len() / 2 } else { bounds.len() };
+    let mut out = Vec::new();
+    for (i, side) in bounds.iter().enumerate().take(free) {
+        for sign in [-1.0, 1.0] {
+            let mut start = seed.start.clone();
+            let moved = start[i] + sign * step * (side.upper - side.lower);
+            start[i] = moved.clamp(side.lower, side.upper);
+            if start[i] != seed.start[i] {
+                out.push(start);
+            }
+        }
+    }
+    out
+}
+
+fn distance(a: &[f64], b: &[f64], bounds: &[Box]) -> f64 {
+    let parts = a.iter().zip(b).zip(bounds);
+    parts.fold(0.0, |most: f64, ((x, y), side)| {
+        let width = side.upper - side.lower;
+        if width > 0.0 { most.max((x - y).abs() / width) } else { most }
+    })
+}
+
+/// A number that can be set on a bench: to a fiftieth of the bounds or finer, and within them.
+pub(super) fn round_to(x: f64, side: &Box) -> f64 {
+    let width = side.upper - side.lower;
+    if !(width > 0.0 && width.is_finite()) {
+        return x;
+    }
+    let digits = -(width / 50.0).log10().floor() as i32;
+    let unit = 10f64.powi(digits);
+    let mut rounded = (x * unit).round() / unit;
+    if rounded < side.lower {
+        rounded = (side.lower * unit).ceil() / unit;
+    } else if rounded > side.upper {
+        rounded = (side.upper * unit).floor() / unit;
+    }
+    // No minus before a zero.
+    rounded.clamp(side.lower, side.upper) + 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_leave_no_large_hole_and_some_rest() {
+        let side = Box { lower: -1.0, upper: 3.0 };
+        let all = points(&[side, side], 192);
+        assert!(all.iter().flatten().all(|x| (-1.0..=3.0).contains(x)));
+        assert!(all.iter().filter(|start| at_rest(start)).count() >= 64);
+        for i in 0..20 {
+            for j in 0..20 {
+                let target = [-1.0 + 0.2 * i as f64, -1.0 + 0.2 * j as f64];
+                let near = all.iter().map(|x| distance(x, &target, &[side, side]));
+                assert!(near.fold(1.0, f64::min) < 0.1, "{target:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn starts_are_rounded_within_their_bounds() {
+        for (x, lower, upper, rounded) in [
+            (0.123_456, -1.0, 1.0, 0.12),
+            (0.999, 0.0, 0.9991, 0.99),
+            (-0.001, -1.0, 1.0, 0.0),
+            (1234.5, 0.0, 5000.0, 1200.0),
+            (0.7, 0.7, 0.7, 0.7),
+        ] {
+            let got = round_to(x, &Box { lower, upper });
+            assert_eq!(got, rounded, "{x}");
+            assert!(got != 0.0 || got.is_sign_positive());
+        }
+    }
+}
