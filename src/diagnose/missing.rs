@@ -110,6 +110,9 @@ pub fn diagnose(
     let mut context = Context::new(&base.system, model, training)?;
     context.noise = noise_floor(&context, model);
     let far = context.with_data(unseen);
+    if let Some(reason) = super::suffices::lacking_beside(&context, &far) {
+        return Ok(Diagnosis::too_little(reason));
+    }
     let (before, _) = error(&far, context.window);
     let all = candidates(name, text, base, training);
     monitor.stage("scoring candidates", 0.1);
