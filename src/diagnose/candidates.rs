@@ -56,9 +56,8 @@ pub fn candidates(name: &str, text: &str, base: &Compiled, dataset: &Dataset) ->
         let label = instance.label();
         (instance.effect, instance.statement, label, instance.arguments)
     });
-    let named = named
-        .filter(|(_, _, label, _)| !held.contains(&label.as_str()))
-        .filter_map(|(row, statement, label, on)| {
+    let named = named.filter(|(_, _, label, _)| !held.contains(&label.as_str())).filter_map(
+        |(row, statement, label, on)| {
             let built = build(name, &extended(text, &statement)).ok()?.system;
             let terms: Vec<usize> = (0..built.terms.len())
                 .filter(|&k| built.terms[k].effect.as_deref() == Some(label.as_str()))
@@ -71,7 +70,8 @@ pub fn candidates(name: &str, text: &str, base: &Compiled, dataset: &Dataset) ->
             let found = !terms.is_empty();
             let origin = Origin::Catalogue(row);
             found.then_some(Candidate { origin, label, on, system: built, terms, parameters, grid })
-        });
+        },
+    );
     super::own::candidates(name, text, base).into_iter().chain(named).collect()
 }
 

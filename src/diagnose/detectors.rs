@@ -74,10 +74,8 @@ fn outliers(
 ) -> Option<Detection> {
     // What the model does wrong is smooth from sample to sample and drops out here; each value
     // has one and a half times the variance of the noise.
-    let deviations: Vec<Vec<f64>> = series
-        .iter()
-        .map(|r| r.windows(3).map(|w| w[1] - 0.5 * (w[0] + w[2])).collect())
-        .collect();
+    let deviations: Vec<Vec<f64>> =
+        series.iter().map(|r| r.windows(3).map(|w| w[1] - 0.5 * (w[0] + w[2])).collect()).collect();
     let mut sizes: Vec<f64> =
         deviations.iter().flatten().filter(|d| d.is_finite()).map(|d| d.abs()).collect();
     let count = sizes.len();

@@ -100,14 +100,14 @@ fn acts_on(system: &System, terms: &[usize]) -> Vec<String> {
             Place::Sensor(i) => {
                 on.insert(observables[i].clone());
             }
-            _ => on.extend(system.graph.symbols(&[expr]).iter().filter_map(|symbol| {
-                match symbol {
+            _ => {
+                on.extend(system.graph.symbols(&[expr]).iter().filter_map(|symbol| match symbol {
                     Symbol::Coordinate(i) | Symbol::Momentum(i) => {
                         Some(system.coordinates[*i].name.clone())
                     }
                     _ => None,
-                }
-            })),
+                }))
+            }
         }
     }
     on.into_iter().collect()

@@ -126,12 +126,7 @@ pub fn search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Searc
 }
 
 /// Searches around a support: its own sub-supports, then additions, removals and exchanges.
-pub fn near(
-    factor: &Factor,
-    columns: &Columns,
-    criterion: Criterion,
-    support: &[usize],
-) -> Search {
+pub fn near(factor: &Factor, columns: &Columns, criterion: Criterion, support: &[usize]) -> Search {
     let mut pool = Pool::new(factor, columns, criterion);
     pool.try_support(Vec::new());
     pool.try_support(support.to_vec());

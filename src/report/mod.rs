@@ -7,7 +7,9 @@ mod text;
 
 use serde_json::{Value, json};
 
-pub use diagnosis::{About, Moved, Revised, compare_text, diagnosis_text, discovery_text, revision_text};
+pub use diagnosis::{
+    About, Moved, Revised, compare_text, diagnosis_text, discovery_text, revision_text,
+};
 pub use text::{fit_text, seconds};
 
 use crate::expr::System;

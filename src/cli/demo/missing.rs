@@ -1,6 +1,8 @@
 //! The demo of an effect that the spec does not know of: the law fails, is told what it lacks,
 //! and gets it.
 
+use std::path::PathBuf;
+
 use serde_json::{Value, json};
 
 use super::{Stage, indented};
@@ -10,7 +12,7 @@ use crate::cli::project::{Law, Project};
 use crate::cli::{compare, diagnose, revise};
 use crate::data::{Layout, write_atomically, write_csv};
 use crate::diagnose::discover::discover;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::expr;
 use crate::fit::Options;
 use crate::report::layout::{WIDTH, table, wrapped};
@@ -49,7 +51,17 @@ const NOISE: f64 = 0.01;
 pub fn drag(stage: &Stage) -> Result<Value> {
     let runs = if stage.quick { 6 } else { 8 };
     measure(stage, runs)?;
-    let spec = stage.folder.join("pendulum.ham");
+    // In the folder itself, so that commands are shown as one would type them.
+    let failed = |error| Error::file("open", stage.folder, error);
+    let home = std::env::current_dir().map_err(failed)?;
+    std::env::set_current_dir(stage.folder).map_err(failed)?;
+    let done = story(stage, runs);
+    std::env::set_current_dir(home).map_err(failed)?;
+    done
+}
+
+fn story(stage: &Stage, runs: usize) -> Result<Value> {
+    let spec = PathBuf::from("pendulum.ham");
     write_atomically(&spec, SPEC.as_bytes())?;
     let splitting = Splitting { data: None, unseen: 0.25, seed: 0, threads: None };
     let truth = json!({
