@@ -38,11 +38,9 @@ pub fn noise_floor(context: &Context, model: &Model) -> Vec<f64> {
     let resolutions = model.noise.iter().map(|noise| noise.resolution);
     let of_model = judge.noise.iter().zip(&context.noise).zip(known).zip(resolutions);
     of_model
-        .map(
-            |(((&short, &own), known), resolution)| {
-                if known { short.min(own).max(resolution) } else { own }
-            },
-        )
+        .map(|(((&short, &own), known), resolution)| {
+            if known { short.min(own).max(resolution) } else { own }
+        })
         .collect()
 }
 

@@ -333,8 +333,9 @@ fn judge(
             );
         }
     }
-    let better =
-        unnamed.as_ref().is_some_and(|u| u.merit(yardstick) > fall / yardstick - price + CLOSE);
+    let better = unnamed
+        .as_ref()
+        .is_some_and(|u| u.merit(yardstick) > fall / yardstick - price + CLOSE);
     if better || (chain.open && chain.left > LEAVES) {
         diagnosis.verdict = Verdict::Unexplained;
         diagnosis.reason = match (&unnamed, better) {
