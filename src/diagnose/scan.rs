@@ -135,7 +135,8 @@ fn choose(scores: &Scores, tries: &[Try], tried: usize, best: &mut [Option<Score
         let merit = score.deviance - unknowns as f64 * (scores.rows.max(1) as f64).ln();
         if score.degrees > 0 && best[*c].as_ref().is_none_or(|b| merit > b.merit) {
             let p_value = (score.p_value * tried as f64).min(1.0);
-            best[*c] = Some(Scored { candidate: *c, values: values.clone(), score, p_value, merit });
+            best[*c] =
+                Some(Scored { candidate: *c, values: values.clone(), score, p_value, merit });
         }
     }
 }
