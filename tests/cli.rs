@@ -179,10 +179,11 @@ fn new_writes_a_spec_that_can_be_fitted() {
 #[test]
 fn demo_learns_the_truth() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let object = json(folder.path(), &["demo", "--quick", "-o", "kept"], "leverrier.demo/1");
+    let object =
+        json(folder.path(), &["demo", "henon-heiles", "--quick", "-o", "kept"], "leverrier.demo/1");
     assert_eq!(object["model"]["terms"].as_array().expect("terms").len(), 6);
     assert!(folder.path().join("kept/henon-heiles.model.json").is_file());
-    let told = good(folder.path(), &["demo", "--quick"]);
+    let told = good(folder.path(), &["demo", "henon-heiles", "--quick"]);
     assert!(told.out.contains("truth") && !told.out.contains("missed"), "{}", told.out);
     json(folder.path(), &["demo", "--list"], "leverrier.demo-list/1");
     assert_eq!(run(folder.path(), &["demo", "nonsense"]).code, Some(2));

@@ -64,13 +64,6 @@ const BAD: &[Bad] = &[
     data("missing column", "run,t,q,x\n1,0,1,0\n1,1,1,0\n", &["d.csv", "no column", "`p`"]),
     data("not text", "run,t,q,p\n\u{0}\u{1}\u{0}\u{2}\n", &["d.csv", "not a text file"]),
     Bad {
-        what: "nothing to learn",
-        spec: "T = p^2/2\nV = q^2",
-        data: DATA,
-        command: FIT,
-        says: &["nothing to learn", "span{...}"],
-    },
-    Bad {
         what: "no model yet",
         spec: SPEC,
         data: DATA,

@@ -120,11 +120,21 @@ fn effects_that_cannot_be_are_refused_with_the_reason() {
 #[test]
 fn the_demo_ends_at_the_noise_floor_with_the_truth_beside() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let shown = good(folder.path(), &["demo", "missing-drag", "--quick"]).out;
-    for line in ["loses energy", "Missing: viscous_drag(q)", "It is warranted", "The truth was"] {
+    let shown = good(folder.path(), &["demo", "--quick"]).out;
+    for line in ["loses energy", "Missing: viscous_drag(q)", "It is warranted", "The truth, and"] {
         assert!(shown.contains(line), "{line} in {shown}");
     }
     assert!(shown.contains("Nothing is missing"), "{shown}");
+    // The last lines: part, term, truth, found, off by.
+    let row = |term: &str| {
+        let line = shown.lines().rev().find(|line| line.contains(term)).expect("a row");
+        line.split_whitespace().last().and_then(|x| x.parse::<f64>().ok()).expect("a number")
+    };
+    assert!(row(" cos(q) ").abs() < 4.0 && row(" -p ").abs() < 4.0, "{shown}");
+    assert!(!shown.contains(&*folder.path().to_string_lossy()) && !shown.contains("/tmp"));
+    let object = json(folder.path(), &["demo", "--quick"], "leverrier.demo/1");
+    assert_eq!(object["demo"], "missing-drag");
+    assert_eq!(object["steps"][0]["effect"], object["truth"]["hidden"]);
 }
 
 #[test]

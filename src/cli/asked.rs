@@ -4,7 +4,6 @@ use crate::diagnose::candidates::candidates;
 use crate::diagnose::context::Context;
 use crate::diagnose::scan::scan;
 use crate::error::{Error, Result};
-use crate::expr::System;
 use crate::spec::ast::{Statement, StatementKind};
 use crate::spec::edit;
 use crate::spec::effects::{EffectRow, Scene, by_name, hint_for, instances};
@@ -20,6 +19,19 @@ pub struct Asked {
     pub statement: String,
     /// Whether it has inner parameters for which no value was given.
     pub open: bool,
+    /// Names of inner parameters in the model with values to start from.
+    pub values: Vec<(String, f64)>,
+}
+
+/// Labels of the effects that a text has.
+pub fn effects_of(text: &str) -> Vec<String> {
+    let found = edit::find(text, |s| matches!(s.kind, StatementKind::Effect { .. }));
+    found.iter().map(|statement| label_of(text, statement)).collect()
+}
+
+fn label_of(text: &str, statement: &Statement) -> String {
+    let (name, arguments, _) = parts(text.get(statement.site.0.range()).unwrap_or(""));
+    by_name(&name).map_or(name, |row| row.label(&arguments))
 }
 
 /// `name(a, b; c = 1)` in its parts.
@@ -44,16 +56,6 @@ fn parts(text: &str) -> (String, Vec<String>, String) {
     (name.trim().to_string(), out, settings.trim().to_string())
 }
 
-/// What the effects of a system meet.
-fn scene(system: &System) -> Scene {
-    Scene {
-        coordinates: system.coordinates.iter().map(|v| v.name.clone()).collect(),
-        momenta: system.momenta.iter().map(|v| v.name.clone()).collect(),
-        observables: system.observables(),
-        time: system.time.name.clone(),
-    }
-}
-
 /// Names of the spec's own candidates.
 fn own(text: &str) -> Vec<String> {
     let found = edit::find(text, |s| matches!(s.kind, StatementKind::Candidates(_)));
@@ -73,13 +75,14 @@ impl Asked {
         let (name, arguments, settings) = parts(text);
         let own = own(&project.text);
         if own.contains(&name) {
-            return Ok(Asked { statement: format!("effect {name}"), label: name, open: false });
+            let statement = format!("effect {name}");
+            return Ok(Asked { statement, label: name, open: true, values: Vec::new() });
         }
         let row = by_name(&name).ok_or_else(|| {
             let own: Vec<&str> = own.iter().map(String::as_str).collect();
             Error::usage(format!("there is no effect `{name}`"), hint_for(&name, &own))
         })?;
-        let scene = scene(project.system());
+        let scene = project.system().scene();
         if let Some(reason) = row.cannot(&scene) {
             return Err(Error::usage(
                 format!("`{}` does not apply here: {reason}", row.name),
@@ -108,20 +111,13 @@ impl Asked {
         } else {
             format!("effect {}({}; {settings})", row.name, arguments.join(", "))
         };
-        Ok(Asked { label, statement, open })
+        Ok(Asked { label, statement, open, values: Vec::new() })
     }
 
     /// Its statement in a text.
     pub fn place(&self, text: &str) -> Option<Statement> {
         let found = edit::find(text, |s| matches!(s.kind, StatementKind::Effect { .. }));
-        found.into_iter().find(|statement| {
-            let range = statement.site.0.range();
-            let (name, arguments, _) = parts(text.get(range).unwrap_or(""));
-            match by_name(&name) {
-                Some(row) => row.label(&arguments) == self.label,
-                None => name == self.label,
-            }
-        })
+        found.into_iter().find(|statement| label_of(text, statement) == self.label)
     }
 
     /// Values of the inner parameters that a scan over their grid likes best.
@@ -130,8 +126,10 @@ impl Asked {
         let Some(candidate) = all.iter().find(|c| c.label == self.label) else { return Ok(()) };
         let scores = scan(context, std::slice::from_ref(candidate))?;
         if let Some(best) = scores.scored.first() {
-            let short: Vec<f64> = best
-                .values
+            let values = &best.values;
+            let names = candidate.parameters.iter().map(|&j| &candidate.system.parameters[j].name);
+            self.values = names.cloned().zip(values.iter().copied()).collect();
+            let short: Vec<f64> = values
                 .iter()
                 .map(|x| crate::simplify::significant(*x, 6).parse().unwrap_or(*x))
                 .collect();

@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::console::Console;
-use super::fit::learn;
+use super::fit::{learn, on_threads};
 use super::progress::Progress;
 use super::project::Project;
 use crate::data::{DataReport, Dataset, Split};
@@ -14,7 +14,7 @@ use crate::diagnose::compare;
 use crate::diagnose::context::Context;
 use crate::error::{Error, Result};
 use crate::fit::model::fingerprint;
-use crate::fit::{Model, Options};
+use crate::fit::{Loss, Model, Options, Start, resume};
 
 /// How the measurements are split.
 #[derive(Args, Debug, Clone)]
@@ -96,6 +96,10 @@ impl Bench {
             ));
         }
         let model = self.fit(&self.project, progress)?;
+        let system = self.project.system();
+        if system.terms.is_empty() && system.parameters.is_empty() {
+            return Ok((model, "all of it known, its noise from the training part"));
+        }
         Ok((model, "terms and numbers from the training part"))
     }
 
@@ -105,6 +109,14 @@ impl Bench {
         let options = Options { parameter_starts, ..Options::default() };
         let threads = self.splitting.threads;
         learn(project.system(), &self.split.training, &options, threads, progress)
+    }
+
+    /// Learns an edited spec on the training part, beginning at what is known already.
+    pub fn resume(&self, project: &Project, start: &Start, progress: &Progress) -> Result<Model> {
+        let options = Options::default();
+        on_threads(self.splitting.threads, || {
+            resume(project.system(), &self.split.training, &options, start, progress)
+        })
     }
 
     /// The terms of a model with their numbers learned anew, from the model's own.
@@ -126,7 +138,9 @@ impl Bench {
         if narrowed.terms.is_empty() && narrowed.parameters.is_empty() {
             return self.fit(project, progress);
         }
-        let options = Options { sparse: false, starts: 0, ..Options::default() };
+        // Whoever fitted with a robust loss meant it.
+        let loss = Loss::by_name(&model.evidence.loss).unwrap_or(Loss::SQUARES);
+        let options = Options { sparse: false, starts: 0, loss, ..Options::default() };
         let mut again = learn(&narrowed, data, &options, self.splitting.threads, progress)?;
         again.fingerprint = fingerprint(system);
         again.evidence.function_space = system.terms.len();

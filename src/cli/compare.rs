@@ -10,6 +10,8 @@ use super::console::Console;
 use super::progress::Progress;
 use crate::diagnose::compare;
 use crate::diagnose::context::Context;
+use crate::diagnose::detectors::detect;
+use crate::diagnose::floor::noise_floor;
 use crate::error::Result;
 use crate::report::compare_text;
 
@@ -33,9 +35,13 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let bench = Bench::open(&arguments.spec, &arguments.splitting, console)?;
     let progress = Progress::new();
     let (model, terms) = bench.model(&progress)?;
-    let training = Context::new(bench.project.system(), &model, &bench.split.training)?;
+    let mut training = Context::new(bench.project.system(), &model, &bench.split.training)?;
+    let detections = detect(&training, &model);
+    // A model that fails takes a part of what it lacks for noise; the floor is the instrument's.
+    training.noise = noise_floor(&training, &model);
     let unseen = bench.unseen().map(|data| training.with_data(data));
-    let comparison = compare::compare(&training, unseen.as_ref())?;
+    let mut comparison = compare::compare(&training, unseen.as_ref())?;
+    comparison.findings.extend(detections.iter().map(|found| found.sentence.clone()));
     drop(progress);
     let time = &bench.project.system().time;
     let unit = time.unit_text.as_deref().unwrap_or("");
@@ -45,6 +51,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         "system": bench.project.system().name,
         "split": bench.split_json(),
         "terms_from": terms,
+        "detections": detections,
     });
     if let (Some(object), serde_json::Value::Object(fields)) =
         (object.as_object_mut(), json!(comparison))

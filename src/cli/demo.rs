@@ -1,6 +1,7 @@
 //! `leverrier demo`: a whole story on data made on the spot.
 
 mod course;
+mod missing;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -8,13 +9,11 @@ use std::time::Instant;
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::bench::{Bench, Splitting};
 use super::console::Console;
 use super::fit::{learn, origin, write_model};
 use super::progress::Progress;
 use super::project::{ModelFile, Project};
 use crate::data::{Layout, write_atomically, write_csv};
-use crate::diagnose::discover::discover;
 use crate::error::{Error, Result};
 use crate::expr;
 use crate::fit::Options;
@@ -23,15 +22,15 @@ use crate::report::{present, seconds};
 use crate::simplify::{Style, significant, uncertain};
 use crate::simulate::{Box, Noise, Sampling, Simulator, add_noise, draw};
 
-/// Watch a Hamiltonian being learned from a data file.
+/// Watch a law fail, be told what it lacks, and get it.
 ///
-/// Makes measurements of a system whose law is known, learns the law from them alone, and
-/// prints both side by side.
+/// Makes measurements of a system whose law is known, works on them alone, and prints what was
+/// found beside the truth. Other demos learn whole Hamiltonians.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     leverrier demo\n  \
     leverrier demo --quick\n  \
-    leverrier demo --list\n  \
+    leverrier demo henon-heiles     another one; --list shows all\n  \
     leverrier demo -o demo          keep its spec, data and model to play with")]
 pub struct Arguments {
     /// Which demo; `--list` shows all.
@@ -58,6 +57,11 @@ struct Demo {
 /// Every demo; the first is the one that runs unless another is named.
 static DEMOS: &[Demo] = &[
     Demo {
+        name: "missing-drag",
+        shows: "sees a pendulum's law fail, names the effect that is missing, and adds it",
+        run: missing::drag,
+    },
+    Demo {
         name: "henon-heiles",
         shows: "learns a chaotic star orbit's Hamiltonian from noisy pairs of states",
         run: henon_heiles,
@@ -76,11 +80,6 @@ static DEMOS: &[Demo] = &[
         name: "pendulum",
         shows: "learns numbers inside a sine, and prints a cosine",
         run: |stage| course::walk(stage, &course::PENDULUM),
-    },
-    Demo {
-        name: "missing-drag",
-        shows: "sees a pendulum's law fail, names the effect that is missing, and adds it",
-        run: missing_drag,
     },
 ];
 
@@ -140,85 +139,6 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         console.message(&format!("Spec, data and model are in {}.", folder.display()));
     }
     Ok(())
-}
-
-const DAMPED: &str = r#"# The truth, from which the measurements are made.
-system "damped pendulum"
-coordinates q
-momenta     p
-T = p^2/2
-V = -cos(q)
-force q += -0.05*p
-"#;
-
-const UNDAMPED: &str = r#"# A pendulum on a bench: nobody has thought of a drag.
-system "pendulum on a bench"
-coordinates q
-momenta     p
-data "swings.csv" { time t  run run }
-
-T = p^2/2                    # the mass is known
-V = span{ cos(q) }           # the weight is to be learned
-"#;
-
-/// Noise of the swings, in parts of each column's spread.
-const SWING_NOISE: f64 = 0.01;
-
-/// The hidden effect: the law without it fails, is told what it lacks, and gets it.
-fn missing_drag(stage: &Stage) -> Result<Value> {
-    let runs = if stage.quick { 6 } else { 8 };
-    let truth = expr::build("truth", DAMPED)?;
-    let nature = Simulator::new(&truth.system, &[], &[], &[]);
-    let side = |lower, upper| Box { lower, upper };
-    let sampling = Sampling { boxes: vec![side(-1.5, 1.5), side(-0.5, 0.5)], energy: None };
-    let starts = draw(&nature, &sampling, runs, 0.0, 3)?;
-    let times: Vec<f64> = (0..=120).map(|i| 0.1 * f64::from(i)).collect();
-    let mut data = nature.trajectories(&starts, &times)?.dataset(&truth.system);
-    add_noise(&mut data, &[Noise::Relative(SWING_NOISE); 2], 3)?;
-    write_csv(&stage.folder.join("swings.csv"), &data, &Layout::default())?;
-    let spec = stage.folder.join("pendulum.ham");
-    write_atomically(&spec, UNDAMPED.as_bytes())?;
-    let splitting = Splitting { data: None, unseen: 0.25, seed: 0, threads: None };
-    let object = json!({ "hidden": "viscous_drag(q)", "coefficient": 0.05 });
-    if stage.console.is_json() {
-        let bench = Bench::open(&spec, &splitting, stage.console)?;
-        let unseen = bench.unseen().unwrap_or(&bench.dataset);
-        let found = discover(
-            "pendulum.ham",
-            UNDAMPED,
-            &bench.split.training,
-            unseen,
-            &Options::default(),
-            &Progress::new(),
-        )?;
-        return Ok(
-            json!({ "truth": object, "steps": found.steps, "unseen_error": found.unseen_error }),
-        );
-    }
-    let say = |text: &str| stage.console.text(&format!("{}\n\n", wrapped(text, WIDTH, 0)));
-    say(&format!(
-        "Nature: {runs} swings of a pendulum, noise {} %, and an effect that the spec does not \
-         know of. The spec:",
-        100.0 * SWING_NOISE
-    ))?;
-    stage.console.text(&format!("{}\n\nWhere does it fail?\n\n", indented(UNDAMPED)))?;
-    let ask = || super::compare::Arguments { spec: spec.clone(), splitting: splitting.clone() };
-    super::compare::run(&ask(), stage.console)?;
-    stage.console.text("\nWhat is missing?\n\n")?;
-    let ask = super::diagnose::Arguments { spec: spec.clone(), splitting: splitting.clone() };
-    super::diagnose::run(&ask, stage.console)?;
-    stage.console.text("\nAdd it.\n\n")?;
-    let ask = super::revise::Add {
-        spec: spec.clone(),
-        effect: "viscous_drag(q)".to_string(),
-        splitting: splitting.clone(),
-    };
-    super::revise::add(&ask, stage.console)?;
-    stage.console.text("\nWhat is missing now?\n\n")?;
-    let ask = super::diagnose::Arguments { spec, splitting };
-    super::diagnose::run(&ask, stage.console)?;
-    stage.console.text("\nThe truth was: force q += -0.05*p, V = -cos(q).\n")?;
-    Ok(object)
 }
 
 const HENON_HEILES: &str = r#"# The truth, from which the measurements are made.

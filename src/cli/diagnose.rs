@@ -8,9 +8,12 @@ use serde_json::{Value, json};
 use super::bench::{Bench, Splitting};
 use super::console::Console;
 use super::progress::Progress;
+use crate::diagnose::context::Context;
+use crate::diagnose::detectors::detect;
 use crate::diagnose::missing::{self, Diagnosis};
+use crate::diagnose::suffices;
 use crate::error::Result;
-use crate::report::diagnosis_text;
+use crate::report::{About, diagnosis_text};
 
 /// Say which physical effect a model lacks, or that nothing is missing.
 ///
@@ -32,27 +35,38 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let bench = Bench::open(&arguments.spec, &arguments.splitting, console)?;
     let progress = Progress::new();
-    let (model, terms) = bench.model(&progress)?;
     let (project, split) = (&bench.project, &bench.split);
-    let diagnosis = match bench.unseen() {
-        Some(unseen) => missing::diagnose(
-            &project.name(),
-            &project.text,
-            &project.compiled,
-            &model,
-            &split.training,
-            unseen,
-            &progress,
-        )?,
-        None => Diagnosis::too_little("no samples are left to judge an effect on".to_string()),
+    let lacking = suffices::lacking(project.system(), &split.training, bench.unseen());
+    let (diagnosis, terms, detections) = match (lacking, bench.unseen()) {
+        (None, Some(unseen)) => {
+            let (model, terms) = bench.model(&progress)?;
+            let diagnosis = missing::diagnose(
+                &project.name(),
+                &project.text,
+                &project.compiled,
+                &model,
+                &split.training,
+                unseen,
+                &progress,
+            )?;
+            let context = Context::new(project.system(), &model, &split.training)?;
+            (diagnosis, terms, detect(&context, &model))
+        }
+        (lacking, _) => {
+            let diagnosis = Diagnosis::too_little(lacking.unwrap_or_default());
+            (diagnosis, "none was learned", Vec::new())
+        }
     };
     drop(progress);
-    let text = diagnosis_text(&diagnosis, &split.how, terms, &project.name(), console.width());
+    let found: Vec<&str> = detections.iter().map(|found| found.sentence.as_str()).collect();
+    let about = About { how: &split.how, terms, spec: &project.name(), detections: &found };
+    let text = diagnosis_text(&diagnosis, &about, console.width());
     let mut object = json!({
         "format": "leverrier.diagnose/1",
         "system": project.system().name,
         "split": bench.split_json(),
         "terms_from": terms,
+        "detections": detections,
     });
     if let (Some(object), Value::Object(fields)) = (object.as_object_mut(), json!(diagnosis)) {
         object.extend(fields);

@@ -14,10 +14,12 @@ use super::project::{ModelFile, Project};
 use crate::data::write_atomically;
 use crate::diagnose::discover::{Discovery, discover};
 use crate::diagnose::missing::Verdict;
-use crate::error::{Error, Result};
+use crate::diagnose::suffices;
+use crate::error::Result;
 use crate::expr;
 use crate::fit::Options;
 use crate::report::discovery_text;
+use crate::report::layout::{WIDTH, wrapped};
 use crate::spec::edit::insert;
 
 /// Ask what is missing, add it, learn again, until nothing pays on unseen runs.
@@ -41,11 +43,10 @@ pub struct Arguments {
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let bench = Bench::open(&arguments.spec, &arguments.splitting, console)?;
-    let Some(unseen) = bench.unseen() else {
-        return Err(Error::usage(
-            "without unseen runs nothing can be judged",
-            "leave --unseen at its default, or measure more runs",
-        ));
+    let system = bench.project.system();
+    let lacking = suffices::lacking(system, &bench.split.training, bench.unseen());
+    let (None, Some(unseen)) = (&lacking, bench.unseen()) else {
+        return too_little(&bench, &lacking.unwrap_or_default(), console);
     };
     let project = &bench.project;
     let options =
@@ -74,11 +75,26 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     if let (Some(object), Value::Object(fields)) = (object.as_object_mut(), json!(found)) {
         object.extend(fields);
     }
-    console.result(&text, &object)?;
-    match found.verdict {
-        Verdict::TooLittleData => Err(Error::fit(found.stop, "measure longer runs, or more")),
-        _ => Ok(()),
-    }
+    console.result(&text, &object)
+}
+
+/// Nothing was done, for nothing could have been judged.
+fn too_little(bench: &Bench, why: &str, console: &Console) -> Result<()> {
+    let object = json!({
+        "format": "leverrier.discover/1",
+        "system": bench.project.system().name,
+        "split": bench.split_json(),
+        "written": false,
+        "steps": [],
+        "stop": why,
+        "verdict": Verdict::TooLittleData,
+        "text": bench.project.text,
+        "model": null,
+        "unseen_error": [null, null],
+    });
+    let text = format!("Too little data to say: {why}.\n\nSplit: {}", bench.split.how);
+    let width = console.width().map_or(WIDTH, |width| usize::from(width).max(40));
+    console.result(&wrapped(&text, width, 2), &object)
 }
 
 /// Writes the spec, its ledger and the model of all measurements.
@@ -94,9 +110,8 @@ fn keep(bench: &Bench, found: &Discovery, progress: &Progress) -> Result<()> {
         text = insert(&text, &step.snippet);
         let judged = |error: f64| Judged {
             unseen_error: Some(error),
-            noise_floor: 1.0,
             samples: found.model.evidence.window,
-            horizons: Vec::new(),
+            ..Judged::unknown()
         };
         ledger.push(
             format!("add {}", step.effect),

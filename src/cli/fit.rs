@@ -193,16 +193,18 @@ pub fn learn(
     threads: Option<usize>,
     progress: &Progress,
 ) -> Result<Model> {
-    if system.terms.is_empty() && system.parameters.is_empty() {
-        return Err(Error::fit(
-            "there is nothing to learn: the spec has no `span{...}` and no `param`",
-            "write the unknown part as `span{...}`; `simulate` and `export` take the spec as it is",
-        ));
-    }
+    on_threads(threads, || fit::fit(system, dataset, options, progress))
+}
+
+/// Does the work on the given number of threads; on all cores by default.
+pub fn on_threads<T: Send>(
+    threads: Option<usize>,
+    work: impl FnOnce() -> Result<T> + Send,
+) -> Result<T> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build().map_err(
         |error| Error::fit(format!("cannot start the threads: {error}"), "ask for fewer"),
     )?;
-    pool.install(|| fit::fit(system, dataset, options, progress))
+    pool.install(work)
 }
 
 /// Where a model comes from.

@@ -9,6 +9,8 @@ use crate::data::write_atomically;
 use crate::error::{Error, Result};
 
 const FORMAT: &str = "leverrier.ledger/1";
+/// The action of a revision that no command made.
+pub const BY_HAND: &str = "edited by hand";
 
 /// Error of a model on unseen runs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -21,6 +23,22 @@ pub struct Judged {
     pub samples: usize,
     /// (samples, error) at every length of prediction.
     pub horizons: Vec<(usize, f64)>,
+    /// The unit of the errors: observable and standard deviation of its noise.
+    #[serde(default)]
+    pub noise: Vec<(String, f64)>,
+}
+
+impl Judged {
+    /// Where nothing is unseen.
+    pub fn unknown() -> Self {
+        Judged {
+            unseen_error: None,
+            noise_floor: 1.0,
+            samples: 0,
+            horizons: Vec::new(),
+            noise: Vec::new(),
+        }
+    }
 }
 
 /// A state of the spec.
@@ -90,20 +108,41 @@ impl Ledger {
         self.revisions.iter().rposition(|revision| !revision.undone)
     }
 
-    /// The revision that `undo` goes back to.
-    pub fn previous(&self) -> Option<usize> {
+    /// Takes the newest revision back; returns what it was, and the text to go back to.
+    pub fn take_back(&mut self) -> Option<(String, String)> {
         let current = self.current()?;
-        self.revisions.iter().take(current).rposition(|revision| !revision.undone)
+        let previous = self.revisions.iter().take(current).rposition(|r| !r.undone)?;
+        let restored = self.revisions.get(previous)?.spec.clone();
+        let revision = self.revisions.get_mut(current)?;
+        revision.undone = true;
+        Some((revision.action.clone(), restored))
+    }
+
+    /// Takes note of a spec that is as an earlier revision left it: a command was ended before
+    /// it wrote the spec, or between the spec and the ledger. What came later counts as undone.
+    ///
+    /// Returns what was undone that way, newest first.
+    pub fn recover(&mut self, text: &str) -> Vec<String> {
+        let found = self.revisions.iter().rposition(|r| !r.undone && r.spec == text);
+        let Some(found) = found else { return Vec::new() };
+        let later = self.revisions.iter_mut().skip(found + 1).rev().filter(|r| !r.undone);
+        later
+            .map(|revision| {
+                revision.undone = true;
+                revision.action.clone()
+            })
+            .collect()
     }
 
     /// Makes sure that a text is what the newest revision has: what was edited by hand since
     /// becomes a revision of its own.
     pub fn know(&mut self, text: &str) {
+        self.recover(text);
         let known = self.current().and_then(|at| self.revisions.get(at));
         if known.is_some_and(|revision| revision.spec == text) {
             return;
         }
-        let action = if known.is_none() { "start" } else { "edited by hand" };
+        let action = if known.is_none() { "start" } else { BY_HAND };
         self.push(action.to_string(), text.to_string(), None, None);
     }
 
@@ -168,8 +207,22 @@ mod tests {
         ledger.push("add x".into(), "b".into(), None, None);
         ledger.revisions[1].undone = true;
         ledger.push("add y".into(), "c".into(), None, None);
-        assert_eq!((ledger.current(), ledger.previous()), (Some(2), Some(0)));
+        assert_eq!(ledger.current(), Some(2));
         ledger.know("d");
-        assert_eq!(ledger.revisions[3].action, "edited by hand");
+        assert_eq!(ledger.revisions[3].action, BY_HAND);
+        assert_eq!(ledger.take_back(), Some((BY_HAND.to_string(), "c".to_string())));
+        assert_eq!(ledger.take_back(), Some(("add y".to_string(), "a".to_string())));
+        assert_eq!(ledger.take_back(), None);
+    }
+
+    #[test]
+    fn a_spec_that_is_as_it_was_earlier_takes_the_rest_back() {
+        let mut ledger = Ledger { format: FORMAT.to_string(), revisions: Vec::new() };
+        for (action, text) in [("start", "a"), ("add x", "b"), ("add y", "c")] {
+            ledger.push(action.into(), text.into(), None, None);
+        }
+        assert!(ledger.recover("c").is_empty() && ledger.recover("unknown").is_empty());
+        assert_eq!(ledger.recover("a"), ["add y", "add x"]);
+        assert_eq!(ledger.current(), Some(0));
     }
 }

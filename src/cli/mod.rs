@@ -12,6 +12,7 @@ mod discover;
 mod effects;
 mod export;
 mod fit;
+mod history;
 mod ledger;
 mod new;
 mod progress;
@@ -70,8 +71,8 @@ enum Command {
     Discover(discover::Arguments),
     Add(revise::Add),
     Remove(revise::Remove),
-    Undo(revise::Undo),
-    History(revise::History),
+    Undo(history::Undo),
+    History(history::History),
     Effects(effects::Arguments),
     Simulate(simulate::Arguments),
     Export(export::Arguments),
@@ -96,8 +97,8 @@ pub fn main() -> ExitCode {
         Command::Discover(arguments) => discover::run(&arguments, &console),
         Command::Add(arguments) => revise::add(&arguments, &console),
         Command::Remove(arguments) => revise::remove(&arguments, &console),
-        Command::Undo(arguments) => revise::undo(&arguments, &console),
-        Command::History(arguments) => revise::history(&arguments, &console),
+        Command::Undo(arguments) => history::undo(&arguments, &console),
+        Command::History(arguments) => history::history(&arguments, &console),
         Command::Effects(arguments) => effects::run(&arguments, &console),
         Command::Simulate(arguments) => simulate::run(&arguments, &console),
         Command::Export(arguments) => export::run(&arguments, &console),

@@ -204,11 +204,16 @@ impl Project {
         let path = asked.map_or_else(|| self.model_path(), Path::to_path_buf);
         let fully_known = system.terms.is_empty();
         if asked.is_none() && fully_known && (system.parameters.is_empty() || !path.exists()) {
+            // A fit of it knows the noise. It is not asked for: the law stands in the spec.
+            let fitted = std::fs::read(&path).ok();
+            let file = fitted
+                .and_then(|bytes| serde_json::from_slice::<ModelFile>(&bytes).ok())
+                .filter(|file| file.model.active(system).is_some());
             let parameters: Vec<f64> = system.parameters.iter().map(|p| p.start).collect();
             let covariance = DMatrix::zeros(parameters.len(), parameters.len());
             let errors = vec![0.0; parameters.len()];
             let (active, coefficients) = (Vec::new(), Vec::new());
-            return Ok(Law { active, coefficients, parameters, covariance, errors, file: None });
+            return Ok(Law { active, coefficients, parameters, covariance, errors, file });
         }
         let again = format!("run `leverrier fit {}`", self.name());
         let wrong =

@@ -1,24 +1,24 @@
-//! `leverrier add`, `remove`, `undo` and `history`: a spec and its effects, step by step.
+//! `leverrier add` and `remove`: a spec and its effects, step by step.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
-use serde_json::{Value, json};
+use serde_json::json;
 
-use super::asked::Asked;
+use super::asked::{self, Asked};
 use super::bench::{Bench, Splitting, errors};
 use super::console::Console;
 use super::fit::{origin, write_model};
-use super::ledger::{Judged, Ledger, date};
+use super::ledger::{Judged, Ledger};
 use super::progress::Progress;
 use super::project::{ModelFile, Project};
 use crate::data::write_atomically;
 use crate::diagnose::compare::windows;
 use crate::diagnose::context::Context;
+use crate::diagnose::floor::noise_floor;
 use crate::error::{Error, Result};
 use crate::expr;
-use crate::fit::Model;
-use crate::report::layout::{WIDTH, table, wrapped};
+use crate::fit::{Model, Start};
 use crate::report::present;
 use crate::report::{Moved, Revised, revision_text};
 use crate::spec::edit;
@@ -39,35 +39,18 @@ pub struct Add {
     pub splitting: Splitting,
 }
 
-/// Take an effect out of a spec, learn again, and show before and after on unseen runs.
+/// Take an effect or a term out of a spec, learn again, and show before and after.
 #[derive(Args)]
-#[command(after_help = "Examples:\n  leverrier remove pendulum.ham viscous_drag")]
+#[command(after_help = "Examples:\n  \
+    leverrier remove pendulum.ham viscous_drag\n  \
+    leverrier remove pendulum.ham stiffness        a term that the spec calls so")]
 pub struct Remove {
     /// The spec.
     pub spec: PathBuf,
-    /// The effect: its name, and what it is on where there is a choice.
+    /// The effect, with what it is on where there is a choice; or the name of a term.
     pub effect: String,
     #[command(flatten)]
     pub splitting: Splitting,
-}
-
-/// Bring back the spec as it was before the last `add` or `remove`.
-#[derive(Args)]
-#[command(after_help = "Examples:\n  leverrier undo pendulum.ham")]
-pub struct Undo {
-    /// The spec.
-    pub spec: PathBuf,
-    /// Also when the spec was edited by hand since; the edits stay in the ledger.
-    #[arg(long)]
-    pub force: bool,
-}
-
-/// List the revisions of a spec.
-#[derive(Args)]
-#[command(after_help = "Examples:\n  leverrier history pendulum.ham")]
-pub struct History {
-    /// The spec.
-    pub spec: PathBuf,
 }
 
 /// Standard errors that the coefficient of a warranted effect is from zero, at least.
@@ -95,62 +78,132 @@ pub fn add(arguments: &Add, console: &Console) -> Result<()> {
         asked.scanned(&bench.project, &context)?;
     }
     let text = edit::insert(&bench.project.text, &asked.statement);
-    revise(&bench, &model, &format!("add {}", asked.label), &asked.label, text, progress, console)
+    let project = edited(&bench, text)?;
+    let system = project.system();
+    // What is known stays known: only the new terms are without numbers.
+    let of_effect = |k: &usize| system.terms[*k].effect.as_deref() == Some(asked.label.as_str());
+    let mut start = Start::of(&model, system).with((0..system.terms.len()).filter(of_effect));
+    for (value, parameter) in start.parameters.iter_mut().zip(&system.parameters) {
+        if let Some((_, best)) = asked.values.iter().find(|(name, _)| *name == parameter.name) {
+            *value = parameter.bounds.clamp(*best);
+        }
+    }
+    let after = bench.resume(&project, &start, &progress)?;
+    let revision =
+        Revision { action: format!("add {}", asked.label), label: &asked.label, adds: true };
+    revise(&bench, &model, &revision, &project, &after, progress, console)
 }
 
 /// Runs `remove`.
 pub fn remove(arguments: &Remove, console: &Console) -> Result<()> {
     let bench = Bench::open(&arguments.spec, &arguments.splitting, console)?;
-    let asked = Asked::new(&arguments.effect, &bench.project)?;
-    let Some(statement) = asked.place(&bench.project.text) else {
-        return Err(Error::usage(
-            format!("{} does not have `{}`", bench.project.name(), asked.label),
-            "its `effect` statements are what can be removed",
-        ));
+    let text = &bench.project.text;
+    let (label, shorter) = match Asked::new(&arguments.effect, &bench.project) {
+        // A term may bear the name of an effect, but an effect is what is meant first.
+        Ok(asked) if asked.place(text).is_some() => {
+            let place = asked.place(text).map(|statement| statement.site.0).unwrap_or_default();
+            (asked.label, edit::remove(text, place))
+        }
+        asked => match (edit::remove_term(text, &arguments.effect), asked) {
+            (Some(shorter), _) => (arguments.effect.clone(), shorter),
+            (None, Err(error)) => return Err(not_there(arguments, &bench, error)),
+            (None, Ok(asked)) => {
+                return Err(Error::usage(
+                    format!("{} does not have `{}`", bench.project.name(), asked.label),
+                    removable(text),
+                ));
+            }
+        },
     };
+    let project = edited(&bench, shorter)?;
     let progress = Progress::new();
     let (model, _) = bench.model(&progress)?;
-    let text = edit::remove(&bench.project.text, statement.site.0);
-    let action = format!("remove {}", asked.label);
-    revise(&bench, &model, &action, &asked.label, text, progress, console)
+    let after = bench.fit(&project, &progress)?;
+    let revision = Revision { action: format!("remove {label}"), label: &label, adds: false };
+    revise(&bench, &model, &revision, &project, &after, progress, console)
 }
 
-/// Learns the edited spec, writes it with its model and ledger, and shows what it brought.
+/// An unknown name: the spec's own terms may be what was meant.
+fn not_there(arguments: &Remove, bench: &Bench, error: Error) -> Error {
+    let names = edit::term_names(&bench.project.text);
+    match crate::spec::nearest(&arguments.effect, names.iter().map(String::as_str)) {
+        Some(near) => Error::usage(
+            format!("{} has no term `{}`", bench.project.name(), arguments.effect),
+            format!("did you mean `{near}`?"),
+        ),
+        None => error,
+    }
+}
+
+/// What `remove` can take out of a spec, in a sentence.
+fn removable(text: &str) -> String {
+    let mut names = asked::effects_of(text);
+    names.extend(edit::term_names(text));
+    if names.is_empty() {
+        return "it has no effect and no named term: edit the spec by hand".to_string();
+    }
+    format!("what can be removed: {}", names.join(", "))
+}
+
+/// The project with another text; what is wrong with that is said of the edit, not of the file.
+fn edited(bench: &Bench, text: String) -> Result<Project> {
+    let old = &bench.project;
+    let compiled = expr::build(&old.name(), &text).map_err(|error| match error {
+        Error::Spec { diagnostics, .. } => Error::usage(
+            format!("{} cannot be without it, or with it: {}", old.name(), first(&diagnostics)),
+            "nothing was changed; edit the spec by hand",
+        ),
+        other => other,
+    })?;
+    Ok(Project { path: old.path.clone(), text, compiled })
+}
+
+fn first(diagnostics: &[crate::diagnostic::Diagnostic]) -> String {
+    diagnostics.first().map_or(String::new(), |diagnostic| diagnostic.message.clone())
+}
+
+/// What is done to a spec.
+struct Revision<'a> {
+    /// `add viscous_drag(theta)`.
+    action: String,
+    /// `viscous_drag(theta)`.
+    label: &'a str,
+    adds: bool,
+}
+
+/// Writes an edited and learned spec with its model and ledger, and shows what it brought.
 fn revise(
     bench: &Bench,
     before: &Model,
-    action: &str,
-    label: &str,
-    text: String,
+    revision: &Revision,
+    project: &Project,
+    after: &Model,
     progress: Progress,
     console: &Console,
 ) -> Result<()> {
     let old = &bench.project;
-    let compiled = expr::build(&old.name(), &text)?;
-    let project = Project { path: old.path.clone(), text, compiled };
-    let after = bench.fit(&project, &progress)?;
-    let whole = bench.refit(&project, &after, &bench.dataset, &progress)?;
-    let (was, is) = judge(bench, before, &project, &after)?;
+    let whole = bench.refit(project, after, &bench.dataset, &progress)?;
+    let (was, is) = judge(bench, before, project, after)?;
     drop(progress);
     let mut ledger = Ledger::open(&old.path)?;
     ledger.know(&old.text);
-    ledger.push(action.to_string(), project.text.clone(), Some(was.clone()), Some(is.clone()));
+    ledger.push(revision.action.clone(), project.text.clone(), Some(was.clone()), Some(is.clone()));
     // The ledger first: whatever happens then, the old text is kept.
     ledger.write(&old.path)?;
     write_atomically(&old.path, project.text.as_bytes())?;
-    let file = ModelFile { origin: origin(&project, &bench.dataset, &bench.about), model: whole };
+    let file = ModelFile { origin: origin(project, &bench.dataset, &bench.about), model: whole };
     write_model(&project.model_path(), &file)?;
 
     let mut effect = Vec::new();
-    let (warranted, why) = if action.starts_with("add ") {
-        effect = effect_terms(&project, &after, label);
+    let (warranted, why) = if revision.adds {
+        effect = effect_terms(before, project, after, revision.label);
         added(&was, &is, &effect)
     } else {
         removed(&was, &is)
     };
-    let moved = moved(before, &after);
+    let moved = moved(before, after);
     let revised = Revised {
-        action,
+        action: &revision.action,
         how: &bench.split.how,
         before: &was.horizons,
         after: &is.horizons,
@@ -190,7 +243,7 @@ fn show(
     console.result(&revision_text(revised, console.width()), &object)
 }
 
-/// Both models on the unseen runs, in units of the smaller noise of the two.
+/// Both models on the unseen runs, in the same units: the noise floor of the better of the two.
 fn judge(
     bench: &Bench,
     before: &Model,
@@ -200,11 +253,13 @@ fn judge(
     let data = bench.unseen().unwrap_or(&bench.split.unseen);
     let old = Context::new(bench.project.system(), before, data)?;
     let new = Context::new(project.system(), after, data)?;
-    let noise: Vec<f64> = old.noise.iter().zip(&new.noise).map(|(a, b)| a.min(*b)).collect();
+    let noise = floor_of_both(bench, (&old, before), (&new, after));
+    let names = project.system().observables();
+    let noise_of: Vec<(String, f64)> = names.into_iter().zip(noise.iter().copied()).collect();
     let samples = old.window.max(new.window);
     let of = |context: &Context| {
         if bench.unseen().is_none() {
-            return Judged { unseen_error: None, noise_floor: 1.0, samples, horizons: Vec::new() };
+            return Judged { samples, noise: noise_of.clone(), ..Judged::unknown() };
         }
         let error = errors(context, &noise, &[samples]);
         Judged {
@@ -212,24 +267,44 @@ fn judge(
             noise_floor: 1.0,
             samples,
             horizons: errors(context, &noise, &windows(data)),
+            noise: noise_of.clone(),
         }
     };
     Ok((of(&old), of(&new)))
 }
 
-/// Terms of an effect in a model: name, coefficient, standard error.
-fn effect_terms(project: &Project, model: &Model, label: &str) -> Vec<(String, f64, f64)> {
+/// The smaller noise floor of two models on the training part, for each observable.
+fn floor_of_both(bench: &Bench, old: (&Context, &Model), new: (&Context, &Model)) -> Vec<f64> {
+    let floor = |(context, model): (&Context, &Model)| {
+        noise_floor(&context.with_data(&bench.split.training), model)
+    };
+    floor(old).into_iter().zip(floor(new)).map(|(a, b)| a.min(b)).collect()
+}
+
+/// Terms of an effect in a model, then its inner parameters: name, value, standard error.
+fn effect_terms(
+    before: &Model,
+    project: &Project,
+    model: &Model,
+    label: &str,
+) -> Vec<(String, f64, f64)> {
     let system = project.system();
     let Some((active, _)) = model.active(system) else { return Vec::new() };
-    active
+    let known = |name: &String| before.parameters.iter().any(|old| old.name == *name);
+    let inner = model.parameters.iter().filter(|p| !known(&p.name));
+    let inner: Vec<(String, f64, f64)> =
+        inner.map(|p| (p.name.clone(), p.value, p.standard_error)).collect();
+    let terms = active
         .iter()
         .zip(&model.terms)
         .filter(|(k, _)| system.terms.get(**k).is_some_and(|t| t.effect.as_deref() == Some(label)))
         .map(|(_, term)| {
             let name = term.name.clone().unwrap_or_else(|| term.term.clone());
             (name, term.coefficient, term.standard_error)
-        })
-        .collect()
+        });
+    let terms: Vec<(String, f64, f64)> = terms.collect();
+    // Without its terms a number inside them means nothing.
+    if terms.is_empty() { terms } else { [terms, inner].concat() }
 }
 
 const NO_JUDGE: &str = "there are no unseen runs to judge it on";
@@ -263,8 +338,19 @@ fn removed(was: &Judged, is: &Judged) -> (Option<bool>, String) {
     (Some(free), why)
 }
 
-/// How the coefficients of terms that both models have moved.
+/// How the coefficients and inner parameters of the model before moved.
 fn moved(before: &Model, after: &Model) -> Vec<Moved> {
+    let parameters = before.parameters.iter().map(|old| {
+        let new = after.parameters.iter().find(|p| p.name == old.name);
+        Moved {
+            place: "param".to_string(),
+            term: old.name.clone(),
+            before: old.value,
+            before_error: old.standard_error,
+            after: new.map(|p| p.value),
+            after_error: new.map(|p| p.standard_error),
+        }
+    });
     before
         .terms
         .iter()
@@ -279,128 +365,6 @@ fn moved(before: &Model, after: &Model) -> Vec<Moved> {
                 after_error: new.map(|t| t.standard_error),
             }
         })
+        .chain(parameters)
         .collect()
-}
-
-/// Runs `undo`.
-pub fn undo(arguments: &Undo, console: &Console) -> Result<()> {
-    let path = &arguments.spec;
-    let text = spec_text(path)?;
-    let mut ledger = Ledger::open(path)?;
-    let edited =
-        ledger.current().and_then(|at| ledger.revisions.get(at)).is_some_and(|r| r.spec != text);
-    if edited && !arguments.force {
-        return Err(Error::usage(
-            format!("{} was edited by hand since the last revision", path.display()),
-            "give --force to go back nevertheless; the edited text stays in the ledger",
-        ));
-    }
-    if edited {
-        ledger.know(&text);
-    }
-    let nothing = || {
-        Error::usage(
-            format!("there is nothing to undo in {}", path.display()),
-            "`leverrier add` and `leverrier remove` make revisions",
-        )
-    };
-    let (Some(current), Some(previous)) = (ledger.current(), ledger.previous()) else {
-        return Err(nothing());
-    };
-    let restored = ledger.revisions.get(previous).ok_or_else(nothing)?.spec.clone();
-    let mut undone = String::new();
-    if let Some(revision) = ledger.revisions.get_mut(current) {
-        revision.undone = true;
-        undone.clone_from(&revision.action);
-    }
-    write_atomically(path, restored.as_bytes())?;
-    ledger.write(path)?;
-    // The model belongs to the text that is gone.
-    let model = path.with_extension("model.json");
-    let removed = model.exists();
-    if removed {
-        std::fs::remove_file(&model).map_err(|error| Error::file("remove", &model, error))?;
-    }
-    let again = if removed { "; its model is removed: fit again" } else { "" };
-    let text = format!("Undone: {undone}. {} is as it was before{again}.", path.display());
-    let object = json!({
-        "format": "leverrier.undo/1",
-        "spec": path.display().to_string(),
-        "undone": undone,
-        "model_removed": removed,
-    });
-    console.result(&text, &object)
-}
-
-/// Runs `history`.
-pub fn history(arguments: &History, console: &Console) -> Result<()> {
-    let path = &arguments.spec;
-    let text = spec_text(path)?;
-    let ledger = Ledger::open(path)?;
-    let current = ledger.current();
-    let error = |judged: &Option<Judged>| {
-        let error = judged.as_ref().and_then(|j| j.unseen_error);
-        error.map_or(String::new(), |error| format!("{error:.2}"))
-    };
-    let rows: Vec<Vec<String>> = ledger
-        .revisions
-        .iter()
-        .enumerate()
-        .map(|(at, r)| {
-            let mark = if r.undone {
-                "undone"
-            } else if Some(at) == current {
-                "now"
-            } else {
-                ""
-            };
-            vec![
-                at.to_string(),
-                date(r.time),
-                r.action.clone(),
-                error(&r.before),
-                error(&r.after),
-                mark.into(),
-            ]
-        })
-        .collect();
-    let edited = current.and_then(|at| ledger.revisions.get(at)).is_some_and(|r| r.spec != text);
-    let width = console.width().map_or(WIDTH, |width| usize::from(width).max(40));
-    let mut out = if rows.is_empty() {
-        format!("{} has no revisions yet.", path.display())
-    } else {
-        table(
-            &["", "time (UTC)", "action", "unseen error before", "after", ""],
-            rows,
-            &[0, 3, 4],
-            width,
-        )
-    };
-    if edited {
-        out.push_str("\n\n");
-        out.push_str(&wrapped("The spec was edited by hand since.", width, 2));
-    }
-    let revisions: Vec<Value> = ledger
-        .revisions
-        .iter()
-        .enumerate()
-        .map(|(at, r)| {
-            json!({
-                "number": at, "action": r.action, "time": r.time, "undone": r.undone,
-                "current": Some(at) == current, "before": r.before, "after": r.after, "spec": r.spec,
-            })
-        })
-        .collect();
-    let object = json!({
-        "format": "leverrier.history/1",
-        "spec": path.display().to_string(),
-        "edited_by_hand": edited,
-        "revisions": revisions,
-    });
-    console.result(&out, &object)
-}
-
-/// The text of a spec that need not compile.
-fn spec_text(path: &Path) -> Result<String> {
-    std::fs::read_to_string(path).map_err(|error| Error::file("read", path, error))
 }

@@ -52,17 +52,12 @@ pub fn candidates(name: &str, text: &str, base: &Compiled, dataset: &Dataset) ->
     let system = &base.system;
     let held: Vec<&str> = system.terms.iter().filter_map(|t| t.effect.as_deref()).collect();
     let ranges = ranges(system, dataset);
-    let own = base.candidates.iter().map(|candidate| {
-        let (label, on) = (candidate.name.clone(), Vec::new());
-        (Origin::Spec, format!("effect {label}"), label, on)
-    });
     let named = instances(&system.scene()).into_iter().map(|instance| {
         let label = instance.label();
-        (Origin::Catalogue(instance.effect), instance.statement, label, instance.arguments)
+        (instance.effect, instance.statement, label, instance.arguments)
     });
-    own.chain(named)
-        .filter(|(_, _, label, _)| !held.contains(&label.as_str()))
-        .filter_map(|(origin, statement, label, on)| {
+    let named = named.filter(|(_, _, label, _)| !held.contains(&label.as_str())).filter_map(
+        |(row, statement, label, on)| {
             let built = build(name, &extended(text, &statement)).ok()?.system;
             let terms: Vec<usize> = (0..built.terms.len())
                 .filter(|&k| built.terms[k].effect.as_deref() == Some(label.as_str()))
@@ -70,17 +65,14 @@ pub fn candidates(name: &str, text: &str, base: &Compiled, dataset: &Dataset) ->
             let parameters: Vec<usize> =
                 (system.parameters.len()..built.parameters.len()).collect();
             let first = on.first().map_or("", String::as_str);
-            let grid = match &origin {
-                Origin::Catalogue(row) => {
-                    let scans: Vec<ScanBy> = row.parameters.iter().map(|scan| scan.by).collect();
-                    grid(&scans, first, &ranges, dataset)
-                }
-                _ => vec![parameters.iter().map(|&j| built.parameters[j].start).collect()],
-            };
+            let scans: Vec<ScanBy> = row.parameters.iter().map(|scan| scan.by).collect();
+            let grid = grid(&scans, first, &ranges, dataset);
             let found = !terms.is_empty();
+            let origin = Origin::Catalogue(row);
             found.then_some(Candidate { origin, label, on, system: built, terms, parameters, grid })
-        })
-        .collect()
+        },
+    );
+    super::own::candidates(name, text, base).into_iter().chain(named).collect()
 }
 
 /// A spec with one more statement at its end.

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::eval::Backend;
 use crate::expr::{System, Term};
 use crate::fit::factor::Factor;
-use crate::fit::pass::{Problem, States, Stepping, Sums, linearise, settle};
+use crate::fit::pass::{Problem, States, Stepping, Sums, linearise, residuals, settle};
 use crate::fit::segments::{Segments, cut, first_state};
 use crate::fit::{Loss, Model};
 
@@ -124,6 +124,16 @@ impl<'a> Context<'a> {
             settle(&problem, &dynamics, &theta, &mut states)
         };
         (segments, states, sums)
+    }
+
+    /// Residuals in units of the noise over segments of at most `window` samples, each from its
+    /// best state: `[segment][observable][sample]`, not a number where there is none.
+    pub fn residuals(&self, window: usize) -> Vec<Vec<Vec<f64>>> {
+        let (segments, states, _) = self.settle(window);
+        let dynamics = Dynamics::new(self.system, &self.support, Backend::Batched);
+        let theta = self.theta(&dynamics);
+        let weights = self.weights();
+        residuals(&self.problem(&segments, &weights), &dynamics, &theta, &states)
     }
 
     /// Scores of terms that are not in the model, one column each, orthogonal to the model's

@@ -13,19 +13,25 @@ const ROUNDS: usize = 6;
 /// Independent residuals below which a column's estimate is worth nothing.
 const FEW: f64 = 20.0;
 
+/// Standard errors that the short estimate is below the model's before it is believed: the
+/// smaller of two estimates of the same noise would be too small.
+const BELOW: f64 = 3.0;
+
 /// Noise of every observable over the shortest predictions that the data allow; the model's own
-/// estimate where that is smaller, or where there are too few residuals. Never less than what
-/// the integrator resolves.
+/// estimate where that is not clearly larger, or where there are too few residuals. Never less
+/// than what the integrator resolves.
 pub fn noise_floor(context: &Context, model: &Model) -> Vec<f64> {
     let window = shortest(context);
     let mut judge = context.with_data(context.dataset);
-    let mut known = vec![false; judge.noise.len()];
+    // Relative standard error of each estimate; none where there is no estimate.
+    let mut known = vec![None; judge.noise.len()];
     for _ in 0..ROUNDS {
         let (_, _, sums) = judge.settle(window);
         let mut moved: f64 = 0.0;
         for (i, noise) in judge.noise.iter_mut().enumerate() {
-            known[i] = sums.freedom[i] > FEW && sums.squares[i].is_finite();
-            if known[i] {
+            let enough = sums.freedom[i] > FEW && sums.squares[i].is_finite();
+            known[i] = enough.then(|| (0.5 / sums.freedom[i]).sqrt());
+            if enough {
                 let factor = (sums.squares[i] / sums.freedom[i]).sqrt().max(1e-9);
                 *noise *= factor;
                 moved = moved.max(factor.ln().abs());
@@ -38,11 +44,10 @@ pub fn noise_floor(context: &Context, model: &Model) -> Vec<f64> {
     let resolutions = model.noise.iter().map(|noise| noise.resolution);
     let of_model = judge.noise.iter().zip(&context.noise).zip(known).zip(resolutions);
     of_model
-        .map(
-            |(((&short, &own), known), resolution)| {
-                if known { short.min(own).max(resolution) } else { own }
-            },
-        )
+        .map(|(((&short, &own), error), resolution)| match error {
+            Some(error) if short < own * (1.0 - BELOW * error) => short.max(resolution),
+            _ => own,
+        })
         .collect()
 }
 

@@ -100,6 +100,10 @@ impl Start {
         for (value, &known) in parameters.iter_mut().zip(&context.parameters) {
             *value = known;
         }
+        // Parameters of the spec's own candidates stand in the spec before they are used.
+        for &j in &candidate.parameters {
+            parameters[j] = system.parameters[j].start;
+        }
         Start {
             support: support_in(context, &system).chain(candidate.terms.iter().copied()).collect(),
             system,
@@ -242,8 +246,11 @@ fn bounded(candidate: &Candidate, values: &[f64]) -> System {
             axis.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
         let margin = 0.5 * (upper - lower);
         let smallest = if lower > 0.0 { 0.5 * lower } else { lower - margin };
-        parameter.bounds.lower = parameter.bounds.lower.max(smallest);
-        parameter.bounds.upper = parameter.bounds.upper.min(upper + margin);
+        // One start of the user's is no grid.
+        if lower < upper {
+            parameter.bounds.lower = parameter.bounds.lower.max(smallest);
+            parameter.bounds.upper = parameter.bounds.upper.min(upper + margin);
+        }
         parameter.start = parameter.bounds.clamp(value);
     }
     system

@@ -100,6 +100,9 @@ pub fn diagnose(
 ) -> Result<Diagnosis> {
     let mut context = Context::new(&base.system, model, training)?;
     context.noise = noise_floor(&context, model);
+    if let Some(reason) = super::suffices::lacking_beside(&context, &context.with_data(unseen)) {
+        return Ok(Diagnosis::too_little(reason));
+    }
     let asked = Asked { name, text, base, unseen, context: &context, monitor };
     monitor.stage("scoring candidates", 0.1);
     let all = candidates(name, text, base, training);

@@ -16,7 +16,7 @@ pub struct Settled {
     /// The system with the term moved to the known part.
     pub system: System,
     /// The term, as an index into the original function space.
-    term: usize,
+    pub(super) term: usize,
     /// Its coefficient.
     coefficient: f64,
 }

@@ -21,6 +21,7 @@ pub mod options;
 pub mod pass;
 pub mod path;
 mod prune;
+pub mod resume;
 mod rows;
 pub mod screening;
 pub mod segments;
@@ -36,12 +37,16 @@ pub use loss::{LOSSES, Loss};
 pub use model::Model;
 pub use monitor::{Flag, Monitor, Silent};
 pub use options::{Options, Selection, Trainer};
+pub use resume::{Start, resume};
 
 use crate::data::Dataset;
 use crate::error::{Error, Result};
 use crate::expr::System;
 
 /// Learns the coefficients and inner parameters of `system` from `dataset`.
+///
+/// Of a system in which everything is known there is still the noise to learn, and how long
+/// the law follows the measurements.
 ///
 /// The observables of the data are those of [`System::observables`], in that order and in
 /// the spec's units. The result does not depend on the number of threads.
@@ -55,12 +60,6 @@ pub fn fit(
     options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Model> {
-    if system.terms.is_empty() && system.parameters.is_empty() {
-        return Err(Error::fit(
-            "the spec has nothing to learn",
-            "put the unknown part into `span{ ... }`, or simulate the spec as it is",
-        ));
-    }
     if let Some(settled) = gauge::settle_scale(system, dataset) {
         if settled.system.terms.is_empty() && settled.system.parameters.is_empty() {
             return Err(Error::fit(

@@ -269,6 +269,11 @@ pub fn fingerprint(system: &System) -> String {
     for &force in &system.forces {
         line(&["force", &text(force)]);
     }
+    for (place, &sensor) in system.sensors.iter().enumerate() {
+        if !system.graph.is_zero(sensor) {
+            line(&[&place_name(system, Place::Sensor(place)), &text(sensor)]);
+        }
+    }
     for term in &system.terms {
         line(&[&place_name(system, term.place), &term.label]);
     }

@@ -175,6 +175,38 @@ fn settle_block(
     sums
 }
 
+/// Weighted residuals of every segment at settled states, `[segment][observable][sample]`; not a
+/// number where nothing was measured, or where the trajectory left the finite numbers.
+pub fn residuals(
+    problem: &Problem,
+    dynamics: &Dynamics,
+    theta: &[f64],
+    states: &States,
+) -> Vec<Vec<Vec<f64>>> {
+    let width = width(problem, 2 * dynamics.degrees() + 1);
+    blocks(0..problem.segments.list.len(), width)
+        .into_par_iter()
+        .map_init(Scratch::new, |scratch, range| {
+            let (segments, states) = (&problem.segments.list[range.clone()], &states[range]);
+            let rows = Rows::integrate(problem, dynamics, theta, segments, states, false, scratch);
+            let of = |(lane, segment): (usize, &Segment)| {
+                let mut values = rows.residuals(lane, segment.samples());
+                let run = &problem.dataset.runs[segment.run];
+                for (out, measured) in values.iter_mut().zip(&run.values) {
+                    for (x, at) in out.iter_mut().zip(segment.first..) {
+                        if !measured[at].is_finite() || !rows.losses[lane].is_finite() {
+                            *x = f64::NAN;
+                        }
+                    }
+                }
+                values
+            };
+            segments.iter().enumerate().map(of).collect::<Vec<_>>()
+        })
+        .flatten_iter()
+        .collect()
+}
+
 /// The problem, linearised at theta and at settled states: unknowns are increments of theta.
 pub struct Linearised {
     /// One factor for each fold of the segments.

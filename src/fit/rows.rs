@@ -139,6 +139,16 @@ impl Rows {
         self.values[(row * self.columns + column) * self.lanes + lane]
     }
 
+    /// Weighted residuals of a lane before elimination, `[observable][sample]`; zero where nothing
+    /// was measured.
+    pub(super) fn residuals(&self, lane: usize, samples: usize) -> Vec<Vec<f64>> {
+        let of = |observable: usize| {
+            let row = |sample| sample * self.observables + observable;
+            (0..samples).map(|sample| self.at(row(sample), self.columns - 1, lane)).collect()
+        };
+        (0..self.observables).map(of).collect()
+    }
+
     /// Takes exploded lanes out: all their rows become zero.
     fn silence(&mut self) {
         let lost: Vec<usize> =

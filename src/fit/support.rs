@@ -125,6 +125,19 @@ pub fn search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Searc
     Search { candidates: pool.best(usize::MAX), path, tried }
 }
 
+/// Searches around a support: its own sub-supports, then additions, removals and exchanges.
+pub fn near(factor: &Factor, columns: &Columns, criterion: Criterion, support: &[usize]) -> Search {
+    let mut pool = Pool::new(factor, columns, criterion);
+    pool.try_support(Vec::new());
+    pool.try_support(support.to_vec());
+    pool.eliminate(support.to_vec());
+    for candidate in pool.best(POLISHED) {
+        pool.polish(candidate);
+    }
+    let tried = pool.known.len();
+    Search { candidates: pool.best(usize::MAX), path: Vec::new(), tried }
+}
+
 /// Complexities up to which nested spaces are taken, the largest last.
 fn levels(complexity: &[u32]) -> Vec<u32> {
     let mut levels = complexity.to_vec();

@@ -60,6 +60,8 @@ pub struct Training<'a> {
     pub separable: bool,
     /// Rounds that were made.
     pub rounds: usize,
+    /// Whether the search begins at the present support and looks no further than it must.
+    pub near: bool,
 }
 
 /// What a round ended with.
@@ -115,6 +117,7 @@ impl<'a> Training<'a> {
             integrator: stepping::coarse(system, dataset, options, separable, typical)?,
             separable,
             rounds: 0,
+            near: false,
         };
         if system.observed == Observed::Velocities {
             training.start_as_unit_masses();
@@ -253,10 +256,10 @@ impl<'a> Training<'a> {
         for fold in &folds {
             merged.merge(fold);
         }
-        let mut search = if self.options.sparse {
-            search(&merged, &columns, criterion)
-        } else {
-            super::support::whole(&merged, &columns, criterion)
+        let mut search = match (self.options.sparse, self.near) {
+            (true, false) => search(&merged, &columns, criterion),
+            (true, true) => super::support::near(&merged, &columns, criterion, &self.support),
+            (false, _) => super::support::whole(&merged, &columns, criterion),
         };
         if self.options.selection == super::options::Selection::Unseen {
             super::unseen::prefer_unseen(&mut search.candidates, &folds, &columns);
@@ -430,13 +433,48 @@ pub fn train<'a>(
 ) -> Result<(Training<'a>, Round)> {
     let mut training = best_start(Training::new(system, dataset, options)?, monitor)?;
     monitor.stage("searching the function space", 0.2);
-    let mut round = training.rounds(monitor)?;
-    if options.window.is_none() {
+    let round = training.rounds(monitor)?;
+    lengthen(training, round, monitor)
+}
+
+/// The end of every training: longer segments, the last look at the support.
+fn lengthen<'a>(
+    mut training: Training<'a>,
+    mut round: Round,
+    monitor: &dyn Monitor,
+) -> Result<(Training<'a>, Round)> {
+    if training.options.window.is_none() {
         (training, round) = grow(training, round, monitor)?;
     }
     super::prune::prune(&mut training, &mut round, monitor);
     training.finish(&mut round, monitor);
     Ok((training, round))
+}
+
+/// Trains on from a model: its numbers, its noise and its length of segments are the start,
+/// and the support is searched around it.
+pub fn train_on<'a>(
+    system: &'a System,
+    dataset: &'a Dataset,
+    options: &'a Options,
+    start: &super::resume::Start,
+    monitor: &dyn Monitor,
+) -> Result<(Training<'a>, Round)> {
+    let mut training = Training::new(system, dataset, options)?;
+    training.near = true;
+    training.support.clone_from(&start.support);
+    training.coefficients.clone_from(&start.coefficients);
+    training.parameters.clone_from(&start.parameters);
+    training.noise.clone_from(&start.noise);
+    let longest = longest_run(dataset).max(2);
+    training.recut(options.window.unwrap_or(start.window).clamp(2, longest))?;
+    training.sharpen();
+    monitor.stage("going on from the model", 0.2);
+    // A number inside a new term can move only once the term has a coefficient.
+    let refit = training.refit(monitor);
+    training.take(&refit);
+    let round = training.rounds(monitor)?;
+    lengthen(training, round, monitor)
 }
 
 /// Doubles the length of the segments for as long as the model follows them.

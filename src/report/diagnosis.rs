@@ -195,14 +195,21 @@ pub fn discovery_text(
     sections.join("\n\n")
 }
 
+/// What a diagnosis is of.
+pub struct About<'a> {
+    /// How the data were split.
+    pub how: &'a str,
+    /// Where the model comes from.
+    pub terms: &'a str,
+    /// Path of the spec.
+    pub spec: &'a str,
+    /// Faults of the instrument that no term describes, as sentences.
+    pub detections: &'a [&'a str],
+}
+
 /// The verdict of a diagnosis, and its ranking.
-pub fn diagnosis_text(
-    diagnosis: &Diagnosis,
-    how: &str,
-    terms: &str,
-    spec: &str,
-    width: Option<u16>,
-) -> String {
+pub fn diagnosis_text(diagnosis: &Diagnosis, about: &About, width: Option<u16>) -> String {
+    let About { how, terms, spec, detections } = *about;
     let width = width.map_or(WIDTH, |width| usize::from(width).max(40));
     let word = match diagnosis.verdict {
         Verdict::Missing => "Missing",
@@ -239,11 +246,18 @@ pub fn diagnosis_text(
             first.snippet
         ));
     }
-    let sentence = format!(
-        "{} effects were asked, in {} tries; chances have all tries paid for.",
-        diagnosis.candidates, diagnosis.tried
-    );
-    sections.push(wrapped(&sentence, width, 2));
+    if !detections.is_empty() {
+        let lines: Vec<String> =
+            detections.iter().map(|found| wrapped(&format!("- {found}"), width, 2)).collect();
+        sections.push(format!("In the instrument:\n{}", lines.join("\n")));
+    }
+    if diagnosis.tried > 0 {
+        let sentence = format!(
+            "{} effects were asked, in {} tries; chances have all tries paid for.",
+            diagnosis.candidates, diagnosis.tried
+        );
+        sections.push(wrapped(&sentence, width, 2));
+    }
     sections.join("\n\n")
 }
 

@@ -61,6 +61,14 @@ fn unit(text: &Option<String>) -> String {
 }
 
 fn coefficients(model: &Model, width: usize) -> String {
+    if nothing_to_learn(model) {
+        return wrapped(
+            "There was nothing to learn: the spec has no `span{...}` and no `param`. What follows \
+             says how well the law as it stands goes with the data.",
+            width,
+            0,
+        );
+    }
     if model.terms.is_empty() {
         return "No term of the function space is in the model.".to_string();
     }
@@ -217,7 +225,7 @@ fn doubts(model: &Model, width: usize) -> String {
 fn circumstances(report: &FitReport, width: usize) -> String {
     let model = report.model;
     let evidence = &model.evidence;
-    let lines = [
+    let mut lines = vec![
         format!(
             "Learned: {} ({} bytes) from a function space of {}; {} tried, chosen by the {}.",
             counted(evidence.learned, "number"),
@@ -240,7 +248,15 @@ fn circumstances(report: &FitReport, width: usize) -> String {
             seconds(report.elapsed),
         ),
     ];
+    if nothing_to_learn(model) {
+        lines = vec![lines.swap_remove(1)];
+    }
     lines.iter().map(|line| wrapped(line, width, 2)).collect::<Vec<_>>().join("\n")
+}
+
+/// Whether everything was known.
+fn nothing_to_learn(model: &Model) -> bool {
+    model.evidence.function_space == 0 && model.parameters.is_empty()
 }
 
 /// `12 ms`, `3.4 s`, `2 min 5 s`.

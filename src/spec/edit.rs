@@ -1,6 +1,6 @@
 //! Edits a spec as text, so that every comment and blank line stays.
 
-use super::ast::{Statement, StatementKind};
+use super::ast::{Expression, ExpressionKind, Item, Statement, StatementKind};
 use super::parse::spec;
 use crate::diagnostic::Span;
 
@@ -69,6 +69,83 @@ pub fn find(text: &str, wanted: impl Fn(&Statement) -> bool) -> Vec<Statement> {
     tree.statements.into_iter().filter(|statement| wanted(statement)).collect()
 }
 
+/// Takes a term with a name (`stiffness: q^2`) out of the function space that it stands in,
+/// with its comma; a force or sensor that has no other term goes as a whole. Comments stay.
+///
+/// `None` where no term of an energy, force or sensor has that name.
+pub fn remove_term(text: &str, name: &str) -> Option<String> {
+    let (tree, _) = spec(text);
+    for statement in &tree.statements {
+        let (value, movable) = match &statement.kind {
+            StatementKind::Energy { value, .. } => (value, false),
+            StatementKind::Force { value, .. } | StatementKind::Sensor { value, .. } => {
+                (value, true)
+            }
+            _ => continue,
+        };
+        let mut spans = Vec::new();
+        spans_of(value, &mut spans);
+        let named = |item: &Item| item.name.as_ref().is_some_and(|word| word.text == name);
+        for items in spans {
+            let Some(at) = items.iter().position(named) else { continue };
+            let alone = items.len() == 1 && matches!(value.kind, ExpressionKind::Span(_));
+            if alone && movable {
+                return Some(remove(text, statement.site.0));
+            }
+            return Some(remove_item(text, items[at].site.0));
+        }
+    }
+    None
+}
+
+/// Names of the terms of energies, forces and sensors.
+pub fn term_names(text: &str) -> Vec<String> {
+    let (tree, _) = spec(text);
+    let mut spans = Vec::new();
+    for statement in &tree.statements {
+        if let StatementKind::Energy { value, .. }
+        | StatementKind::Force { value, .. }
+        | StatementKind::Sensor { value, .. } = &statement.kind
+        {
+            spans_of(value, &mut spans);
+        }
+    }
+    let items = spans.into_iter().flatten();
+    items.filter_map(|item| Some(item.name.as_ref()?.text.clone())).collect()
+}
+
+/// Every function space of an expression.
+fn spans_of<'a>(value: &'a Expression, out: &mut Vec<&'a [Item]>) {
+    match &value.kind {
+        ExpressionKind::Span(items) => out.push(items),
+        ExpressionKind::Negate(inner) => spans_of(inner, out),
+        ExpressionKind::Sum(parts) | ExpressionKind::Product(parts) => {
+            parts.iter().for_each(|(_, part)| spans_of(part, out));
+        }
+        _ => {}
+    }
+}
+
+/// Takes an item of a list away, and the comma that parted it from its neighbour.
+fn remove_item(text: &str, span: Span) -> String {
+    let (Some(before), Some(after)) = (text.get(..span.start), text.get(span.end..)) else {
+        return text.to_string();
+    };
+    let tail = after.trim_start();
+    let (before, after) = match tail.strip_prefix(',') {
+        Some(rest) => (before, rest),
+        // The last of the list: the comma stands before it, unless a comment comes between.
+        None => (before.trim_end().strip_suffix(',').unwrap_or(before), after),
+    };
+    let line_start = before.rfind('\n').map_or(0, |at| at + 1);
+    let line_end = after.find('\n').unwrap_or(after.len());
+    let (head, tail) = (&before[line_start..], &after[..line_end]);
+    if head.trim().is_empty() && tail.trim().is_empty() && line_end < after.len() {
+        return format!("{}{}", &before[..line_start], &after[line_end + 1..]);
+    }
+    format!("{before}{}", after.strip_prefix(' ').unwrap_or(after))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -126,6 +203,32 @@ V = span{     # searched
                 assert_eq!(remove(text, Span::new(90, 99)), expected);
             }
         }
+    }
+
+    #[test]
+    fn a_named_term_goes_with_its_comma_and_comments_stay() {
+        for (text, name, expected) in [
+            ("V = span{ a: q^2, b: q^4, q }\n", "a", "V = span{ b: q^4, q }\n"),
+            ("V = span{ a: q^2, b: q^4 }  # V\n", "b", "V = span{ a: q^2 }  # V\n"),
+            ("V = span{ a: q^2 }", "a", "V = span{ }"),
+            ("V = q^2 + span{ q^4, a: q }\n", "a", "V = q^2 + span{ q^4 }\n"),
+            (
+                "V = span{\n    a: q^2,  # first\n    b: q^4,\n    q^3\n}",
+                "b",
+                "V = span{\n    a: q^2,  # first\n    q^3\n}",
+            ),
+            (
+                "V = span{\n    a: q^2,  # first\n    b: q^4\n}",
+                "a",
+                "V = span{\n     # first\n    b: q^4\n}",
+            ),
+            ("T = p\nforce q += span{ drag: -p }\nV = q\n", "drag", "T = p\nV = q\n"),
+        ] {
+            assert_eq!(remove_term(text, name).as_deref(), Some(expected));
+            assert!(spec(expected).1.is_empty(), "{expected}");
+        }
+        assert_eq!(remove_term("V = span{ a: q^2 }", "b"), None);
+        assert_eq!(term_names("V = span{ a: q^2, q }\nforce q += span{ d: -p }"), ["a", "d"]);
     }
 
     #[test]

@@ -1,0 +1,63 @@
+//! Whether measurements can carry a verdict at all.
+
+use super::context::Context;
+use crate::data::Dataset;
+use crate::expr::System;
+use crate::fit::segments::{cut, longest_run};
+
+/// Independent residuals beside the model's unknowns below which chance rules.
+const LEAST: usize = 20;
+/// The same for the unseen part, which has no unknowns but the states.
+const LEAST_UNSEEN: usize = 8;
+
+/// What no model could make up for: fewer measured values than a verdict asks for even if the
+/// initial state of every run were all that is unknown. A sentence, or none.
+pub fn lacking(system: &System, training: &Dataset, unseen: Option<&Dataset>) -> Option<String> {
+    let seen = independent(system, training);
+    if seen < LEAST {
+        return Some(short_of("the training part", seen, LEAST));
+    }
+    let Some(unseen) = unseen.filter(|data| !data.runs.is_empty()) else {
+        return Some(
+            "no samples are left to judge an effect on: put some aside with --unseen, or measure \
+             more runs"
+                .to_string(),
+        );
+    };
+    let judge = independent(system, unseen);
+    (judge < LEAST_UNSEEN).then(|| short_of("the unseen part", judge, LEAST_UNSEEN))
+}
+
+/// The same of a model, whose segments may be shorter than the runs.
+pub(super) fn lacking_beside(training: &Context, unseen: &Context) -> Option<String> {
+    let unknowns = training.support.len() + training.parameters.len();
+    let (_, _, sums) = training.settle(training.window);
+    let seen = sums.rows.saturating_sub(unknowns);
+    if seen < LEAST {
+        return Some(short_of("the training part", seen, LEAST));
+    }
+    let (_, _, sums) = unseen.settle(unseen.window);
+    (sums.rows < LEAST_UNSEEN).then(|| short_of("the unseen part", sums.rows, LEAST_UNSEEN))
+}
+
+/// Measured values beyond those that the initial states of uninterrupted stretches take up.
+fn independent(system: &System, data: &Dataset) -> usize {
+    let state = 2 * system.degrees();
+    let segments = cut(data, longest_run(data));
+    let measured = |segment: &crate::fit::segments::Segment| {
+        let columns = data.runs[segment.run].values.iter();
+        columns
+            .flat_map(|column| &column[segment.first..=segment.last])
+            .filter(|x| x.is_finite())
+            .count()
+            .saturating_sub(state)
+    };
+    segments.list.iter().map(measured).sum()
+}
+
+fn short_of(part: &str, found: usize, least: usize) -> String {
+    format!(
+        "{part} has {found} independent residuals, and a verdict takes {least}: measure longer \
+         runs, or more of them"
+    )
+}

@@ -1,0 +1,110 @@
+//! Real measurements: what is learned of them makes physical sense, and where it fails is said.
+//! The data are not part of the project; without them these tests say so and end.
+
+mod common;
+
+use std::fs;
+
+use common::program::{good, json};
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// A folder with some columns and rows of a shared file as `data.csv`, and a spec `s.ham`.
+fn rig(file: &str, columns: usize, rows: usize, spec: &str) -> Option<TempDir> {
+    let text = fs::read_to_string(common::shared_data(file)?).expect("a table");
+    let lines = text.lines().take(rows + 1);
+    let short: Vec<String> =
+        lines.map(|line| line.split(',').take(columns).collect::<Vec<_>>().join(",")).collect();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    fs::write(folder.path().join("data.csv"), short.join("\n") + "\n").expect("written");
+    fs::write(folder.path().join("s.ham"), spec).expect("written");
+    Some(folder)
+}
+
+fn coefficient(fit: &Value, term: &str) -> (f64, f64) {
+    let terms = fit["model"]["terms"].as_array().expect("terms");
+    let found = terms.iter().find(|t| t["term"] == term || t["name"] == term);
+    let found = found.unwrap_or_else(|| panic!("no {term} in {terms:?}"));
+    let of = |key: &str| found[key].as_f64().expect("a number");
+    (of("coefficient"), of("standard_error"))
+}
+
+/// Positions alone: the published velocities are smoothed, which makes every spring too soft.
+const CARTS: &str = "system \"two carts\"
+coordinates x1, x2
+momenta p1, p2
+time t
+data \"data.csv\" { time t  run trial }
+T = p1^2/2 + span{ p2^2 }                       # only the ratio of the masses can be known
+V = span{ (x2 - x1)^2, x1^2, x2^2, x1, x2 }     # pixels, from zeros that nobody wrote down
+force x1 += span{ drag1: -p1 }
+force x2 += span{ drag2: -p2 }
+";
+
+#[test]
+fn two_carts_have_three_springs_and_friction() {
+    let Some(folder) = rig("real_double_oscillator.csv", 4, 500, CARTS) else { return };
+    let fit = json(folder.path(), &["fit", "s.ham"], "leverrier.fit/1");
+    let (middle, _) = coefficient(&fit, "(x2 - x1)^2");
+    let (left, left_error) = coefficient(&fit, "x1^2");
+    let (right, right_error) = coefficient(&fit, "x2^2");
+    assert!((36.0..42.0).contains(&middle), "{middle}");
+    // Both walls hold the carts alike.
+    assert!((left - right).abs() < 4.0 * left_error.hypot(right_error), "{left} {right}");
+    assert!((3.0..5.0).contains(&left), "{left}");
+    // 1/(2 m): the second cart has two and a half times the mass of the first.
+    let (inverse, _) = coefficient(&fit, "p2^2");
+    assert!((0.19..0.22).contains(&inverse), "{inverse}");
+    let terms = fit["model"]["terms"].as_array().expect("terms");
+    let drags: Vec<&str> = ["drag1", "drag2"]
+        .into_iter()
+        .filter(|name| terms.iter().any(|t| t["name"] == *name))
+        .collect();
+    assert!(!drags.is_empty(), "{terms:?}");
+    for name in drags {
+        let (drag, error) = coefficient(&fit, name);
+        assert!(drag > 4.0 * error, "friction takes energy: {name} {drag} +- {error}");
+    }
+    for noise in &fit["model"]["noise"].as_array().expect("noise")[..2] {
+        let sigma = noise["standard_deviation"].as_f64().expect("a number");
+        assert!((0.28..0.8).contains(&sigma), "about half a pixel: {sigma}");
+    }
+    // Whole pixels: said of both columns.
+    let compared = json(folder.path(), &["compare", "s.ham"], "leverrier.compare/1");
+    let found = compared["detections"].as_array().expect("detections");
+    let rounded: Vec<&Value> = found.iter().filter(|d| d["effect"] == "quantisation").collect();
+    assert_eq!(rounded.len(), 2, "{found:?}");
+    assert!(rounded.iter().all(|d| (d["size"].as_f64().expect("a step") - 1.0).abs() < 1e-6));
+}
+
+/// T of two arms, with masses and lengths in two numbers: H does not separate.
+const ARMS: &str = "system \"double pendulum\"
+coordinates a, b
+velocities va, vb
+time t
+data \"data.csv\" { time t  run trial  a = theta1  b = theta2  va = omega1  vb = omega2 }
+param c = 1.2 in 0.05..3
+param r = 3 in 0.05..10
+H = (p_a^2/2 + r*p_b^2/2 - c*p_a*p_b*cos(a - b))/(1 - c^2/r*cos(a - b)^2)
+V = span{ cos(a), cos(b) }
+";
+
+#[test]
+fn a_double_pendulum_is_fitted_and_told_where_it_fails() {
+    let Some(folder) = rig("real_double_pendulum.csv", 6, 240, ARMS) else { return };
+    let words = ["fit", "s.ham", "--starts", "0", "--window", "2"];
+    let fit = json(folder.path(), &words, "leverrier.fit/1");
+    for term in ["cos(a)", "cos(b)"] {
+        let (weight, error) = coefficient(&fit, term);
+        assert!(weight < -4.0 * error, "weight pulls down: {term} {weight} +- {error}");
+    }
+    let parameters = fit["model"]["parameters"].as_array().expect("parameters");
+    let value = |name: &str| {
+        let found = parameters.iter().find(|p| p["name"] == name).expect("a parameter");
+        found["value"].as_f64().expect("a number")
+    };
+    // The kinetic energy is positive whatever the angles.
+    assert!(value("c").powi(2) < value("r"), "{parameters:?}");
+    let shown = good(folder.path(), &["compare", "s.ham"]).out;
+    assert!(shown.contains("the error grows from"), "{shown}");
+}
