@@ -123,7 +123,7 @@ fn bad_wishes_are_refused_with_the_reason() {
         ("s.ham --between viscous_drag magnetic_force", 2, "it needs two coordinates"),
         ("s.ham --between viscous_drag tilt --coefficient weight", 2, "cannot be used with"),
         ("bare.ham", 2, "does not name its data"),
-        ("known.ham", 1, "nothing to learn"),
+        ("known.ham", 1, "nothing is missing and nothing is learned"),
         ("none.ham", 1, "there is no such file"),
     ] {
         let words: Vec<&str> = ["design"].into_iter().chain(wish.split_whitespace()).collect();
