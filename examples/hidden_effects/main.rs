@@ -86,6 +86,7 @@ fn main() {
         asked.iter().all(|word| match word.parse::<f64>() {
             Ok(number) if number < 1.0 => task.noise == number,
             Ok(number) => task.seed as f64 == number,
+            Err(_) if word == "nothing" => task.hidden.is_empty(),
             Err(_) => task.base == word || task.hidden.starts_with(word.as_str()),
         })
     };

@@ -30,6 +30,12 @@ pub fn line(task: &Task, outcome: &Outcome) -> String {
 pub fn leaders(outcome: &Outcome) -> String {
     let diagnosis = &outcome.diagnosis;
     let mut out = format!("    {}\n", diagnosis.reason);
+    let terms: Vec<String> =
+        outcome.model.terms.iter().map(|t| format!("{:.4} {}", t.coefficient, t.term)).collect();
+    let noise: Vec<f64> = outcome.model.noise.iter().map(|n| n.standard_deviation).collect();
+    let window = outcome.model.evidence.window;
+    let _ = writeln!(out, "    {} window {window} noise {noise:.4?}", terms.join(", "));
+    let _ = writeln!(out, "    floor {:.4?}", diagnosis.noise_floor);
     for leader in diagnosis.ranking.iter().chain(&diagnosis.then).chain(&diagnosis.unnamed) {
         let _ = writeln!(
             out,

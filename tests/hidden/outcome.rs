@@ -4,7 +4,7 @@ use leverrier::diagnose::compare::error;
 use leverrier::diagnose::context::Context;
 use leverrier::diagnose::missing::{Diagnosis, Verdict, diagnose};
 use leverrier::expr::build;
-use leverrier::fit::{Options, Silent, fit};
+use leverrier::fit::{Model, Options, Silent, fit};
 use leverrier::spec::edit::insert;
 
 use super::Case;
@@ -49,6 +49,8 @@ pub struct Outcome {
     pub seconds: f64,
     /// The whole diagnosis.
     pub diagnosis: Diagnosis,
+    /// The model that was diagnosed.
+    pub model: Model,
 }
 
 /// Diagnoses a case in which `hidden` (a label such as `viscous_drag(q)`) is missing.
@@ -82,7 +84,7 @@ pub fn outcome(case: &Case, hidden: &str) -> Outcome {
     };
     let first = names.first().map(|name| name.to_string());
     let after = diagnosis.ranking.first().map(|leader| added(case, &leader.snippet));
-    Outcome { verdict: diagnosis.verdict, place, first, group, after, seconds, diagnosis }
+    Outcome { verdict: diagnosis.verdict, place, first, group, after, seconds, diagnosis, model }
 }
 
 /// Error on unseen runs, over segments of the model's own window, once a statement is added and

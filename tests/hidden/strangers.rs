@@ -21,7 +21,7 @@ pub struct Stranger {
 pub enum How {
     /// A statement of the language, one coefficient for its terms.
     Statement(&'static str),
-    /// An acceleration of the first coordinate that goes with what it was a while ago.
+    /// A force on the first coordinate that goes with what the last one was a while ago.
     Delay(f64),
     /// A body on a circle of this radius and turning rate, which pulls by the square of distance.
     Body { radius: f64, rate: f64 },
@@ -44,7 +44,7 @@ pub static STRANGERS: &[Stranger] = &[
         base: "trap",
         how: How::Statement("V += span{ bump: exp(-((x - 0.3)^2 + (y + 0.2)^2)/0.1) }"),
     },
-    Stranger { name: "delay", base: "pendulum", how: How::Delay(11.0) },
+    Stranger { name: "delay", base: "trap", how: How::Delay(1.3) },
     Stranger { name: "delay", base: "Duffing", how: How::Delay(8.0) },
     Stranger { name: "hidden body", base: "Kepler", how: How::Body { radius: 1.9, rate: 0.38 } },
     Stranger { name: "hidden body", base: "trap", how: How::Body { radius: 2.0, rate: 0.9 } },
@@ -114,7 +114,7 @@ impl Force {
         let step = base.step / STEPS as f64;
         let lag = (self.delay / step).round() as usize;
         let mut z = start.to_vec();
-        let mut past = vec![start[0]];
+        let mut past = vec![start[start.len() / 2 - 1]];
         let mut out = vec![z.clone()];
         // It moves for as long as the delay before the first sample, so that there is a past.
         let total = (times.len() - 1) * STEPS + lag;
@@ -142,7 +142,7 @@ impl Force {
             for (j, z) in z.iter_mut().enumerate() {
                 *z += step / 6.0 * (k1[j] + 2.0 * k2[j] + 2.0 * k3[j] + k4[j]);
             }
-            past.push(z[0]);
+            past.push(z[z.len() / 2 - 1]);
             if i >= lag && (i + 1 - lag) % STEPS == 0 {
                 out.push(z.clone());
             }
