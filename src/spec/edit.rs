@@ -143,7 +143,10 @@ fn remove_item(text: &str, span: Span) -> String {
     if head.trim().is_empty() && tail.trim().is_empty() && line_end < after.len() {
         return format!("{}{}", &before[..line_start], &after[line_end + 1..]);
     }
-    format!("{before}{}", after.strip_prefix(' ').unwrap_or(after))
+    // One of the two blanks around it.
+    let blank = before.ends_with([' ', '\t']);
+    let after = after.strip_prefix(' ').filter(|_| blank).unwrap_or(after);
+    format!("{before}{after}")
 }
 
 #[cfg(test)]
