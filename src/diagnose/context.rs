@@ -19,6 +19,11 @@ pub struct Probed {
     pub exploded: usize,
 }
 
+/// Times that the search for the best states is taken up again.
+const PATIENCE: usize = 6;
+/// States are settled when the loss falls by less than this part.
+const SETTLED: f64 = 1e-4;
+
 /// A learned model and measurements that it is held against.
 pub struct Context<'a> {
     /// The system that the model is of.
@@ -119,10 +124,18 @@ impl<'a> Context<'a> {
         let dynamics = Dynamics::new(self.system, &self.support, Backend::Batched);
         let theta = self.theta(&dynamics);
         let weights = self.weights();
-        let sums = {
-            let problem = self.problem(&segments, &weights);
-            settle(&problem, &dynamics, &theta, &mut states)
-        };
+        let problem = self.problem(&segments, &weights);
+        let mut sums = settle(&problem, &dynamics, &theta, &mut states);
+        // Long segments of a rough model take their time: what has not settled would look like
+        // something missing.
+        for _ in 0..PATIENCE {
+            let further = settle(&problem, &dynamics, &theta, &mut states);
+            let settled = further.loss >= sums.loss * (1.0 - SETTLED);
+            sums = further;
+            if settled {
+                break;
+            }
+        }
         (segments, states, sums)
     }
 

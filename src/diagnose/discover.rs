@@ -6,7 +6,8 @@ use super::context::Context;
 use super::missing::{Diagnosis, Leader, Verdict, diagnose};
 use crate::data::Dataset;
 use crate::error::Result;
-use crate::expr::build;
+use crate::expr::{Term, build};
+use crate::fit::resume::{Start, resume};
 use crate::fit::{Model, Monitor, Options, fit};
 use crate::spec::edit::insert;
 
@@ -91,22 +92,29 @@ pub fn discover(
             let fall = leader.unseen_error_before.powi(2) - leader.unseen_error_after.powi(2);
             fall * sums.rows as f64 > PAYS * leader.unseen_error_after.powi(2)
         };
-        let Some(leader) = diagnosis.ranking.iter().find(pays) else {
-            break (
-                "what looks missing does not lower the error on unseen runs".to_string(),
-                Verdict::NothingMissing,
-            );
-        };
-        let longer = insert(&text, &leader.snippet);
-        let next = build(name, &longer)?;
-        let fitted = fit(&next.system, training, options, monitor)?;
-        if !fitted.terms.iter().any(|term| belongs(&next.system, term, &leader.effect)) {
-            break (
-                format!("{} looked missing, but a full fit does not keep it", leader.effect),
-                Verdict::NothingMissing,
-            );
+        let mut kept = None;
+        let mut lost = None;
+        for leader in diagnosis.ranking.iter().filter(pays) {
+            let longer = insert(&text, &leader.snippet);
+            let next = build(name, &longer)?;
+            let of = |term: &Term| term.effect.as_deref() == Some(leader.effect.as_str());
+            let terms = (0..next.system.terms.len()).filter(|&k| of(&next.system.terms[k]));
+            let start = Start::of(&model, &next.system).with(terms);
+            let fitted = resume(&next.system, training, options, &start, monitor)?;
+            if fitted.terms.iter().any(|term| belongs(&next.system, term, &leader.effect)) {
+                kept = Some((step(&diagnosis, leader), longer, next, fitted));
+                break;
+            }
+            lost.get_or_insert(&leader.effect);
         }
-        steps.push(step(&diagnosis, leader));
+        let Some((step, longer, next, fitted)) = kept else {
+            let sentence = match lost {
+                Some(effect) => format!("{effect} looked missing, but a full fit does not keep it"),
+                None => "what looks missing does not lower the error on unseen runs".to_string(),
+            };
+            break (sentence, Verdict::NothingMissing);
+        };
+        steps.push(step);
         (text, compiled, model) = (longer, next, fitted);
     };
     let noise: Vec<f64> = model.noise.iter().map(|n| n.standard_deviation).collect();

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::candidates::Candidate;
+use super::candidates::{Candidate, Origin};
 use super::compare::error;
 use super::context::Context;
 use super::scan::{FEW, Scored};
@@ -10,6 +10,7 @@ use crate::expr::System;
 use crate::fit::pass::Stepping;
 use crate::fit::train::Training;
 use crate::fit::{Options, Silent};
+use crate::spec::effects::ScanBy;
 
 /// A candidate that was refitted in full.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -236,7 +237,8 @@ fn fit(context: &Context, candidate: &Candidate, start: Start) -> Option<Refitte
 }
 
 /// The candidate's system with its inner parameters at a grid point. Outside the grid the data
-/// say nothing about a parameter: it may leave the grid by half of its length.
+/// say nothing about a parameter: it may leave the grid by half of its length, but for places
+/// and instants, which are looked for where there are data.
 fn bounded(candidate: &Candidate, values: &[f64]) -> System {
     let mut system = candidate.system.clone();
     for (place, (&j, &value)) in candidate.parameters.iter().zip(values).enumerate() {
@@ -244,7 +246,12 @@ fn bounded(candidate: &Candidate, values: &[f64]) -> System {
         let axis = candidate.grid.iter().map(|values| values[place]);
         let (lower, upper) =
             axis.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
-        let margin = 0.5 * (upper - lower);
+        let by = match &candidate.origin {
+            Origin::Catalogue(row) => row.parameters.get(place).map(|scan| scan.by),
+            _ => None,
+        };
+        let inside = matches!(by, Some(ScanBy::Position | ScanBy::Instant));
+        let margin = if inside { 0.0 } else { 0.5 * (upper - lower) };
         let smallest = if lower > 0.0 { 0.5 * lower } else { lower - margin };
         // One start of the user's is no grid.
         if lower < upper {

@@ -9,7 +9,7 @@ use super::floor::noise_floor;
 use super::generic::generic;
 pub use super::leader::Leader;
 use super::leader::Refitted;
-use super::round::{CLOSE, Round, SIGNIFICANT, round};
+use super::round::{CLOSE, Round, round};
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::expr::{Compiled, build};
@@ -82,6 +82,8 @@ const LATER: usize = 3;
 const TOGETHER: usize = 3;
 /// Named effects explain a misfit when they leave less than this part of it.
 const LEAVES: f64 = 0.1;
+/// Chance below which a residual force without a name is there.
+const UNMISTAKABLE: f64 = 1e-6;
 /// Standard errors of the noise's variance that a model at the noise may be above it.
 const AT_NOISE: f64 = 4.0;
 
@@ -262,5 +264,5 @@ fn shape(context: &Context) -> Result<Option<ResidualMap>> {
     let maps = residual_maps(context)?;
     let count = maps.len() as f64;
     let most = maps.into_iter().min_by(|a, b| a.p_value.total_cmp(&b.p_value));
-    Ok(most.filter(|map| map.p_value * count < SIGNIFICANT))
+    Ok(most.filter(|map| map.p_value * count < UNMISTAKABLE))
 }

@@ -120,12 +120,16 @@ impl Field<'_, '_> {
 
     /// What is left where the most is explained.
     fn yardstick<'l>(&self, leaders: impl Iterator<Item = &'l Refitted>) -> f64 {
-        leaders.map(|l| l.variance).fold(self.variance, f64::min).max(f64::MIN_POSITIVE)
+        let least = leaders.map(|l| l.variance).fold(f64::INFINITY, f64::min);
+        if least.is_finite() { least.max(f64::MIN_POSITIVE) } else { self.variance }
     }
 
     fn rank(&self, leaders: Vec<(usize, Refitted)>, tried: usize) -> Round {
         let mut leaders: Vec<Refitted> = leaders.into_iter().map(|(_, leader)| leader).collect();
         let variance = self.yardstick(leaders.iter());
+        // What a full fit does not keep, or unseen runs do not thank for, is not missing.
+        let pays = |l: &Refitted| l.leader.unseen_error_after < l.leader.unseen_error_before;
+        leaders.retain(|l| l.merit(variance) > 0.0 && (pays(l) || self.before.is_nan()));
         leaders.iter_mut().for_each(|l| l.leader.deviance = l.fall / variance);
         leaders.sort_by(|a, b| b.merit(variance).total_cmp(&a.merit(variance)));
         let best = leaders.first().map_or(0.0, |l| l.merit(variance));

@@ -8,6 +8,9 @@ use crate::expr::{System, Term};
 
 /// Columns that one linearisation carries, at most.
 const COLUMNS: usize = 240;
+/// Noise is known to this factor of its variance before anything is added; less than that is
+/// not believed of probes that were not fitted.
+const LEAST: f64 = 0.1;
 /// Samples on which grids of inner parameters are looked through.
 pub(super) const FEW: usize = 2_000;
 
@@ -92,7 +95,7 @@ fn score(
     }
     // One yardstick for all: what is left where the most is explained.
     let least = probed.iter().map(|(_, scores)| scores.variance).fold(f64::INFINITY, f64::min);
-    let variance = if least.is_finite() { least } else { 1.0 };
+    let variance = if least.is_finite() { least.max(LEAST) } else { 1.0 };
     let mut best: Vec<Option<Scored>> = vec![None; all.len()];
     for (tries, mut scores) in probed {
         scores.variance = variance;
