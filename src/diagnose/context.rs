@@ -116,7 +116,7 @@ impl<'a> Context<'a> {
             .iter()
             .map(|&segment| first_state(self.dataset, segment, self.system.degrees()))
             .collect();
-        let dynamics = Dynamics::new(self.system, &self.support, Backend::Batched);
+        let dynamics = Dynamics::new(self.system, &self.support, Backend::default());
         let theta = self.theta(&dynamics);
         let weights = self.weights();
         let sums = {
@@ -147,7 +147,7 @@ impl<'a> Context<'a> {
         let first = system.terms.len();
         system.terms.extend_from_slice(probes);
         let extra: Vec<usize> = (first..system.terms.len()).collect();
-        let dynamics = Dynamics::with_probes(&system, &self.support, &extra, Backend::Batched);
+        let dynamics = Dynamics::with_probes(&system, &self.support, &extra, Backend::default());
         let count = self.support.len();
         let theta = self.theta(&dynamics);
         let weights = self.weights();
