@@ -151,6 +151,35 @@ fn deep_expressions_do_not_exhaust_the_stack() {
     assert!(results.iter().flatten().all(|x| x.is_finite()));
 }
 
+/// Far more values at once than there are registers, needed in an order of no use.
+#[test]
+fn values_that_find_no_register_are_kept() {
+    let mut graph = Graph::new();
+    let [q, t, c] = [Symbol::Coordinate(0), Symbol::Time, Symbol::Coefficient(0)]
+        .map(|symbol| graph.symbol(symbol));
+    let exp = leverrier::expr::Function::by_name("exp").unwrap();
+    let mut pool: Vec<Expr> = (0..90)
+        .map(|k| {
+            let inside = graph.linear(0.01 * k as f64, &[(0.3, q), (0.1 + 0.01 * k as f64, t)]);
+            let product = graph.product(1.0, &[(inside, 2.0), (c, 1.0), (q, 1.0)]);
+            if k % 30 == 7 { graph.apply(exp, inside) } else { product }
+        })
+        .collect();
+    for round in 0..400 {
+        let pick = |k: usize| (round * 37 + k * 53 + round * round * 11) % 90;
+        let [a, b, d] = [0, 1, 2].map(|k| pool[pick(k)]);
+        let product = graph.multiply(a, b);
+        pool[pick(3)] = graph.linear(0.0, &[(0.3, product), (0.5, d), (0.2, a)]);
+    }
+    for lanes in [1, 40] {
+        let results = evaluate(&graph, &inputs(), &pool, lanes, &[0.7, 0.0]);
+        same_bits(&graph, &inputs(), &pool, lanes, &[0.7, 0.0], &results[1]);
+        for (a, b) in results[0].iter().zip(&results[1]) {
+            assert!((a - b).abs() <= 1e-11 * (1.0 + a.abs()), "{a:e} {b:e}");
+        }
+    }
+}
+
 /// The polynomial of the comparisons with other tools: degree 6 in each of two variables.
 fn dense_gradient() -> (Graph, Inputs, Vec<Expr>) {
     let mut graph = Graph::new();

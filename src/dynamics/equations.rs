@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::batch::{Batch, Scratch};
 use super::flow::{Flow, FlowSource};
-use crate::eval::{Backend, Evaluator, Inputs, StepSource, Steps, compile, compile_steps};
+use crate::eval::{Backend, Evaluator, Inputs, Series, StepSource, Steps, compile, compile_steps};
 use crate::expr::{Expr, Graph, Place, Symbol, System};
 
 /// Equations of motion of a system with some of its learned terms.
@@ -43,6 +43,8 @@ pub struct Dynamics {
     steps_taken: AtomicUsize,
     /// For each splitting that such steps were taken with, by the number of its stages.
     loops: Mutex<BTreeMap<usize, Option<Arc<dyn Steps>>>>,
+    /// Taylor series by their order.
+    series: Mutex<BTreeMap<usize, Option<Arc<Series>>>>,
 }
 
 /// Steps of single trajectories from which on machine code for them pays.
@@ -165,6 +167,7 @@ impl Dynamics {
             energy: OnceLock::new(),
             steps_taken: AtomicUsize::new(0),
             loops: Mutex::default(),
+            series: Mutex::default(),
         }
     }
 
@@ -260,12 +263,30 @@ impl Dynamics {
         flow.as_ref()
     }
 
+    /// Taylor series of the motion; `None` for what has kinks or jumps.
+    pub(super) fn series(&self, order: usize) -> Option<Arc<Series>> {
+        let mut known = self.series.lock().unwrap_or_else(PoisonError::into_inner);
+        let compile = || {
+            let mut graph = self.graph.clone();
+            let rates = self.rates(&mut graph);
+            let (state, unknowns) = (&self.state, &self.unknowns);
+            Series::new(&mut graph, state, unknowns, &rates, order, self.backend).map(Arc::new)
+        };
+        known.entry(order).or_insert_with(compile).clone()
+    }
+
+    /// (v, -g).
+    fn rates(&self, graph: &mut Graph) -> Vec<Expr> {
+        let mut rates = self.velocity.rows.clone();
+        rates.extend(self.slope.rows.iter().map(|&g| graph.negate(g)));
+        rates
+    }
+
     /// (v, -g) as a function of the whole state.
     pub(super) fn field(&self) -> &Flow {
         self.field.get_or_init(|| {
             let mut graph = self.graph.clone();
-            let mut rows = self.velocity.rows.clone();
-            rows.extend(self.slope.rows.iter().map(|&g| graph.negate(g)));
+            let rows = self.rates(&mut graph);
             let mut linear = self.velocity.linear.clone();
             linear.extend(self.slope.linear.iter().map(|list| {
                 list.iter().map(|&(unknown, expr)| (unknown, graph.negate(expr))).collect()

@@ -85,7 +85,7 @@ impl Lowered {
     }
 
     /// Drops what no output needs: monomials that only a nested sum was made of.
-    fn without_dead_code(mut self) -> Lowered {
+    pub(super) fn without_dead_code(mut self) -> Lowered {
         let mut needed = vec![false; self.code.len()];
         for &output in &self.outputs {
             needed[output as usize] = true;

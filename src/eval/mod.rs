@@ -8,6 +8,7 @@ mod jit;
 mod lower;
 mod processor;
 mod reference;
+mod series;
 mod steps;
 mod tape;
 mod uniform;
@@ -16,6 +17,7 @@ pub(crate) use arrays::{add_carrying, add_products};
 pub(crate) use instruction::{Instruction, Slot, Value};
 pub(crate) use lower::Lowered;
 pub use processor::InstructionSet;
+pub(crate) use series::Series;
 pub(crate) use steps::{Pace, StepSource, Steps, compile_steps};
 
 use self::uniform::Uniforms;
@@ -51,6 +53,20 @@ pub trait Evaluator: Send + Sync {
         out: &mut [f64],
         workspace: &mut Vec<f64>,
     );
+
+    /// The same after an evaluation of this function with the same uniform numbers, the same
+    /// number of lanes and this workspace, if it is not empty: what is the same at every point
+    /// need not be computed again.
+    fn evaluate_again(
+        &self,
+        points: &[f64],
+        uniform: &[f64],
+        lanes: usize,
+        out: &mut [f64],
+        workspace: &mut Vec<f64>,
+    ) {
+        self.evaluate(points, uniform, lanes, out, workspace);
+    }
 }
 
 /// Which evaluator to compile to: a row of [`BACKENDS`].
@@ -104,6 +120,18 @@ pub fn compile_for(
         return Box::new(machine);
     }
     Box::new(tape::Tape::new(&lowered, uniforms, set))
+}
+
+/// Code for a long straight line that is run for one point at a time.
+fn for_one_point(lowered: &Lowered, uniforms: Uniforms, backend: Backend) -> Box<dyn Evaluator> {
+    #[cfg(target_arch = "x86_64")]
+    if backend == Backend::Machine
+        && let Some(machine) = jit::Machinecode::for_one_point(lowered, uniforms.clone())
+    {
+        return Box::new(machine);
+    }
+    let _ = backend;
+    Box::new(tape::Tape::new(lowered, uniforms, InstructionSet::widest()))
 }
 
 /// How long the code of a function is.

@@ -60,15 +60,15 @@ struct Call {
     outputs: Vec<u32>,
 }
 
-/// A phase in machine code: rows, slots, spills, first point, end.
-type Entry = unsafe extern "sysv64" fn(*const u64, *const f64, *mut f64, usize, usize);
+/// A phase in machine code: rows, slots, spills, first point, end, outputs of a single point.
+type Entry = unsafe extern "sysv64" fn(*const u64, *const f64, *mut f64, usize, usize, *mut f64);
 
 const FRAME: Frame = Frame {
     table: Register::RDI,
     slots: Register::RSI,
     spills: Register::RDX,
     index: Register::RCX,
-    state: Register::RDI,
+    state: Register::R9,
 };
 
 /// Whether the instruction is a call between phases.
@@ -96,6 +96,14 @@ impl Machinecode {
             InstructionSet::Avx512 => Width::Eight,
         };
         Machinecode::with(lowered, uniforms, set, width, map)
+    }
+
+    /// Machine code that does one point at a time.
+    pub fn for_one_point(lowered: &Lowered, uniforms: Uniforms) -> Option<Machinecode> {
+        match InstructionSet::widest() {
+            InstructionSet::Plain => None,
+            set => Machinecode::with(lowered, uniforms, set, Width::One, map),
+        }
     }
 
     fn with(
@@ -173,7 +181,29 @@ impl Evaluator for Machinecode {
         out: &mut [f64],
         workspace: &mut Vec<f64>,
     ) {
+        workspace.clear();
+        self.evaluate_again(points, uniform, lanes, out, workspace);
+    }
+
+    fn evaluate_again(
+        &self,
+        points: &[f64],
+        uniform: &[f64],
+        lanes: usize,
+        out: &mut [f64],
+        workspace: &mut Vec<f64>,
+    ) {
         let width = self.width.lanes();
+        if self.width == Width::One && lanes > 1 {
+            // The outputs of a point stand side by side there.
+            let mut one = vec![0.0; self.outputs];
+            for lane in 0..lanes {
+                let point: Vec<f64> = (0..self.inputs).map(|i| points[i * lanes + lane]).collect();
+                self.evaluate_again(&point, uniform, 1, &mut one, workspace);
+                one.iter().enumerate().for_each(|(row, x)| out[row * lanes + lane] = *x);
+            }
+            return;
+        }
         let points = &points[..self.inputs * lanes];
         let out = &mut out[..self.outputs * lanes];
         let block = self.block().min(lanes.next_multiple_of(width));
@@ -188,16 +218,18 @@ impl Evaluator for Machinecode {
         let end = table + self.inputs + self.outputs + self.rows;
         let layout = Layout { slots, spills, rows, table, end };
         // Room to begin at a cache line.
+        let again = workspace.len() >= layout.end + 8;
         workspace.resize(workspace.len().max(layout.end + 8), 0.0);
         let offset = workspace.as_ptr().align_offset(64).min(8);
         let memory = &mut workspace[offset..][..layout.end];
-
-        let (values, rest) = memory.split_at_mut(layout.slots);
-        let slots = &mut rest[..count * width];
-        let mut store = |slot: usize, value: f64| slots[slot * width..][..width].fill(value);
-        self.uniforms.evaluate(uniform, values, &mut store);
-        store(count - 2, 1.0);
-        store(count - 1, f64::from_bits(!(1 << 63)));
+        if !again {
+            let (values, rest) = memory.split_at_mut(layout.slots);
+            let slots = &mut rest[..count * width];
+            let mut store = |slot: usize, value: f64| slots[slot * width..][..width].fill(value);
+            self.uniforms.evaluate(uniform, values, &mut store);
+            store(count - 2, 1.0);
+            store(count - 1, f64::from_bits(!(1 << 63)));
+        }
 
         let whole = lanes / width * width;
         for start in (0..whole).step_by(block.max(1)) {
@@ -235,7 +267,11 @@ impl Machinecode {
     ) {
         let (inputs, outputs) = (self.inputs, self.outputs);
         let row_at = |row: usize| layout.rows + row * block;
+        let single = self.width == Width::One;
         for row in 0..inputs + outputs + self.rows {
+            if single && row >= inputs && row < inputs + outputs {
+                continue;
+            }
             let address = if row < inputs {
                 points[row * lanes..].as_ptr().expose_provenance()
             } else if row < inputs + outputs {
@@ -254,7 +290,8 @@ impl Machinecode {
                 // numbers and the rows between phases at points of `range` alone, which is
                 // inside `lanes` and no longer than a block; it reads the slots and uses the
                 // spills. `evaluate` made all of them that large, and `new` found the
-                // instruction set on this processor.
+                // instruction set on this processor. Code for one point at a time is run with
+                // one lane, so that `outputs` numbers at `out` are those of that point.
                 unsafe {
                     self.entry(at)(
                         memory.add(layout.table).cast(),
@@ -262,6 +299,7 @@ impl Machinecode {
                         memory.add(layout.spills),
                         range.start,
                         range.end,
+                        out.as_mut_ptr(),
                     );
                 }
             }
@@ -405,7 +443,11 @@ impl Plan {
         let mut uses = vec![Vec::new(); code.len()];
         let mut outputs: Vec<Vec<Home>> = vec![Vec::new(); code.len()];
         for (output, &value) in lowered.outputs.iter().enumerate() {
-            outputs[value as usize].push(Home::Row((self.inputs + output) as u32));
+            // One point's outputs stand side by side: no table is needed for them.
+            outputs[value as usize].push(match assembler.width {
+                Width::One => Home::State(output as u32),
+                _ => Home::Row((self.inputs + output) as u32),
+            });
         }
         let mut list = Vec::new();
         for (at, &instruction) in code.iter().enumerate() {

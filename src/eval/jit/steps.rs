@@ -236,6 +236,7 @@ impl Plan {
             let value = (going + at) as Value;
             if is_call(instruction) {
                 straight.move_to(at + 1);
+                straight.keep(instruction);
                 call(&mut straight, instruction);
                 straight.define(value, 0);
             } else {

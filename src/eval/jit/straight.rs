@@ -18,7 +18,7 @@ pub enum Home {
     Slot(u32),
     /// A register that was needed for something else.
     Spill(u32),
-    /// A component of the state of a single trajectory.
+    /// One of the numbers of a single point: a component of its state, or an output.
     State(u32),
 }
 
@@ -114,8 +114,8 @@ impl<'a> Straight<'a> {
     /// Code of one instruction; calls are for others to write.
     pub fn instruction(&mut self, at: usize, value: Value, instruction: Instruction) {
         use Source::{Slot as S, Value as V};
-        self.at = at;
-        self.busy.clear();
+        self.move_to(at);
+        self.keep(instruction);
         let to = match instruction {
             Instruction::Load { input } => {
                 self.home[value as usize].get_or_insert(Home::Row(input));
@@ -173,9 +173,7 @@ impl<'a> Straight<'a> {
         for &place in places {
             let to = self.memory(place);
             self.assembler.store(to, from);
-            if !matches!(place, Home::State(_)) {
-                self.home[value as usize].get_or_insert(place);
-            }
+            self.home[value as usize].get_or_insert(place);
         }
     }
 
@@ -390,6 +388,13 @@ impl<'a> Straight<'a> {
             self.home[value as usize] = None;
             self.free_spills.push(place);
         }
+    }
+
+    /// Keeps the operands of an instruction in their registers until it is done.
+    pub fn keep(&mut self, instruction: Instruction) {
+        let operands = instruction.operands();
+        let here: Vec<u8> = operands.filter_map(|value| self.register_of(value)).collect();
+        self.busy.extend(here);
     }
 
     /// The present place in the code.
