@@ -3,6 +3,7 @@
 use super::batch::{Batch, Scratch};
 use super::equations::Dynamics;
 use super::methods::{Kind, Method};
+use super::splitting::Recorder;
 use super::{explicit, implicit, splitting};
 
 /// Advances every lane by its own `span[lane]` in `steps` equal steps.
@@ -33,7 +34,7 @@ pub(super) fn advance_recording(
     steps: usize,
     theta: &[f64],
     scratch: &mut Scratch,
-    record: Option<&mut dyn FnMut(&[f64])>,
+    record: Option<Recorder>,
 ) {
     if steps == 0 || batch.lanes == 0 {
         return;

@@ -4,6 +4,9 @@ use super::batch::{Batch, Scratch};
 use super::equations::Dynamics;
 use crate::eval::{InstructionSet, Pace, add_carrying};
 
+/// Sees the states before every stage or step.
+pub type Recorder<'a> = &'a mut dyn FnMut(&[f64]);
+
 /// One stage of a splitting method.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stage {
@@ -57,7 +60,7 @@ pub fn advance(
     steps: usize,
     theta: &[f64],
     scratch: &mut Scratch,
-    mut record: Option<&mut dyn FnMut(&[f64])>,
+    mut record: Option<Recorder>,
 ) {
     scratch.carry.clear();
     scratch.carry.resize(batch.state.len(), 0.0);

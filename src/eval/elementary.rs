@@ -172,11 +172,11 @@ fn reduced(x: f64) -> (f64, f64, u64) {
 fn sine_kernel(high: f64, low: f64) -> f64 {
     let z = high * high;
     let cube = z * high;
-    let r = 1.589_690_995_211_550_1e-10_f64
+    let r = 1.589_690_995_211_55e-10_f64
         .mul_add(z, -2.505_076_025_340_686_4e-8)
         .mul_add(z, 2.755_731_370_707_006_7e-6)
         .mul_add(z, -1.984_126_982_985_795e-4)
-        .mul_add(z, 8.333_333_333_322_489e-3);
+        .mul_add(z, 8.333_333_333_322_49e-3);
     let tail = cube.mul_add(-r, 0.5 * low).mul_add(z, -low);
     high - cube.mul_add(1.666_666_666_666_663_2e-1, tail)
 }
@@ -186,7 +186,7 @@ fn sine_kernel(high: f64, low: f64) -> f64 {
 fn cosine_kernel(high: f64, low: f64) -> f64 {
     let z = high * high;
     let r = (-1.135_964_755_778_819_5e-11_f64)
-        .mul_add(z, 2.087_572_321_298_174_8e-9)
+        .mul_add(z, 2.087_572_321_298_175e-9)
         .mul_add(z, -2.755_731_435_139_066_3e-7)
         .mul_add(z, 2.480_158_728_947_673e-5)
         .mul_add(z, -1.388_888_888_887_411e-3)

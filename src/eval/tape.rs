@@ -140,7 +140,11 @@ fn run_block(tape: &Tape, block: &mut Block, registers: &mut [Chunk]) {
                 let (a, b, c) = (row(a), row(b), row(c));
                 for i in 0..used {
                     let (x, y, z) = (registers[a + i], registers[b + i], registers[c + i]);
-                    registers[to + i] = std::array::from_fn(|i| x[i].mul_add(y[i], z[i]));
+                    let mut result = [0.0; CHUNK];
+                    for i in 0..CHUNK {
+                        result[i] = x[i].mul_add(y[i], z[i]);
+                    }
+                    registers[to + i] = result;
                 }
             }
             Instruction::Reciprocal { a } => map(registers, used, to, row(a), |x| 1.0 / x),
@@ -179,7 +183,11 @@ fn run_block(tape: &Tape, block: &mut Block, registers: &mut [Chunk]) {
 fn map(registers: &mut [Chunk], used: usize, to: usize, a: usize, f: impl Fn(f64) -> f64) {
     for c in 0..used {
         let x = registers[a + c];
-        registers[to + c] = std::array::from_fn(|i| f(x[i]));
+        let mut result = [0.0; CHUNK];
+        for i in 0..CHUNK {
+            result[i] = f(x[i]);
+        }
+        registers[to + c] = result;
     }
 }
 
@@ -193,9 +201,12 @@ fn zip(
     f: impl Fn(f64, f64) -> f64,
 ) {
     for c in 0..used {
-        let x = registers[a + c];
-        let y = registers[b + c];
-        registers[to + c] = std::array::from_fn(|i| f(x[i], y[i]));
+        let (x, y) = (registers[a + c], registers[b + c]);
+        let mut result = [0.0; CHUNK];
+        for i in 0..CHUNK {
+            result[i] = f(x[i], y[i]);
+        }
+        registers[to + c] = result;
     }
 }
 

@@ -267,11 +267,10 @@ impl Machinecode {
     ) {
         let (inputs, outputs) = (self.inputs, self.outputs);
         let row_at = |row: usize| layout.rows + row * block;
-        let single = self.width == Width::One;
-        for row in 0..inputs + outputs + self.rows {
-            if single && row >= inputs && row < inputs + outputs {
-                continue;
-            }
+        // One point's outputs are not looked up.
+        let all = inputs + outputs + self.rows;
+        let looked_up = if self.width == Width::One { inputs } else { inputs + outputs };
+        for row in (0..looked_up).chain(inputs + outputs..all) {
             let address = if row < inputs {
                 points[row * lanes..].as_ptr().expose_provenance()
             } else if row < inputs + outputs {
@@ -397,10 +396,13 @@ impl Plan {
         for (at, &instruction) in code.iter().enumerate() {
             for operand in instruction.operands() {
                 let v = operand as usize;
-                let load = matches!(code[v], Instruction::Load { .. });
-                let broadcast = matches!(code[v], Instruction::Broadcast { .. });
-                let later = is_call(instruction) || phase[at] > phase[v] || is_call(code[v]);
-                if later && !load && !(broadcast && !is_call(instruction)) {
+                // What is at hand in memory need not wait; but a call takes rows alone.
+                let waiting = match code[v] {
+                    Instruction::Load { .. } => false,
+                    Instruction::Broadcast { .. } => is_call(instruction),
+                    other => is_call(instruction) || is_call(other) || phase[at] > phase[v],
+                };
+                if waiting {
                     waits[v] = Some(waits[v].map_or(phase[at], |until| until.max(phase[at])));
                 }
             }
