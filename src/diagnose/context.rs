@@ -130,7 +130,7 @@ impl<'a> Context<'a> {
     /// best state: `[segment][observable][sample]`, not a number where there is none.
     pub fn residuals(&self, window: usize) -> Vec<Vec<Vec<f64>>> {
         let (segments, states, _) = self.settle(window);
-        let dynamics = Dynamics::new(self.system, &self.support, Backend::Batched);
+        let dynamics = Dynamics::new(self.system, &self.support, Backend::default());
         let theta = self.theta(&dynamics);
         let weights = self.weights();
         residuals(&self.problem(&segments, &weights), &dynamics, &theta, &states)
