@@ -48,7 +48,7 @@ impl Double {
             if k > 0 {
                 term = term.multiply(self).divide(Double(f64::from(k), 0.0));
             }
-            if k >= first && (k - first) % step == 0 {
+            if k >= first && (k - first).is_multiple_of(step) {
                 total = total.add(term.scale(flip));
                 flip *= sign;
             }
@@ -58,9 +58,13 @@ impl Double {
 }
 
 /// ln 2 and pi/2 to four parts, for reductions without loss.
-const LN_2: [f64; 3] = [0.6931471805599453, 2.3190468138462996e-17, 5.707708438416212e-34];
-const HALF_PI: [f64; 4] =
-    [1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33, 4.320574262296449e-50];
+const LN_2: [f64; 3] = [std::f64::consts::LN_2, 2.3190468138462996e-17, 5.707708438416212e-34];
+const HALF_PI: [f64; 4] = [
+    std::f64::consts::FRAC_PI_2,
+    6.123233995736766e-17,
+    -1.4973849048591833e-33,
+    4.320574262296449e-50,
+];
 
 /// x - k times a number of several parts; k is whole and below 2^24.
 fn reduce(x: f64, k: f64, parts: &[f64]) -> Double {

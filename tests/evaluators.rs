@@ -154,22 +154,30 @@ fn deep_expressions_do_not_exhaust_the_stack() {
 /// Far more values at once than there are registers, needed in an order of no use.
 #[test]
 fn values_that_find_no_register_are_kept() {
+    (0..8).for_each(crowded);
+}
+
+fn crowded(seed: usize) {
     let mut graph = Graph::new();
-    let [q, t, c] = [Symbol::Coordinate(0), Symbol::Time, Symbol::Coefficient(0)]
-        .map(|symbol| graph.symbol(symbol));
+    let symbols = [Symbol::Coordinate(0), Symbol::Time, Symbol::Momentum(0)];
+    let [q, t, p] = symbols.map(|symbol| graph.symbol(symbol));
     let exp = leverrier::expr::Function::by_name("exp").unwrap();
     let mut pool: Vec<Expr> = (0..90)
         .map(|k| {
-            let inside = graph.linear(0.01 * k as f64, &[(0.3, q), (0.1 + 0.01 * k as f64, t)]);
-            let product = graph.product(1.0, &[(inside, 2.0), (c, 1.0), (q, 1.0)]);
-            if k % 30 == 7 { graph.apply(exp, inside) } else { product }
+            let part = 0.001 * k as f64;
+            let sum = graph.linear(0.05 + part, &[(0.03, q), (0.01 + part, t), (-part, p)]);
+            if k % 30 == 7 { graph.apply(exp, sum) } else { sum }
         })
         .collect();
     for round in 0..400 {
-        let pick = |k: usize| (round * 37 + k * 53 + round * round * 11) % 90;
-        let [a, b, d] = [0, 1, 2].map(|k| pool[pick(k)]);
-        let product = graph.multiply(a, b);
-        pool[pick(3)] = graph.linear(0.0, &[(0.3, product), (0.5, d), (0.2, a)]);
+        let pick =
+            |k: usize| pool[(round * (31 + 2 * seed) + k * 53 + seed + round * round * 11) % 90];
+        // Sums of bare products: both factors may have left their registers.
+        let mut parts = vec![(0.4, pick(0))];
+        for k in 1..4 {
+            parts.push((1.0, graph.multiply(pick(2 * k), pick(2 * k + 1))));
+        }
+        pool[(round * 41) % 90] = graph.linear(0.01, &parts);
     }
     for lanes in [1, 40] {
         let results = evaluate(&graph, &inputs(), &pool, lanes, &[0.7, 0.0]);

@@ -142,9 +142,10 @@ impl<'a> Straight<'a> {
             }
             Instruction::Apply { a, .. } => {
                 let from = self.in_register(V(a));
-                self.ended(V(a));
+                self.release(V(a));
                 let to = self.take();
                 self.assembler.square_root(to, from);
+                self.ended(V(a));
                 to
             }
             Instruction::Raise { .. } | Instruction::Power { .. } => return,
@@ -183,10 +184,14 @@ impl<'a> Straight<'a> {
         let (a, b) = if commutes && self.is_here(b) && !self.is_here(a) { (b, a) } else { (a, b) };
         let first = self.in_register(a);
         let second = self.anywhere(b);
-        self.ended(a);
-        self.ended(b);
+        // Their registers may take the result, but not their places in memory what leaves a
+        // register for it: the instruction has yet to read them.
+        self.release(a);
+        self.release(b);
         let to = self.take();
         self.assembler.binary(operation, to, first, second);
+        self.ended(a);
+        self.ended(b);
         to
     }
 
@@ -368,14 +373,23 @@ impl<'a> Straight<'a> {
         }
     }
 
-    /// Gives back what an operand took, if nothing needs it any more.
+    /// Gives back the register of an operand, if nothing needs it any more.
+    fn release(&mut self, source: Source) {
+        if let Source::Value(value) = source
+            && self.next_use(value).is_none()
+            && let Some(register) = self.register_of(value)
+        {
+            self.busy.retain(|&busy| busy != register);
+            self.forget_register(register);
+        }
+    }
+
+    /// Gives back all that an operand took, if nothing needs it any more.
     fn ended(&mut self, source: Source) {
+        self.release(source);
         if let Source::Value(value) = source
             && self.next_use(value).is_none()
         {
-            if let Some(register) = self.register_of(value) {
-                self.busy.retain(|&busy| busy != register);
-            }
             self.drop_value(value);
         }
     }
