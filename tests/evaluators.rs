@@ -161,12 +161,12 @@ fn crowded(seed: usize) {
     let mut graph = Graph::new();
     let symbols = [Symbol::Coordinate(0), Symbol::Time, Symbol::Momentum(0)];
     let [q, t, p] = symbols.map(|symbol| graph.symbol(symbol));
-    let exp = leverrier::expr::Function::by_name("exp").unwrap();
+    let tanh = leverrier::expr::Function::by_name("tanh").unwrap();
     let mut pool: Vec<Expr> = (0..90)
         .map(|k| {
-            let part = 0.001 * k as f64;
+            let part = 0.0005 * k as f64;
             let sum = graph.linear(0.05 + part, &[(0.03, q), (0.01 + part, t), (-part, p)]);
-            if k % 30 == 7 { graph.apply(exp, sum) } else { sum }
+            if k % 30 == 7 { graph.apply(tanh, sum) } else { sum }
         })
         .collect();
     for round in 0..400 {
@@ -174,7 +174,7 @@ fn crowded(seed: usize) {
             |k: usize| pool[(round * (31 + 2 * seed) + k * 53 + seed + round * round * 11) % 90];
         // Sums of bare products: both factors may have left their registers.
         let mut parts = vec![(0.4, pick(0))];
-        for k in 1..4 {
+        for k in 1..3 {
             parts.push((1.0, graph.multiply(pick(2 * k), pick(2 * k + 1))));
         }
         pool[(round * 41) % 90] = graph.linear(0.01, &parts);
