@@ -146,7 +146,7 @@ pub fn the_export<'a>(
 
 /// Nothing tells how accurate a known system must be: a high order and a short step.
 fn known_integrator(system: &System) -> Result<(Method, f64)> {
-    let separable = Dynamics::new(system, &[], Backend::Batched).separable();
+    let separable = Dynamics::new(system, &[], Backend::default()).separable();
     let name = if separable { "suzuki-umeno-8" } else { "gauss-legendre-6" };
     let method = Method::by_name(name)
         .ok_or_else(|| Error::fit(format!("there is no integrator `{name}`"), "report this"))?;

@@ -223,7 +223,7 @@ fn variables(context: &Context, system: &mut System) -> Vec<(String, Expr, Vec<f
 /// Energy of the model at the measured states of every run: (time, energy) of each segment's
 /// middle, sorted by time; one list a run.
 pub fn energies(context: &Context) -> Vec<Vec<(f64, f64)>> {
-    let dynamics = Dynamics::new(context.system, &context.support, Backend::Batched);
+    let dynamics = Dynamics::new(context.system, &context.support, Backend::default());
     let theta: Vec<f64> = context
         .coefficients
         .iter()

@@ -121,7 +121,7 @@ impl<'a> Context<'a> {
             .iter()
             .map(|&segment| first_state(self.dataset, segment, self.system.degrees()))
             .collect();
-        let dynamics = Dynamics::new(self.system, &self.support, Backend::Batched);
+        let dynamics = Dynamics::new(self.system, &self.support, Backend::default());
         let theta = self.theta(&dynamics);
         let weights = self.weights();
         let problem = self.problem(&segments, &weights);
@@ -143,7 +143,7 @@ impl<'a> Context<'a> {
     /// best state: `[segment][observable][sample]`, not a number where there is none.
     pub fn residuals(&self, window: usize) -> Vec<Vec<Vec<f64>>> {
         let (segments, states, _) = self.settle(window);
-        let dynamics = Dynamics::new(self.system, &self.support, Backend::Batched);
+        let dynamics = Dynamics::new(self.system, &self.support, Backend::default());
         let theta = self.theta(&dynamics);
         let weights = self.weights();
         residuals(&self.problem(&segments, &weights), &dynamics, &theta, &states)
@@ -160,7 +160,7 @@ impl<'a> Context<'a> {
         let first = system.terms.len();
         system.terms.extend_from_slice(probes);
         let extra: Vec<usize> = (first..system.terms.len()).collect();
-        let dynamics = Dynamics::with_probes(&system, &self.support, &extra, Backend::Batched);
+        let dynamics = Dynamics::with_probes(&system, &self.support, &extra, Backend::default());
         let count = self.support.len();
         let theta = self.theta(&dynamics);
         let weights = self.weights();

@@ -102,7 +102,7 @@ pub(super) struct Law<'a> {
 
 impl<'a> Law<'a> {
     pub(super) fn new(context: &'a Context) -> Self {
-        let dynamics = Dynamics::new(context.system, &context.support, Backend::Batched);
+        let dynamics = Dynamics::new(context.system, &context.support, Backend::default());
         let parameters = dynamics.parameters().iter().map(|&j| context.parameters[j]);
         let theta = context.coefficients.iter().copied().chain(parameters).collect();
         Law { context, dynamics, theta }

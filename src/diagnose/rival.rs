@@ -150,7 +150,7 @@ impl<'a> Known<'a> {
     /// that all rivals are judged by.
     pub fn new(rival: &'a Rival, dataset: &Dataset, window: usize, noise: &[f64]) -> Result<Self> {
         let Rival { system, support, .. } = rival;
-        let dynamics = Dynamics::new(system, support, Backend::Batched);
+        let dynamics = Dynamics::new(system, support, Backend::default());
         let theta: Vec<f64> = rival
             .coefficients
             .iter()

@@ -41,7 +41,7 @@ impl Recording {
         let start = batch.time.clone();
         let mut states = Vec::new();
         let mut record = |state: &[f64]| states.push(state.to_vec());
-        advance_recording(dynamics, method, batch, span, steps, theta, scratch, &mut record);
+        advance_recording(dynamics, method, batch, span, steps, theta, scratch, Some(&mut record));
         Recording {
             method,
             steps,

@@ -121,6 +121,8 @@ pub struct Scratch {
     pub(super) step: Vec<f64>,
     /// Step times stage coefficient, `[lanes]`.
     pub(super) scale: Vec<f64>,
+    /// What rounding took from the states of the present advance, `[2n][lanes]`.
+    pub(super) carry: Vec<f64>,
     /// Whatever an evaluator or a method wants.
     pub(super) workspace: Vec<f64>,
 }

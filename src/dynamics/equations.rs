@@ -1,11 +1,13 @@
 //! The equations of motion of a system, compiled.
 
+use std::collections::BTreeMap;
 use std::fmt;
-use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::batch::{Batch, Scratch};
 use super::flow::{Flow, FlowSource};
-use crate::eval::{Backend, Evaluator, Inputs, compile};
+use crate::eval::{Backend, Evaluator, Inputs, Series, StepSource, Steps, compile, compile_steps};
 use crate::expr::{Expr, Graph, Place, Symbol, System};
 
 /// Equations of motion of a system with some of its learned terms.
@@ -37,7 +39,16 @@ pub struct Dynamics {
     probed_drift: OnceLock<Option<Flow>>,
     field: OnceLock<Flow>,
     energy: OnceLock<Box<dyn Evaluator>>,
+    /// Steps of single trajectories so far: many of them are worth machine code.
+    steps_taken: AtomicUsize,
+    /// For each splitting that such steps were taken with, by the number of its stages.
+    loops: Mutex<BTreeMap<usize, Option<Arc<dyn Steps>>>>,
+    /// Taylor series by their order.
+    series: Mutex<BTreeMap<usize, Option<Arc<Series>>>>,
 }
+
+/// Steps of single trajectories from which on machine code for them pays.
+const WORTH_A_LOOP: usize = 400;
 
 /// g or v: n expressions, and for each the derivatives by the active coefficients.
 struct Gradient {
@@ -154,6 +165,9 @@ impl Dynamics {
             probed_drift: OnceLock::new(),
             field: OnceLock::new(),
             energy: OnceLock::new(),
+            steps_taken: AtomicUsize::new(0),
+            loops: Mutex::default(),
+            series: Mutex::default(),
         }
     }
 
@@ -249,18 +263,60 @@ impl Dynamics {
         flow.as_ref()
     }
 
+    /// Taylor series of the motion; `None` for what has kinks or jumps.
+    pub(super) fn series(&self, order: usize) -> Option<Arc<Series>> {
+        let mut known = self.series.lock().unwrap_or_else(PoisonError::into_inner);
+        let compile = || {
+            let mut graph = self.graph.clone();
+            let rates = self.rates(&mut graph);
+            let (state, unknowns) = (&self.state, &self.unknowns);
+            Series::new(&mut graph, state, unknowns, &rates, order, self.backend).map(Arc::new)
+        };
+        known.entry(order).or_insert_with(compile).clone()
+    }
+
+    /// (v, -g).
+    fn rates(&self, graph: &mut Graph) -> Vec<Expr> {
+        let mut rates = self.velocity.rows.clone();
+        rates.extend(self.slope.rows.iter().map(|&g| graph.negate(g)));
+        rates
+    }
+
     /// (v, -g) as a function of the whole state.
     pub(super) fn field(&self) -> &Flow {
         self.field.get_or_init(|| {
             let mut graph = self.graph.clone();
-            let mut rows = self.velocity.rows.clone();
-            rows.extend(self.slope.rows.iter().map(|&g| graph.negate(g)));
+            let rows = self.rates(&mut graph);
             let mut linear = self.velocity.linear.clone();
             linear.extend(self.slope.linear.iter().map(|list| {
                 list.iter().map(|&(unknown, expr)| (unknown, graph.negate(expr))).collect()
             }));
             self.compile(&mut graph, &rows, &linear, 0..2 * self.degrees)
         })
+    }
+
+    /// Machine code for steps of a splitting of `stages` stages, one drift and one kick after
+    /// the other; `None` as long as it does not pay, and where there is none.
+    pub(super) fn step_loop(&self, stages: usize, steps: usize) -> Option<Arc<dyn Steps>> {
+        if self.backend != Backend::Machine {
+            return None;
+        }
+        if self.steps_taken.fetch_add(steps, Ordering::Relaxed) + steps < WORTH_A_LOOP {
+            return None;
+        }
+        let mut loops = self.loops.lock().unwrap_or_else(PoisonError::into_inner);
+        let compile = || {
+            let order: Vec<bool> = (0..stages).map(|stage| stage % 2 == 0).collect();
+            let source = StepSource {
+                graph: &self.graph,
+                state: &self.state,
+                drift: (&self.velocity.rows, self.drift().sources(&self.state, &self.unknowns)),
+                kick: (&self.slope.rows, self.kick().sources(&self.state, &self.unknowns)),
+                stages: &order,
+            };
+            compile_steps(&source).map(Arc::from)
+        };
+        loops.entry(stages).or_insert_with(compile).clone()
     }
 
     fn flow(

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::batch::Scratch;
-use crate::eval::{Backend, Evaluator, Inputs, compile};
+use crate::eval::{Backend, Evaluator, Inputs, InstructionSet, add_products, compile};
 use crate::expr::{Expr, Graph, Symbol};
 
 /// Functions of some rows of the state, time and theta, with their derivatives.
@@ -61,9 +61,7 @@ impl Flow {
         let mut outputs = source.functions.to_vec();
         outputs.extend(jacobian.iter().chain(&mixed).map(|&(_, _, expr)| expr));
         let timed = graph.symbols(&outputs).contains(&Symbol::Time);
-        let mut varying = source.state[source.inputs.clone()].to_vec();
-        varying.extend(timed.then_some(Symbol::Time));
-        let inputs = Inputs { varying, uniform: source.unknowns.to_vec() };
+        let inputs = sources(source.state, source.inputs.clone(), timed, source.unknowns);
         Flow {
             value: compile(graph, &inputs, source.functions, backend),
             tangent: compile(graph, &inputs, &outputs, backend),
@@ -73,6 +71,11 @@ impl Flow {
             mixed: mixed.into_iter().map(|(row, unknown, _)| (row, unknown)).collect(),
             timed,
         }
+    }
+
+    /// Where the compiled functions take the symbols' values from.
+    pub fn sources(&self, state: &[Symbol], unknowns: &[Symbol]) -> Inputs {
+        sources(state, self.inputs.clone(), self.timed, unknowns)
     }
 
     /// Number of values and derivatives together.
@@ -126,6 +129,7 @@ impl Flow {
             return;
         }
         let start = self.inputs.start;
+        let set = InstructionSet::widest();
         // Column after column: the entries then stay in the nearest cache.
         for column in 0..columns {
             let mut weights = entries.chunks_exact(lanes);
@@ -133,9 +137,7 @@ impl Flow {
                 let into = (row * columns + column) * lanes;
                 let from = ((from - start) * columns + column) * lanes;
                 let into = &mut target[into..into + lanes];
-                for ((t, s), w) in into.iter_mut().zip(&source[from..from + lanes]).zip(weight) {
-                    *t += w * s;
-                }
+                add_products(set, into, &source[from..from + lanes], weight);
             }
         }
         let weights = entries.chunks_exact(lanes).skip(self.jacobian.len());
@@ -178,4 +180,10 @@ impl Flow {
             gradient[unknown] += products.filter(|product| product.is_finite()).sum::<f64>();
         }
     }
+}
+
+fn sources(state: &[Symbol], rows: Range<usize>, timed: bool, unknowns: &[Symbol]) -> Inputs {
+    let mut varying = state[rows].to_vec();
+    varying.extend(timed.then_some(Symbol::Time));
+    Inputs { varying, uniform: unknowns.to_vec() }
 }

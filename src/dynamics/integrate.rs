@@ -3,6 +3,7 @@
 use super::batch::{Batch, Scratch};
 use super::equations::Dynamics;
 use super::methods::{Kind, Method};
+use super::splitting::Recorder;
 use super::{explicit, implicit, splitting};
 
 /// Advances every lane by its own `span[lane]` in `steps` equal steps.
@@ -20,7 +21,7 @@ pub fn advance(
     theta: &[f64],
     scratch: &mut Scratch,
 ) {
-    advance_recording(dynamics, method, batch, span, steps, theta, scratch, &mut |_| {});
+    advance_recording(dynamics, method, batch, span, steps, theta, scratch, None);
 }
 
 /// The same; `record` sees the state before every stage of a splitting, or else every step.
@@ -33,22 +34,25 @@ pub(super) fn advance_recording(
     steps: usize,
     theta: &[f64],
     scratch: &mut Scratch,
-    record: &mut dyn FnMut(&[f64]),
+    record: Option<Recorder>,
 ) {
     if steps == 0 || batch.lanes == 0 {
         return;
     }
     scratch.step.clear();
     scratch.step.extend(span.iter().map(|span| span / steps as f64));
+    let mut ignore = |_: &[f64]| {};
     match &method.row().kind {
         Kind::Splitting(_) if !dynamics.separable() => batch.state.fill(f64::NAN),
         Kind::Splitting(gammas) => {
             splitting::advance(dynamics, gammas, batch, steps, theta, scratch, record);
         }
         Kind::Implicit(tableau) => {
+            let record = record.unwrap_or(&mut ignore);
             implicit::advance(dynamics, tableau, batch, steps, theta, scratch, record);
         }
         Kind::Explicit(tableau) => {
+            let record = record.unwrap_or(&mut ignore);
             explicit::advance(dynamics, tableau, batch, steps, theta, scratch, record);
         }
     }

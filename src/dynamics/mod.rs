@@ -22,6 +22,7 @@ mod observe;
 mod splitting;
 mod steps;
 pub mod systems;
+mod taylor;
 mod trajectory;
 
 pub use adjoint::{PulledBack, Recording, pull_back, pull_back_observed};
@@ -31,4 +32,5 @@ pub use integrate::advance;
 pub use methods::{Kind, METHODS, Method, MethodRow, Tableau};
 pub use observe::observe;
 pub use steps::{StepChoice, choose_steps};
+pub use taylor::{TaylorRun, taylor};
 pub use trajectory::{Pace, Stop, Trajectory, finest_method, simulate};

@@ -2,6 +2,10 @@
 
 use super::batch::{Batch, Scratch};
 use super::equations::Dynamics;
+use crate::eval::{InstructionSet, Pace, add_carrying};
+
+/// Sees the states before every stage or step.
+pub type Recorder<'a> = &'a mut dyn FnMut(&[f64]);
 
 /// One stage of a splitting method.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,24 +31,28 @@ pub fn stages(gammas: &[f64], steps: usize) -> impl Iterator<Item = Stage> {
                 None if step == 0 => 0.0,
                 None => gammas[gammas.len() - 1],
             };
-            let time = step as f64 + start;
+            let [time, middle] = [start, start + 0.5 * gamma].map(|part| step as f64 + part);
             start += gamma;
             [
                 Stage { drift: true, coefficient: 0.5 * (before + gamma), time },
-                Stage { drift: false, coefficient: gamma, time: time + 0.5 * gamma },
+                Stage { drift: false, coefficient: gamma, time: middle },
             ]
         })
     });
-    let last = gammas.last().filter(|_| steps > 0).map(|&gamma| Stage {
-        drift: true,
-        coefficient: 0.5 * gamma,
-        time: steps as f64,
-    });
-    substeps.chain(last)
+    substeps.chain(last(gammas, steps))
+}
+
+/// The drift that ends the last step.
+fn last(gammas: &[f64], steps: usize) -> Option<Stage> {
+    let gamma = gammas.last().filter(|_| steps > 0)?;
+    Some(Stage { drift: true, coefficient: 0.5 * gamma, time: steps as f64 })
 }
 
 /// Advances a batch; `scratch.step` holds the step of each lane. `record` sees the state before
 /// every stage.
+///
+/// What rounding takes from a state is carried on from stage to stage, so that the error of
+/// rounding does not grow with the number of steps.
 pub fn advance(
     dynamics: &Dynamics,
     gammas: &[f64],
@@ -52,12 +60,72 @@ pub fn advance(
     steps: usize,
     theta: &[f64],
     scratch: &mut Scratch,
-    record: &mut dyn FnMut(&[f64]),
+    mut record: Option<Recorder>,
 ) {
+    scratch.carry.clear();
+    scratch.carry.resize(batch.state.len(), 0.0);
+    let few = batch.lanes <= FEW_LANES && !batch.has_tangents() && record.is_none();
+    if few && run_loop(dynamics, gammas, batch, steps, theta, scratch) {
+        if let Some(last) = last(gammas, steps) {
+            apply(dynamics, last, batch, theta, scratch);
+        }
+        return;
+    }
     for stage in stages(gammas, steps) {
-        record(&batch.state);
+        if let Some(record) = &mut record {
+            record(&batch.state);
+        }
         apply(dynamics, stage, batch, theta, scratch);
     }
+}
+
+/// Up to this many trajectories are followed one after the other, if there is machine code for
+/// it: that is faster than short rows.
+const FEW_LANES: usize = 8;
+
+/// All stages but the last drift, in machine code; the same to the last bit. Returns false, and
+/// does nothing, where there is no such code or it does not pay.
+fn run_loop(
+    dynamics: &Dynamics,
+    gammas: &[f64],
+    batch: &mut Batch,
+    steps: usize,
+    theta: &[f64],
+    scratch: &mut Scratch,
+) -> bool {
+    let per_step = 2 * gammas.len();
+    let first: Vec<Stage> = stages(gammas, 1).take(per_step).collect();
+    // The drifts that begin the later steps are longer.
+    let second = stages(gammas, 2).nth(per_step);
+    let scale =
+        |stage: &Stage, h: f64| if stage.drift { 1.0 } else { -1.0 } * stage.coefficient * h;
+    // A stage that does not move is not for machine code to find.
+    let moves = |h: &f64| first.iter().all(|stage| scale(stage, *h) != 0.0);
+    if !scratch.step.iter().all(moves) {
+        return false;
+    }
+    let Some(code) = dynamics.step_loop(per_step, steps * batch.lanes) else { return false };
+    let times: Vec<f64> = first.iter().map(|stage| stage.time).collect();
+    for lane in 0..batch.lanes {
+        let (step, start) = (scratch.step[lane], batch.time[lane]);
+        let mut scales: Vec<f64> = first.iter().map(|stage| scale(stage, step)).collect();
+        let mut state = batch.get(lane);
+        let at = |row: usize| row * batch.lanes + lane;
+        let mut carry: Vec<f64> = (0..state.len()).map(|row| scratch.carry[at(row)]).collect();
+        let pace = Pace { scales: &scales, times: &times, step, start, first: 0.0, steps: 1 };
+        code.run(&mut state, &mut carry, theta, &pace);
+        if let Some(second) = &second {
+            scales[0] = scale(second, step);
+        }
+        let (first, steps) = (1.0, steps - 1);
+        let pace = Pace { scales: &scales, times: &times, step, start, first, steps };
+        code.run(&mut state, &mut carry, theta, &pace);
+        for (row, (state, carry)) in state.into_iter().zip(carry).enumerate() {
+            batch.state[at(row)] = state;
+            scratch.carry[at(row)] = carry;
+        }
+    }
+    true
 }
 
 /// One drift or kick of the states, and of the tangents if there are any.
@@ -74,19 +142,18 @@ fn apply(
     stage.prepare(&batch.time, scratch);
     flow.evaluate(&batch.state, lanes, theta, tangents, scratch);
     let size = if tangents { flow.outputs() } else { flow.rows } * lanes;
-    let Scratch { out, scale, .. } = scratch;
+    let Scratch { out, scale, carry, .. } = scratch;
     let out = &mut out[..size];
-    rescale(out, scale);
-
-    let (values, entries) = out.split_at(flow.rows * lanes);
-    let (q, p) = batch.state.split_at_mut(degrees * lanes);
-    let target = if stage.drift { q } else { p };
-    for (state, change) in target.iter_mut().zip(values) {
-        *state += change;
-    }
+    let half = degrees * lanes;
+    let set = InstructionSet::widest();
+    let target = if stage.drift { 0..half } else { half..2 * half };
+    let (state, carry) = (&mut batch.state[target.clone()], &mut carry[target]);
+    add_carrying(set, state, carry, &out[..half], scale);
     if !tangents {
         return;
     }
+    rescale(out, scale);
+    let entries = &out[half..];
     let half = degrees * columns * lanes;
     let (q, p) = batch.tangent.split_at_mut(half);
     let (target, source) = if stage.drift { (q, &*p) } else { (p, &*q) };

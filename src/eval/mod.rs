@@ -1,12 +1,27 @@
 //! Evaluators: expressions compiled to functions that run over many points at once.
 
+mod arrays;
+mod elementary;
+mod instruction;
+#[cfg(target_arch = "x86_64")]
+mod jit;
 mod lower;
+mod processor;
 mod reference;
+mod series;
+mod steps;
 mod tape;
+mod uniform;
 
-pub(crate) use lower::{Instruction, Lowered, Slot, Value};
+pub(crate) use arrays::{add_carrying, add_products};
+pub(crate) use instruction::{Instruction, Slot, Value};
+pub(crate) use lower::Lowered;
+pub use processor::InstructionSet;
+pub(crate) use series::Series;
+pub(crate) use steps::{Pace, StepSource, Steps, compile_steps};
 
-use crate::expr::{Expr, Graph, Symbol};
+use self::uniform::Uniforms;
+use crate::expr::{Expr, Function, Graph, Symbol};
 
 /// Where a compiled function takes a symbol's value from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -22,6 +37,9 @@ pub trait Evaluator: Send + Sync {
     /// Number of output rows.
     fn outputs(&self) -> usize;
 
+    /// What the function really runs on.
+    fn backend(&self) -> Backend;
+
     /// Evaluates every output at every point.
     ///
     /// `points` is `[varying symbol][lane]`, row after row of `lanes` values;
@@ -35,6 +53,20 @@ pub trait Evaluator: Send + Sync {
         out: &mut [f64],
         workspace: &mut Vec<f64>,
     );
+
+    /// The same after an evaluation of this function with the same uniform numbers, the same
+    /// number of lanes and this workspace, if it is not empty: what is the same at every point
+    /// need not be computed again.
+    fn evaluate_again(
+        &self,
+        points: &[f64],
+        uniform: &[f64],
+        lanes: usize,
+        out: &mut [f64],
+        workspace: &mut Vec<f64>,
+    ) {
+        self.evaluate(points, uniform, lanes, out, workspace);
+    }
 }
 
 /// Which evaluator to compile to: a row of [`BACKENDS`].
@@ -43,13 +75,19 @@ pub enum Backend {
     /// One point after the other, node by node; the truth that the others are held against.
     Reference,
     /// A tape of instructions, each over a block of points.
-    #[default]
     Batched,
+    /// Machine code made at run time, on x86-64 with AVX2; elsewhere, and where it cannot be
+    /// made, the tape. Results are those of the tape to the last bit.
+    #[default]
+    Machine,
 }
 
 /// Every backend, with its name.
-pub const BACKENDS: &[(&str, Backend)] =
-    &[("reference", Backend::Reference), ("batched", Backend::Batched)];
+pub const BACKENDS: &[(&str, Backend)] = &[
+    ("reference", Backend::Reference),
+    ("batched", Backend::Batched),
+    ("machine", Backend::Machine),
+];
 
 /// Compiles expressions to a function of the inputs. A symbol that is not among them is NaN.
 pub fn compile(
@@ -58,8 +96,62 @@ pub fn compile(
     outputs: &[Expr],
     backend: Backend,
 ) -> Box<dyn Evaluator> {
-    match backend {
-        Backend::Reference => Box::new(reference::Reference::new(graph, inputs, outputs)),
-        Backend::Batched => Box::new(tape::Tape::new(graph, inputs, outputs)),
+    compile_for(graph, inputs, outputs, backend, InstructionSet::widest())
+}
+
+/// The same for an instruction set that need not be the widest; one that the processor lacks
+/// is replaced by the widest that it has. Results do not depend on it.
+pub fn compile_for(
+    graph: &Graph,
+    inputs: &Inputs,
+    outputs: &[Expr],
+    backend: Backend,
+    set: InstructionSet,
+) -> Box<dyn Evaluator> {
+    if backend == Backend::Reference {
+        return Box::new(reference::Reference::new(graph, inputs, outputs));
     }
+    let lowered = Lowered::new(graph, inputs, outputs);
+    let uniforms = Uniforms::new(graph, inputs, &lowered.slots);
+    #[cfg(target_arch = "x86_64")]
+    if backend == Backend::Machine
+        && let Some(machine) = jit::Machinecode::new(&lowered, uniforms.clone(), set)
+    {
+        return Box::new(machine);
+    }
+    Box::new(tape::Tape::new(&lowered, uniforms, set))
+}
+
+/// Code for a long straight line that is run for one point at a time.
+fn for_one_point(lowered: &Lowered, uniforms: Uniforms, backend: Backend) -> Box<dyn Evaluator> {
+    #[cfg(target_arch = "x86_64")]
+    if backend == Backend::Machine
+        && let Some(machine) = jit::Machinecode::for_one_point(lowered, uniforms.clone())
+    {
+        return Box::new(machine);
+    }
+    let _ = backend;
+    Box::new(tape::Tape::new(lowered, uniforms, InstructionSet::widest()))
+}
+
+/// How long the code of a function is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Length {
+    /// Instructions of a point.
+    pub instructions: usize,
+    /// Their time, in units of one multiplication.
+    pub cost: u32,
+    /// Numbers that are computed once a call.
+    pub uniform: usize,
+}
+
+/// The length of the code that [`compile`] makes of expressions for the batched backends.
+pub fn length(graph: &Graph, inputs: &Inputs, outputs: &[Expr]) -> Length {
+    let lowered = Lowered::new(graph, inputs, outputs);
+    Length { instructions: lowered.code.len(), cost: lowered.cost(), uniform: lowered.slots.len() }
+}
+
+/// function(x) of every number of `from`, into `to`, as the batched backends compute it.
+pub fn apply(set: InstructionSet, function: Function, from: &[f64], to: &mut [f64]) {
+    elementary::apply(set, function, from, to);
 }

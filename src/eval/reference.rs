@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::{Evaluator, Inputs};
+use super::{Backend, Evaluator, Inputs};
 use crate::expr::{Expr, Graph, Symbol};
 
 /// Expressions with the graph that they live in.
@@ -21,6 +21,10 @@ impl Reference {
 impl Evaluator for Reference {
     fn outputs(&self) -> usize {
         self.outputs.len()
+    }
+
+    fn backend(&self) -> Backend {
+        Backend::Reference
     }
 
     fn evaluate(

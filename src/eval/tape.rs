@@ -1,17 +1,18 @@
 //! The batched evaluator: a tape of instructions, each run over a block of points.
 
-use std::collections::HashMap;
-
-use super::lower::{Instruction, Lowered, Value};
-use super::{Evaluator, Inputs};
-use crate::expr::{Expr, Function, Graph, Node, Number, Symbol, raise};
+use super::instruction::{Instruction, Value};
+use super::lower::Lowered;
+use super::processor::dispatched;
+use super::uniform::Uniforms;
+use super::{Backend, Evaluator, InstructionSet, elementary};
+use crate::expr::raise;
 
 /// Points that one arithmetic operation takes at a time; the compiler makes vectors of them.
 const CHUNK: usize = 16;
-/// Chunks of one block: a few dozen registers of a block fit the first-level cache.
-const CHUNKS: usize = 8;
-/// Points of one block, at most.
-const BLOCK: usize = CHUNK * CHUNKS;
+/// Bytes of a block's registers: they share the first-level cache with rows that come and go.
+const BLOCK_BYTES: usize = 24 << 10;
+/// Most chunks of one block: more would not make the instructions' share any smaller.
+const MOST_CHUNKS: usize = 16;
 
 type Chunk = [f64; CHUNK];
 
@@ -21,150 +22,31 @@ pub struct Tape {
     code: Vec<(Instruction, u32)>,
     /// Output rows that are stored right after an instruction: (instruction, output).
     stores: Vec<(u32, u32)>,
-    slots: Vec<(f64, Vec<(usize, f64)>)>,
-    scalars: Vec<Scalar>,
+    uniforms: Uniforms,
     registers: usize,
+    /// Chunks of one block.
+    chunks: usize,
     outputs: usize,
-}
-
-/// A step of the program that computes uniform expressions; operands are earlier steps.
-enum Scalar {
-    Number(f64),
-    /// A row of `uniform`; `None` for a symbol that is no input.
-    Uniform(Option<usize>),
-    Sum(f64, Vec<(usize, f64)>),
-    Product(Vec<(usize, f64)>),
-    Power(usize, usize),
-    Apply(Function, usize),
+    set: InstructionSet,
 }
 
 impl Tape {
-    pub fn new(graph: &Graph, inputs: &Inputs, outputs: &[Expr]) -> Tape {
-        let lowered = Lowered::new(graph, inputs, outputs);
-        let (scalars, place) = scalar_program(graph, inputs, &lowered);
-        let slots = lowered
-            .slots
-            .iter()
-            .map(|slot| {
-                (slot.factor, slot.parts.iter().map(|&(e, power)| (place[&e], power)).collect())
-            })
-            .collect();
-        let Allocated { code, stores, registers } = allocate(&lowered);
-        Tape { code, stores, slots, scalars, registers, outputs: outputs.len() }
-    }
-
-    fn slot_values(&self, uniform: &[f64]) -> Vec<f64> {
-        let mut values: Vec<f64> = Vec::with_capacity(self.scalars.len());
-        for step in &self.scalars {
-            let value = match step {
-                Scalar::Number(value) => *value,
-                Scalar::Uniform(row) => {
-                    row.and_then(|row| uniform.get(row)).copied().unwrap_or(f64::NAN)
-                }
-                Scalar::Sum(constant, terms) => {
-                    constant + terms.iter().map(|&(i, c)| c * values[i]).sum::<f64>()
-                }
-                Scalar::Product(parts) => parts.iter().map(|&(i, e)| raise(values[i], e)).product(),
-                Scalar::Power(base, exponent) => values[*base].powf(values[*exponent]),
-                Scalar::Apply(function, argument) => (function.row().value)(values[*argument]),
-            };
-            values.push(value);
-        }
-        self.slots
-            .iter()
-            .map(|(factor, parts)| {
-                factor * parts.iter().map(|&(i, e)| raise(values[i], e)).product::<f64>()
-            })
-            .collect()
-    }
-
-    /// Runs one block. `width` points of each row from `start` are real; the last chunk is padded.
-    #[inline(always)]
-    fn run(&self, block: &mut Block, registers: &mut [Chunk]) {
-        let mut stores = self.stores.iter().peekable();
-        let used = block.width.div_ceil(CHUNK);
-        for (at, &(instruction, to)) in self.code.iter().enumerate() {
-            let to = to as usize * CHUNKS;
-            let row = |r: Value| r as usize * CHUNKS;
-            match instruction {
-                Instruction::Load { input } => {
-                    let from = &block.points[input as usize * block.lanes + block.start..];
-                    for (c, chunk) in from[..block.width].chunks(CHUNK).enumerate() {
-                        registers[to + c][..chunk.len()].copy_from_slice(chunk);
-                    }
-                }
-                Instruction::Broadcast { slot } => {
-                    registers[to..to + used].fill([block.slots[slot as usize]; CHUNK]);
-                }
-                Instruction::Scale { a, slot } => {
-                    let s = block.slots[slot as usize];
-                    map(registers, used, to, row(a), |x| x * s);
-                }
-                Instruction::Shift { a, slot } => {
-                    let s = block.slots[slot as usize];
-                    map(registers, used, to, row(a), |x| x + s);
-                }
-                Instruction::AddScaled { a, b, slot } => {
-                    let s = block.slots[slot as usize];
-                    zip(registers, used, to, row(a), row(b), |x, y| x + y * s);
-                }
-                Instruction::Multiply { a, b } => {
-                    zip(registers, used, to, row(a), row(b), |x, y| x * y);
-                }
-                Instruction::Reciprocal { a } => map(registers, used, to, row(a), |x| 1.0 / x),
-                Instruction::Raise { a, slot } => {
-                    let exponent = block.slots[slot as usize];
-                    map(registers, used, to, row(a), |x| raise(x, exponent));
-                }
-                Instruction::Power { a, b } => {
-                    zip(registers, used, to, row(a), row(b), |x, y| x.powf(y));
-                }
-                Instruction::Apply { a, function } => {
-                    map(registers, used, to, row(a), function.row().value);
-                }
-            }
-            while let Some(&&(_, output)) = stores.peek().filter(|s| s.0 == at as u32) {
-                stores.next();
-                let into = &mut block.out[output as usize * block.lanes + block.start..];
-                for (c, chunk) in into[..block.width].chunks_mut(CHUNK).enumerate() {
-                    chunk.copy_from_slice(&registers[to + c][..chunk.len()]);
-                }
-            }
-        }
-    }
-
-    /// The same arithmetic in wider registers. Nothing is fused, so results are the same bits.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn run_avx2(&self, block: &mut Block, registers: &mut [Chunk]) {
-        self.run(block, registers);
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx512f")]
-    fn run_avx512(&self, block: &mut Block, registers: &mut [Chunk]) {
-        self.run(block, registers);
-    }
-
-    fn run_widest(&self, block: &mut Block, registers: &mut [Chunk]) {
-        #[cfg(target_arch = "x86_64")]
-        {
-            if std::arch::is_x86_feature_detected!("avx512f") {
-                // SAFETY: the instruction set was just found on this processor.
-                return unsafe { self.run_avx512(block, registers) };
-            }
-            if std::arch::is_x86_feature_detected!("avx2") {
-                // SAFETY: the instruction set was just found on this processor.
-                return unsafe { self.run_avx2(block, registers) };
-            }
-        }
-        self.run(block, registers);
+    pub fn new(lowered: &Lowered, uniforms: Uniforms, set: InstructionSet) -> Tape {
+        let Allocated { code, stores, registers } = allocate(lowered);
+        let chunk_bytes = registers.max(1) * CHUNK * size_of::<f64>();
+        let chunks = (BLOCK_BYTES / chunk_bytes).clamp(2, MOST_CHUNKS);
+        let outputs = lowered.outputs.len();
+        Tape { code, stores, uniforms, registers, chunks, outputs, set }
     }
 }
 
 impl Evaluator for Tape {
     fn outputs(&self) -> usize {
         self.outputs
+    }
+
+    fn backend(&self) -> Backend {
+        Backend::Batched
     }
 
     fn evaluate(
@@ -175,13 +57,18 @@ impl Evaluator for Tape {
         out: &mut [f64],
         workspace: &mut Vec<f64>,
     ) {
-        let slots = self.slot_values(uniform);
-        workspace.resize((self.registers.max(1)) * BLOCK, 0.0);
-        let (registers, _) = workspace.as_chunks_mut::<CHUNK>();
-        for start in (0..lanes).step_by(BLOCK) {
-            let width = BLOCK.min(lanes - start);
-            let mut block = Block { points, slots: &slots, lanes, start, width, out: &mut *out };
-            self.run_widest(&mut block, registers);
+        let (slots, steps) = (self.uniforms.len(), self.uniforms.scratch());
+        let registers = self.registers.max(1) * self.chunks * CHUNK;
+        workspace.resize(workspace.len().max(registers + slots + steps), 0.0);
+        let (registers, rest) = workspace.split_at_mut(registers);
+        let (slots, steps) = rest.split_at_mut(slots);
+        self.uniforms.evaluate(uniform, steps, |slot, value| slots[slot] = value);
+        let (registers, _) = registers.as_chunks_mut::<CHUNK>();
+        let most = self.chunks * CHUNK;
+        for start in (0..lanes).step_by(most) {
+            let width = most.min(lanes - start);
+            let mut block = Block { points, slots, lanes, start, width, out: &mut *out };
+            run(self.set, self, &mut block, registers);
         }
     }
 }
@@ -196,12 +83,111 @@ struct Block<'a> {
     out: &'a mut [f64],
 }
 
+dispatched! {
+    /// Runs one block.
+    fn run(tape: &Tape, block: &mut Block, registers: &mut [Chunk]) = run_block;
+}
+
+/// `width` points of each row from `start` are real; the last chunk is padded.
+#[inline(always)]
+fn run_block(tape: &Tape, block: &mut Block, registers: &mut [Chunk]) {
+    let mut stores = tape.stores.iter().peekable();
+    let used = block.width.div_ceil(CHUNK);
+    let slot = |slot: u32| block.slots[slot as usize];
+    for (at, &(instruction, to)) in tape.code.iter().enumerate() {
+        let row = |r: Value| r as usize * tape.chunks;
+        let to = row(to);
+        match instruction {
+            Instruction::Load { input } => {
+                let from = &block.points[input as usize * block.lanes + block.start..];
+                for (c, chunk) in from[..block.width].chunks(CHUNK).enumerate() {
+                    registers[to + c][..chunk.len()].copy_from_slice(chunk);
+                }
+            }
+            Instruction::Broadcast { slot: s } => {
+                registers[to..to + used].fill([slot(s); CHUNK]);
+            }
+            Instruction::Scale { a, slot: s } => {
+                let s = slot(s);
+                map(registers, used, to, row(a), |x| x * s);
+            }
+            Instruction::Shift { a, slot: s } => {
+                let s = slot(s);
+                map(registers, used, to, row(a), |x| x + s);
+            }
+            Instruction::ScaleShift { a, slot: s, shift } => {
+                let (s, shift) = (slot(s), slot(shift));
+                map(registers, used, to, row(a), |x| x.mul_add(s, shift));
+            }
+            Instruction::AddScaled { a, b, slot: s } => {
+                let s = slot(s);
+                zip(registers, used, to, row(a), row(b), |x, y| y.mul_add(s, x));
+            }
+            Instruction::Add { a, b } => {
+                zip(registers, used, to, row(a), row(b), |x, y| x + y);
+            }
+            Instruction::Subtract { a, b } => {
+                zip(registers, used, to, row(a), row(b), |x, y| x - y);
+            }
+            Instruction::Multiply { a, b } => {
+                zip(registers, used, to, row(a), row(b), |x, y| x * y);
+            }
+            Instruction::MultiplyShift { a, b, slot: s } => {
+                let s = slot(s);
+                zip(registers, used, to, row(a), row(b), |x, y| x.mul_add(y, s));
+            }
+            Instruction::MultiplyAdd { a, b, c } => {
+                let (a, b, c) = (row(a), row(b), row(c));
+                for i in 0..used {
+                    let (x, y, z) = (registers[a + i], registers[b + i], registers[c + i]);
+                    let mut result = [0.0; CHUNK];
+                    for i in 0..CHUNK {
+                        result[i] = x[i].mul_add(y[i], z[i]);
+                    }
+                    registers[to + i] = result;
+                }
+            }
+            Instruction::Reciprocal { a } => map(registers, used, to, row(a), |x| 1.0 / x),
+            Instruction::Raise { a, slot: s } => {
+                let exponent = slot(s);
+                map(registers, used, to, row(a), |x| raise(x, exponent));
+            }
+            Instruction::Power { a, b } => {
+                zip(registers, used, to, row(a), row(b), |x, y| x.powf(y));
+            }
+            Instruction::Apply { a, function } => {
+                let a = row(a);
+                // A function never writes to the register that it reads.
+                let (from, to) = if a < to {
+                    let (left, right) = registers.split_at_mut(to);
+                    (&left[a..a + used], &mut right[..used])
+                } else {
+                    let (left, right) = registers.split_at_mut(a);
+                    (&right[..used], &mut left[to..to + used])
+                };
+                elementary::apply(tape.set, function, from.as_flattened(), to.as_flattened_mut());
+            }
+        }
+        while let Some(&&(_, output)) = stores.peek().filter(|s| s.0 == at as u32) {
+            stores.next();
+            let into = &mut block.out[output as usize * block.lanes + block.start..];
+            for (c, chunk) in into[..block.width].chunks_mut(CHUNK).enumerate() {
+                chunk.copy_from_slice(&registers[to + c][..chunk.len()]);
+            }
+        }
+    }
+}
+
 /// Operands are copied to locals first: the compiler then sees that nothing overlaps.
 #[inline(always)]
 fn map(registers: &mut [Chunk], used: usize, to: usize, a: usize, f: impl Fn(f64) -> f64) {
     for c in 0..used {
         let x = registers[a + c];
-        registers[to + c] = std::array::from_fn(|i| f(x[i]));
+        let mut result = [0.0; CHUNK];
+        for i in 0..CHUNK {
+            result[i] = f(x[i]);
+        }
+        registers[to + c] = result;
     }
 }
 
@@ -215,40 +201,13 @@ fn zip(
     f: impl Fn(f64, f64) -> f64,
 ) {
     for c in 0..used {
-        let x = registers[a + c];
-        let y = registers[b + c];
-        registers[to + c] = std::array::from_fn(|i| f(x[i], y[i]));
+        let (x, y) = (registers[a + c], registers[b + c]);
+        let mut result = [0.0; CHUNK];
+        for i in 0..CHUNK {
+            result[i] = f(x[i], y[i]);
+        }
+        registers[to + c] = result;
     }
-}
-
-/// The steps that compute every uniform expression the slots ask for, and where each stands.
-fn scalar_program(
-    graph: &Graph,
-    inputs: &Inputs,
-    lowered: &Lowered,
-) -> (Vec<Scalar>, HashMap<Expr, usize>) {
-    let roots: Vec<Expr> =
-        lowered.slots.iter().flat_map(|slot| slot.parts.iter().map(|&(e, _)| e)).collect();
-    let row_of: HashMap<Symbol, usize> =
-        inputs.uniform.iter().enumerate().map(|(i, &s)| (s, i)).collect();
-    let mut place: HashMap<Expr, usize> = HashMap::new();
-    let mut steps = Vec::new();
-    for expr in graph.topological(&roots) {
-        let pairs = |list: &[(Expr, Number)]| -> Vec<(usize, f64)> {
-            list.iter().map(|(e, c)| (place[e], c.value())).collect()
-        };
-        let step = match graph.node(expr) {
-            Node::Number(number) => Scalar::Number(number.value()),
-            Node::Symbol(symbol) => Scalar::Uniform(row_of.get(symbol).copied()),
-            Node::Sum { constant, terms } => Scalar::Sum(constant.value(), pairs(terms)),
-            Node::Product(parts) => Scalar::Product(pairs(parts)),
-            Node::Power(base, exponent) => Scalar::Power(place[base], place[exponent]),
-            Node::Apply(function, argument) => Scalar::Apply(*function, place[argument]),
-        };
-        place.insert(expr, steps.len());
-        steps.push(step);
-    }
-    (steps, place)
 }
 
 /// The tape after register allocation; the fields are those of [`Tape`].
@@ -262,7 +221,7 @@ struct Allocated {
 fn allocate(lowered: &Lowered) -> Allocated {
     let mut last_use: Vec<usize> = (0..lowered.code.len()).collect();
     for (at, instruction) in lowered.code.iter().enumerate() {
-        for operand in instruction.operands().into_iter().flatten() {
+        for operand in instruction.operands() {
             last_use[operand as usize] = at;
         }
     }
@@ -274,18 +233,28 @@ fn allocate(lowered: &Lowered) -> Allocated {
     let mut register_of: Vec<u32> = Vec::with_capacity(lowered.code.len());
     let mut code = Vec::with_capacity(lowered.code.len());
     for (at, &instruction) in lowered.code.iter().enumerate() {
-        let renamed = rename(instruction, &register_of);
-        let mut operands: Vec<Value> = instruction.operands().into_iter().flatten().collect();
-        operands.dedup();
-        for operand in operands {
-            if last_use[operand as usize] == at {
-                free.push(register_of[operand as usize]);
-            }
-        }
-        let to = free.pop().unwrap_or_else(|| {
-            registers += 1;
-            registers - 1
-        });
+        let renamed = instruction.renamed(|value| register_of[value as usize]);
+        let mut ended: Vec<u32> = instruction
+            .operands()
+            .filter(|&operand| last_use[operand as usize] == at)
+            .map(|operand| register_of[operand as usize])
+            .collect();
+        ended.sort_unstable();
+        ended.dedup();
+        let mut take = |free: &mut Vec<u32>| {
+            free.pop().unwrap_or_else(|| {
+                registers += 1;
+                registers - 1
+            })
+        };
+        let to = if matches!(instruction, Instruction::Apply { .. }) {
+            let to = take(&mut free);
+            free.append(&mut ended);
+            to
+        } else {
+            free.append(&mut ended);
+            take(&mut free)
+        };
         register_of.push(to);
         if last_use[at] == at {
             free.push(to);
@@ -293,19 +262,4 @@ fn allocate(lowered: &Lowered) -> Allocated {
         code.push((renamed, to));
     }
     Allocated { code, stores, registers: registers as usize }
-}
-
-fn rename(instruction: Instruction, register_of: &[u32]) -> Instruction {
-    let r = |value: Value| register_of[value as usize];
-    match instruction {
-        Instruction::Load { .. } | Instruction::Broadcast { .. } => instruction,
-        Instruction::Scale { a, slot } => Instruction::Scale { a: r(a), slot },
-        Instruction::Shift { a, slot } => Instruction::Shift { a: r(a), slot },
-        Instruction::Reciprocal { a } => Instruction::Reciprocal { a: r(a) },
-        Instruction::Raise { a, slot } => Instruction::Raise { a: r(a), slot },
-        Instruction::Apply { a, function } => Instruction::Apply { a: r(a), function },
-        Instruction::AddScaled { a, b, slot } => Instruction::AddScaled { a: r(a), b: r(b), slot },
-        Instruction::Multiply { a, b } => Instruction::Multiply { a: r(a), b: r(b) },
-        Instruction::Power { a, b } => Instruction::Power { a: r(a), b: r(b) },
-    }
 }

@@ -42,10 +42,10 @@ pub fn body(model: &Model, names: &Identifiers, dialect: &Dialect, outputs: &[Ex
         .filter(|s| matches!(s, Symbol::Coordinate(_) | Symbol::Momentum(_) | Symbol::Time))
         .collect();
     let inputs = Inputs { varying: variables.iter().copied().collect(), uniform: Vec::new() };
-    let lowered = Lowered::new(graph, &inputs, outputs);
+    let lowered = Lowered::expanded(graph, &inputs, outputs);
     let mut uses = vec![0_u32; lowered.code.len()];
     for instruction in &lowered.code {
-        for operand in instruction.operands().into_iter().flatten() {
+        for operand in instruction.operands() {
             uses[operand as usize] += 1;
         }
     }
@@ -129,7 +129,7 @@ impl Writer<'_> {
         inputs: &Inputs,
         lowered: &Lowered,
     ) -> Text {
-        let operands: Vec<Value> = instruction.operands().into_iter().flatten().collect();
+        let operands: Vec<Value> = instruction.operands().collect();
         if let Instruction::Apply { a, .. }
         | Instruction::Raise { a, .. }
         | Instruction::Power { a, .. } = instruction
@@ -168,16 +168,25 @@ impl Writer<'_> {
                 let text = format!("{} {sign} {}", of(a).text, product.within(Strength::Product));
                 Text::new(text, Strength::Sum)
             }
-            Instruction::Shift { a, slot: s } => {
-                let (negative, text) = self.slot(slot(s));
-                let text = text.unwrap_or(Text::new("1.0", Strength::Atom));
-                let sign = if negative { '-' } else { '+' };
-                let text = format!("{} {sign} {}", of(a).text, text.within(Strength::Product));
+            Instruction::Shift { a, slot: s } => self.shifted(of(a), slot(s)),
+            Instruction::Multiply { a, b } => product(of(a), of(b)),
+            Instruction::Add { a, b } => {
+                let text = format!("{} + {}", of(a).text, of(b).within(Strength::Product));
                 Text::new(text, Strength::Sum)
             }
-            Instruction::Multiply { a, b } => {
-                let (a, b) = (of(a).within(Strength::Product), of(b).within(Strength::Atom));
-                Text::new(format!("{a} * {b}"), Strength::Product)
+            Instruction::Subtract { a, b } => {
+                let text = format!("{} - {}", of(a).text, of(b).within(Strength::Product));
+                Text::new(text, Strength::Sum)
+            }
+            Instruction::MultiplyAdd { a, b, c } => {
+                let text = format!("{} + {}", of(c).text, product(of(a), of(b)).text);
+                Text::new(text, Strength::Sum)
+            }
+            Instruction::MultiplyShift { a, b, slot: s } => {
+                self.shifted(&product(of(a), of(b)), slot(s))
+            }
+            Instruction::ScaleShift { a, slot: s, shift } => {
+                self.shifted(&self.scaled(slot(s), of(a)), slot(shift))
             }
             Instruction::Reciprocal { a } => {
                 Text::new(format!("1.0 / {}", of(a).within(Strength::Atom)), Strength::Product)
@@ -189,6 +198,14 @@ impl Writer<'_> {
             }
             Instruction::Apply { a, function } => self.apply(function, of(a)),
         }
+    }
+
+    fn shifted(&self, a: &Text, slot: &Slot) -> Text {
+        let (negative, text) = self.slot(slot);
+        let text = text.unwrap_or(Text::new("1.0", Strength::Atom));
+        let sign = if negative { '-' } else { '+' };
+        let text = format!("{} {sign} {}", a.text, text.within(Strength::Product));
+        Text::new(text, Strength::Sum)
     }
 
     fn scaled(&self, slot: &Slot, a: &Text) -> Text {
@@ -276,6 +293,11 @@ impl Writer<'_> {
             Node::Apply(function, argument) => self.apply(*function, &self.uniform(*argument)),
         }
     }
+}
+
+fn product(a: &Text, b: &Text) -> Text {
+    let (a, b) = (a.within(Strength::Product), b.within(Strength::Atom));
+    Text::new(format!("{a} * {b}"), Strength::Product)
 }
 
 /// factor * a, multiplied from left to right with a as a whole.

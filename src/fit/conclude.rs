@@ -131,7 +131,7 @@ fn used_parameters(training: &Training) -> Vec<usize> {
     let dynamics = crate::dynamics::Dynamics::new(
         training.system,
         &training.support,
-        crate::eval::Backend::Batched,
+        crate::eval::Backend::default(),
     );
     dynamics.parameters().to_vec()
 }

@@ -149,7 +149,7 @@ struct Trainer<'a> {
 impl<'a> Trainer<'a> {
     fn new(system: &'a System, dataset: &'a Dataset, options: &'a Options) -> Result<Self> {
         let everything: Vec<usize> = (0..system.terms.len()).collect();
-        let dynamics = Dynamics::new(system, &everything, Backend::Batched);
+        let dynamics = Dynamics::new(system, &everything, Backend::default());
         let typical = typical_step(dataset);
         let integrator = stepping::coarse(system, dataset, options, dynamics.separable(), typical)?;
         let segments = cut(dataset, options.window.unwrap_or(2)).list;

@@ -101,7 +101,7 @@ impl<'a> Training<'a> {
         let shortest = (2.0 / share - 0.5).ceil().min(longest as f64) as usize;
         let window = options.window.unwrap_or(shortest).clamp(2, longest.max(2));
         let everything: Vec<usize> = (0..system.terms.len()).collect();
-        let separable = Dynamics::new(system, &everything, Backend::Batched).separable();
+        let separable = Dynamics::new(system, &everything, Backend::default()).separable();
         let mut training = Training {
             system,
             dataset,
@@ -201,7 +201,7 @@ impl<'a> Training<'a> {
 
     /// The dynamics of some terms, and their theta at the present model.
     fn compile(&self, terms: &[usize]) -> (Dynamics, Vec<f64>) {
-        let dynamics = Dynamics::new(self.system, terms, Backend::Batched);
+        let dynamics = Dynamics::new(self.system, terms, Backend::default());
         let theta = self.theta(&dynamics);
         (dynamics, theta)
     }

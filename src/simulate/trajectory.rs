@@ -52,7 +52,7 @@ impl<'a> Simulator<'a> {
         coefficients: &[f64],
         parameters: &[f64],
     ) -> Self {
-        let dynamics = Dynamics::new(system, active, Backend::Batched);
+        let dynamics = Dynamics::new(system, active, Backend::default());
         let mut theta = coefficients.to_vec();
         theta.extend(
             dynamics.parameters().iter().map(|&j| parameters.get(j).copied().unwrap_or(0.0)),
