@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 use crate::data::{
     self, Cells, Column, ColumnMap, DataReport, Dataset, Mapping, ObservableMap, Table,
 };
-use crate::error::{DataError, Error, Result};
+use crate::error::{Error, Result};
 use crate::expr::{self, Compiled, System};
 use crate::fit::Model;
 use crate::fit::model::FORMAT;
@@ -276,13 +276,12 @@ fn number_pairs(table: &mut Table, run: Option<&str>) -> Result<String> {
         None => None,
     };
     if table.rows() % 2 == 1 {
-        return Err(Error::Data(DataError {
-            file: table.path.clone(),
-            line: table.lines.last().copied(),
-            column: None,
-            message: format!("there are {} rows, but pairs need an even number", table.rows()),
-            hint: "the last row has no partner: add it, or remove the row".to_string(),
-        }));
+        return Err(table.error(
+            table.lines.last().copied(),
+            None,
+            format!("there are {} rows, but pairs need an even number", table.rows()),
+            "the last row has no partner: add it, or remove the row",
+        ));
     }
     let cells: Cells = (0..table.rows())
         .map(|row| match &runs {

@@ -5,9 +5,13 @@
 //! them, and groups and orders the rows into runs. Nothing is resampled or filled in.
 
 mod cell;
+mod cells;
 mod delimiter;
+mod format;
+mod header;
 mod mapping;
 mod order;
+mod parquet;
 mod quality;
 mod read;
 mod report;
@@ -18,14 +22,16 @@ mod text;
 mod write;
 
 pub use cell::{Cell, format_number, parse_cell};
+pub use cells::Cells;
 pub use delimiter::Delimiter;
+pub use format::{Format, read, read_bytes, to_bytes};
 pub use mapping::{ColumnMap, Mapping, ObservableMap, TIME_NAMES};
+pub use parquet::{ParquetWriter, to_parquet};
 pub use quality::{Suspicion, SuspicionKind};
-pub use read::{read, read_bytes};
 pub use report::{ColumnReport, DataReport, Gap, RunReport, Sampling, Source};
 pub use select::dataset;
 pub use split::{Split, concatenate};
-pub use table::{Cells, Column, Reading, Table};
+pub use table::{Column, ParquetReading, Reading, Table, TextReading};
 pub use text::Encoding;
 pub use write::{Layout, to_csv, write_atomically, write_csv};
 

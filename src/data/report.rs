@@ -6,8 +6,8 @@ use comfy_table::{CellAlignment, ContentArrangement};
 use serde::Serialize;
 
 use super::cell::short;
+use super::header::counted;
 use super::quality::{Suspicion, rough_noise, suspicions};
-use super::read::counted;
 use super::table::{Reading, Table};
 use super::{Dataset, Run};
 
@@ -148,7 +148,7 @@ impl DataReport {
             file: table.path.clone(),
             sha256: table.sha256.clone(),
             rows: table.rows(),
-            reading: table.reading,
+            reading: table.reading.clone(),
         });
         report
     }
@@ -158,12 +158,10 @@ impl DataReport {
         let mut lines = Vec::new();
         if let Some(source) = &self.source {
             lines.push(format!(
-                "{}: {}, {}, {} between cells{}",
+                "{}: {}, {}",
                 source.file.display(),
                 counted(source.rows, "row"),
-                source.reading.encoding.name(),
-                source.reading.delimiter.name(),
-                if source.reading.decimal_comma { ", decimal commas" } else { "" }
+                source.reading.sentence()
             ));
         }
         lines.push(format!(
@@ -181,6 +179,11 @@ impl DataReport {
         }
         lines.extend(self.warnings.iter().map(|w| format!("Warning: {w}")));
         lines.join("\n")
+    }
+
+    /// What a place in the file is called.
+    fn place(&self) -> &'static str {
+        self.source.as_ref().map_or("line", |source| source.reading.noun())
     }
 
     fn column_table(&self) -> String {
@@ -222,7 +225,8 @@ impl DataReport {
                 format!("{} to {}", run.lines.0, run.lines.1),
             ]
         });
-        let header = ["run", "samples", "start", "end", "lines"];
+        let places = format!("{}s", self.place());
+        let header = ["run", "samples", "start", "end", &places];
         with_rest(drawn(&header, rows, 1), self.runs.len(), "run")
     }
 
@@ -236,7 +240,8 @@ impl DataReport {
                 format!("{:.1}", gap.steps),
             ]
         });
-        let header = ["gap in run", "after line", "start", "end", "median steps"];
+        let after = format!("after {}", self.place());
+        let header = ["gap in run", &after, "start", "end", "median steps"];
         with_rest(drawn(&header, rows, 1), self.gaps.len(), "gap")
     }
 }
