@@ -99,7 +99,7 @@ pub struct DataError {
     /// the row, counted from 1.
     pub line: Option<u64>,
     /// Row group of a Parquet file, counted from 1; none for files that have lines.
-    pub row_group: Option<u64>,
+    pub row_group: Option<u32>,
     /// Name of the column.
     pub column: Option<String>,
     /// What is wrong.

@@ -252,7 +252,7 @@ fn every_bad_file_is_refused_with_place_and_advice() {
     scrambled[4..body].fill(0xff);
     // What is wrong, the file, its run column; row, row group and column of the error; words.
     type Row<'a> =
-        (Vec<u8>, Option<&'a str>, Option<u64>, Option<u64>, Option<&'a str>, &'a [&'a str]);
+        (Vec<u8>, Option<&'a str>, Option<u64>, Option<u32>, Option<&'a str>, &'a [&'a str]);
     let rows: Vec<Row> = vec![
         (Vec::new(), None, None, None, None, &["is empty"]),
         (b"t,x\n0,1\n".to_vec(), None, None, None, None, &["does not begin with PAR1"]),

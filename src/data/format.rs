@@ -3,6 +3,8 @@
 use std::io::Read;
 use std::path::Path;
 
+use sha2::{Digest, Sha256};
+
 use super::parquet;
 use super::table::Table;
 use super::write::{Layout, to_csv};
@@ -79,6 +81,20 @@ pub fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Table> {
     match Format::of_bytes(path, bytes) {
         Format::Text => text::read_bytes(path, bytes),
         Format::Parquet => parquet::read_bytes(path, bytes),
+    }
+}
+
+/// SHA-256 of a file's bytes, in hexadecimal digits, without taking it into memory.
+pub(super) fn hash_file(path: &Path) -> Result<String> {
+    let failed = |error| Error::file("read", path, error);
+    let mut file = std::fs::File::open(path).map_err(failed)?;
+    let mut hash = Sha256::new();
+    let mut buffer = vec![0; 1 << 20];
+    loop {
+        match file.read(&mut buffer).map_err(failed)? {
+            0 => return Ok(format!("{:x}", hash.finalize())),
+            read => hash.update(&buffer[..read]),
+        }
     }
 }
 

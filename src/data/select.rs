@@ -150,12 +150,7 @@ impl Rows<'_> {
         };
         let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
         if let Some((column, what)) = run.and_then(|c| c.cells.unread().map(|what| (c, what))) {
-            return Err(self.table.error(
-                None,
-                Some(&column.header),
-                format!("the column holds {what}, which name no run"),
-                "name runs by text or by whole numbers",
-            ));
+            return Err(self.table.names_no_run(column, what));
         }
         let mut places: HashMap<Cow<'_, str>, usize> = HashMap::new();
         for row in 0..self.table.rows() {

@@ -103,10 +103,11 @@ impl Reading {
     }
 
     /// The group that holds a row, counted from 1 like the row.
-    fn row_group(&self, row: Option<u64>) -> Option<u64> {
+    fn row_group(&self, row: Option<u64>) -> Option<u32> {
         match (self, row) {
             (Reading::Parquet(parquet), Some(row)) => {
-                Some(parquet.ends.partition_point(|end| *end < row) as u64 + 1)
+                let before = parquet.ends.partition_point(|end| *end < row);
+                u32::try_from(before + 1).ok()
             }
             _ => None,
         }
@@ -181,6 +182,12 @@ impl Table {
         };
         let message = format!("the column holds {what}, not numbers");
         self.error(None, Some(&column.header), message, hint)
+    }
+
+    /// A run column of things that are neither numbers nor text.
+    pub(super) fn names_no_run(&self, column: &Column, what: &str) -> Error {
+        let message = format!("the column holds {what}, which name no run");
+        self.error(None, Some(&column.header), message, "name runs by text or by whole numbers")
     }
 
     fn wrong_cell(&self, column: &Column, row: usize, cell: Cell) -> Error {

@@ -2,7 +2,6 @@
 
 use std::collections::HashSet;
 use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use parquet::basic::Compression;
@@ -12,6 +11,7 @@ use parquet::file::reader::{ChunkReader, FileReader, SerializedFileReader};
 use sha2::{Digest, Sha256};
 
 use super::super::cells::Cells;
+use super::super::format::hash_file;
 use super::super::header::split_unit;
 use super::super::table::{Column, ParquetReading, Reading, Table, wrong};
 use super::decode::{Kind, decode};
@@ -30,18 +30,7 @@ const FOOTER: u64 = 8;
 /// the same name, or a compression that this program was built without.
 pub(in crate::data) fn read(path: &Path) -> Result<Table> {
     let mut blocks = Blocks::open(path)?;
-    let failed = |error| Error::file("read", path, error);
-    let mut hash = Sha256::new();
-    let mut file = File::open(path).map_err(failed)?;
-    let mut buffer = vec![0; 1 << 20];
-    loop {
-        let read = file.read(&mut buffer).map_err(failed)?;
-        if read == 0 {
-            break;
-        }
-        hash.update(&buffer[..read]);
-    }
-    whole(&mut blocks, format!("{:x}", hash.finalize()))
+    whole(&mut blocks, hash_file(path)?)
 }
 
 /// The same from the bytes of a file; `path` is what errors call it.
@@ -73,8 +62,7 @@ pub(in crate::data) struct Blocks {
     /// Row group of the next block, and readers of its columns once it has begun.
     group: usize,
     readers: Vec<Option<ColumnReader>>,
-    /// Rows before the next block: in its group, and in the file.
-    done: u64,
+    /// Rows before the next block.
     row: u64,
 }
 
@@ -160,7 +148,6 @@ impl Blocks {
             file,
             group: 0,
             readers: Vec::new(),
-            done: 0,
             row: 0,
         })
     }
@@ -168,6 +155,11 @@ impl Blocks {
     /// Rows of the whole file.
     pub(in crate::data) fn rows(&self) -> u64 {
         self.reading.ends.last().copied().unwrap_or(0)
+    }
+
+    /// How much of the file was read, 0 to 1.
+    pub(in crate::data) fn fraction(&self) -> f64 {
+        self.row as f64 / self.rows().max(1) as f64
     }
 
     /// Leaves all other columns unread.
@@ -199,7 +191,6 @@ impl Blocks {
                 return self.block(left.min(most)).map(Some);
             }
             self.group += 1;
-            self.done = 0;
             self.readers.clear();
         }
     }
@@ -233,7 +224,6 @@ impl Blocks {
             }
         }
         self.row += count as u64;
-        self.done += count as u64;
         table.lines = (first..=self.row).collect();
         Ok(table)
     }
@@ -294,7 +284,7 @@ fn damaged(
     Error::Data(DataError {
         file: path.to_path_buf(),
         line: place.map(|(row, _)| row),
-        row_group: place.map(|(_, group)| group as u64 + 1),
+        row_group: place.and_then(|(_, group)| u32::try_from(group + 1).ok()),
         column: column.map(str::to_string),
         message: format!("the file is damaged ({what})"),
         hint: "copy it again, or export the measurements again".to_string(),

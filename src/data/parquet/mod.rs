@@ -8,5 +8,5 @@ mod file;
 mod guard;
 mod write;
 
-pub(super) use file::{MAGIC, read, read_bytes};
+pub(super) use file::{Blocks, MAGIC, read, read_bytes};
 pub use write::{ParquetWriter, to_parquet};
