@@ -121,8 +121,7 @@ pub fn by_terms(largest: usize) -> Vec<Cost> {
             let terms = 2 * ((degree + 1) * (degree + 1) - 1);
             let pairs = match terms {
                 0..=600 => 8192,
-                601..=3000 => 4096,
-                _ => 256,
+                _ => 4096,
             };
             cost(&spec, terms, 2, pairs, terms <= largest)
         })
