@@ -95,8 +95,11 @@ impl Error {
 pub struct DataError {
     /// Path of the file.
     pub file: PathBuf,
-    /// Line of the file, counted from 1 (the header is a line too).
+    /// Line of the file, counted from 1 (the header is a line too); of files without lines
+    /// the row, counted from 1.
     pub line: Option<u64>,
+    /// Row group of a Parquet file, counted from 1; none for files that have lines.
+    pub row_group: Option<u32>,
     /// Name of the column.
     pub column: Option<String>,
     /// What is wrong.
@@ -108,8 +111,10 @@ pub struct DataError {
 impl fmt::Display for DataError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.file.display())?;
-        if let Some(line) = self.line {
-            write!(f, ", line {line}")?;
+        match (self.line, self.row_group) {
+            (Some(row), Some(group)) => write!(f, ", row {row} (row group {group})")?,
+            (Some(line), None) => write!(f, ", line {line}")?,
+            (None, _) => {}
         }
         if let Some(column) = &self.column {
             write!(f, ", column `{column}`")?;

@@ -145,6 +145,7 @@ fn error_object(error: &Error) -> Value {
         "exit_code": error.exit_code(),
         "file": null,
         "line": null,
+        "row_group": null,
         "column": null,
         "diagnostics": [],
     });
@@ -159,6 +160,7 @@ fn error_object(error: &Error) -> Value {
             object["hint"] = json!(data.hint);
             object["file"] = json!(data.file.display().to_string());
             object["line"] = json!(data.line);
+            object["row_group"] = json!(data.row_group);
             object["column"] = json!(data.column);
         }
         Error::Fit { message, hint } | Error::Usage { message, hint } => {

@@ -7,6 +7,8 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use super::console::Console;
+use super::measurements::Measurements;
+use super::memory;
 use super::progress::Progress;
 use super::project::{FileDigest, ModelFile, Origin, Project, digest};
 use crate::data::{DataReport, Dataset, write_atomically};
@@ -26,6 +28,7 @@ use crate::report::{self, FitReport, present};
     leverrier fit pendulum.ham --data tuesday.csv -o tuesday.model.json\n  \
     leverrier fit pendulum.ham --loss huber            outliers in the data\n  \
     leverrier fit pendulum.ham --select unseen         choose terms by error on unseen data\n  \
+    leverrier fit stars.ham --memory 1GiB              larger data are read part by part\n  \
     leverrier fit pendulum.ham --format json > fit.json\n\n\
     Ctrl-C keeps the best model so far; a second Ctrl-C ends at once.")]
 pub struct Arguments {
@@ -60,6 +63,10 @@ pub struct Arguments {
     /// Threads to use; by default all cores. The result does not depend on it.
     #[arg(long, value_name = "N")]
     pub threads: Option<usize>,
+    /// Memory that the fit may take, such as 2GiB; data that take more are read part by part.
+    /// By default half of what is free.
+    #[arg(long, value_name = "SIZE", value_parser = memory::parse)]
+    pub memory: Option<u64>,
     /// Keep every term: no search for a sparse model.
     #[arg(long)]
     pub dense: bool,
@@ -114,6 +121,7 @@ impl Arguments {
             starts: self.starts,
             sparse: !self.dense,
             seed: self.seed,
+            memory: Some(memory::allowed(self.memory)?),
         })
     }
 }
@@ -124,20 +132,35 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let project = Project::open(&arguments.spec)?;
     options.parameter_starts.clone_from(&project.compiled.starts);
     console.diagnostics(&project.name(), &project.text, &project.compiled.warnings);
-    let (dataset, about) = project.data(arguments.data.as_deref())?;
-    for warning in &about.warnings {
-        console.warning(warning);
-    }
     let path = arguments.output.clone().unwrap_or_else(|| project.model_path());
     require_writable(&path)?;
     let clock = Instant::now();
     let progress = Progress::new();
-    let learned = learn(project.system(), &dataset, &options, arguments.threads, &progress);
+    let measurements = Measurements::read(
+        &project,
+        arguments.data.as_deref(),
+        options.memory.unwrap_or(u64::MAX),
+        options.seed,
+        &progress,
+        |what| console.message(what),
+    )?;
+    let (dataset, about) = (measurements.dataset(), measurements.report());
+    for warning in &about.warnings {
+        console.warning(warning);
+    }
+    let learned = match &measurements {
+        Measurements::Held(held) => {
+            learn(project.system(), &held.0, &options, arguments.threads, &progress)
+        }
+        Measurements::Streamed(source, survey) => on_threads(arguments.threads, || {
+            fit::fit_stream(project.system(), source.as_ref(), survey, &options, &progress)
+        }),
+    };
     drop(progress);
     let model = learned?;
     let elapsed = clock.elapsed().as_secs_f64();
 
-    let file = ModelFile { model, origin: origin(&project, &dataset, &about) };
+    let file = ModelFile { model, origin: origin(&project, dataset, about) };
     // A result that cannot be kept is still printed: it may have taken hours.
     let written = write_model(&path, &file);
     let simplified = present::simplified(project.system(), &file.model, &file.origin.ranges);

@@ -14,6 +14,8 @@ mod export;
 mod fit;
 mod history;
 mod ledger;
+mod measurements;
+mod memory;
 mod new;
 mod progress;
 mod project;

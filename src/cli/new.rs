@@ -18,7 +18,8 @@ use crate::expr::{self, FunctionSpace, Unit};
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     leverrier new swings.csv                 writes swings.ham\n  \
-    leverrier new swings.csv -o bench.ham\n\n\
+    leverrier new swings.csv -o bench.ham\n  \
+    leverrier new swings.parquet\n\n\
     Column names that are understood: t, time; run, trial, id; theta with omega; x with v (x1 \
     with\nv1, x with x_dot or vx); q with p. Units are taken from headers such as `theta [rad]`.")]
 pub struct Arguments {
@@ -143,13 +144,7 @@ fn partners(coordinate: &str, other: &str) -> Option<Role> {
 fn guess(table: &Table) -> Result<Guess<'_>> {
     let is = |column: &Column, names: &[&str]| names.contains(&column.name.to_lowercase().as_str());
     let wrong = |message: String, hint: String| {
-        Error::Data(crate::error::DataError {
-            file: table.path.clone(),
-            line: Some(table.reading.header_line),
-            column: None,
-            message,
-            hint,
-        })
+        table.error(table.reading.header_line(), None, message, hint)
     };
     let numeric: Vec<&Column> = table.columns.iter().filter(|c| table.is_numeric(c)).collect();
     let headers: Vec<String> = table.columns.iter().map(|c| format!("`{}`", c.header)).collect();

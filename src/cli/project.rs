@@ -6,15 +6,19 @@ use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use super::measurements::whole_or_sample;
 use crate::data::{
-    self, Cells, Column, ColumnMap, DataReport, Dataset, Mapping, ObservableMap, Table,
+    self, Cells, Column, ColumnMap, DataReport, Dataset, FileSource, Mapping, ObservableMap, Table,
 };
-use crate::error::{DataError, Error, Result};
+use crate::error::{Error, Result};
 use crate::expr::{self, Compiled, System};
 use crate::fit::Model;
 use crate::fit::model::FORMAT;
 use crate::report::present;
 use crate::simplify::Fitted;
+
+/// Rows that show what the columns of a large file hold.
+const HEAD: usize = 10_000;
 
 /// Larger files than this are not specs.
 const LARGEST_SPEC: u64 = 16 << 20;
@@ -136,18 +140,35 @@ impl Project {
         Ok(folder.join(&data.file))
     }
 
-    /// Reads the measurements as the spec says.
+    /// Reads the measurements as the spec says; a sample of them if they do not fit in memory.
     pub fn data(&self, asked: Option<&Path>) -> Result<(Dataset, DataReport)> {
+        whole_or_sample(self, asked)
+    }
+
+    /// Reads all measurements as the spec says.
+    pub fn read(&self, asked: Option<&Path>) -> Result<(Dataset, DataReport)> {
         let path = self.data_path(asked)?;
-        let mut table = data::read(&path).map_err(|error| match error {
-            Error::File { source, .. } => Error::file("read", &path, explained(source, NO_DATA)),
-            other => other,
-        })?;
-        let mapping = self.mapping(&mut table)?;
+        let mut table = data::read(&path).map_err(|error| not_there(error, &path))?;
+        let mut mapping = self.mapping(&table)?;
+        if self.pairs() {
+            mapping.run = Some(number_pairs(&mut table, mapping.run.as_deref())?);
+        }
         data::dataset(&table, &mapping)
     }
 
-    fn mapping(&self, table: &mut Table) -> Result<Mapping> {
+    /// The measurements as a source that is read anew in every pass.
+    pub fn source(&self, asked: Option<&Path>) -> Result<FileSource> {
+        let path = self.data_path(asked)?;
+        let head = data::head(&path, HEAD).map_err(|error| not_there(error, &path))?;
+        FileSource::new(&path, &self.mapping(&head)?, self.pairs())
+    }
+
+    /// Whether every two rows are one run.
+    fn pairs(&self) -> bool {
+        self.compiled.data.as_ref().is_some_and(|columns| columns.pairs)
+    }
+
+    fn mapping(&self, table: &Table) -> Result<Mapping> {
         let columns = self.compiled.data.as_ref();
         let mut mapping = Mapping {
             time: columns.and_then(|c| c.time.as_ref()).map(|time| ColumnMap {
@@ -192,9 +213,6 @@ impl Project {
                 required: missed || row < degrees,
             })
             .collect();
-        if columns.is_some_and(|c| c.pairs) {
-            mapping.run = Some(number_pairs(table, mapping.run.as_deref())?);
-        }
         Ok(mapping)
     }
 
@@ -276,13 +294,12 @@ fn number_pairs(table: &mut Table, run: Option<&str>) -> Result<String> {
         None => None,
     };
     if table.rows() % 2 == 1 {
-        return Err(Error::Data(DataError {
-            file: table.path.clone(),
-            line: table.lines.last().copied(),
-            column: None,
-            message: format!("there are {} rows, but pairs need an even number", table.rows()),
-            hint: "the last row has no partner: add it, or remove the row".to_string(),
-        }));
+        return Err(table.error(
+            table.lines.last().copied(),
+            None,
+            format!("there are {} rows, but pairs need an even number", table.rows()),
+            "the last row has no partner: add it, or remove the row",
+        ));
     }
     let cells: Cells = (0..table.rows())
         .map(|row| match &runs {
@@ -301,6 +318,13 @@ fn number_pairs(table: &mut Table, run: Option<&str>) -> Result<String> {
 const NO_SPEC: &str = "there is no such file; `leverrier new DATA.csv` writes a first spec";
 const NO_DATA: &str = "there is no such file; the spec's `data` line names it, as seen from the \
                        spec's folder, or give --data FILE";
+
+fn not_there(error: Error, path: &Path) -> Error {
+    match error {
+        Error::File { source, .. } => Error::file("read", path, explained(source, NO_DATA)),
+        other => other,
+    }
+}
 
 /// Says what to do about a file that is not there.
 fn explained(error: std::io::Error, advice: &str) -> std::io::Error {

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::console::Console;
 use super::project::{Project, refuse_overwrite};
 use super::values::{example, matching, noise, range_of, state};
-use crate::data::{Dataset, Layout, to_csv, write_atomically};
+use crate::data::{Dataset, Layout, to_bytes, to_csv, write_atomically};
 use crate::error::{Error, Result};
 use crate::expr::{DataColumns, System};
 use crate::report::layout::counted;
@@ -78,7 +78,7 @@ pub struct Arguments {
     /// The model file, if it is not beside the spec.
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
-    /// The CSV file; by default standard output.
+    /// The file, as CSV, or as Parquet if it ends in .parquet; by default standard output.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Overwrite a file that exists.
@@ -150,7 +150,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let (written, layout) = in_columns(&data, system, project.compiled.data.as_ref());
     match &arguments.output {
         Some(_) => {
-            write_atomically(&path, &to_csv(&path, &written, &layout)?)?;
+            write_atomically(&path, &to_bytes(&path, &written, &layout)?)?;
             let what = format!(
                 "{} in {}",
                 counted(data.samples(), "sample"),

@@ -75,7 +75,7 @@ pub(super) fn time_column<'a>(
         }
     }
     Err(table.error(
-        Some(table.reading.header_line),
+        table.reading.header_line(),
         None,
         format!("no column holds the time; there are {}", listed(table)),
         "name it in the spec, as in `data \"file.csv\" { time t [s] }`",
@@ -119,7 +119,7 @@ pub(super) fn missing_column(table: &Table, name: &str, what: &str) -> Error {
     };
     let purpose = if name == what { String::new() } else { format!(" for {what}") };
     table.error(
-        Some(table.reading.header_line),
+        table.reading.header_line(),
         Some(name),
         format!("there is no column `{name}`{purpose}; there are {}", listed(table)),
         hint,

@@ -3,29 +3,45 @@
 //! From a file to a data set in two steps: [`read`] makes a [`Table`] of cells as they
 //! stand in the file, and [`dataset`] picks the columns that a spec asks for, converts
 //! them, and groups and orders the rows into runs. Nothing is resampled or filled in.
+//!
+//! What is larger than memory goes another way: a [`Source`] is read anew in every pass, chunk
+//! by chunk; [`survey`] counts what it holds and draws a sample that is a data set.
 
+mod blocks;
 mod cell;
+mod cells;
 mod delimiter;
+mod format;
+mod header;
 mod mapping;
 mod order;
+mod parquet;
 mod quality;
 mod read;
 mod report;
 mod select;
+mod source;
 mod split;
+mod stream;
+mod survey;
 mod table;
 mod text;
 mod write;
 
 pub use cell::{Cell, format_number, parse_cell};
+pub use cells::Cells;
 pub use delimiter::Delimiter;
+pub use format::{Format, read, read_bytes, to_bytes};
 pub use mapping::{ColumnMap, Mapping, ObservableMap, TIME_NAMES};
+pub use parquet::{ParquetWriter, to_parquet};
 pub use quality::{Suspicion, SuspicionKind};
-pub use read::{read, read_bytes};
-pub use report::{ColumnReport, DataReport, Gap, RunReport, Sampling, Source};
+pub use report::{ColumnReport, DataReport, FileReport, Gap, RunReport, Sampling, Streamed};
 pub use select::dataset;
+pub use source::{Chunk, Held, Pass, Piece, RunName, Source};
 pub use split::{Split, concatenate};
-pub use table::{Cells, Column, Reading, Table};
+pub use stream::{FileSource, head, memory_needed};
+pub use survey::{Survey, survey, survey_file};
+pub use table::{Column, ParquetReading, Reading, Table, TextReading};
 pub use text::Encoding;
 pub use write::{Layout, to_csv, write_atomically, write_csv};
 

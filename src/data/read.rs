@@ -1,4 +1,4 @@
-//! Reading a file of measurements as people really have it.
+//! Reading a text file of measurements as people really have it.
 
 use std::path::Path;
 
@@ -6,28 +6,21 @@ use csv::StringRecord;
 use sha2::{Digest, Sha256};
 
 use super::cell::{Cell, parse_cell};
+use super::cells::Cells;
 use super::delimiter::Delimiter;
-use super::table::{Cells, Column, Reading, Table, wrong};
+use super::header::{counted, split_unit};
+use super::table::{Column, Reading, Table, TextReading, wrong};
 use super::text::decode;
-use crate::error::{Error, Result};
+use crate::error::Result;
 
-/// Reads a file of measurements: cells between commas, tabs, semicolons, bars or blanks
-/// under a header. Comment lines (`#`, `%`) and blank lines are skipped; a header that is
-/// itself a comment, as NumPy writes it, is found.
+/// Reads measurements from the bytes of a text file, which errors call `path`: cells between
+/// commas, tabs, semicolons, bars or blanks under a header. Comment lines (`#`, `%`) and blank
+/// lines are skipped; a header that is itself a comment, as NumPy writes it, is found.
 ///
 /// # Errors
-/// The file cannot be read, is not text, is empty, has no header or no rows, has rows of
-/// different lengths, or two columns with the same header.
-pub fn read(path: &Path) -> Result<Table> {
-    let bytes = std::fs::read(path).map_err(|error| Error::file("read", path, error))?;
-    read_bytes(path, &bytes)
-}
-
-/// Reads measurements from the bytes of a file; `path` is what errors call it.
-///
-/// # Errors
-/// As [`read`].
-pub fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Table> {
+/// The file is not text, is empty, has no header or no rows, has rows of different lengths,
+/// or two columns with the same header.
+pub(super) fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Table> {
     let (text, encoding) = decode(bytes).map_err(|not| {
         wrong(
             path,
@@ -41,12 +34,12 @@ pub fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Table> {
     let (header_line, columns, rows) = Rows::parse(path, &lines, delimiter)?.finish(path)?;
     Ok(Table {
         path: path.to_path_buf(),
-        reading: Reading {
+        reading: Reading::Text(TextReading {
             encoding,
             delimiter,
             decimal_comma: has_decimal_comma(&columns),
             header_line,
-        },
+        }),
         columns,
         lines: rows,
         sha256: format!("{:x}", Sha256::digest(bytes)),
@@ -305,81 +298,16 @@ impl Rows {
     }
 }
 
-/// "1 cell", "2 cells".
-pub(super) fn counted(count: usize, noun: &str) -> String {
-    let plural = if count == 1 { "" } else { "s" };
-    format!("{count} {noun}{plural}")
-}
-
-/// Name and unit of a header: `theta [rad]`, `theta (rad)` or `theta / rad`.
-fn split_unit(header: &str) -> (String, Option<String>) {
-    let whole = || (header.to_string(), None);
-    let split = [('[', ']'), ('(', ')')].iter().find_map(|(open, close)| {
-        let inner = header.strip_suffix(*close)?;
-        // The bracket that belongs to the last one: `v (m/(s))` has one inside another.
-        let mut depth = 1;
-        let at = inner.char_indices().rev().find_map(|(at, character)| {
-            depth += i32::from(character == *close) - i32::from(character == *open);
-            (depth == 0).then_some(at)
-        })?;
-        Some((&inner[..at], &inner[at + open.len_utf8()..]))
-    });
-    let Some((name, unit)) = split.or_else(|| header.split_once(" / ")) else {
-        return whole();
-    };
-    let unit = match unit.trim() {
-        "" | "-" | "–" | "1" => "1",
-        unit => unit,
-    };
-    (name.trim().to_string(), Some(unit.to_string()))
-}
-
 /// Whether numbers have a decimal comma: some only make sense with one, and none has a
 /// decimal point.
 fn has_decimal_comma(columns: &[Column]) -> bool {
     let mut commas = false;
     for cell in columns.iter().flat_map(|column| column.cells.iter()) {
         if cell.contains(',') {
-            commas |= matches!(parse_cell(cell, true), Cell::Number(_));
-        } else if cell.contains('.') && matches!(parse_cell(cell, false), Cell::Number(_)) {
+            commas |= matches!(parse_cell(&cell, true), Cell::Number(_));
+        } else if cell.contains('.') && matches!(parse_cell(&cell, false), Cell::Number(_)) {
             return false;
         }
     }
     commas
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn headers_split_into_name_and_unit() {
-        let rows = [
-            ("t", "t", None),
-            ("t [s]", "t", Some("s")),
-            ("theta(rad)", "theta", Some("rad")),
-            ("v (m/(s))", "v", Some("m/(s)")),
-            ("omega / rad/s", "omega", Some("rad/s")),
-            ("friction [-]", "friction", Some("1")),
-            ("x ]", "x ]", None),
-            ("[s]", "", Some("s")),
-        ];
-        for (header, name, unit) in rows {
-            assert_eq!(
-                split_unit(header),
-                (name.to_string(), unit.map(str::to_string)),
-                "{header}"
-            );
-        }
-    }
-
-    #[test]
-    fn cells_come_back_as_they_were_put_in() {
-        let mut cells = Cells::default();
-        for cell in ["a", "", "bc"] {
-            cells.push(cell);
-        }
-        assert_eq!(cells.iter().collect::<Vec<_>>(), ["a", "", "bc"]);
-        assert_eq!(cells.get(7), "");
-    }
 }

@@ -6,8 +6,8 @@ use comfy_table::{CellAlignment, ContentArrangement};
 use serde::Serialize;
 
 use super::cell::short;
+use super::header::counted;
 use super::quality::{Suspicion, rough_noise, suspicions};
-use super::read::counted;
 use super::table::{Reading, Table};
 use super::{Dataset, Run};
 
@@ -15,9 +15,12 @@ use super::{Dataset, Run};
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DataReport {
     /// The file that it came from, if any.
-    pub source: Option<Source>,
+    pub source: Option<FileReport>,
     /// How many samples there are in all runs.
     pub samples: usize,
+    /// Set when the data are read part by part: then runs, sampling, gaps, rough noise and
+    /// suspicions are those of a sample.
+    pub streamed: Option<Streamed>,
     /// The runs, in the order of the data set.
     pub runs: Vec<RunReport>,
     /// Time between samples of one run.
@@ -34,7 +37,7 @@ pub struct DataReport {
 
 /// A file, and how it was understood.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Source {
+pub struct FileReport {
     /// Its path.
     pub file: PathBuf,
     /// SHA-256 of its bytes, in hexadecimal digits.
@@ -44,6 +47,17 @@ pub struct Source {
     /// How it was understood.
     #[serde(flatten)]
     pub reading: Reading,
+}
+
+/// Data that are read part by part, and the sample of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Streamed {
+    /// Runs in all.
+    pub runs: u64,
+    /// Runs of the sample; stretches of long runs count as runs.
+    pub sampled_runs: usize,
+    /// Samples of the sample.
+    pub sampled_samples: usize,
 }
 
 /// One run.
@@ -122,6 +136,7 @@ impl DataReport {
         DataReport {
             source: None,
             samples: data.samples(),
+            streamed: None,
             runs: data.runs.iter().map(run_report).collect(),
             sampling,
             gaps: data.runs.iter().flat_map(|run| gaps(run, sampling.median)).collect(),
@@ -144,11 +159,11 @@ impl DataReport {
             column.header = header;
         }
         report.warnings.splice(0..0, notes);
-        report.source = Some(Source {
+        report.source = Some(FileReport {
             file: table.path.clone(),
             sha256: table.sha256.clone(),
             rows: table.rows(),
-            reading: table.reading,
+            reading: table.reading.clone(),
         });
         report
     }
@@ -158,22 +173,28 @@ impl DataReport {
         let mut lines = Vec::new();
         if let Some(source) = &self.source {
             lines.push(format!(
-                "{}: {}, {}, {} between cells{}",
+                "{}: {}, {}",
                 source.file.display(),
                 counted(source.rows, "row"),
-                source.reading.encoding.name(),
-                source.reading.delimiter.name(),
-                if source.reading.decimal_comma { ", decimal commas" } else { "" }
+                source.reading.sentence()
             ));
         }
+        let runs = self.streamed.map_or(self.runs.len(), |s| s.runs as usize);
         lines.push(format!(
             "{} in {}; {}",
             counted(self.samples, "sample"),
-            counted(self.runs.len(), "run"),
+            counted(runs, "run"),
             self.sampling.sentence()
         ));
         lines.push(self.column_table());
-        if self.runs.len() > 1 {
+        if let Some(streamed) = &self.streamed {
+            lines.push(format!(
+                "Counts and ranges are those of all data; noise, gaps and warnings are judged on \
+                 {} drawn at random.",
+                counted(streamed.sampled_samples, "sample"),
+            ));
+        }
+        if self.runs.len() > 1 && self.streamed.is_none() {
             lines.push(self.run_table());
         }
         if !self.gaps.is_empty() {
@@ -181,6 +202,11 @@ impl DataReport {
         }
         lines.extend(self.warnings.iter().map(|w| format!("Warning: {w}")));
         lines.join("\n")
+    }
+
+    /// What a place in the file is called.
+    fn place(&self) -> &'static str {
+        self.source.as_ref().map_or("line", |source| source.reading.noun())
     }
 
     fn column_table(&self) -> String {
@@ -222,7 +248,8 @@ impl DataReport {
                 format!("{} to {}", run.lines.0, run.lines.1),
             ]
         });
-        let header = ["run", "samples", "start", "end", "lines"];
+        let places = format!("{}s", self.place());
+        let header = ["run", "samples", "start", "end", &places];
         with_rest(drawn(&header, rows, 1), self.runs.len(), "run")
     }
 
@@ -236,7 +263,8 @@ impl DataReport {
                 format!("{:.1}", gap.steps),
             ]
         });
-        let header = ["gap in run", "after line", "start", "end", "median steps"];
+        let after = format!("after {}", self.place());
+        let header = ["gap in run", &after, "start", "end", "median steps"];
         with_rest(drawn(&header, rows, 1), self.gaps.len(), "gap")
     }
 }

@@ -1,10 +1,11 @@
 //! From a table to a data set: the columns that a spec asks for, grouped into runs.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 
+use super::header::counted;
 use super::mapping::{Mapping, converted, missing_column, observable_column, time_column};
 use super::order::{Order, judge};
-use super::read::counted;
 use super::report::DataReport;
 use super::table::{Column, Table};
 use super::{Dataset, Run};
@@ -75,7 +76,7 @@ pub fn dataset(table: &Table, mapping: &Mapping) -> Result<(Dataset, DataReport)
     }
     let data =
         Dataset { observables: mapping.observables.iter().map(|o| o.name.clone()).collect(), runs };
-    let report = DataReport::of_file(&data, table, sources, notes.sentences());
+    let report = DataReport::of_file(&data, table, sources, notes.sentences(table.reading.noun()));
     Ok((data, report))
 }
 
@@ -89,7 +90,7 @@ struct Notes {
 }
 
 impl Notes {
-    fn sentences(&self) -> Vec<String> {
+    fn sentences(&self, place: &str) -> Vec<String> {
         let mut sentences = Vec::new();
         if self.empty > 0 {
             sentences
@@ -98,20 +99,20 @@ impl Notes {
         if let Some((run, line, _)) = self.late.first() {
             let late = self.late.iter().map(|(_, _, late)| late).sum();
             sentences.push(format!(
-                "{} out of order put in the order of time; the first is line {line} of run {run}.",
+                "{} out of order put in the order of time; the first is {place} {line} of run {run}.",
                 counted(late, "row")
             ));
         }
         if let Some((line, other)) = self.doubled.first() {
             sentences.push(format!(
                 "{} at the time of another, and not in conflict with it, merged; the first is \
-                 line {line} into line {other}.",
+                 {place} {line} into {place} {other}.",
                 counted(self.doubled.len(), "row")
             ));
         }
         if let Some((run, line)) = self.single.first() {
             sentences.push(format!(
-                "{} with a single sample left out; the first is run {run} at line {line}.",
+                "{} with a single sample left out; the first is run {run} at {place} {line}.",
                 counted(self.single.len(), "run")
             ));
         }
@@ -148,7 +149,10 @@ impl Rows<'_> {
             },
         };
         let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
-        let mut places: HashMap<&str, usize> = HashMap::new();
+        if let Some((column, what)) = run.and_then(|c| c.cells.unread().map(|what| (c, what))) {
+            return Err(self.table.names_no_run(column, what));
+        }
+        let mut places: HashMap<Cow<'_, str>, usize> = HashMap::new();
         for row in 0..self.table.rows() {
             if self.values.iter().all(|column| column[row].is_nan()) {
                 notes.empty += 1;
@@ -162,7 +166,7 @@ impl Rows<'_> {
                     "give its time, or remove the row",
                 ));
             }
-            let name = run.map_or("1", |column| column.cells.get(row));
+            let name = run.map_or(Cow::Borrowed("1"), |column| column.cells.get(row));
             if let (true, Some(column)) = (name.is_empty(), run) {
                 return Err(self.error(
                     row,
@@ -171,10 +175,14 @@ impl Rows<'_> {
                     "give the name of its run",
                 ));
             }
-            let place = *places.entry(name).or_insert_with(|| {
-                groups.push((name.to_string(), Vec::new()));
-                groups.len() - 1
-            });
+            let place = match places.get(&name) {
+                Some(place) => *place,
+                None => {
+                    groups.push((name.to_string(), Vec::new()));
+                    places.insert(name, groups.len() - 1);
+                    groups.len() - 1
+                }
+            };
             groups[place].1.push(row);
         }
         Ok(groups)
@@ -279,8 +287,9 @@ impl Rows<'_> {
                             row,
                             &self.time.header,
                             format!(
-                                "lines {line} and {} are two different samples of run {} at \
+                                "{}s {line} and {} are two different samples of run {} at \
                                  time {}",
+                                self.table.reading.noun(),
                                 self.line(row),
                                 run.name,
                                 self.times[row]

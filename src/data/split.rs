@@ -7,7 +7,7 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 
-use super::read::counted;
+use super::header::counted;
 use super::{Dataset, Run};
 use crate::error::{Error, Result};
 

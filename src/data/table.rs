@@ -4,8 +4,10 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::cell::{Cell, parse_cell};
+use super::cell::Cell;
+use super::cells::Cells;
 use super::delimiter::Delimiter;
+use super::header::counted;
 use super::text::Encoding;
 use crate::error::{DataError, Error, Result};
 
@@ -16,7 +18,7 @@ pub struct Table {
     pub path: PathBuf,
     /// The columns, in the file's order; all have as many cells as there are `lines`.
     pub columns: Vec<Column>,
-    /// Line of the file of each row, counted from 1.
+    /// Line of the file of each row, counted from 1; of files without lines the row itself.
     pub lines: Vec<u64>,
     /// How the file was understood.
     pub reading: Reading,
@@ -25,8 +27,18 @@ pub struct Table {
 }
 
 /// How a file was understood.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(untagged)]
+pub enum Reading {
+    /// A text file.
+    Text(TextReading),
+    /// A Parquet file.
+    Parquet(ParquetReading),
+}
+
+/// How a text file was understood.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub struct Reading {
+pub struct TextReading {
     /// How its text is stored.
     pub encoding: Encoding,
     /// What stands between two cells.
@@ -35,6 +47,71 @@ pub struct Reading {
     pub decimal_comma: bool,
     /// The line of the header, counted from 1.
     pub header_line: u64,
+}
+
+/// How a Parquet file was understood.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct ParquetReading {
+    /// How many groups its rows are stored in.
+    pub row_groups: usize,
+    /// The program that wrote it, as it says.
+    pub written_by: Option<String>,
+    /// Rows up to the end of each group.
+    #[serde(skip)]
+    pub(super) ends: Vec<u64>,
+}
+
+impl Reading {
+    /// Line of the header, in files that have lines.
+    pub fn header_line(&self) -> Option<u64> {
+        match self {
+            Reading::Text(text) => Some(text.header_line),
+            Reading::Parquet(_) => None,
+        }
+    }
+
+    /// What a place in the file is called: "line" or "row".
+    pub fn noun(&self) -> &'static str {
+        match self {
+            Reading::Text(_) => "line",
+            Reading::Parquet(_) => "row",
+        }
+    }
+
+    /// In words, for people.
+    pub(super) fn sentence(&self) -> String {
+        match self {
+            Reading::Text(text) => format!(
+                "{}, {} between cells{}",
+                text.encoding.name(),
+                text.delimiter.name(),
+                if text.decimal_comma { ", decimal commas" } else { "" }
+            ),
+            Reading::Parquet(parquet) => {
+                let by = parquet.written_by.as_ref().map(|by| format!(", written by {by}"));
+                format!(
+                    "Parquet, {}{}",
+                    counted(parquet.row_groups, "row group"),
+                    by.unwrap_or_default()
+                )
+            }
+        }
+    }
+
+    fn decimal_comma(&self) -> bool {
+        matches!(self, Reading::Text(text) if text.decimal_comma)
+    }
+
+    /// The group that holds a row, counted from 1 like the row.
+    fn row_group(&self, row: Option<u64>) -> Option<u32> {
+        match (self, row) {
+            (Reading::Parquet(parquet), Some(row)) => {
+                let before = parquet.ends.partition_point(|end| *end < row);
+                u32::try_from(before + 1).ok()
+            }
+            _ => None,
+        }
+    }
 }
 
 /// One column of a table.
@@ -50,55 +127,6 @@ pub struct Column {
     pub cells: Cells,
 }
 
-/// The cells of a column, kept in one piece of text.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Cells {
-    text: String,
-    ends: Vec<usize>,
-}
-
-impl Cells {
-    /// How many there are.
-    pub fn len(&self) -> usize {
-        self.ends.len()
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.ends.is_empty()
-    }
-
-    /// The cell of a row, counted from 0; empty beyond the last.
-    pub fn get(&self, row: usize) -> &str {
-        let end = self.ends.get(row).copied().unwrap_or(self.text.len());
-        let start = match row.checked_sub(1) {
-            Some(before) => self.ends.get(before).copied().unwrap_or(end),
-            None => 0,
-        };
-        self.text.get(start..end).unwrap_or("")
-    }
-
-    /// All cells, from the first row to the last.
-    pub fn iter(&self) -> impl Iterator<Item = &str> {
-        (0..self.len()).map(|row| self.get(row))
-    }
-
-    pub(super) fn push(&mut self, cell: &str) {
-        self.text.push_str(cell);
-        self.ends.push(self.text.len());
-    }
-}
-
-impl<T: AsRef<str>> FromIterator<T> for Cells {
-    fn from_iter<I: IntoIterator<Item = T>>(cells: I) -> Self {
-        let mut out = Cells::default();
-        for cell in cells {
-            out.push(cell.as_ref());
-        }
-        out
-    }
-}
-
 impl Table {
     /// How many rows there are.
     pub fn rows(&self) -> usize {
@@ -107,7 +135,7 @@ impl Table {
 
     /// What a cell says as a number.
     pub fn cell(&self, column: &Column, row: usize) -> Cell {
-        parse_cell(column.cells.get(row), self.reading.decimal_comma)
+        column.cells.number(row, self.reading.decimal_comma())
     }
 
     /// Whether every cell of a column is a finite number or missing, and one is a number.
@@ -128,6 +156,14 @@ impl Table {
     /// # Errors
     /// The first cell that is text, infinite or too large, with its line and column.
     pub fn numbers(&self, column: &Column) -> Result<Vec<f64>> {
+        if let Some(what) = column.cells.unread() {
+            return Err(self.unread(column, what));
+        }
+        if let Some(numbers) =
+            column.cells.as_numbers().filter(|n| !n.iter().any(|x| x.is_infinite()))
+        {
+            return Ok(numbers.to_vec());
+        }
         (0..column.cells.len())
             .map(|row| match self.cell(column, row) {
                 Cell::Number(number) => Ok(number),
@@ -137,8 +173,25 @@ impl Table {
             .collect()
     }
 
+    /// A column of things that are neither numbers nor names.
+    pub(super) fn unread(&self, column: &Column, what: &str) -> Error {
+        let hint = if what.contains("time") || what.contains("date") {
+            "write times as numbers, such as seconds since the start; dates are not read"
+        } else {
+            "write a number in every cell, or null if nothing was measured"
+        };
+        let message = format!("the column holds {what}, not numbers");
+        self.error(None, Some(&column.header), message, hint)
+    }
+
+    /// A run column of things that are neither numbers nor text.
+    pub(super) fn names_no_run(&self, column: &Column, what: &str) -> Error {
+        let message = format!("the column holds {what}, which name no run");
+        self.error(None, Some(&column.header), message, "name runs by text or by whole numbers")
+    }
+
     fn wrong_cell(&self, column: &Column, row: usize, cell: Cell) -> Error {
-        let text = shortened(column.cells.get(row));
+        let text = shortened(&column.cells.get(row));
         let (message, hint) = match cell {
             Cell::Infinite => (
                 format!("`{text}` is infinite"),
@@ -153,15 +206,22 @@ impl Table {
         self.error(self.lines.get(row).copied(), Some(&column.header), message, hint)
     }
 
-    /// An error about this file.
-    pub(super) fn error(
+    /// An error about this file; `line` is one of [`Table::lines`].
+    pub fn error(
         &self,
         line: Option<u64>,
         column: Option<&str>,
         message: impl Into<String>,
         hint: impl Into<String>,
     ) -> Error {
-        wrong(&self.path, line, column, message, hint)
+        Error::Data(DataError {
+            file: self.path.clone(),
+            line,
+            row_group: self.reading.row_group(line),
+            column: column.map(str::to_string),
+            message: message.into(),
+            hint: hint.into(),
+        })
     }
 
     /// The column called `name`: by its whole header, by its name without the unit, or,
@@ -185,7 +245,7 @@ impl Table {
                     let headers: Vec<String> =
                         many.iter().map(|c| format!("`{}`", c.header)).collect();
                     return Err(self.error(
-                        Some(self.reading.header_line),
+                        self.reading.header_line(),
                         Some(name),
                         format!("`{name}` can be any of the columns {}", headers.join(" and ")),
                         "name the column by its whole header",
@@ -230,6 +290,7 @@ pub(super) fn wrong(
     Error::Data(DataError {
         file: path.to_path_buf(),
         line,
+        row_group: None,
         column: column.map(str::to_string),
         message: message.into(),
         hint: hint.into(),

@@ -3,9 +3,9 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::Dataset;
 use super::cell::format_number;
 use super::table::wrong;
+use super::{Dataset, Run};
 use crate::error::{Error, Result};
 
 /// How a data set is laid out in a file.
@@ -40,15 +40,7 @@ impl Default for Layout {
 /// A time or value is infinite, or there are several runs and no run column. The `path` is
 /// what such errors call the file.
 pub fn to_csv(path: &Path, data: &Dataset, layout: &Layout) -> Result<Vec<u8>> {
-    if layout.run.is_none() && data.runs.len() > 1 {
-        return Err(Error::usage(
-            format!(
-                "{} runs cannot be told apart in one file without a run column",
-                data.runs.len()
-            ),
-            "name a run column, or write one run",
-        ));
-    }
+    check_runs(layout, data.runs.len())?;
     // A line must not begin with the mark of a comment.
     let comment = |name: &str| name.starts_with(['#', '%']);
     let quoted = data.runs.iter().any(|run| comment(&run.name));
@@ -57,40 +49,17 @@ pub fn to_csv(path: &Path, data: &Dataset, layout: &Layout) -> Result<Vec<u8>> {
         .from_writer(Vec::new());
     let unwritable =
         |error: csv::Error| Error::file("write", path, std::io::Error::other(error.to_string()));
-    let with_unit = |name: &str, unit: Option<&String>| match unit {
-        Some(unit) => format!("{name} [{unit}]"),
-        None => name.to_string(),
-    };
-    let mut header: Vec<String> = layout.run.iter().cloned().collect();
-    header.push(with_unit(&layout.time, layout.time_unit.as_ref()));
-    for (at, name) in data.observables.iter().enumerate() {
-        header.push(with_unit(name, layout.units.get(at).and_then(Option::as_ref)));
-    }
+    let header = headers(&data.observables, layout);
     writer.write_record(&header).map_err(unwritable)?;
-    let mut line = 1;
+    let mut line: u64 = 1;
     let mut record: Vec<String> = Vec::with_capacity(header.len());
     for run in &data.runs {
+        check_finite(path, run, line + 1, layout, &data.observables)?;
+        line += run.times.len() as u64;
         for (sample, time) in run.times.iter().enumerate() {
-            line += 1;
             record.clear();
             record.extend(layout.run.iter().map(|_| run.name.clone()));
             record.push(format_number(*time));
-            let values =
-                run.values.iter().map(|column| column.get(sample).copied().unwrap_or(f64::NAN));
-            for (value, name) in std::iter::once(*time)
-                .chain(values)
-                .zip(std::iter::once(&layout.time).chain(&data.observables))
-            {
-                if value.is_infinite() {
-                    return Err(wrong(
-                        path,
-                        Some(line),
-                        Some(name),
-                        format!("the value of run {} at time {time} is infinite", run.name),
-                        "a file of measurements has finite numbers only; nothing was written",
-                    ));
-                }
-            }
             record.extend(run.values.iter().map(|column| {
                 column.get(sample).map_or(String::new(), |value| format_number(*value))
             }));
@@ -100,6 +69,56 @@ pub fn to_csv(path: &Path, data: &Dataset, layout: &Layout) -> Result<Vec<u8>> {
     writer.into_inner().map_err(|error| {
         Error::file("write", path, std::io::Error::other(error.error().to_string()))
     })
+}
+
+/// Several runs need a column that tells them apart.
+pub(super) fn check_runs(layout: &Layout, runs: usize) -> Result<()> {
+    if layout.run.is_none() && runs > 1 {
+        return Err(Error::usage(
+            format!("{runs} runs cannot be told apart in one file without a run column"),
+            "name a run column, or write one run",
+        ));
+    }
+    Ok(())
+}
+
+/// Whether every number of a run can stand in a file; its first sample is on line `first`.
+pub(super) fn check_finite(
+    path: &Path,
+    run: &Run,
+    first: u64,
+    layout: &Layout,
+    observables: &[String],
+) -> Result<()> {
+    let columns = std::iter::once(&run.times).chain(&run.values);
+    let names = std::iter::once(&layout.time).chain(observables);
+    for (column, name) in columns.zip(names) {
+        if let Some(sample) = column.iter().position(|x| x.is_infinite()) {
+            let time = run.times.get(sample).copied().unwrap_or(f64::NAN);
+            return Err(wrong(
+                path,
+                Some(first + sample as u64),
+                Some(name),
+                format!("the value of run {} at time {time} is infinite", run.name),
+                "a file of measurements has finite numbers only; nothing was written",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// The headers of the file: run, time, observables, with their units.
+pub(super) fn headers(observables: &[String], layout: &Layout) -> Vec<String> {
+    let with_unit = |name: &str, unit: Option<&String>| match unit {
+        Some(unit) => format!("{name} [{unit}]"),
+        None => name.to_string(),
+    };
+    let mut headers: Vec<String> = layout.run.iter().cloned().collect();
+    headers.push(with_unit(&layout.time, layout.time_unit.as_ref()));
+    for (at, name) in observables.iter().enumerate() {
+        headers.push(with_unit(name, layout.units.get(at).and_then(Option::as_ref)));
+    }
+    headers
 }
 
 /// Writes a data set as CSV, whole or not at all.

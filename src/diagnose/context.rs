@@ -102,6 +102,8 @@ impl<'a> Context<'a> {
             loss: Loss::SQUARES,
             stepping: self.stepping,
             floor: 1e-3,
+            stream: None,
+            window: self.window,
         }
     }
 

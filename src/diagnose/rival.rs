@@ -279,5 +279,15 @@ fn problem<'b>(
     weights: &'b [f64],
 ) -> Problem<'b> {
     let observed: Observed = rival.system.observed;
-    Problem { dataset, segments, observed, weights, loss: Loss::SQUARES, stepping, floor: FLOOR }
+    Problem {
+        dataset,
+        segments,
+        observed,
+        weights,
+        loss: Loss::SQUARES,
+        stepping,
+        floor: FLOOR,
+        stream: None,
+        window: segments.longest(),
+    }
 }

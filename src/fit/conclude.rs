@@ -64,6 +64,13 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
             unit: system.parameters[j].unit_text.clone(),
         })
         .collect();
+    let (runs, samples, segments) = match training.stream {
+        Some(stream) => stream.counts(),
+        None => {
+            let dataset = training.dataset;
+            (dataset.runs.len(), dataset.samples(), training.segments.list.len())
+        }
+    };
     let chosen = candidates.first().map(|c| c.criterion).unwrap_or(f64::NAN);
     Model {
         format: FORMAT.to_string(),
@@ -80,9 +87,10 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
             reason: training.integrator.reason.clone(),
         },
         evidence: Evidence {
-            runs: training.dataset.runs.len(),
-            samples: training.dataset.runs.iter().map(|run| run.times.len()).sum(),
-            segments: training.segments.list.len(),
+            runs,
+            samples,
+            segments,
+            searched_first: training.stream.map(|_| training.dataset.samples()),
             window: training.window,
             residuals,
             exploded: refit.sums.exploded,

@@ -54,8 +54,8 @@ impl Factor {
             if height == 0 {
                 continue;
             }
-            let reflector = self.eliminate(rows, start, size, height);
             let rest = width - start - size;
+            let reflector = self.eliminate(rows, start, size, height, rest > 0);
             if rest > 0 {
                 let mut upper = rows.rows_mut(0, height);
                 let (done, mut trailing) =
@@ -72,13 +72,14 @@ impl Factor {
     }
 
     /// Reflects the panel's rectangle to zero; leaves the reflectors in it and returns
-    /// the small triangle T of Q = I - V T V'.
+    /// the small triangle T of Q = I - V T V', if that is wanted for columns to the right.
     fn eliminate(
         &mut self,
         rows: &mut DMatrix<f64>,
         start: usize,
         size: usize,
         height: usize,
+        wanted: bool,
     ) -> DMatrix<f64> {
         let stride = rows.nrows();
         let values = rows.as_mut_slice();
@@ -104,7 +105,7 @@ impl Factor {
                 other.iter_mut().zip(&*reflector).for_each(|(x, v)| *x -= w * v);
             }
             t[(j, j)] = tau;
-            if j > 0 {
+            if wanted && j > 0 {
                 let overlap = DVector::from_fn(j, |i, _| {
                     dot(&done[(start + i) * stride..][..height], &done[column * stride..][..height])
                 });

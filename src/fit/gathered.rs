@@ -7,15 +7,16 @@ use super::rows::Rows;
 
 /// Rows on their way into a factor, gathered until a product of matrices pays.
 pub(super) struct Gathered {
-    width: usize,
-    blocks: Vec<(Vec<f64>, usize)>,
+    /// Gathered rows, then what is left of rows that went into the factor before.
+    stacked: DMatrix<f64>,
     rows: usize,
+    /// Residuals among the rows.
     count: usize,
 }
 
 impl Gathered {
     pub(super) fn new(width: usize) -> Gathered {
-        Gathered { width, blocks: Vec::new(), rows: 0, count: 0 }
+        Gathered { stacked: DMatrix::zeros(0, width), rows: 0, count: 0 }
     }
 
     /// Takes the rows below the eliminated states.
@@ -24,36 +25,44 @@ impl Gathered {
         if kept == 0 {
             return;
         }
-        // Column-major within the block: [column][row][lane].
-        let mut block = Vec::with_capacity(kept * rows.lanes * self.width);
-        for column in rows.state..rows.columns {
-            for row in rows.state..rows.rows {
-                let at = (row * rows.columns + column) * rows.lanes;
-                block.extend_from_slice(&rows.values[at..at + rows.lanes]);
+        let (width, lanes) = (self.stacked.ncols(), rows.lanes);
+        let end = self.rows + kept * lanes;
+        if self.stacked.nrows() < end {
+            let old = std::mem::replace(&mut self.stacked, DMatrix::zeros(0, 0));
+            self.stacked = old.resize_vertically(end.max(enough(width) + kept * lanes), 0.0);
+        }
+        for (column, mut stacked) in (rows.state..rows.columns).zip(self.stacked.column_iter_mut())
+        {
+            let into = &mut stacked.as_mut_slice()[self.rows..end];
+            for (row, into) in (rows.state..rows.rows).zip(into.chunks_exact_mut(lanes)) {
+                let at = (row * rows.columns + column) * lanes;
+                into.copy_from_slice(&rows.values[at..at + lanes]);
             }
         }
-        self.rows += kept * rows.lanes;
-        self.count += (0..rows.lanes)
+        self.rows = end;
+        self.count += (0..lanes)
             .filter(|&lane| rows.losses[lane].is_finite())
             .map(|lane| rows.independent(lane))
             .sum::<usize>();
-        self.blocks.push((block, kept * rows.lanes));
-        if self.rows >= (4 * self.width).max(512) {
+        if self.rows >= enough(width) {
             self.flush(factor);
         }
     }
 
     pub(super) fn flush(&mut self, factor: &mut Factor) {
-        let mut stacked = DMatrix::zeros(self.rows, self.width);
-        let mut start = 0;
-        for (block, rows) in self.blocks.drain(..) {
-            for (column, values) in block.chunks_exact(rows).enumerate() {
-                stacked.view_mut((start, column), (rows, 1)).copy_from_slice(values);
-            }
-            start += rows;
+        if self.rows == 0 {
+            return;
         }
-        factor.push(&mut stacked, self.count);
+        for mut column in self.stacked.column_iter_mut() {
+            column.as_mut_slice()[self.rows..].fill(0.0);
+        }
+        factor.push(&mut self.stacked, self.count);
         self.rows = 0;
         self.count = 0;
     }
+}
+
+/// Rows that are worth a product.
+fn enough(width: usize) -> usize {
+    (4 * width).max(512)
 }

@@ -105,6 +105,9 @@ pub fn refit(
                 damping = if damping > 1e-6 { damping * 0.1 } else { 0.0 };
                 break None;
             }
+            if monitor.stopped() {
+                break Some(StopReason::Interrupted);
+            }
             damping = (damping * 10.0).max(1e-4);
             if damping > 1e8 {
                 break Some(StopReason::NoProgress);

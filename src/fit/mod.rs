@@ -1,6 +1,6 @@
 //! Training: from measurements and a function space to a sparse model.
 //!
-//! [`fit`] is the whole of it. The parts, in the order in which data pass through them:
+//! [`fit`] is the whole of it, and [`fit_stream`] for data larger than memory. The parts, in the order in which data pass through them:
 //! segments are cut ([`segments`]), integrated and freed of their unknown initial states
 //! ([`pass`]), gathered in a triangular factor ([`factor`]) on which the support is searched
 //! ([`path`], [`support`]) and refitted ([`gauss_newton`]); rounds of this are [`train`].
@@ -15,6 +15,7 @@ mod gathered;
 mod gauge;
 pub mod gauss_newton;
 pub mod loss;
+pub mod memory;
 pub mod model;
 pub mod monitor;
 pub mod options;
@@ -27,6 +28,8 @@ pub mod screening;
 pub mod segments;
 pub mod starts;
 pub mod stepping;
+pub mod stream;
+mod streamed;
 pub mod support;
 pub mod train;
 pub mod uncertainty;
@@ -39,7 +42,7 @@ pub use monitor::{Flag, Monitor, Silent};
 pub use options::{Options, Selection, Trainer};
 pub use resume::{Start, resume};
 
-use crate::data::Dataset;
+use crate::data::{Dataset, Held, Source, Survey, survey};
 use crate::error::{Error, Result};
 use crate::expr::System;
 
@@ -49,16 +52,49 @@ use crate::expr::System;
 /// the law follows the measurements.
 ///
 /// The observables of the data are those of [`System::observables`], in that order and in
-/// the spec's units. The result does not depend on the number of threads.
+/// the spec's units. The result does not depend on the number of threads. Data of many samples
+/// are searched as in [`fit_stream`], first on a sample.
 ///
 /// # Errors
 ///
-/// [`Error::Fit`] when the data do not suffice, with what to do.
+/// [`Error::Fit`] when the data do not suffice, or the function space takes more memory than
+/// allowed, with what to do.
 pub fn fit(
     system: &System,
     dataset: &Dataset,
     options: &Options,
     monitor: &dyn Monitor,
+) -> Result<Model> {
+    settled(system, dataset, |system| learn(system, dataset, options, monitor))
+}
+
+/// The same from data that need not fit in memory: `survey` is what a first pass over `source`
+/// found. Terms are first looked for on the survey's sample, then chosen and fitted on all data.
+/// A pass leaves what a pass over the same data in memory leaves, up to rounding; the model is
+/// that of [`fit`] within a few hundredths of the standard errors, since the weights of the last
+/// round may come from the sample.
+///
+/// # Errors
+///
+/// As [`fit`], and whatever goes wrong while the source is read.
+pub fn fit_stream(
+    system: &System,
+    source: &dyn Source,
+    survey: &Survey,
+    options: &Options,
+    monitor: &dyn Monitor,
+) -> Result<Model> {
+    settled(system, &survey.sample, |system| {
+        memory::check(system, options)?;
+        streamed::learn(system, source, survey, options, monitor)
+    })
+}
+
+/// Settles what no data can tell, learns, and says what was settled.
+fn settled(
+    system: &System,
+    dataset: &Dataset,
+    learn: impl Fn(&System) -> Result<Model>,
 ) -> Result<Model> {
     if let Some(settled) = gauge::settle_scale(system, dataset) {
         if settled.system.terms.is_empty() && settled.system.parameters.is_empty() {
@@ -67,11 +103,11 @@ pub fn fit(
                 "put more terms into `span{ ... }`, or measure momenta",
             ));
         }
-        let mut model = learn(&settled.system, dataset, options, monitor)?;
+        let mut model = learn(&settled.system)?;
         settled.restore(system, &mut model);
         return Ok(model);
     }
-    learn(system, dataset, options, monitor)
+    learn(system)
 }
 
 fn learn(
@@ -80,15 +116,28 @@ fn learn(
     options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Model> {
+    memory::check(system, options)?;
     if options.trainer == Trainer::FirstOrder {
         return screening::first_order(system, dataset, options, monitor);
     }
-    if system.terms.len() > LARGEST_FACTOR {
+    if system.terms.len() > LARGEST_FACTOR && options.sparse {
         return screening::working_set(system, dataset, options, monitor);
+    }
+    if dataset.samples() > ALL_AT_ONCE {
+        // The early rounds on a sample, the last ones on all data.
+        let source = Held::new(dataset, HELD_CHUNK);
+        let survey = survey(&source, SAMPLED, options.seed, &|_| true)?;
+        return streamed::learn(system, &source, &survey, options, monitor);
     }
     let (training, round) = train::train(system, dataset, options, monitor)?;
     Ok(conclude::conclude(&training, &round))
 }
 
+/// Samples that terms are first looked for on, when there are many more.
+pub const SAMPLED: usize = 1 << 16;
+/// More samples than these are not searched all at once.
+const ALL_AT_ONCE: usize = 4 * SAMPLED;
+/// Samples of a chunk of data in memory.
+const HELD_CHUNK: usize = 1 << 17;
 /// Function spaces larger than this are worked on a part at a time.
 const LARGEST_FACTOR: usize = 3000;

@@ -113,6 +113,10 @@ pub struct Evidence {
     pub samples: usize,
     /// Segments that the runs were cut into.
     pub segments: usize,
+    /// Samples of the first search, where the data were many: terms were looked
+    /// for on so many drawn at random, then chosen and fitted on all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub searched_first: Option<usize>,
     /// Samples of the longest segment.
     pub window: usize,
     /// Independent residuals.

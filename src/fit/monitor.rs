@@ -7,6 +7,9 @@ pub trait Monitor: Sync {
     /// A stage begins: a few words, and how far the whole has come (0 to 1).
     fn stage(&self, what: &str, fraction: f64);
 
+    /// A pass over data larger than memory is done: transitions, and seconds that they took.
+    fn passed(&self, _transitions: u64, _seconds: f64) {}
+
     /// Whether to stop as soon as there is something to keep.
     fn stopped(&self) -> bool {
         false

@@ -46,6 +46,8 @@ pub struct Options {
     pub sparse: bool,
     /// Seed of whatever is random: the same seed gives the same model.
     pub seed: u64,
+    /// Bytes that the factors of the function space may take; `None`: as many as there are.
+    pub memory: Option<u64>,
 }
 
 impl Default for Options {
@@ -61,6 +63,7 @@ impl Default for Options {
             starts: 8,
             sparse: true,
             seed: 0,
+            memory: None,
         }
     }
 }

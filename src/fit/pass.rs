@@ -13,6 +13,7 @@ use super::gathered::Gathered;
 use super::loss::Loss;
 use super::rows::Rows;
 use super::segments::{Segment, Segments, blocks};
+use super::stream::Stream;
 use crate::data::Dataset;
 use crate::dynamics::{Dynamics, Method, Scratch};
 use crate::expr::Observed;
@@ -43,6 +44,10 @@ pub struct Problem<'a> {
     pub stepping: Stepping,
     /// Weighted residuals below this are rounding or the integrator's own error.
     pub floor: f64,
+    /// All data, where they are larger than memory; dataset and segments are then a sample.
+    pub stream: Option<&'a Stream<'a>>,
+    /// Samples of a segment, at most, that the data are cut into.
+    pub window: usize,
 }
 
 /// Segments side by side in one block, at most.
@@ -98,6 +103,9 @@ pub type States = Vec<Vec<f64>>;
 ///
 /// Gauss-Newton for each segment by itself; a step that does not pay is shortened.
 pub fn settle(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mut States) -> Sums {
+    if let Some(stream) = problem.stream {
+        return stream.settle(problem, dynamics, theta);
+    }
     let width = width(problem, 2 * dynamics.degrees() + dynamics.unknowns() + 1);
     let parts: Vec<(Vec<Vec<f64>>, Sums)> = blocks(0..problem.segments.list.len(), width)
         .into_par_iter()
@@ -123,7 +131,7 @@ pub fn settle(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mu
     total
 }
 
-fn settle_block(
+pub(super) fn settle_block(
     problem: &Problem,
     dynamics: &Dynamics,
     theta: &[f64],
@@ -216,6 +224,23 @@ pub struct Linearised {
 }
 
 impl Linearised {
+    /// What the folds left, put together in their order.
+    pub(super) fn of(parts: Vec<(Factor, Sums)>, observables: usize) -> Linearised {
+        let mut sums = Sums::new(observables);
+        let mut folds = Vec::with_capacity(parts.len());
+        for (factor, part) in parts {
+            sums.add(&part);
+            folds.push(factor);
+        }
+        Linearised { folds, sums }
+    }
+
+    /// A pass that was not finished: no rows, an infinite loss.
+    pub(super) fn nothing(unknowns: usize, observables: usize) -> Linearised {
+        let sums = Sums { loss: f64::INFINITY, ..Sums::new(observables) };
+        Linearised { folds: vec![Factor::new(unknowns)], sums }
+    }
+
     /// All folds together.
     pub fn merged(&self) -> Factor {
         let columns = self.folds.first().map_or(0, Factor::columns);
@@ -234,43 +259,96 @@ pub fn linearise(
     theta: &[f64],
     states: &States,
 ) -> Linearised {
+    if let Some(stream) = problem.stream {
+        return stream.linearise(problem, dynamics, theta);
+    }
     let unknowns = dynamics.unknowns();
-    let size = 2 * dynamics.degrees();
-    let width = width(problem, size + unknowns + 1);
+    let width = width(problem, 2 * dynamics.degrees() + unknowns + 1);
     let folds = &problem.segments.folds;
     let parts: Vec<(Factor, Sums)> = folds
         .par_iter()
         .map_init(Scratch::new, |scratch, fold| {
-            let mut factor = Factor::new(unknowns);
-            let mut sums = Sums::new(problem.weights.len());
-            let mut gathered = Gathered::new(unknowns + 1);
-            let mut touched = vec![0.0; unknowns];
+            let mut part = FoldPass::new(unknowns, problem.weights.len());
             for range in blocks(fold.clone(), width) {
                 let segments = &problem.segments.list[range.clone()];
-                let states = &states[range];
-                let mut rows =
-                    Rows::integrate(problem, dynamics, theta, segments, states, true, scratch);
-                rows.eliminate_states();
-                rows.sum_up(&mut sums);
-                gathered.take(&rows, &mut factor);
-                touched.iter_mut().zip(&rows.touched).for_each(|(all, part)| *all += part);
+                part.take(problem, dynamics, theta, segments, &states[range], scratch);
             }
-            gathered.flush(&mut factor);
-            factor.silence(|k, norm| norm <= ABSORBED * touched[k].sqrt());
-            (factor, sums)
+            part.finish()
         })
         .collect();
-    let mut sums = Sums::new(problem.weights.len());
-    let mut factors = Vec::with_capacity(parts.len());
-    for (factor, part) in parts {
-        sums.add(&part);
-        factors.push(factor);
+    Linearised::of(parts, problem.weights.len())
+}
+
+/// Settles the states for the present model, then linearises by `whole`, in which the present
+/// model is one of many: its theta has zeros for all other terms.
+pub fn settle_and_linearise(
+    problem: &Problem,
+    present: (&Dynamics, &[f64]),
+    whole: (&Dynamics, &[f64]),
+    states: &mut States,
+) -> Linearised {
+    if let Some(stream) = problem.stream {
+        return stream.pass(problem, present, whole);
     }
-    Linearised { folds: factors, sums }
+    settle(problem, present.0, present.1, states);
+    linearise(problem, whole.0, whole.1, states)
+}
+
+/// What one fold of the data leaves, while its segments go by.
+pub(super) struct FoldPass {
+    factor: Factor,
+    sums: Sums,
+    gathered: Gathered,
+    touched: Vec<f64>,
+}
+
+impl FoldPass {
+    pub(super) fn new(unknowns: usize, observables: usize) -> FoldPass {
+        FoldPass {
+            factor: Factor::new(unknowns),
+            sums: Sums::new(observables),
+            gathered: Gathered::new(unknowns + 1),
+            touched: vec![0.0; unknowns],
+        }
+    }
+
+    /// Takes a block of segments in, at states that are settled.
+    pub(super) fn take(
+        &mut self,
+        problem: &Problem,
+        dynamics: &Dynamics,
+        theta: &[f64],
+        segments: &[Segment],
+        states: &[Vec<f64>],
+        scratch: &mut Scratch,
+    ) {
+        let mut rows = Rows::integrate(problem, dynamics, theta, segments, states, true, scratch);
+        rows.eliminate_states();
+        rows.sum_up(&mut self.sums);
+        self.gathered.take(&rows, &mut self.factor);
+        self.touched.iter_mut().zip(&rows.touched).for_each(|(all, part)| *all += part);
+    }
+
+    /// Brings all rows into the factor, so that none take memory.
+    pub(super) fn flush(&mut self) {
+        self.gathered.flush(&mut self.factor);
+    }
+
+    /// The factor and the sums.
+    pub(super) fn finish(mut self) -> (Factor, Sums) {
+        self.flush();
+        let touched = self.touched;
+        self.factor.silence(|k, norm| norm <= ABSORBED * touched[k].sqrt());
+        (self.factor, self.sums)
+    }
 }
 
 fn width(problem: &Problem, columns: usize) -> usize {
-    let samples = problem.segments.list.iter().map(|s| s.samples()).max().unwrap_or(1);
+    block_width(problem, problem.segments.longest(), columns)
+}
+
+/// Segments of at most `samples` samples that are worked on side by side.
+pub(super) fn block_width(problem: &Problem, samples: usize, columns: usize) -> usize {
     let lane_bytes = samples * problem.weights.len() * columns * 8;
     (BLOCK_BYTES / lane_bytes.max(1)).clamp(4, LANES) / 4 * 4
 }

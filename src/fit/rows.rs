@@ -253,36 +253,63 @@ impl Rows {
     /// The leverage of a measured value on the states is |J_row R_s^-1|^2.
     pub(super) fn sum_up(&self, sums: &mut Sums) {
         let (lanes, state) = (self.lanes, self.state);
-        let mut solved = vec![0.0; state];
         for lane in 0..lanes {
-            if !self.losses[lane].is_finite() {
+            if self.losses[lane].is_finite() {
+                sums.loss += self.losses[lane];
+                sums.rows += self.independent(lane);
+            } else {
                 sums.exploded += 1;
-                continue;
             }
-            sums.loss += self.losses[lane];
-            sums.rows += self.independent(lane);
-            let norms: Vec<f64> = (0..state.min(self.rows))
-                .map(|c| (0..=c).map(|r| self.at(r, c, lane).powi(2)).sum::<f64>().sqrt())
-                .collect();
-            for (row, values) in self.original.chunks_exact((state + 1) * lanes).enumerate() {
-                let residual = values[state * lanes + lane];
-                let mut leverage = 0.0;
-                let mut measured = residual != 0.0;
-                for (c, &norm) in norms.iter().enumerate() {
-                    let entry = values[c * lanes + lane];
-                    measured |= entry != 0.0;
-                    let known: f64 = (0..c).map(|r| self.at(r, c, lane) * solved[r]).sum();
-                    let pivot = self.at(c, c, lane);
-                    solved[c] =
-                        if pivot.abs() > 1e-12 * norm { (entry - known) / pivot } else { 0.0 };
-                    leverage += solved[c] * solved[c];
+        }
+        let inverse = self.inverse_pivots();
+        let mut solved = vec![0.0; state * lanes];
+        let mut leverage = vec![0.0; lanes];
+        let mut measured = vec![false; lanes];
+        for (row, values) in self.original.chunks_exact((state + 1) * lanes).enumerate() {
+            let residuals = &values[state * lanes..];
+            leverage.fill(0.0);
+            for (m, residual) in measured.iter_mut().zip(residuals) {
+                *m = *residual != 0.0;
+            }
+            for c in 0..state.min(self.rows) {
+                let (done, rest) = solved.split_at_mut(c * lanes);
+                let own = &mut rest[..lanes];
+                own.fill(0.0);
+                for (r, known) in done.chunks_exact(lanes).enumerate() {
+                    let factor = &self.values[(r * self.columns + c) * lanes..][..lanes];
+                    for ((x, f), k) in own.iter_mut().zip(factor).zip(known) {
+                        *x += f * k;
+                    }
                 }
-                if measured {
-                    let observable = row % self.observables;
-                    sums.squares[observable] += self.scales[row * lanes + lane];
-                    sums.freedom[observable] += 1.0 - leverage;
+                let entries = &values[c * lanes..][..lanes];
+                let pivots = &inverse[c * lanes..][..lanes];
+                for (lane, x) in own.iter_mut().enumerate() {
+                    measured[lane] |= entries[lane] != 0.0;
+                    *x = (entries[lane] - *x) * pivots[lane];
+                    leverage[lane] += *x * *x;
+                }
+            }
+            let observable = row % self.observables;
+            let scales = &self.scales[row * lanes..][..lanes];
+            for lane in 0..lanes {
+                if measured[lane] && self.losses[lane].is_finite() {
+                    sums.squares[observable] += scales[lane];
+                    sums.freedom[observable] += 1.0 - leverage[lane];
                 }
             }
         }
+    }
+
+    /// One over the diagonal of R_s, zero where a state is not determined, `[column][lane]`.
+    fn inverse_pivots(&self) -> Vec<f64> {
+        let mut inverse = Vec::with_capacity(self.state * self.lanes);
+        for c in 0..self.state.min(self.rows) {
+            for lane in 0..self.lanes {
+                let norm = (0..=c).map(|r| self.at(r, c, lane).powi(2)).sum::<f64>().sqrt();
+                let pivot = self.at(c, c, lane);
+                inverse.push(if pivot.abs() > 1e-12 * norm { 1.0 / pivot } else { 0.0 });
+            }
+        }
+        inverse
     }
 }

@@ -8,7 +8,7 @@ use super::criterion::complexity;
 use super::first_order::{self, screen};
 use super::model::{Model, fingerprint};
 use super::monitor::Monitor;
-use super::options::Options;
+use super::options::{Options, Trainer};
 use super::train::train;
 use crate::data::Dataset;
 use crate::error::Result;
@@ -99,6 +99,46 @@ pub fn working_set(
         Some((_, model)) => Ok(model),
         None => train_on(system, working, "the simplest", dataset, options, monitor),
     }
+}
+
+/// Screens on a sample; `learn` then has all data for the terms that the sample's model and its
+/// rivals are made of.
+///
+/// # Errors
+///
+/// As [`fit`](super::fit).
+pub(super) fn among_survivors(
+    system: &System,
+    sample: &Dataset,
+    options: &Options,
+    monitor: &dyn Monitor,
+    learn: impl Fn(&System) -> Result<Model>,
+) -> Result<Model> {
+    let first = match options.trainer {
+        Trainer::FirstOrder => first_order(system, sample, options, monitor)?,
+        Trainer::GaussNewton => working_set(system, sample, options, monitor)?,
+    };
+    let rivals = first.runners_up.iter().flat_map(|rival| &rival.terms).map(|(term, _)| term);
+    let instead = first.alternatives.iter().map(|exchange| &exchange.instead);
+    let named: Vec<&String> =
+        first.terms.iter().map(|t| &t.term).chain(rivals).chain(instead).collect();
+    let mut narrowed = system.clone();
+    narrowed.terms.retain(|term| named.contains(&&term.label));
+    for parameter in &mut narrowed.parameters {
+        if let Some(learned) = first.parameters.iter().find(|p| p.name == parameter.name) {
+            parameter.start = learned.value;
+        }
+    }
+    let how = format!(
+        "{} terms that a screening of the sample left of {}",
+        narrowed.terms.len(),
+        system.terms.len()
+    );
+    let mut model = learn(&narrowed)?;
+    model.fingerprint = fingerprint(system);
+    model.evidence.function_space = system.terms.len();
+    model.evidence.selection = format!("{} among {how}", model.evidence.selection);
+    Ok(model)
 }
 
 /// Trains on some of the terms, and makes the result a model of the whole space.

@@ -33,6 +33,11 @@ pub struct Segments {
 }
 
 impl Segments {
+    /// Samples of the longest segment, which may be one more than the window it was cut with.
+    pub fn longest(&self) -> usize {
+        self.list.iter().map(|s| s.samples()).max().unwrap_or(1)
+    }
+
     /// Only the first segments of each fold, at most `most` in all.
     pub fn thinned(&self, most: usize) -> Segments {
         let each = (most / self.folds.len().max(1)).max(1);
@@ -63,7 +68,7 @@ impl Segments {
 }
 
 /// Folds that the data are kept in.
-const FOLDS: usize = 16;
+pub(super) const FOLDS: usize = 16;
 
 /// An interval this many times the typical one is a hole that no segment bridges.
 const HOLE: f64 = 10.0;
@@ -77,37 +82,42 @@ pub fn cut(dataset: &Dataset, window: usize) -> Segments {
     let typical = typical_step(dataset);
     let mut segments = Vec::new();
     for (run, record) in dataset.runs.iter().enumerate() {
-        let parts = stretches(&record.times, window, typical);
-        segments.extend(parts.into_iter().map(|(first, last)| Segment { run, first, last }));
+        let pair = record.times.len() == 2;
+        cut_run(&record.times, window, typical, pair, true, |first, last| {
+            segments.push(Segment { run, first, last });
+        });
     }
     let count = FOLDS.min(segments.len()).max(1);
     let runs = dataset.runs.len();
     let total = segments.len().max(1);
-    let mut folded: Vec<(usize, Segment)> = segments
+    let folded = segments
         .into_iter()
         .enumerate()
         .map(|(i, s)| (if runs >= count { s.run % count } else { i * count / total }, s))
         .collect();
-    folded.sort_by_key(|&(fold, s)| (fold, s.samples(), s.run, s.first));
-    let mut folds = Vec::with_capacity(count);
-    let mut start = 0;
-    for chunk in folded.chunk_by(|a, b| a.0 == b.0) {
-        folds.push(start..start + chunk.len());
-        start += chunk.len();
-    }
-    Segments { list: folded.into_iter().map(|(_, s)| s).collect(), folds }
+    let mut segments = sort_into_folds(folded, count);
+    segments.folds.retain(|fold| !fold.is_empty());
+    segments
 }
 
-/// First and last samples of the segments of one run, in a data set whose usual interval
-/// between samples is `typical`.
-pub fn stretches(times: &[f64], window: usize, typical: f64) -> Vec<(usize, usize)> {
-    let longest = 2.0 * typical * (window.max(2) - 1) as f64;
-    let pair = times.len() == 2;
-    let mut found = Vec::new();
+/// Cuts one run: `take(first, last)` for each segment. Gives the sample that the next segment
+/// starts from, which is the end unless more samples of the run may come (`complete` is false).
+/// A `pair` is never cut, however far apart its samples are.
+pub(super) fn cut_run(
+    times: &[f64],
+    window: usize,
+    typical: f64,
+    pair: bool,
+    complete: bool,
+    mut take: impl FnMut(usize, usize),
+) -> usize {
+    let window = window.max(2);
+    let longest = 2.0 * typical * (window - 1) as f64;
     let mut first = 0;
-    while first + 1 < times.len() {
+    // What comes may still join a segment that reaches the last two samples.
+    while first + 1 < times.len() && (complete || first + window + 2 <= times.len()) {
         let mut last = first;
-        while last + 1 < times.len() && last + 1 - first < window.max(2) {
+        while last + 1 < times.len() && last + 1 - first < window {
             let hole = times[last + 1] - times[last] > HOLE * typical;
             let long = last > first && times[last + 1] - times[first] > longest;
             if (hole || long) && !pair {
@@ -116,14 +126,36 @@ pub fn stretches(times: &[f64], window: usize, typical: f64) -> Vec<(usize, usiz
             last += 1;
         }
         let alone = last + 2 == times.len();
-        if alone && times[last + 1] - times[last] <= 2.0 * typical && last > first {
+        if alone && complete && times[last + 1] - times[last] <= 2.0 * typical && last > first {
             last += 1;
         }
         if last > first {
-            found.push((first, last));
+            take(first, last);
         }
         first = last + 1;
     }
+    if complete { times.len() } else { first }
+}
+
+/// Brings the segments of each of `count` folds together, short ones first.
+pub(super) fn sort_into_folds(mut folded: Vec<(usize, Segment)>, count: usize) -> Segments {
+    folded.sort_by_key(|&(fold, s)| (fold, s.samples(), s.run, s.first));
+    let mut folds = Vec::with_capacity(count);
+    let mut start = 0;
+    for fold in 0..count {
+        let end = start + folded[start..].partition_point(|(own, _)| *own <= fold);
+        folds.push(start..end);
+        start = end;
+    }
+    Segments { list: folded.into_iter().map(|(_, s)| s).collect(), folds }
+}
+
+/// First and last samples of the segments of one run, in a data set whose usual interval
+/// between samples is `typical`.
+pub fn stretches(times: &[f64], window: usize, typical: f64) -> Vec<(usize, usize)> {
+    let mut found = Vec::new();
+    let pair = times.len() == 2;
+    cut_run(times, window, typical, pair, true, |first, last| found.push((first, last)));
     found
 }
 

@@ -23,8 +23,11 @@ pub struct Choice {
 
 /// Transitions of the data that the error is estimated on.
 const SAMPLE: usize = 96;
-/// The integrator may err by this part of the noise.
+/// The integrator may err by this part of the noise,
 const SHARE: f64 = 0.02;
+/// and by this part of what the mean of all residuals is known to: noise averages out over many
+/// data, the integrator's error does not.
+const SHARE_OF_MEAN: f64 = 4.0;
 /// Residuals this many times the integrator's error may be the integrator's.
 const SUSPECT: f64 = 20.0;
 /// No instrument resolves this part of a column's spread: such residuals are the integrator's.
@@ -88,7 +91,9 @@ pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64]) -> Choice
     );
     // Errors of consecutive intervals add up along a segment.
     let intervals = training.window.saturating_sub(1).max(1) as f64;
-    let share = if limited { 0.0 } else { SHARE / intervals };
+    let residuals = (training.samples() * training.noise.len() / 2).max(1) as f64;
+    let most = SHARE.min(SHARE_OF_MEAN / residuals.sqrt());
+    let share = if limited { 0.0 } else { most / intervals };
     let tolerance: Vec<f64> = training.noise.iter().map(|s| share * s).collect();
     let mut scratch = Scratch::new();
     let choice = choose_steps(dynamics, theta, &batch, &span, &tolerance, &mut scratch);

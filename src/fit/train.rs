@@ -10,9 +10,10 @@ use super::factor::Factor;
 use super::gauss_newton::{Refit, StopReason, refit};
 use super::monitor::Monitor;
 use super::options::Options;
-use super::pass::{Problem, States, Sums, linearise, settle};
+use super::pass::{Problem, States, Sums, settle_and_linearise};
 use super::segments::{Segments, cut, first_state, longest_run, typical_step};
 use super::stepping::{self, Choice};
+use super::stream::Stream;
 use super::support::{Candidate, Columns, Search, search};
 use crate::data::Dataset;
 use crate::dynamics::Dynamics;
@@ -62,6 +63,8 @@ pub struct Training<'a> {
     pub rounds: usize,
     /// Whether the search begins at the present support and looks no further than it must.
     pub near: bool,
+    /// All data, where they are larger than memory; `dataset` is then a sample of them.
+    pub stream: Option<&'a Stream<'a>>,
 }
 
 /// What a round ended with.
@@ -118,6 +121,7 @@ impl<'a> Training<'a> {
             separable,
             rounds: 0,
             near: false,
+            stream: None,
         };
         if system.observed == Observed::Velocities {
             training.start_as_unit_masses();
@@ -196,6 +200,8 @@ impl<'a> Training<'a> {
             loss: self.options.loss,
             stepping: self.integrator.stepping,
             floor: self.floor(),
+            stream: self.stream,
+            window: self.window,
         }
     }
 
@@ -228,8 +234,8 @@ impl<'a> Training<'a> {
         let mut states = self.states.clone();
         let (folds, rows) = {
             let problem = self.problem(&weights);
-            settle(&problem, &present, &present_theta, &mut states);
-            let linearised = linearise(&problem, &whole, &theta, &states);
+            let (present, whole) = ((&present, &*present_theta), (&whole, &*theta));
+            let linearised = settle_and_linearise(&problem, present, whole, &mut states);
             (linearised.folds, linearised.sums.rows)
         };
         self.states = states;
@@ -403,6 +409,11 @@ impl<'a> Training<'a> {
         }
     }
 
+    /// Samples of all data.
+    pub fn samples(&self) -> usize {
+        self.stream.map_or_else(|| self.dataset.samples(), |stream| stream.counts().1)
+    }
+
     /// Makes the integrator as accurate as the present model and noise ask for.
     pub fn choose_integrator(&mut self) {
         let (dynamics, theta) = self.compile(&self.support);
@@ -410,7 +421,7 @@ impl<'a> Training<'a> {
     }
 
     /// Makes the integrator as accurate as the present noise asks for.
-    fn sharpen(&mut self) {
+    pub(super) fn sharpen(&mut self) {
         let (mut dynamics, mut theta) = self.compile(&self.support);
         if dynamics.separable() && !self.separable {
             // The next round integrates the whole space, which no splitting can.

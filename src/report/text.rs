@@ -125,6 +125,14 @@ fn quality(report: &FitReport, width: usize) -> String {
     );
     text.push_str("\n\n");
     text.push_str(&wrapped(&sentence, width, 0));
+    if let Some(samples) = evidence.searched_first {
+        let sentence = format!(
+            "Terms were first looked for on {} drawn at random, then chosen and fitted on all.",
+            counted(samples, "sample"),
+        );
+        text.push('\n');
+        text.push_str(&wrapped(&sentence, width, 0));
+    }
     if evidence.exploded > 0 {
         let sentence = format!(
             "{} left the finite numbers under this model and did not count: something is missing \

@@ -1,0 +1,103 @@
+//! The measurements of a project: in memory, or read part by part where they are too large.
+
+use std::path::Path;
+
+use super::memory;
+use super::project::Project;
+use crate::data::{self, DataReport, Dataset, FileSource, Survey};
+use crate::error::Result;
+use crate::fit::memory::size;
+use crate::fit::{Monitor, SAMPLED};
+
+/// Samples that other commands look at, when the data are too large for them.
+const LOOKED_AT: usize = 1 << 19;
+/// Files smaller than this fit in any memory.
+const SMALL: u64 = 1 << 20;
+
+/// Measurements to learn from.
+pub enum Measurements {
+    /// All of them.
+    Held(Box<(Dataset, DataReport)>),
+    /// A file that is read in every pass, and what the first pass found.
+    Streamed(Box<FileSource>, Box<Survey>),
+}
+
+impl Measurements {
+    /// Reads them, or looks through them if they take more memory than `allowed`. Says so.
+    ///
+    /// # Errors
+    /// As [`Project::data`]; [`Error::Interrupted`](crate::error::Error::Interrupted).
+    pub fn read(
+        project: &Project,
+        asked: Option<&Path>,
+        allowed: u64,
+        seed: u64,
+        monitor: &dyn Monitor,
+        say: impl Fn(&str),
+    ) -> Result<Measurements> {
+        let Some(needed) = too_large(project, asked, allowed)? else {
+            return Ok(Measurements::Held(Box::new(project.read(asked)?)));
+        };
+        say(&format!(
+            "The data would take about {} of memory, and {} are allowed: they are read part by \
+             part, once in every pass.",
+            size(needed),
+            size(allowed)
+        ));
+        let source = project.source(asked)?;
+        let survey = data::survey_file(&source, SAMPLED, seed, &|fraction| {
+            monitor.stage("looking through the data", 0.1 * fraction);
+            !monitor.stopped()
+        })?;
+        Ok(Measurements::Streamed(Box::new(source), Box::new(survey)))
+    }
+
+    /// All measurements, or a sample of them.
+    pub fn dataset(&self) -> &Dataset {
+        match self {
+            Measurements::Held(held) => &held.0,
+            Measurements::Streamed(_, survey) => &survey.sample,
+        }
+    }
+
+    /// What they hold.
+    pub fn report(&self) -> &DataReport {
+        match self {
+            Measurements::Held(held) => &held.1,
+            Measurements::Streamed(_, survey) => &survey.report,
+        }
+    }
+}
+
+/// What the data would take in memory, if that is more than allowed.
+fn too_large(project: &Project, asked: Option<&Path>, allowed: u64) -> Result<Option<u64>> {
+    let path = project.data_path(asked)?;
+    match std::fs::metadata(&path) {
+        Ok(about) if about.is_file() && about.len() > SMALL => {}
+        _ => return Ok(None),
+    }
+    let needed = data::memory_needed(&path)?;
+    Ok((needed > allowed).then_some(needed))
+}
+
+/// For commands that look at data without passes of their own: all of them, or a sample.
+///
+/// # Errors
+/// As [`Project::data`].
+pub fn whole_or_sample(project: &Project, asked: Option<&Path>) -> Result<(Dataset, DataReport)> {
+    let allowed = memory::usual();
+    let Some(needed) = too_large(project, asked, allowed)? else { return project.read(asked) };
+    let survey = data::survey_file(&project.source(asked)?, LOOKED_AT, 0, &|_| true)?;
+    let mut report = survey.report;
+    report.warnings.insert(
+        0,
+        format!(
+            "The data would take about {} of memory: {} of {} samples are looked at, drawn at \
+             random.",
+            size(needed),
+            survey.sample.samples(),
+            survey.samples
+        ),
+    );
+    Ok((survey.sample, report))
+}

@@ -1,0 +1,78 @@
+//! How much memory data may take: as asked for, or a part of the machine's.
+
+use crate::error::{Error, Result};
+
+/// Without a word from the user, data may take this part of the memory that is free.
+const SHARE: u64 = 2;
+/// Taken for free where the system does not say.
+const USUAL: u64 = 4 << 30;
+
+/// Units of `--memory`, longest first: decimal and binary.
+const UNITS: &[(&str, u64)] = &[
+    ("KIB", 1 << 10),
+    ("MIB", 1 << 20),
+    ("GIB", 1 << 30),
+    ("TIB", 1 << 40),
+    ("KB", 1_000),
+    ("MB", 1_000_000),
+    ("GB", 1_000_000_000),
+    ("TB", 1_000_000_000_000),
+    ("B", 1),
+];
+
+/// Reads `1GiB`, `500 MB` or a number of bytes.
+pub fn parse(text: &str) -> std::result::Result<u64, String> {
+    let upper = text.trim().to_uppercase();
+    let (number, unit) = UNITS
+        .iter()
+        .find_map(|(name, unit)| upper.strip_suffix(name).map(|number| (number.trim(), *unit)))
+        .unwrap_or((upper.as_str(), 1));
+    match number.parse::<f64>() {
+        Ok(number) if number > 0.0 && number.is_finite() => Ok((number * unit as f64) as u64),
+        _ => Err("give a size such as 500MB or 2GiB".to_string()),
+    }
+}
+
+/// What may be taken when nothing was asked for.
+pub fn usual() -> u64 {
+    let about = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
+    let free = about.lines().find_map(|line| {
+        let kilobytes = line.strip_prefix("MemAvailable:")?.trim().strip_suffix("kB")?;
+        kilobytes.trim().parse::<u64>().ok()
+    });
+    free.map_or(USUAL, |kilobytes| kilobytes << 10) / SHARE
+}
+
+/// The least that a fit to data of any size takes.
+pub const LEAST: u64 = 64 << 20;
+
+/// What was asked for, or else the usual.
+///
+/// # Errors
+/// Less than any fit takes.
+pub fn allowed(asked: Option<u64>) -> Result<u64> {
+    match asked {
+        Some(bytes) if bytes < LEAST => Err(Error::usage(
+            "--memory is less than any fit takes",
+            "allow 64MiB or more; data that take more are read part by part",
+        )),
+        Some(bytes) => Ok(bytes),
+        None => Ok(usual()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_read() {
+        let rows = [("1GiB", 1 << 30), ("1.5 kb", 1500), ("64mib", 64 << 20), ("77", 77)];
+        for (text, bytes) in rows {
+            assert_eq!(parse(text), Ok(bytes), "{text}");
+        }
+        for text in ["", "GiB", "-1GB", "1XB", "inf"] {
+            assert!(parse(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! A file of measurements as tables of some rows, one after the other.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use super::format::Format;
+use super::parquet;
+use super::read::read_bytes;
+use super::table::{Reading, Table, wrong};
+use super::text::Encoding;
+use crate::error::{Error, Result};
+
+/// Bytes of text that are looked at to learn how a file is written.
+const FIRST: usize = 1 << 20;
+/// Bytes of text that are turned into a table at a time.
+const BLOCK: usize = 1 << 21;
+
+/// A file that is read a table at a time.
+pub(super) enum Blocks {
+    Text(Box<TextBlocks>),
+    Parquet(Box<parquet::Blocks>),
+}
+
+impl Blocks {
+    pub(super) fn open(path: &Path) -> Result<Blocks> {
+        Ok(match Format::of_file(path)? {
+            Format::Text => Blocks::Text(Box::new(TextBlocks::open(path)?)),
+            Format::Parquet => Blocks::Parquet(Box::new(parquet::Blocks::open(path)?)),
+        })
+    }
+
+    /// Rows (of text an estimate), columns, and whether it is text.
+    pub(super) fn extent(&mut self) -> Result<(u64, u64, bool)> {
+        match self {
+            Blocks::Parquet(blocks) => {
+                let table = blocks.headers();
+                Ok((blocks.rows(), table.columns.len() as u64, false))
+            }
+            Blocks::Text(blocks) => {
+                let total = blocks.total;
+                let pending = blocks.pending.len().max(1) as u64;
+                let lines = blocks.pending.iter().filter(|byte| **byte == b'\n').count() as u64;
+                let columns = blocks.next()?.map_or(0, |table| table.columns.len() as u64);
+                Ok(((lines as f64 * total as f64 / pending as f64) as u64, columns, true))
+            }
+        }
+    }
+
+    /// Leaves columns with other headers unread, where the format allows it.
+    pub(super) fn only(&mut self, headers: &[String]) {
+        if let Blocks::Parquet(blocks) = self {
+            blocks.only(|column| headers.contains(&column.header));
+        }
+    }
+
+    /// The next rows, about `most` of them; none at the end.
+    pub(super) fn next(&mut self, most: usize) -> Result<Option<Table>> {
+        match self {
+            Blocks::Text(blocks) => blocks.next(),
+            Blocks::Parquet(blocks) => blocks.next(most),
+        }
+    }
+
+    /// How much of the file was read, 0 to 1.
+    pub(super) fn fraction(&self) -> f64 {
+        match self {
+            Blocks::Text(blocks) => blocks.read as f64 / blocks.total.max(1) as f64,
+            Blocks::Parquet(blocks) => blocks.fraction(),
+        }
+    }
+}
+
+/// Text: blocks of whole lines, each read under the header of the file.
+pub(super) struct TextBlocks {
+    path: PathBuf,
+    file: File,
+    /// Everything before the first row of cells.
+    prefix: Vec<u8>,
+    prefix_lines: u64,
+    /// Lines before the next block.
+    line: u64,
+    pending: Vec<u8>,
+    ended: bool,
+    read: u64,
+    total: u64,
+}
+
+impl TextBlocks {
+    fn open(path: &Path) -> Result<TextBlocks> {
+        let failed = |error| Error::file("read", path, error);
+        let file = File::open(path).map_err(failed)?;
+        let total = file.metadata().map_err(failed)?.len();
+        let mut blocks = TextBlocks {
+            path: path.to_path_buf(),
+            file,
+            prefix: Vec::new(),
+            prefix_lines: 0,
+            line: 0,
+            pending: Vec::new(),
+            ended: false,
+            read: 0,
+            total,
+        };
+        blocks.fill(FIRST)?;
+        let head = read_bytes(path, blocks.whole_lines())?;
+        if let Reading::Text(text) = head.reading
+            && !matches!(text.encoding, Encoding::Utf8 | Encoding::Latin1)
+        {
+            return Err(wrong(
+                path,
+                None,
+                None,
+                "UTF-16 text cannot be read part by part",
+                "save the file as UTF-8 or as Parquet",
+            ));
+        }
+        blocks.prefix_lines = head.lines.first().map_or(0, |line| line.saturating_sub(1));
+        let mut ends = blocks.pending.iter().enumerate().filter(|(_, byte)| **byte == b'\n');
+        let end = match usize::try_from(blocks.prefix_lines) {
+            Ok(0) | Err(_) => 0,
+            Ok(lines) => ends.nth(lines - 1).map_or(0, |(at, _)| at + 1),
+        };
+        let rest = blocks.pending.split_off(end);
+        blocks.prefix = std::mem::replace(&mut blocks.pending, rest);
+        blocks.line = blocks.prefix_lines;
+        Ok(blocks)
+    }
+
+    /// Reads on until at least `bytes` are pending, and a line among them is whole.
+    fn fill(&mut self, bytes: usize) -> Result<()> {
+        let mut want = bytes;
+        while !self.ended && (self.pending.len() < want || !self.pending.contains(&b'\n')) {
+            want = want.max(self.pending.len() + 1);
+            let more = (want - self.pending.len()).max(1 << 16) as u64;
+            let read = (&self.file)
+                .take(more)
+                .read_to_end(&mut self.pending)
+                .map_err(|error| Error::file("read", &self.path, error))?;
+            self.read += read as u64;
+            self.ended = read == 0;
+        }
+        Ok(())
+    }
+
+    fn whole_lines(&self) -> &[u8] {
+        let end = match self.pending.iter().rposition(|byte| *byte == b'\n') {
+            Some(at) if !self.ended => at + 1,
+            _ => self.pending.len(),
+        };
+        self.pending.get(..end).unwrap_or(&[])
+    }
+
+    fn next(&mut self) -> Result<Option<Table>> {
+        loop {
+            self.fill(BLOCK)?;
+            let length = self.whole_lines().len();
+            if length == 0 {
+                return Ok(None);
+            }
+            let rest = self.pending.split_off(length);
+            let lines = std::mem::replace(&mut self.pending, rest);
+            let before = self.line;
+            self.line += lines.iter().filter(|byte| **byte == b'\n').count() as u64;
+            if !holds_cells(&lines) {
+                continue;
+            }
+            let prefix = self.prefix_lines;
+            let place = |line: u64| if line > prefix { line - prefix + before } else { line };
+            let bytes = [self.prefix.as_slice(), &lines].concat();
+            let table = match read_bytes(&self.path, &bytes) {
+                Ok(mut table) => {
+                    table.lines.iter_mut().for_each(|line| *line = place(*line));
+                    table
+                }
+                Err(Error::Data(mut error)) => {
+                    error.line = error.line.map(place);
+                    return Err(Error::Data(error));
+                }
+                Err(other) => return Err(other),
+            };
+            return Ok(Some(table));
+        }
+    }
+}
+
+/// Whether there is a line that is neither blank, nor a comment, nor delimiters alone.
+fn holds_cells(lines: &[u8]) -> bool {
+    lines.split(|byte| *byte == b'\n').any(|line| {
+        let line = line.trim_ascii();
+        let comment =
+            line.starts_with(b"#") && !line.starts_with(b"#N/A") || line.starts_with(b"%");
+        !comment && line.iter().any(|byte| !b",;\t| \"".contains(byte))
+    })
+}

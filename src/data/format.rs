@@ -1,0 +1,110 @@
+//! The formats of files of measurements.
+
+use std::io::Read;
+use std::path::Path;
+
+use sha2::{Digest, Sha256};
+
+use super::parquet;
+use super::table::Table;
+use super::write::{Layout, to_csv};
+use super::{Dataset, read as text};
+use crate::error::{Error, Result};
+
+/// How a file of measurements is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// Text: CSV and what is like it.
+    Text,
+    /// Parquet.
+    Parquet,
+}
+
+/// What Parquet files are called.
+const PARQUET: &[&str] = &["parquet", "parq", "pq"];
+
+impl Format {
+    /// By the name that a file has or will have.
+    pub fn of_name(path: &Path) -> Format {
+        let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+        match ending {
+            Some(ending) if PARQUET.contains(&ending.as_str()) => Format::Parquet,
+            _ => Format::Text,
+        }
+    }
+
+    /// By the first bytes of a file: what they say counts more than its name.
+    pub fn of_bytes(path: &Path, start: &[u8]) -> Format {
+        if start.starts_with(parquet::MAGIC) { Format::Parquet } else { Format::of_name(path) }
+    }
+
+    /// By the file itself.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn of_file(path: &Path) -> Result<Format> {
+        let failed = |error| Error::file("read", path, error);
+        let mut start = Vec::new();
+        let file = std::fs::File::open(path).map_err(failed)?;
+        file.take(parquet::MAGIC.len() as u64).read_to_end(&mut start).map_err(failed)?;
+        Ok(Format::of_bytes(path, &start))
+    }
+}
+
+/// Reads a file of measurements: text as in CSV, or Parquet.
+///
+/// Text has cells between commas, tabs, semicolons, bars or blanks under a header. Comment
+/// lines (`#`, `%`) and blank lines are skipped; a header that is itself a comment, as NumPy
+/// writes it, is found. Parquet files have one row per sample; nulls are missing cells.
+///
+/// # Errors
+/// The file cannot be read, is of neither kind, is empty, has no header or no rows, has rows of
+/// different lengths, two columns with the same header, or is cut off or damaged.
+pub fn read(path: &Path) -> Result<Table> {
+    match std::fs::metadata(path) {
+        // A pipe can be read only once.
+        Ok(about) if about.is_file() && Format::of_file(path)? == Format::Parquet => {
+            parquet::read(path)
+        }
+        _ => {
+            let bytes = std::fs::read(path).map_err(|error| Error::file("read", path, error))?;
+            read_bytes(path, &bytes)
+        }
+    }
+}
+
+/// Reads measurements from the bytes of a file; `path` is what errors call it.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Table> {
+    match Format::of_bytes(path, bytes) {
+        Format::Text => text::read_bytes(path, bytes),
+        Format::Parquet => parquet::read_bytes(path, bytes),
+    }
+}
+
+/// SHA-256 of a file's bytes, in hexadecimal digits, without taking it into memory.
+pub(super) fn hash_file(path: &Path) -> Result<String> {
+    let failed = |error| Error::file("read", path, error);
+    let mut file = std::fs::File::open(path).map_err(failed)?;
+    let mut hash = Sha256::new();
+    let mut buffer = vec![0; 1 << 20];
+    loop {
+        match file.read(&mut buffer).map_err(failed)? {
+            0 => return Ok(format!("{:x}", hash.finalize())),
+            read => hash.update(&buffer[..read]),
+        }
+    }
+}
+
+/// A data set in the format that the name of the file asks for.
+///
+/// # Errors
+/// As [`to_csv`].
+pub fn to_bytes(path: &Path, data: &Dataset, layout: &Layout) -> Result<Vec<u8>> {
+    match Format::of_name(path) {
+        Format::Text => to_csv(path, data, layout),
+        Format::Parquet => parquet::to_parquet(path, data, layout),
+    }
+}

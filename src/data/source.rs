@@ -1,0 +1,143 @@
+//! Measurements that do not have to fit in memory: read anew in every pass, part by part.
+
+use std::fmt;
+use std::ops::Range;
+
+use super::Dataset;
+use crate::error::Result;
+
+/// Measurements that can be gone through from the first to the last, as often as need be.
+pub trait Source: Sync {
+    /// Names of the observables, in the order of a chunk's values.
+    fn observables(&self) -> &[String];
+
+    /// Begins a pass. Every pass gives the same samples, cut into the same chunks.
+    ///
+    /// # Errors
+    /// The measurements cannot be reached any more.
+    fn pass(&self) -> Result<Box<dyn Pass + '_>>;
+}
+
+/// One way through a [`Source`].
+pub trait Pass: Send {
+    /// The next samples; none after the last.
+    ///
+    /// # Errors
+    /// Whatever is wrong with the measurements there.
+    fn next(&mut self) -> Result<Option<Chunk>>;
+
+    /// How much of the measurements was read, 0 to 1.
+    fn fraction(&self) -> f64;
+}
+
+/// Consecutive samples of one or many runs.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Chunk {
+    /// Times of all samples, run after run; strictly increasing within a run.
+    pub times: Vec<f64>,
+    /// `values[observable][sample]`, in the spec's units; NaN where nothing was measured.
+    pub values: Vec<Vec<f64>>,
+    /// The runs; they cover all samples, one after the other.
+    pub pieces: Vec<Piece>,
+}
+
+/// The part of a run that stands in a chunk.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Piece {
+    /// Number of the run, counted from 0.
+    pub run: u64,
+    /// Its name.
+    pub name: RunName,
+    /// Its samples in the chunk.
+    pub samples: Range<usize>,
+    /// Line (row) of the file of its first sample; 0 when not from a file.
+    pub line: u64,
+    /// Whether the run's first sample is here.
+    pub begins: bool,
+    /// Whether the run's last sample is here.
+    pub ends: bool,
+}
+
+/// What a run is called, without a text for each of a hundred million of them.
+#[derive(Debug, Clone, PartialEq)]
+pub enum RunName {
+    /// By a number.
+    Number(f64),
+    /// By a text.
+    Text(String),
+    /// By the place of the pair in the file, counted from 1.
+    Pair(u64),
+}
+
+impl fmt::Display for RunName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            RunName::Number(number) => f.write_str(&super::format_number(*number)),
+            RunName::Text(text) => f.write_str(text),
+            RunName::Pair(number) => write!(f, "{number}"),
+        }
+    }
+}
+
+/// A data set in memory is a source too: of one chunk for every so many samples.
+pub struct Held<'a> {
+    data: &'a Dataset,
+    samples: usize,
+}
+
+impl<'a> Held<'a> {
+    /// Chunks of whole runs, with `samples` samples or a little more.
+    pub fn new(data: &'a Dataset, samples: usize) -> Self {
+        Held { data, samples }
+    }
+}
+
+impl Source for Held<'_> {
+    fn observables(&self) -> &[String] {
+        &self.data.observables
+    }
+
+    fn pass(&self) -> Result<Box<dyn Pass + '_>> {
+        Ok(Box::new(HeldPass { held: self, next: 0 }))
+    }
+}
+
+struct HeldPass<'a> {
+    held: &'a Held<'a>,
+    next: usize,
+}
+
+impl Pass for HeldPass<'_> {
+    fn next(&mut self) -> Result<Option<Chunk>> {
+        let runs = &self.held.data.runs;
+        if self.next >= runs.len() {
+            return Ok(None);
+        }
+        let columns = self.held.data.observables.len();
+        let mut chunk = Chunk { values: vec![Vec::new(); columns], ..Chunk::default() };
+        while let Some(run) = runs.get(self.next) {
+            let start = chunk.times.len();
+            if start >= self.held.samples {
+                break;
+            }
+            chunk.times.extend(&run.times);
+            for (all, values) in chunk.values.iter_mut().zip(&run.values) {
+                all.extend(values);
+            }
+            chunk.pieces.push(Piece {
+                run: self.next as u64,
+                name: RunName::Text(run.name.clone()),
+                samples: start..chunk.times.len(),
+                line: run.lines.first().copied().unwrap_or(0),
+                begins: true,
+                ends: true,
+            });
+            self.next += 1;
+        }
+        Ok(Some(chunk))
+    }
+
+    fn fraction(&self) -> f64 {
+        self.next as f64 / self.held.data.runs.len().max(1) as f64
+    }
+}

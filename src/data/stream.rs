@@ -1,0 +1,352 @@
+//! A file of measurements as a source: rows become chunks of runs while they are read.
+
+use std::path::{Path, PathBuf};
+
+use super::blocks::Blocks;
+use super::mapping::{Mapping, converted, missing_column, observable_column, time_column};
+use super::source::{Chunk, Pass, Piece, RunName, Source};
+use super::table::{Reading, Table};
+use crate::error::Result;
+
+/// Bytes of a chunk.
+const CHUNK: usize = 8 << 20;
+/// Samples of a chunk, at least.
+const LEAST: usize = 1024;
+
+/// The first rows of a file, about `rows` of them, for a look at its columns.
+///
+/// # Errors
+/// As [`read`](super::read), as far as the first rows show it.
+pub fn head(path: &Path, rows: usize) -> Result<Table> {
+    let mut blocks = Blocks::open(path)?;
+    match blocks.next(rows)? {
+        Some(table) => Ok(table),
+        None => super::read(path),
+    }
+}
+
+/// About how many bytes it takes to read a file whole and fit it.
+///
+/// # Errors
+/// As [`head`].
+pub fn memory_needed(path: &Path) -> Result<u64> {
+    let (rows, columns, text) = Blocks::open(path)?.extent()?;
+    // The table; its columns converted; the runs, of which there may be one for every two rows;
+    // initial states, the best ones and those that are tried.
+    let table = 8 * (columns + 1) + if text { 8 * columns } else { 0 };
+    let row = table + 8 * columns + 8 * (columns + 1) + 24 * (columns + 3) + 12 * (columns + 5);
+    let size = std::fs::metadata(path).map_or(0, |about| about.len());
+    Ok(rows.saturating_mul(row) + if text { 2 * size } else { 0 })
+}
+
+/// A file that is read anew in every pass.
+///
+/// Rows of a run must stand together, in the order of time: nothing is sorted. Whatever else
+/// [`dataset`](super::dataset) says about rows holds here too.
+pub struct FileSource {
+    path: PathBuf,
+    mapping: Mapping,
+    pairs: bool,
+    observables: Vec<String>,
+    /// Headers of the columns that are read.
+    wanted: Vec<String>,
+    /// Headers of the observables.
+    headers: Vec<Option<String>>,
+    reading: Reading,
+    samples: usize,
+}
+
+impl FileSource {
+    /// The columns of a file that a spec asks for; with `pairs`, every two rows are one run.
+    ///
+    /// # Errors
+    /// The file cannot be read, or a column is missing.
+    pub fn new(path: &Path, mapping: &Mapping, pairs: bool) -> Result<FileSource> {
+        let head = head(path, 1)?;
+        let mut wanted = vec![time_column(&head, mapping)?.0.header.clone()];
+        if let Some(run) = &mapping.run {
+            match head.find(run)? {
+                Some(column) => wanted.push(column.header.clone()),
+                None => return Err(missing_column(&head, run, "the run")),
+            }
+        }
+        let mut headers = Vec::new();
+        for observable in &mapping.observables {
+            headers.push(observable_column(&head, observable)?.map(|c| c.header.clone()));
+        }
+        wanted.extend(headers.iter().flatten().cloned());
+        let columns = mapping.observables.len() + 1;
+        Ok(FileSource {
+            path: path.to_path_buf(),
+            observables: mapping.observables.iter().map(|o| o.name.clone()).collect(),
+            mapping: mapping.clone(),
+            pairs,
+            wanted,
+            headers,
+            reading: head.reading,
+            samples: (CHUNK / (8 * columns)).max(LEAST),
+        })
+    }
+
+    /// The same with chunks of about so many samples.
+    pub fn with_chunks(mut self, samples: usize) -> FileSource {
+        self.samples = samples.max(4);
+        self
+    }
+
+    /// Headers of the columns that the observables are read from.
+    pub fn headers(&self) -> &[Option<String>] {
+        &self.headers
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// How the file was understood.
+    pub fn reading(&self) -> &Reading {
+        &self.reading
+    }
+}
+
+impl Source for FileSource {
+    fn observables(&self) -> &[String] {
+        &self.observables
+    }
+
+    fn pass(&self) -> Result<Box<dyn Pass + '_>> {
+        let mut blocks = Blocks::open(&self.path)?;
+        blocks.only(&self.wanted);
+        Ok(Box::new(FilePass {
+            source: self,
+            blocks,
+            chunk: self.empty(),
+            runs: 0,
+            rows: 0,
+            ended: false,
+        }))
+    }
+}
+
+impl FileSource {
+    fn empty(&self) -> Chunk {
+        Chunk { values: vec![Vec::new(); self.observables.len()], ..Chunk::default() }
+    }
+}
+
+struct FilePass<'a> {
+    source: &'a FileSource,
+    blocks: Blocks,
+    /// What was read; its last piece may go on.
+    chunk: Chunk,
+    runs: u64,
+    /// Rows that were read.
+    rows: u64,
+    ended: bool,
+}
+
+impl Pass for FilePass<'_> {
+    fn next(&mut self) -> Result<Option<Chunk>> {
+        let most = self.source.samples;
+        while !self.ended && self.chunk.times.len() < most {
+            match self.blocks.next(most - self.chunk.times.len())? {
+                Some(table) => self.take(&table)?,
+                None => self.end()?,
+            }
+        }
+        let rest = if self.ended { self.source.empty() } else { self.part() };
+        let chunk = std::mem::replace(&mut self.chunk, rest);
+        Ok((!chunk.times.is_empty()).then_some(chunk))
+    }
+
+    fn fraction(&self) -> f64 {
+        self.blocks.fraction()
+    }
+}
+
+impl FilePass<'_> {
+    fn end(&mut self) -> Result<()> {
+        self.ended = true;
+        if let Some(last) = self.chunk.pieces.last_mut() {
+            last.ends = true;
+        }
+        if self.source.pairs && self.rows % 2 == 1 {
+            let mut error = super::table::wrong(
+                &self.source.path,
+                None,
+                None,
+                format!("there are {} rows, but pairs need an even number", self.rows),
+                "the last row has no partner: add it, or remove the row",
+            );
+            if let crate::error::Error::Data(data) = &mut error {
+                data.line = None;
+            }
+            return Err(error);
+        }
+        Ok(())
+    }
+
+    /// Takes what may go on off the end of the chunk: the whole last run if it is short, else
+    /// its last sample, with which the next row may have to be merged.
+    fn part(&mut self) -> Chunk {
+        let mut rest = self.source.empty();
+        let Some(last) = self.chunk.pieces.last_mut() else { return rest };
+        let short = last.begins && 2 * last.samples.len() < self.source.samples;
+        let start = if short { last.samples.start } else { last.samples.end - 1 };
+        let mut going_on = last.clone();
+        if short {
+            self.chunk.pieces.pop();
+        } else {
+            last.samples.end = start;
+            going_on.begins = false;
+        }
+        rest.times = self.chunk.times.split_off(start);
+        for (rest, values) in rest.values.iter_mut().zip(&mut self.chunk.values) {
+            *rest = values.split_off(start);
+        }
+        going_on.samples = 0..rest.times.len();
+        rest.pieces.push(going_on);
+        rest
+    }
+
+    fn take(&mut self, table: &Table) -> Result<()> {
+        let mapping = &self.source.mapping;
+        let (column, scale, offset) = time_column(table, mapping)?;
+        let header = column.header.as_str();
+        let times = converted(table, column, scale, offset)?;
+        let mut values = Vec::with_capacity(mapping.observables.len());
+        for observable in &mapping.observables {
+            values.push(match observable_column(table, observable)? {
+                Some(column) => converted(table, column, observable.scale, observable.offset)?,
+                None => vec![f64::NAN; table.rows()],
+            });
+        }
+        let run = match &mapping.run {
+            Some(name) if !self.source.pairs => table.find(name)?,
+            _ => None,
+        };
+        if let Some((column, what)) = run.and_then(|c| c.cells.unread().map(|what| (c, what))) {
+            return Err(table.names_no_run(column, what));
+        }
+        for row in 0..table.rows() {
+            self.rows += 1;
+            let line = table.lines.get(row).copied().unwrap_or(0);
+            if values.iter().all(|column| column[row].is_nan()) {
+                continue;
+            }
+            let time = times[row];
+            if time.is_nan() {
+                let message = "this sample has no time";
+                return Err(table.error(
+                    Some(line),
+                    Some(header),
+                    message,
+                    "give its time, or remove the row",
+                ));
+            }
+            let pair = self.rows.div_ceil(2);
+            let last = self.chunk.pieces.last();
+            let same = match (last.map(|piece| &piece.name), run) {
+                (None, _) => false,
+                (Some(RunName::Pair(number)), _) => *number == pair,
+                (Some(_), None) => true,
+                (Some(RunName::Number(name)), Some(column)) => match column.cells.as_numbers() {
+                    Some(numbers) => numbers[row] == *name,
+                    None => false,
+                },
+                (Some(RunName::Text(name)), Some(column)) => column.cells.get(row) == *name,
+            };
+            if !same {
+                let name = match run {
+                    None if self.source.pairs => RunName::Pair(pair),
+                    None => RunName::Number(1.0),
+                    Some(column) => match column.cells.as_numbers().map(|numbers| numbers[row]) {
+                        Some(number) if !number.is_nan() => RunName::Number(number),
+                        _ => RunName::Text(column.cells.get(row).into_owned()),
+                    },
+                };
+                if let (RunName::Text(text), Some(column)) = (&name, run)
+                    && text.is_empty()
+                {
+                    let message = "this sample belongs to no run";
+                    let hint = "give the name of its run";
+                    return Err(table.error(Some(line), Some(&column.header), message, hint));
+                }
+                self.begin(name, line);
+            } else if let Some(&before) = self.chunk.times.last() {
+                if time < before {
+                    return Err(self.backwards(table, line, header, before, time));
+                }
+                if time == before {
+                    self.merge(table, line, header, time, &values, row)?;
+                    continue;
+                }
+            }
+            self.chunk.times.push(time);
+            for (all, column) in self.chunk.values.iter_mut().zip(&values) {
+                all.push(column[row]);
+            }
+            if let Some(piece) = self.chunk.pieces.last_mut() {
+                piece.samples.end += 1;
+            }
+        }
+        Ok(())
+    }
+
+    fn begin(&mut self, name: RunName, line: u64) {
+        if let Some(last) = self.chunk.pieces.last_mut() {
+            last.ends = true;
+        }
+        let here = self.chunk.times.len();
+        let run = self.runs;
+        self.runs += 1;
+        let samples = here..here;
+        self.chunk.pieces.push(Piece { run, name, samples, line, begins: true, ends: false });
+    }
+
+    fn backwards(
+        &self,
+        table: &Table,
+        line: u64,
+        header: &str,
+        before: f64,
+        time: f64,
+    ) -> crate::error::Error {
+        let hint = if self.source.mapping.run.is_none() && !self.source.pairs {
+            "a file that is read part by part is not sorted: sort its rows by time, or name the \
+             column that tells recordings apart (`run` in the spec's `data` line)"
+        } else {
+            "a file that is read part by part is not sorted: keep the rows of a run together, by \
+             rising time, or allow the memory that it takes to sort them"
+        };
+        let message = format!("time goes back from {before} to {time} within a run");
+        table.error(Some(line), Some(header), message, hint)
+    }
+
+    /// Two rows at one time are one sample if they do not contradict each other.
+    fn merge(
+        &mut self,
+        table: &Table,
+        line: u64,
+        header: &str,
+        time: f64,
+        values: &[Vec<f64>],
+        row: usize,
+    ) -> Result<()> {
+        for (all, column) in self.chunk.values.iter_mut().zip(values) {
+            let (Some(kept), new) = (all.last_mut(), column[row]) else { continue };
+            if kept.is_nan() {
+                *kept = new;
+            } else if !new.is_nan() && new != *kept {
+                return Err(table.error(
+                    Some(line),
+                    Some(header),
+                    format!("this and the sample before it are different, but both at time {time}"),
+                    "remove one, give the time with more digits, or name the run column",
+                ));
+            }
+        }
+        Ok(())
+    }
+}

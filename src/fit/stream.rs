@@ -1,0 +1,273 @@
+//! Passes over data that are larger than memory.
+//!
+//! A pass reads a source from the first chunk to the last. Of every chunk only the triangular
+//! factors stay, one for each fold: initial states are settled anew from the measurements in
+//! every pass, for keeping them would take as much memory as the data. While one chunk is worked
+//! on the next one is read, by the same threads.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use super::monitor::Monitor;
+use super::pass::{FoldPass, Linearised, Problem, Sums, block_width, settle_block};
+use super::segments::{FOLDS, Segment, Segments, blocks, cut_run, first_state, sort_into_folds};
+use crate::data::{Chunk, Dataset, Run, Source, Survey};
+use crate::dynamics::{Dynamics, Scratch};
+use crate::error::{Error, Result};
+
+/// Samples of a long run that go into the same fold, at least.
+const STRETCH: u64 = 8192;
+
+/// Data that are read anew in every pass.
+pub struct Stream<'a> {
+    source: &'a dyn Source,
+    monitor: &'a dyn Monitor,
+    /// Runs and samples in all.
+    runs: u64,
+    samples: u64,
+    /// The typical step of the data, as the sample shows it.
+    typical: f64,
+    kept: Mutex<Kept>,
+}
+
+#[derive(Default)]
+struct Kept {
+    /// The last linearisation by the terms of a model, which a refit asks for after settling.
+    last: Option<Last>,
+    failure: Option<Error>,
+    passes: usize,
+    segments: usize,
+}
+
+struct Last {
+    active: Vec<usize>,
+    theta: Vec<f64>,
+    linearised: Linearised,
+}
+
+impl<'a> Stream<'a> {
+    /// Passes over `source`, which `survey` is of.
+    pub fn new(
+        source: &'a dyn Source,
+        survey: &Survey,
+        typical: f64,
+        monitor: &'a dyn Monitor,
+    ) -> Self {
+        Stream {
+            source,
+            monitor,
+            runs: survey.runs,
+            samples: survey.samples,
+            typical,
+            kept: Mutex::new(Kept::default()),
+        }
+    }
+
+    /// Runs and samples in all, and segments that the last whole pass cut them into.
+    pub fn counts(&self) -> (usize, usize, usize) {
+        let whole = |count: u64| usize::try_from(count).unwrap_or(usize::MAX);
+        (whole(self.runs), whole(self.samples), self.kept().segments)
+    }
+
+    /// What went wrong with the source, if anything did. Passes that failed leave no numbers.
+    pub fn failure(&self) -> Option<Error> {
+        self.kept().failure.take()
+    }
+
+    /// Whether something went wrong with the source.
+    pub fn failed(&self) -> bool {
+        self.kept().failure.is_some()
+    }
+
+    fn kept(&self) -> MutexGuard<'_, Kept> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Settles the states for a theta and sums up; keeps the linearisation for [`Stream::linearise`].
+    pub(super) fn settle(&self, problem: &Problem, dynamics: &Dynamics, theta: &[f64]) -> Sums {
+        let linearised = self.pass(problem, (dynamics, theta), (dynamics, theta));
+        let sums = linearised.sums.clone();
+        self.kept().last =
+            Some(Last { active: dynamics.active().to_vec(), theta: theta.to_vec(), linearised });
+        sums
+    }
+
+    /// Linearises by theta, at the states that are settled for it.
+    pub(super) fn linearise(
+        &self,
+        problem: &Problem,
+        dynamics: &Dynamics,
+        theta: &[f64],
+    ) -> Linearised {
+        let last = self.kept().last.take();
+        match last {
+            Some(last) if last.active == dynamics.active() && last.theta == theta => {
+                last.linearised
+            }
+            _ => self.pass(problem, (dynamics, theta), (dynamics, theta)),
+        }
+    }
+
+    /// One pass: states settled by one dynamics, residuals linearised by another of the same law.
+    ///
+    /// Stopped or failed, it gives no rows and an infinite loss.
+    pub(super) fn pass(
+        &self,
+        problem: &Problem,
+        present: (&Dynamics, &[f64]),
+        by: (&Dynamics, &[f64]),
+    ) -> Linearised {
+        let clock = Instant::now();
+        match self.through(problem, present, by) {
+            Ok(Some((linearised, transitions))) => {
+                self.monitor.passed(transitions, clock.elapsed().as_secs_f64());
+                linearised
+            }
+            Ok(None) => Linearised::nothing(by.0.unknowns(), problem.weights.len()),
+            Err(error) => {
+                self.kept().failure.get_or_insert(error);
+                Linearised::nothing(by.0.unknowns(), problem.weights.len())
+            }
+        }
+    }
+
+    fn through(
+        &self,
+        problem: &Problem,
+        present: (&Dynamics, &[f64]),
+        by: (&Dynamics, &[f64]),
+    ) -> Result<Option<(Linearised, u64)>> {
+        let clock = Instant::now();
+        let number = {
+            let mut kept = self.kept();
+            kept.passes += 1;
+            kept.last = None;
+            kept.passes
+        };
+        // What is left over at the end of a run may make a segment one longer.
+        let window = problem.window + 1;
+        let mut cutter = Cutter {
+            window: problem.window,
+            typical: self.typical,
+            by_runs: self.runs >= FOLDS as u64,
+            tail: Chunk::default(),
+            before: 0,
+        };
+        let (unknowns, observables) = (by.0.unknowns(), problem.weights.len());
+        let mut folds: Vec<(FoldPass, Scratch)> =
+            (0..FOLDS).map(|_| (FoldPass::new(unknowns, observables), Scratch::new())).collect();
+        let (mut segments, mut transitions) = (0, 0);
+        self.monitor.stage(&format!("pass {number} over all data"), 0.0);
+        let mut pass = self.source.pass()?;
+        let mut next = pass.next()?;
+        while let Some(chunk) = next.take() {
+            if self.monitor.stopped() || self.failed() {
+                return Ok(None);
+            }
+            let (packed, cut) = cutter.cut(chunk, self.source.observables());
+            segments += cut.list.len();
+            transitions += cut.list.iter().map(|s| s.samples() as u64 - 1).sum::<u64>();
+            let here = Problem { dataset: &packed, segments: &cut, stream: None, ..*problem };
+            let (read, ()) = rayon::join(
+                || pass.next(),
+                || {
+                    folds.par_iter_mut().zip(&cut.folds).for_each(|((fold, scratch), range)| {
+                        work(&here, window, present, by, range.clone(), fold, scratch);
+                    });
+                },
+            );
+            next = read?;
+            let rate = transitions as f64 / clock.elapsed().as_secs_f64().max(1e-9) / 1e6;
+            let what =
+                format!("pass {number} over all data, {rate:.2} million transitions a second");
+            self.monitor.stage(&what, pass.fraction());
+        }
+        let parts = folds.into_iter().map(|(fold, _)| fold.finish()).collect();
+        self.kept().segments = segments;
+        Ok(Some((Linearised::of(parts, observables), transitions)))
+    }
+}
+
+/// Takes the segments of one fold of a chunk in.
+fn work(
+    problem: &Problem,
+    window: usize,
+    present: (&Dynamics, &[f64]),
+    by: (&Dynamics, &[f64]),
+    range: std::ops::Range<usize>,
+    fold: &mut FoldPass,
+    scratch: &mut Scratch,
+) {
+    let degrees = present.0.degrees();
+    let width = block_width(problem, window, 2 * degrees + by.0.unknowns() + 1);
+    for part in blocks(range, width) {
+        let segments = &problem.segments.list[part];
+        let mut states: Vec<Vec<f64>> =
+            segments.iter().map(|&s| first_state(problem.dataset, s, degrees)).collect();
+        settle_block(problem, present.0, present.1, segments, &mut states, scratch);
+        fold.take(problem, by.0, by.1, segments, &states, scratch);
+    }
+    fold.flush();
+}
+
+/// Cuts chunk after chunk into the segments that the whole data would be cut into.
+struct Cutter {
+    window: usize,
+    typical: f64,
+    /// Whether whole runs go into one fold, or stretches of time.
+    by_runs: bool,
+    /// The end of the last chunk, from which the next segment starts.
+    tail: Chunk,
+    /// Samples before the next chunk.
+    before: u64,
+}
+
+impl Cutter {
+    fn cut(&mut self, mut chunk: Chunk, observables: &[String]) -> (Dataset, Segments) {
+        let carried = self.tail.times.len();
+        if carried > 0 {
+            let tail = std::mem::take(&mut self.tail);
+            chunk.times.splice(0..0, tail.times);
+            for (values, carried) in chunk.values.iter_mut().zip(tail.values) {
+                values.splice(0..0, carried);
+            }
+            for (at, piece) in chunk.pieces.iter_mut().enumerate() {
+                piece.samples.start += if at == 0 { 0 } else { carried };
+                piece.samples.end += carried;
+            }
+        }
+        let mut list = Vec::with_capacity(chunk.times.len() / 2);
+        let mut left = chunk.times.len();
+        for piece in &chunk.pieces {
+            let times = &chunk.times[piece.samples.clone()];
+            let pair = piece.begins && piece.ends && times.len() == 2;
+            let next =
+                cut_run(times, self.window, self.typical, pair, piece.ends, |first, last| {
+                    let start = piece.samples.start;
+                    let place = self.before + (start + first).saturating_sub(carried) as u64;
+                    let fold = if self.by_runs { piece.run } else { place / STRETCH };
+                    let segment = Segment { run: 0, first: start + first, last: start + last };
+                    list.push(((fold % FOLDS as u64) as usize, segment));
+                });
+            if !piece.ends {
+                left = piece.samples.start + next;
+            }
+        }
+        self.before += (chunk.times.len() - carried) as u64;
+        self.tail = Chunk {
+            times: chunk.times[left..].to_vec(),
+            values: chunk.values.iter().map(|values| values[left..].to_vec()).collect(),
+            pieces: Vec::new(),
+        };
+        let packed = Run {
+            name: String::new(),
+            times: chunk.times,
+            values: chunk.values,
+            lines: Vec::new(),
+        };
+        let dataset = Dataset { observables: observables.to_vec(), runs: vec![packed] };
+        (dataset, sort_into_folds(list, FOLDS))
+    }
+}
