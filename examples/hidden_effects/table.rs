@@ -172,14 +172,16 @@ fn kinds(out: &mut String, done: &[(Task, Outcome)]) {
     }
 }
 
+/// How often an effect was named, out of how many, and what was said instead.
+type Line = (usize, usize, BTreeMap<String, usize>);
+
 /// Confusion of effects: one line for each that was hidden.
 fn effects(out: &mut String, done: &[(Task, Outcome)]) {
     out.push_str(
         "\n## Confusion of effects\n\nWhat stood first, or stood in one group with the hidden \
          effect; how often out of all noises and seeds.\n\n| hidden | in | named | instead |\n|---|---|---|---|\n",
     );
-    let mut lines: BTreeMap<(String, &str), (usize, usize, BTreeMap<String, usize>)> =
-        BTreeMap::new();
+    let mut lines: BTreeMap<(String, &str), Line> = BTreeMap::new();
     for (task, outcome) in done {
         let name =
             if task.hidden.is_empty() { "(nothing)".to_string() } else { task.hidden.clone() };

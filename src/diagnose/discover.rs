@@ -76,7 +76,7 @@ pub fn discover(
     let (stop, verdict) = loop {
         monitor.stage(&format!("what is missing, round {}", steps.len() + 1), 0.1);
         let diagnosis = diagnose(name, &text, &compiled, &model, training, unseen, monitor)?;
-        if diagnosis.verdict != Verdict::Missing {
+        if !goes_on(&diagnosis) {
             break (diagnosis.reason, diagnosis.verdict);
         }
         if steps.len() == MOST {
@@ -112,7 +112,11 @@ pub fn discover(
                 Some(effect) => format!("{effect} looked missing, but a full fit does not keep it"),
                 None => "what looks missing does not lower the error on unseen runs".to_string(),
             };
-            break (sentence, Verdict::NothingMissing);
+            let verdict = match diagnosis.verdict {
+                Verdict::Unexplained => Verdict::Unexplained,
+                _ => Verdict::NothingMissing,
+            };
+            break (sentence, verdict);
         };
         steps.push(step);
         (text, compiled, model) = (longer, next, fitted);
@@ -130,6 +134,20 @@ pub fn discover(
     };
     let after = unseen_error(&compiled, &model)?;
     Ok(Discovery { steps, stop, verdict, text, model, unseen_error: (before, after) })
+}
+
+/// Whether the best named effect may be added: always when it explains the misfit; as a part of
+/// a larger whole only when no term without a name does better on unseen runs.
+fn goes_on(diagnosis: &Diagnosis) -> bool {
+    let named = diagnosis.ranking.first().map(|leader| leader.unseen_error_after);
+    let unnamed = diagnosis.unnamed.as_ref().map(|leader| leader.unseen_error_after);
+    match diagnosis.verdict {
+        Verdict::Missing => true,
+        Verdict::Unexplained => {
+            named.is_some_and(|named| unnamed.is_none_or(|unnamed| named <= unnamed))
+        }
+        Verdict::NothingMissing | Verdict::TooLittleData => false,
+    }
 }
 
 /// Whether a learned term came with an effect.

@@ -240,7 +240,8 @@ impl Asked<'_, '_> {
         self.monitor.stage("terms without a name", 0.9);
         let unnamed = self.unnamed(&chain)?;
         let better = unnamed.as_ref().is_some_and(|(_, more)| *more > CLOSE);
-        if better || (chain.open && chain.left > LEAVES) {
+        let endless = chain.open && chain.links.len() == TOGETHER;
+        if better || endless || chain.left > LEAVES {
             diagnosis.verdict = Verdict::Unexplained;
             diagnosis.reason = match &unnamed {
                 Some((best, _)) if better => format!(
@@ -248,7 +249,13 @@ impl Asked<'_, '_> {
                     best.leader.snippet
                 ),
                 _ => format!(
-                    "the best effects of the catalogue leave {:.0} % of the misfit",
+                    "the best effects of the catalogue ({}) leave {:.0} % of the misfit",
+                    chain
+                        .links
+                        .iter()
+                        .map(|l| l.leader.effect.as_str())
+                        .collect::<Vec<_>>()
+                        .join(", "),
                     100.0 * chain.left
                 ),
             };

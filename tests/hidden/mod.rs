@@ -72,15 +72,12 @@ pub fn statement(effect: &str, on: &[&str]) -> String {
 
 /// Root mean square difference of two data sets, in parts of the spread of the first.
 fn difference(first: &Dataset, second: &Dataset) -> f64 {
-    let rows = first.observables.len();
     let spread = spreads(first);
     let (mut sum, mut count) = (0.0, 0.0);
     for (a, b) in first.runs.iter().zip(&second.runs) {
-        for row in 0..rows {
-            for (x, y) in a.values[row].iter().zip(&b.values[row]) {
-                sum += ((x - y) / spread[row]).powi(2);
-                count += 1.0;
-            }
+        for ((a, b), spread) in a.values.iter().zip(&b.values).zip(&spread) {
+            sum += a.iter().zip(b).map(|(x, y)| ((x - y) / spread).powi(2)).sum::<f64>();
+            count += a.len() as f64;
         }
     }
     (sum / count).sqrt()

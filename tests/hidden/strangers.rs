@@ -143,7 +143,7 @@ impl Force {
                 *z += step / 6.0 * (k1[j] + 2.0 * k2[j] + 2.0 * k3[j] + k4[j]);
             }
             past.push(z[z.len() / 2 - 1]);
-            if i >= lag && (i + 1 - lag) % STEPS == 0 {
+            if i >= lag && (i + 1 - lag).is_multiple_of(STEPS) {
                 out.push(z.clone());
             }
         }
