@@ -1,6 +1,6 @@
 //! What the benchmark prints.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use leverrier::diagnose::missing::Verdict;
@@ -62,7 +62,10 @@ fn word(verdict: Verdict) -> &'static str {
 /// The whole page.
 pub fn page(done: &[(Task, Outcome)]) -> String {
     let mut out = String::new();
-    out.push_str(HEAD);
+    let seeds: BTreeSet<u64> = done.iter().map(|(task, _)| task.seed).collect();
+    let seeds: Vec<String> = seeds.iter().map(u64::to_string).collect();
+    let _ =
+        writeln!(out, "{HEAD}\nOn this page: {} cases, seeds {}.", done.len(), seeds.join(", "));
     out.push_str(
         "\n## Goals\n\n| question | noise | cases | share | goal |\n|---|---|---|---|---|\n",
     );
@@ -116,7 +119,7 @@ const HEAD: &str = "# Hidden effects\n\n\
     Every effect of the catalogue is hidden in simulated measurements of a known system, with the\n\
     strength at which it moves the samples by a fifth of their spread: 8 runs of 200 samples from\n\
     random starts, two runs unseen. Whoever asks knows the system's terms, but not its numbers,\n\
-    and not the effect. Noise is in parts of each column's spread; three seeds.\n\n\
+    and not the effect. Noise is in parts of each column's spread.\n\n\
     `cargo run --release --example hidden_effects` makes this page.\n";
 
 fn row(out: &mut String, what: &str, noise: f64, goal: &str, hits: impl Iterator<Item = bool>) {

@@ -246,6 +246,7 @@ pub fn diagnosis_text(diagnosis: &Diagnosis, about: &About, width: Option<u16>) 
             first.snippet
         ));
     }
+    sections.extend(unexplained(diagnosis, width));
     if !detections.is_empty() {
         let lines: Vec<String> =
             detections.iter().map(|found| wrapped(&format!("- {found}"), width, 2)).collect();
@@ -259,6 +260,35 @@ pub fn diagnosis_text(diagnosis: &Diagnosis, about: &About, width: Option<u16>) 
         sections.push(wrapped(&sentence, width, 2));
     }
     sections.join("\n\n")
+}
+
+/// What the first effect of the ranking does not explain.
+fn unexplained(diagnosis: &Diagnosis, width: usize) -> Vec<String> {
+    let mut sections = Vec::new();
+    if let (Some(first), Some(last)) = (diagnosis.ranking.first(), diagnosis.then.last()) {
+        let names: Vec<&str> = diagnosis.then.iter().map(|l| l.effect.as_str()).collect();
+        let sentence = format!(
+            "With {} in the model, {} would take the error on unseen runs further, to {}.",
+            first.effect,
+            names.join(" and "),
+            times(last.unseen_error_after),
+        );
+        sections.push(wrapped(&sentence, width, 2));
+    }
+    if let Some(unnamed) = &diagnosis.unnamed {
+        let sentence = format!(
+            "The best term without a name is {}: it takes the error on unseen runs from {} to {}. \
+             It may be written into the spec:",
+            unnamed.effect,
+            times(unnamed.unseen_error_before),
+            times(unnamed.unseen_error_after),
+        );
+        sections.push(format!("{}\n  {}", wrapped(&sentence, width, 2), unnamed.snippet));
+    }
+    if let Some(shape) = &diagnosis.shape {
+        sections.push(drawn(shape, width));
+    }
+    sections
 }
 
 /// A coefficient before and after a revision of the spec.
