@@ -4,9 +4,10 @@ use serde::Serialize;
 
 use super::context::Context;
 use super::missing::{Diagnosis, Leader, Verdict, diagnose};
+use super::round::CLOSE;
 use crate::data::Dataset;
 use crate::error::Result;
-use crate::expr::{Term, build};
+use crate::expr::{Compiled, Term, build};
 use crate::fit::resume::{Start, resume};
 use crate::fit::{Model, Monitor, Options, fit};
 use crate::spec::edit::insert;
@@ -71,6 +72,8 @@ pub fn discover(
     let mut compiled = build(name, &text)?;
     let mut model = fit(&compiled.system, training, options, monitor)?;
     let mut steps: Vec<Step> = Vec::new();
+    // What else each step might have been.
+    let mut rivals: Vec<Vec<Leader>> = Vec::new();
     let start = text.clone();
     let first = (compiled.clone(), model.clone());
     let (stop, verdict) = loop {
@@ -119,8 +122,19 @@ pub fn discover(
             break (sentence, verdict);
         };
         steps.push(step);
+        rivals.push(diagnosis.ranking);
         (text, compiled, model) = (longer, next, fitted);
     };
+    if steps.len() > 1 {
+        for (step, rivals) in steps.iter_mut().zip(&rivals) {
+            let found = Found { name, text: &text, compiled: &compiled, model: &model };
+            let simpler = found.simpler(step, rivals, training, options, monitor)?;
+            if let Some((rival, revised, next, fitted)) = simpler {
+                step.replace(rival);
+                (text, compiled, model) = (revised, next, fitted);
+            }
+        }
+    }
     let noise: Vec<f64> = model.noise.iter().map(|n| n.standard_deviation).collect();
     let unseen_error = |compiled: &crate::expr::Compiled, of: &Model| -> Result<f64> {
         let mut context = Context::new(&compiled.system, of, unseen)?;
@@ -147,6 +161,62 @@ fn goes_on(diagnosis: &Diagnosis) -> bool {
             named.is_some_and(|named| unnamed.is_none_or(|unnamed| named <= unnamed))
         }
         Verdict::NothingMissing | Verdict::TooLittleData => false,
+    }
+}
+
+/// A spec with everything that was found, and its model.
+struct Found<'a> {
+    name: &'a str,
+    text: &'a str,
+    compiled: &'a Compiled,
+    model: &'a Model,
+}
+
+impl Found<'_> {
+    /// A rival of a step with fewer unknowns that explains as much now that the other effects are
+    /// there: while they were missing, a more flexible effect may have stood in for them too.
+    fn simpler<'l>(
+        &self,
+        step: &Step,
+        rivals: &'l [Leader],
+        training: &Dataset,
+        options: &Options,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<(&'l Leader, String, Compiled, Model)>> {
+        let context = Context::new(&self.compiled.system, self.model, training)?;
+        let (_, _, sums) = context.settle(context.window);
+        let unknowns = step.coefficient.len();
+        let mut rivals: Vec<&Leader> =
+            rivals.iter().filter(|rival| rival.coefficient.len() < unknowns).collect();
+        rivals.sort_by_key(|rival| rival.coefficient.len());
+        for rival in rivals {
+            let text = self.text.replacen(&step.snippet, &rival.snippet, 1);
+            // The effect may have been added by another step.
+            let Ok(next) = build(self.name, &text) else { continue };
+            let of = |term: &Term| term.effect.as_deref() == Some(rival.effect.as_str());
+            let terms = (0..next.system.terms.len()).filter(|&k| of(&next.system.terms[k]));
+            let start = Start::of(self.model, &next.system).with(terms);
+            let fitted = resume(&next.system, training, options, &start, monitor)?;
+            let mut other = Context::new(&next.system, &fitted, training)?;
+            other.noise.clone_from(&context.noise);
+            let (_, _, left) = other.settle(context.window);
+            let saved = (unknowns - rival.coefficient.len()) as f64 * (sums.rows as f64).ln();
+            if left.loss - sums.loss < saved + CLOSE && left.exploded <= sums.exploded {
+                return Ok(Some((rival, text, next, fitted)));
+            }
+        }
+        Ok(None)
+    }
+}
+
+impl Step {
+    fn replace(&mut self, rival: &Leader) {
+        self.effect.clone_from(&rival.effect);
+        self.snippet.clone_from(&rival.snippet);
+        self.coefficient.clone_from(&rival.coefficient);
+        self.standard_error.clone_from(&rival.standard_error);
+        self.p_value = rival.p_value;
+        self.unseen_error_after = rival.unseen_error_after;
     }
 }
 

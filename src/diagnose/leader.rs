@@ -6,7 +6,7 @@ use super::candidates::{Candidate, Origin};
 use super::compare::error;
 use super::context::Context;
 use super::scan::{FEW, Scored};
-use crate::expr::System;
+use crate::expr::{Bounds, System};
 use crate::fit::pass::Stepping;
 use crate::fit::train::Training;
 use crate::fit::{Options, Silent};
@@ -60,6 +60,9 @@ pub struct Refitted {
     choice: f64,
     /// Whether it was fitted to all the data.
     finished: bool,
+    /// Whether a rate, an exponent or the like ran into the end of what is looked through: the
+    /// effect then stands in for a simpler one (a decay that takes for ever is a constant).
+    pub pinned: bool,
 }
 
 impl Refitted {
@@ -211,6 +214,7 @@ fn fit(context: &Context, candidate: &Candidate, start: Start) -> Option<Refitte
     let coefficients = training.support.iter().map(|&k| training.coefficients[k]).collect();
     let values: Vec<f64> = candidate.parameters.iter().map(|&j| training.parameters[j]).collect();
     let Training { support, parameters, integrator, .. } = training;
+    let pinned = is_pinned(candidate, &start.system, &values);
     Some(Refitted {
         leader: Leader {
             effect: candidate.label.clone(),
@@ -233,6 +237,18 @@ fn fit(context: &Context, candidate: &Candidate, start: Start) -> Option<Refitte
         price: 0.0,
         choice: 2.0 * (candidate.grid.len().max(1) as f64).ln(),
         finished: false,
+        pinned,
+    })
+}
+
+/// Whether an inner parameter that gives an effect its shape is at one of its bounds.
+fn is_pinned(candidate: &Candidate, system: &System, values: &[f64]) -> bool {
+    let Origin::Catalogue(row) = &candidate.origin else { return false };
+    let shapes = [ScanBy::Rate, ScanBy::Exponent, ScanBy::Momentum, ScanBy::Frequency];
+    row.parameters.iter().zip(&candidate.parameters).zip(values).any(|((scan, &j), &value)| {
+        let Bounds { lower, upper } = system.parameters[j].bounds;
+        let close = 1e-6 * (upper - lower);
+        shapes.contains(&scan.by) && (value - lower <= close || upper - value <= close)
     })
 }
 

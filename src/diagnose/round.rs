@@ -130,6 +130,9 @@ impl Field<'_, '_> {
         // What a full fit does not keep, or unseen runs do not thank for, is not missing.
         let pays = |l: &Refitted| l.leader.unseen_error_after < l.leader.unseen_error_before;
         leaders.retain(|l| l.merit(variance) > 0.0 && (pays(l) || self.before.is_nan()));
+        if leaders.iter().any(|l| !l.pinned) {
+            leaders.retain(|l| !l.pinned);
+        }
         leaders.iter_mut().for_each(|l| l.leader.deviance = l.fall / variance);
         leaders.sort_by(|a, b| b.merit(variance).total_cmp(&a.merit(variance)));
         let best = leaders.first().map_or(0.0, |l| l.merit(variance));
