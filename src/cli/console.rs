@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::Format;
 use crate::diagnostic::Diagnostic;
 use crate::error::{Error, Result};
+use crate::project::Listener;
 
 /// More errors than this of one spec are counted rather than shown.
 const SHOWN: usize = 20;
@@ -96,6 +97,16 @@ impl Console {
     /// Nothing can be done about a standard error that cannot be written.
     fn stderr(&self, text: &str) {
         let _ = writeln!(io::stderr().lock(), "{text}");
+    }
+}
+
+impl Listener for Console {
+    fn diagnostics(&self, name: &str, text: &str, diagnostics: &[Diagnostic]) {
+        Console::diagnostics(self, name, text, diagnostics);
+    }
+
+    fn warning(&self, text: &str) {
+        Console::warning(self, text);
     }
 }
 

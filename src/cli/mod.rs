@@ -1,7 +1,5 @@
 //! The command line: one file per command, and what they share.
 
-mod asked;
-mod bench;
 mod check;
 mod compare;
 mod console;
@@ -13,12 +11,8 @@ mod effects;
 mod export;
 mod fit;
 mod history;
-mod ledger;
-mod measurements;
-mod memory;
 mod new;
 mod progress;
-mod project;
 mod report;
 mod revise;
 mod simulate;
@@ -30,6 +24,9 @@ use clap::error::ErrorKind;
 use clap::{Parser, Subcommand, ValueEnum};
 
 use console::Console;
+
+// Where the commands find what they share with the studio.
+use crate::project::{self, asked, bench, ledger, measurements, memory};
 
 /// Learns sparse Hamiltonians from measured trajectories.
 #[derive(Parser)]
