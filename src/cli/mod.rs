@@ -16,6 +16,7 @@ mod progress;
 mod report;
 mod revise;
 mod simulate;
+mod studio;
 mod values;
 
 use std::process::ExitCode;
@@ -76,6 +77,7 @@ enum Command {
     Simulate(simulate::Arguments),
     Export(export::Arguments),
     Report(report::Arguments),
+    Studio(studio::Arguments),
     Demo(demo::Arguments),
 }
 
@@ -102,6 +104,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(arguments) => simulate::run(&arguments, &console),
         Command::Export(arguments) => export::run(&arguments, &console),
         Command::Report(arguments) => report::run(&arguments, &console),
+        Command::Studio(arguments) => studio::run(&arguments, &console),
         Command::Demo(arguments) => demo::run(&arguments, &console),
     };
     match done {

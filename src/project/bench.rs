@@ -14,6 +14,9 @@ use crate::error::{Error, Result};
 use crate::fit::model::fingerprint;
 use crate::fit::{Loss, Model, Monitor, Options, Start, resume};
 
+/// Share of the samples that is put aside where nothing is said.
+const UNSEEN: f64 = 0.25;
+
 /// How the measurements are split.
 #[derive(Args, Debug, Clone)]
 pub struct Splitting {
@@ -21,7 +24,7 @@ pub struct Splitting {
     #[arg(long, value_name = "FILE")]
     pub data: Option<PathBuf>,
     /// Share of the samples that no model sees before it is judged on them.
-    #[arg(long, value_name = "FRACTION", default_value_t = 0.25)]
+    #[arg(long, value_name = "FRACTION", default_value_t = UNSEEN)]
     pub unseen: f64,
     /// Seed of the choice of unseen runs: the same seed makes the same choice.
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -29,6 +32,13 @@ pub struct Splitting {
     /// Threads to use; by default all cores. The result does not depend on it.
     #[arg(long, value_name = "N")]
     pub threads: Option<usize>,
+}
+
+impl Default for Splitting {
+    /// As on the command line where nothing is said.
+    fn default() -> Self {
+        Splitting { data: None, unseen: UNSEEN, seed: 0, threads: None }
+    }
 }
 
 /// A project with its measurements split.

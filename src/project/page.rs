@@ -9,6 +9,8 @@ use super::written::the_export;
 use super::{Law, ModelFile, digest};
 use crate::diagnose::compare::{self, Comparison};
 use crate::diagnose::context::Context;
+use crate::diagnose::detectors::detect;
+use crate::diagnose::floor::noise_floor;
 use crate::diagnose::missing::{self, Diagnosis};
 use crate::diagnose::view::{View, view};
 use crate::error::{Error, Result};
@@ -27,9 +29,13 @@ pub struct Seen {
 /// Where a model of the training part fails.
 pub fn seen(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<Seen> {
     monitor.stage("where it fails", 0.2);
-    let training = Context::new(bench.project.system(), model, &bench.split.training)?;
+    let mut training = Context::new(bench.project.system(), model, &bench.split.training)?;
+    let detections = detect(&training, model);
+    // A model that fails takes a part of what it lacks for noise; the floor is the instrument's.
+    training.noise = noise_floor(&training, model);
     let unseen = bench.unseen().map(|data| training.with_data(data));
-    let comparison = compare::compare(&training, unseen.as_ref())?;
+    let mut comparison = compare::compare(&training, unseen.as_ref())?;
+    comparison.findings.extend(detections.into_iter().map(|found| found.sentence));
     monitor.stage("what there is to see", 0.3);
     let view = view(&training, unseen.as_ref())?;
     Ok(Seen { view, comparison })

@@ -92,7 +92,7 @@ fn count(number: usize, noun: &str) -> String {
     format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
 }
 
-fn law(page: &Page) -> String {
+pub fn law(page: &Page) -> String {
     let mut out = String::new();
     let (motion, energy): (Vec<_>, Vec<_>) = page.formulas.iter().partition(|f| f.motion);
     if energy.is_empty() {
@@ -136,7 +136,7 @@ fn sentences(all: impl Iterator<Item = String>) -> String {
     if out.is_empty() { out } else { format!("<ul class=\"findings\">\n{out}</ul>\n") }
 }
 
-fn findings(page: &Page) -> String {
+pub fn findings(page: &Page) -> String {
     let mut all = page.material.comparison.findings.clone();
     if let Some(diagnosis) = page.material.diagnosis {
         all.push(format!("{}: {}", verdict(diagnosis.verdict), diagnosis.reason));
@@ -287,7 +287,7 @@ fn ledger(page: &Page, figures: &Drawn) -> String {
     drawn(figures, "ledger") + &tables::ledger(page.history)
 }
 
-fn data(page: &Page) -> String {
+pub fn data(page: &Page) -> String {
     let data = page.data;
     let sampling = data.sampling;
     let time = unit(page.material.view.time.unit.as_deref());
