@@ -40,7 +40,8 @@ pub fn undo(arguments: &Undo, console: &Console) -> Result<()> {
     let path = &arguments.spec;
     let undone = undo::undo(path, arguments.force)?;
     let again = if undone.model_removed { "; its model is removed: fit again" } else { "" };
-    let mut text = format!("Undone: {}. {} is as it was before{again}.", undone.action, path.display());
+    let mut text =
+        format!("Undone: {}. {} is as it was before{again}.", undone.action, path.display());
     if undone.edits_kept {
         text.push_str(" What was edited by hand is in the ledger: see `leverrier history`.");
     }

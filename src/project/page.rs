@@ -42,11 +42,7 @@ pub fn seen(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<Seen>
 }
 
 /// What is missing from a model of the training part; none without unseen runs.
-pub fn diagnosis(
-    bench: &Bench,
-    model: &Model,
-    monitor: &dyn Monitor,
-) -> Result<Option<Diagnosis>> {
+pub fn diagnosis(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<Option<Diagnosis>> {
     let Some(unseen) = bench.unseen() else { return Ok(None) };
     let project = &bench.project;
     missing::diagnose(

@@ -148,7 +148,17 @@ impl Revision {
         let (action, moved) = (format!("{verb} {label}"), moved(before, &after));
         let training = after;
         Ok(Revision {
-            action, adds, project, training, whole, was, is, moved, effect, warranted, why,
+            action,
+            adds,
+            project,
+            training,
+            whole,
+            was,
+            is,
+            moved,
+            effect,
+            warranted,
+            why,
         })
     }
 

@@ -358,8 +358,9 @@ impl Engine {
             studio.board.post("missing", &wire::unasked(state));
             return Ok(true);
         }
-        studio.board.post("missing", &wire::missing(&diagnosis));
+        let answer = wire::missing(&diagnosis);
         self.show(Held { diagnosis: Some(Arc::new(diagnosis)), ..(*held).clone() })?;
+        studio.board.post("missing", &answer);
         Ok(true)
     }
 }

@@ -89,8 +89,7 @@ impl Jobs {
 
     /// Whether what is being done was given up; in the background also when a wish waits.
     pub fn stopped(&self, background: bool) -> bool {
-        self.cancelled.load(Ordering::Relaxed)
-            || background && self.waiting.load(Ordering::Relaxed)
+        self.cancelled.load(Ordering::Relaxed) || background && self.waiting.load(Ordering::Relaxed)
     }
 
     pub fn is_waiting(&self) -> bool {

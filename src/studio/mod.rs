@@ -82,7 +82,10 @@ pub fn serve(options: &Options, ready: impl FnOnce(&str)) -> Result<()> {
 }
 
 fn server_error(error: &std::io::Error) -> Error {
-    Error::fit(format!("the studio cannot serve: {error}"), "start it again, or with another --port")
+    Error::fit(
+        format!("the studio cannot serve: {error}"),
+        "start it again, or with another --port",
+    )
 }
 
 /// The name of a file without its folder.

@@ -142,7 +142,10 @@ struct Text {
 
 fn read<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Result<T> {
     serde_json::from_slice(body).map_err(|error| {
-        Error::usage(format!("this is not what the studio understands ({error})"), "reload the page")
+        Error::usage(
+            format!("this is not what the studio understands ({error})"),
+            "reload the page",
+        )
     })
 }
 
@@ -189,8 +192,10 @@ fn export(studio: &Studio, query: &str, _: &[u8]) -> Result<Answer> {
     let law = project.law(None)?;
     let stem = studio.path.file_stem().map_or("model".into(), |stem| stem.to_string_lossy());
     // A header takes no other letters.
-    let stem: String =
-        stem.chars().map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' }).collect();
+    let stem: String = stem
+        .chars()
+        .map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' })
+        .collect();
     let (answer, save_as) = match output(&project, &law, to)? {
         Output::Text(text) => {
             (Answer::new("text/plain; charset=utf-8", text), format!("{stem}.{}", ending(to)))

@@ -68,7 +68,10 @@ pub fn run(listener: TcpListener, studio: Arc<Studio>, ready: impl FnOnce()) -> 
             tokio::spawn(async move {
                 let service = service_fn(|request| answer(request, &studio));
                 let mut connection = http1::Builder::new();
-                connection.timer(TokioTimer::new()).header_read_timeout(PATIENCE).max_buf_size(HEAD);
+                connection
+                    .timer(TokioTimer::new())
+                    .header_read_timeout(PATIENCE)
+                    .max_buf_size(HEAD);
                 // Clients that go away in the middle are no failure.
                 let _ = connection.serve_connection(TokioIo::new(stream), service).await;
                 drop(place);

@@ -105,7 +105,8 @@ pub fn law(page: &Page) -> Value {
     json!({
         "title": page.title,
         "cards": parts.cards,
-        "law": parts.law,
+        "equations": parts.equations,
+        "numbers": parts.numbers,
         "findings": parts.findings,
         "data": parts.data,
         "error": last.map(|last| last.unseen.unwrap_or(last.training)),
@@ -162,7 +163,7 @@ pub fn missing(diagnosis: &Diagnosis) -> Value {
 fn leader(leader: &Leader) -> Value {
     let name = leader.effect.split('(').next().unwrap_or("");
     let chance = match leader.p_value {
-        p if p < 1e-12 => "less than 10⁻¹²".to_string(),
+        p if p < 1e-12 => "< 10⁻¹²".to_string(),
         p => number(p, 2),
     };
     json!({
@@ -204,8 +205,12 @@ pub fn ledger(ledger: &Ledger, text: &str) -> Value {
     })
 }
 
-/// A sentence begins with a capital letter, and is ended by whoever prints it.
+/// A sentence begins with a capital letter, unless with a name, and is ended by whoever prints it.
 pub fn capital(text: &str) -> String {
+    let word = text.split_whitespace().next().unwrap_or("");
+    if word.contains(['_', '(', '^']) {
+        return text.trim().trim_end_matches('.').to_string();
+    }
     let mut letters = text.trim().trim_end_matches('.').chars();
     let first: String = letters.next().map(|c| c.to_uppercase().collect()).unwrap_or_default();
     first + letters.as_str()

@@ -122,8 +122,10 @@ pub fn page(page: &Page) -> Drawn {
 pub struct Parts {
     /// The numbers that a reader looks for first.
     pub cards: String,
-    /// The law, its doubts and its coefficients.
-    pub law: String,
+    /// The law, typeset.
+    pub equations: String,
+    /// Its coefficients, and what was done to print it.
+    pub numbers: String,
     /// Where it fails, in sentences.
     pub findings: String,
     /// What was learned from.
@@ -134,7 +136,8 @@ pub struct Parts {
 pub fn parts(page: &Page) -> Parts {
     Parts {
         cards: sections::cards(page),
-        law: sections::law(page),
+        equations: sections::equations(page),
+        numbers: sections::numbers(page),
         findings: sections::findings(page),
         data: sections::data(page),
     }

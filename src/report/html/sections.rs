@@ -92,7 +92,12 @@ fn count(number: usize, noun: &str) -> String {
     format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
 }
 
-pub fn law(page: &Page) -> String {
+fn law(page: &Page) -> String {
+    equations(page) + &numbers(page)
+}
+
+/// The law, typeset.
+pub fn equations(page: &Page) -> String {
     let mut out = String::new();
     let (motion, energy): (Vec<_>, Vec<_>) = page.formulas.iter().partition(|f| f.motion);
     if energy.is_empty() {
@@ -114,6 +119,12 @@ pub fn law(page: &Page) -> String {
         }
         out += "</div></details>\n";
     }
+    out
+}
+
+/// What was done to the printed law, and the numbers in it.
+pub fn numbers(page: &Page) -> String {
+    let mut out = String::new();
     out +=
         "<p class=\"soft\">Digits in parentheses are the standard error of the last digits.</p>\n";
     out += &sentences(page.notes.iter().take(12).cloned());

@@ -50,13 +50,13 @@ globalThis.leverrierEditor = (() => {
         if (bad.has(i + 1)) line.className = "bad";
         return line;
       });
-      element("numbers").replaceChildren(...numbers);
+      element("lines").replaceChildren(...numbers);
       scroll();
     };
     const scroll = () => {
       element("colours").scrollTop = area.scrollTop;
       element("colours").scrollLeft = area.scrollLeft;
-      element("numbers").scrollTop = area.scrollTop;
+      element("lines").scrollTop = area.scrollTop;
     };
     const list = () => {
       element("problems").replaceChildren(...problems.map((problem) => {

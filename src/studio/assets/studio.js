@@ -33,7 +33,9 @@
     close.type = "button";
     close.addEventListener("click", () => { box.hidden = true; });
     const words = text ?? message ?? "";
-    box.replaceChildren(close, make("span", "", words.charAt(0).toUpperCase() + words.slice(1)));
+    // Names of files and effects stay as they are.
+    const named = /^\S*[._(]\S/.test(words);
+    box.replaceChildren(close, make("span", "", named ? words : words.charAt(0).toUpperCase() + words.slice(1)));
     if (hint) box.append(make("span", "hint", ` (${hint})`));
     box.classList.toggle("failed", Boolean(failed));
     box.hidden = false;
@@ -151,7 +153,7 @@
     if (!law) return;
     $("title").textContent = law.title || "A learned model";
     document.title = `${law.title || "A learned model"} - Leverrier studio`;
-    for (const part of ["cards", "law", "findings", "data"]) $(part).innerHTML = law[part];
+    for (const part of ["cards", "equations", "numbers", "findings", "data"]) $(part).innerHTML = law[part];
   };
   const ORDER = ["horizons", "forces", "predictions", "portrait", "energy", "force-map", "ranking", "ledger", "front", "path"];
   const GROUPS = [
@@ -283,7 +285,7 @@
       bars.setAttribute("aria-label", `Error on unseen runs: ${two(leader.before)} times the noise now, ${two(leader.after)} with it`);
       row.append(bars);
     }
-    row.append(make("p", "soft", `Chance that noise does as well: ${leader.chance}`));
+    row.append(make("p", "soft", `Chance that it is noise: ${leader.chance}`));
     return row;
   };
   const showMissing = (missing) => {
