@@ -127,12 +127,29 @@ impl Bench {
         })
     }
 
-    /// The terms of a model with their numbers learned anew, from the model's own.
+    /// The terms of a model with their numbers learned anew.
     pub fn refit(
         &self,
         project: &Project,
         model: &Model,
         data: &Dataset,
+        monitor: &dyn Monitor,
+    ) -> Result<Model> {
+        self.again(project, model, data, false, monitor)
+    }
+
+    /// The terms of a model of the training part with numbers from all measurements, beginning
+    /// at the model's own, which are nearly right.
+    pub fn widen(&self, project: &Project, model: &Model, monitor: &dyn Monitor) -> Result<Model> {
+        self.again(project, model, &self.dataset, true, monitor)
+    }
+
+    fn again(
+        &self,
+        project: &Project,
+        model: &Model,
+        data: &Dataset,
+        warm: bool,
         monitor: &dyn Monitor,
     ) -> Result<Model> {
         let system = project.system();
@@ -149,7 +166,14 @@ impl Bench {
         // Whoever fitted with a robust loss meant it.
         let loss = Loss::by_name(&model.evidence.loss).unwrap_or(Loss::SQUARES);
         let options = Options { sparse: false, starts: 0, loss, ..Options::default() };
-        let mut again = learn(&narrowed, data, &options, self.splitting.threads, monitor)?;
+        let threads = self.splitting.threads;
+        let mut again = match warm {
+            true => {
+                let start = Start::of(model, &narrowed);
+                on_threads(threads, || resume(&narrowed, data, &options, &start, monitor))?
+            }
+            false => learn(&narrowed, data, &options, threads, monitor)?,
+        };
         again.fingerprint = fingerprint(system);
         again.evidence.function_space = system.terms.len();
         Ok(again)

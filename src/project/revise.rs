@@ -135,7 +135,7 @@ impl Revision {
         (label, adds): (&str, bool),
         monitor: &dyn Monitor,
     ) -> Result<Revision> {
-        let whole = bench.refit(&project, &after, &bench.dataset, monitor)?;
+        let whole = bench.widen(&project, &after, monitor)?;
         let (was, is) = judge(bench, before, &project, &after)?;
         let mut effect = Vec::new();
         let (warranted, why) = if adds {

@@ -13,8 +13,10 @@ use crate::diagnostic::Diagnostic;
 use crate::error::{Error, Result};
 use crate::fit::{Model, Monitor, Options, StopReason};
 use crate::project::bench::{Bench, Splitting};
-use crate::project::learned::{learn, origin, write_model};
+use crate::project::learned::{origin, write_model};
 use crate::project::ledger::Ledger;
+use crate::project::measurements::Measurements;
+use crate::project::memory;
 use crate::project::page::{self, Seen};
 use crate::project::revise::{self, Revision};
 use crate::project::undo::undo;
@@ -196,13 +198,16 @@ impl Engine {
     fn learned(&self, bench: &Bench, teller: &Teller) -> Result<()> {
         let project = &bench.project;
         let parameter_starts = project.compiled.starts.clone();
-        let options = Options { parameter_starts, ..Options::default() };
-        let model = learn(project.system(), &bench.dataset, &options, None, teller)?;
+        let memory = memory::usual();
+        let options = Options { parameter_starts, memory: Some(memory), ..Options::default() };
+        let measured = Measurements::read(project, None, memory, options.seed, teller, |_| {})?;
+        let model = measured.learn(project.system(), &options, None, teller)?;
         if teller.stopped() || model.stop.reason == StopReason::Interrupted {
             return Err(Error::Interrupted);
         }
         self.unchanged(project)?;
-        let file = ModelFile { model, origin: origin(project, &bench.dataset, &bench.about) };
+        let file =
+            ModelFile { model, origin: origin(project, measured.dataset(), measured.report()) };
         write_model(&project.model_path(), &file)
     }
 

@@ -157,7 +157,7 @@
   };
   const ORDER = ["horizons", "forces", "predictions", "portrait", "energy", "force-map", "ranking", "ledger", "front", "path"];
   const GROUPS = [
-    ["Where it fails", ["horizons", "forces", "force-map"]],
+    ["How far it holds", ["horizons", "forces", "force-map"]],
     ["The motion", ["predictions", "portrait", "energy"]],
     ["What was found, and how", ["ranking", "ledger", "front", "path"]],
   ];
