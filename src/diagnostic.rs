@@ -102,6 +102,14 @@ impl Diagnostic {
         self
     }
 
+    /// Line and column of its place in `text`, both counted from 1; columns in characters.
+    pub fn place(&self, text: &str) -> (usize, usize) {
+        let before = text.get(..self.span.start).unwrap_or("");
+        let line = before.matches('\n').count() + 1;
+        let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;
+        (line, column)
+    }
+
     /// Draws the message under the lines of `text` that it speaks of.
     ///
     /// `name` is what the text is called (a file's path). Spans that reach past

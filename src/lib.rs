@@ -16,6 +16,8 @@
 //! | [`simulate`] | a known law | trajectories near machine precision, and what an instrument makes of them |
 //! | [`export`] | a model and its simplified form | LaTeX, MathML, Rust, C, Python, JSON |
 //! | [`report`] | all of it | text for people |
+//! | `project` | the files of a folder | spec, data, model and ledger; additions, undoing, exports |
+//! | `studio` | a spec | the same in a browser, on this machine |
 //! | [`cli`] | a command line | the above, with files and a terminal at the edges |
 //!
 //! The method starts from Sparse Symplectically Integrated Neural Networks (DiPietro, Xiong and
@@ -53,7 +55,9 @@ pub mod eval;
 pub mod export;
 pub mod expr;
 pub mod fit;
+mod project;
 pub mod report;
 pub mod simplify;
 pub mod simulate;
 pub mod spec;
+mod studio;

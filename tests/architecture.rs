@@ -19,6 +19,8 @@ const LAYERS: &[&str] = &[
     "simplify",
     "export",
     "report",
+    "project",
+    "studio",
     "cli",
 ];
 

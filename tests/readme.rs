@@ -2,6 +2,7 @@
 //! folder, one after the other, and print what it shows. Its tables keep up with the program.
 
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 
 use assert_cmd::Command;
@@ -75,6 +76,24 @@ fn copy_tree(from: &Path, to: &Path) {
     }
 }
 
+/// What serves until it is ended is ended when it has printed what is shown.
+fn serves(folder: &Path, arguments: &[String], shown: &[String]) {
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_leverrier"))
+        .current_dir(folder)
+        .args(arguments)
+        .arg("--no-open")
+        .stdout(std::process::Stdio::piped())
+        .spawn()
+        .expect("it runs");
+    let mut lines = BufReader::new(child.stdout.take().expect("its output")).lines();
+    let found = shown
+        .iter()
+        .all(|wanted| lines.next().is_some_and(|line| line.is_ok_and(|l| l.contains(wanted))));
+    child.kill().expect("it was running");
+    child.wait().expect("it ended");
+    assert!(found, "{arguments:?} does not print {shown:?}");
+}
+
 #[test]
 fn every_command_does_what_the_readme_shows() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -96,6 +115,11 @@ fn every_command_does_what_the_readme_shows() {
                 assert!(words[0] == "cargo" && known, "who runs {words:?}?");
                 continue;
             };
+            if arguments.first().is_some_and(|word| word == "studio") {
+                serves(folder.path(), arguments, &shown);
+                run += 1;
+                continue;
+            }
             let output = Command::cargo_bin("leverrier")
                 .expect("built with the tests")
                 .current_dir(folder.path())

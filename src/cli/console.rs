@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::Format;
 use crate::diagnostic::Diagnostic;
 use crate::error::{Error, Result};
+use crate::project::Listener;
 
 /// More errors than this of one spec are counted rather than shown.
 const SHOWN: usize = 20;
@@ -99,6 +100,16 @@ impl Console {
     }
 }
 
+impl Listener for Console {
+    fn diagnostics(&self, name: &str, text: &str, diagnostics: &[Diagnostic]) {
+        Console::diagnostics(self, name, text, diagnostics);
+    }
+
+    fn warning(&self, text: &str) {
+        Console::warning(self, text);
+    }
+}
+
 /// Whether standard error takes colours: <https://no-color.org>.
 pub fn coloured() -> bool {
     let unwanted = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
@@ -124,16 +135,8 @@ fn drawn(diagnostic: &Diagnostic, name: &str, text: &str) -> String {
     if after - before <= LONGEST_LINE {
         return diagnostic.render(name, text, coloured());
     }
-    let (line, column) = place(text, start);
+    let (line, column) = diagnostic.place(text);
     format!("Error: {name}, line {line}, column {column}: {diagnostic}")
-}
-
-/// Line and column of a byte of a text, both counted from 1; columns in characters.
-fn place(text: &str, at: usize) -> (usize, usize) {
-    let before = text.get(..at).unwrap_or("");
-    let line = before.matches('\n').count() + 1;
-    let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;
-    (line, column)
 }
 
 /// `leverrier.error/1`.
@@ -180,7 +183,7 @@ fn error_object(error: &Error) -> Value {
 
 /// A diagnostic with its place in lines and columns.
 pub fn diagnostic_object(diagnostic: &Diagnostic, text: &str) -> Value {
-    let (line, column) = place(text, diagnostic.span.start);
+    let (line, column) = diagnostic.place(text);
     json!({
         "severity": diagnostic.severity,
         "message": diagnostic.message,

@@ -10,7 +10,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::console::Console;
-use super::fit::{learn, origin, write_model};
+use super::project::learned::{learn, origin, write_model};
 use super::progress::Progress;
 use super::project::{ModelFile, Project};
 use crate::data::{Layout, write_atomically, write_csv};

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::bench::{Bench, Splitting};
 use super::console::Console;
-use super::fit::{origin, write_model};
+use super::project::learned::{origin, write_model};
 use super::ledger::{Judged, Ledger};
 use super::progress::Progress;
 use super::project::{ModelFile, Project};

@@ -10,12 +10,11 @@ use super::console::Console;
 use super::measurements::Measurements;
 use super::memory;
 use super::progress::Progress;
-use super::project::{FileDigest, ModelFile, Origin, Project, digest};
-use crate::data::{DataReport, Dataset, write_atomically};
+use super::project::learned::{origin, write_model};
+use super::project::{ModelFile, Project};
 use crate::dynamics::{METHODS, Method};
 use crate::error::{Error, Result};
-use crate::expr::{Observed, System};
-use crate::fit::{self, LOSSES, Loss, Model, Options, Selection, StopReason, Trainer};
+use crate::fit::{LOSSES, Loss, Options, Selection, StopReason, Trainer};
 use crate::report::{self, FitReport, present};
 
 /// Learn the unknown part of a spec's energy and forces from its data.
@@ -148,14 +147,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     for warning in &about.warnings {
         console.warning(warning);
     }
-    let learned = match &measurements {
-        Measurements::Held(held) => {
-            learn(project.system(), &held.0, &options, arguments.threads, &progress)
-        }
-        Measurements::Streamed(source, survey) => on_threads(arguments.threads, || {
-            fit::fit_stream(project.system(), source.as_ref(), survey, &options, &progress)
-        }),
-    };
+    let learned = measurements.learn(project.system(), &options, arguments.threads, &progress);
     drop(progress);
     let model = learned?;
     let elapsed = clock.elapsed().as_secs_f64();
@@ -206,76 +198,4 @@ fn require_writable(path: &Path) -> Result<()> {
             Err(failed(std::io::Error::new(error.kind(), format!("{what}; {advice}"))))
         }
     }
-}
-
-/// Fits on the given number of threads.
-pub fn learn(
-    system: &System,
-    dataset: &Dataset,
-    options: &Options,
-    threads: Option<usize>,
-    progress: &Progress,
-) -> Result<Model> {
-    on_threads(threads, || fit::fit(system, dataset, options, progress))
-}
-
-/// Does the work on the given number of threads; on all cores by default.
-pub fn on_threads<T: Send>(
-    threads: Option<usize>,
-    work: impl FnOnce() -> Result<T> + Send,
-) -> Result<T> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build().map_err(
-        |error| Error::fit(format!("cannot start the threads: {error}"), "ask for fewer"),
-    )?;
-    pool.install(work)
-}
-
-/// Where a model comes from.
-pub fn origin(project: &Project, dataset: &Dataset, about: &DataReport) -> Origin {
-    let source = about.source.as_ref();
-    let name = source.and_then(|s| s.file.file_name());
-    Origin {
-        spec: digest(&project.path, project.text.as_bytes()),
-        data: FileDigest {
-            name: name.map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
-            sha256: source.map_or_else(String::new, |s| s.sha256.clone()),
-        },
-        ranges: ranges(project.system(), about),
-        start: first_state(project.system(), dataset),
-    }
-}
-
-/// Largest |value| of each state component; 0 for momenta that were not measured.
-pub fn ranges(system: &System, about: &DataReport) -> Vec<f64> {
-    let n = system.degrees();
-    let largest = about.columns.iter().enumerate().map(|(at, column)| {
-        if at >= n && system.observed == Observed::Velocities {
-            return 0.0;
-        }
-        let ends = [column.minimum, column.maximum];
-        ends.into_iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()))
-    });
-    largest.collect()
-}
-
-fn first_state(system: &System, dataset: &Dataset) -> Option<(f64, Vec<f64>)> {
-    if system.observed == Observed::Velocities {
-        return None;
-    }
-    dataset.runs.iter().find_map(|run| {
-        (0..run.times.len()).find_map(|at| {
-            let state: Vec<f64> = run.values.iter().filter_map(|c| c.get(at).copied()).collect();
-            let complete =
-                state.len() == 2 * system.degrees() && state.iter().all(|x| x.is_finite());
-            complete.then(|| (run.times[at], state))
-        })
-    })
-}
-
-/// Writes a model file, whole or not at all.
-pub fn write_model(path: &Path, file: &ModelFile) -> Result<()> {
-    let mut bytes = serde_json::to_vec_pretty(file)
-        .map_err(|error| Error::file("write", path, std::io::Error::other(error)))?;
-    bytes.push(b'\n');
-    write_atomically(path, &bytes)
 }

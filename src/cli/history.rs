@@ -1,13 +1,13 @@
 //! `leverrier undo` and `history`: the revisions of a spec.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::{Value, json};
 
 use super::console::Console;
-use super::ledger::{BY_HAND, Judged, Ledger, date};
-use crate::data::write_atomically;
+use super::ledger::{Judged, Ledger, date};
+use super::project::undo::{self, spec_text};
 use crate::error::{Error, Result};
 use crate::report::layout::{WIDTH, table, wrapped};
 
@@ -38,64 +38,19 @@ pub struct History {
 /// Runs `undo`.
 pub fn undo(arguments: &Undo, console: &Console) -> Result<()> {
     let path = &arguments.spec;
-    let text = spec_text(path)?;
-    let mut ledger = Ledger::open(path)?;
-    let lost = ledger.recover(&text);
-    let newest = |ledger: &Ledger| {
-        let at = ledger.current()?;
-        ledger.revisions.get(at).map(|revision| (revision.action.clone(), revision.spec.clone()))
-    };
-    let edited = newest(&ledger).is_some_and(|(action, spec)| spec != text || action == BY_HAND);
-    if edited && !arguments.force {
-        return Err(Error::usage(
-            format!("{} was edited by hand since the last revision", path.display()),
-            "give --force to go back nevertheless; the edited text stays in the ledger, and \
-             `history --show NUMBER` prints it",
-        ));
-    }
-    let nothing = || {
-        let what = format!("there is nothing to undo in {}", path.display());
-        match lost.first() {
-            Some(lost) => Error::usage(
-                format!("{what}: `{lost}` never came to its end"),
-                "the spec is as it was before; `leverrier add` does it again",
-            ),
-            None => Error::usage(what, "`leverrier add` and `leverrier remove` make revisions"),
-        }
-    };
-    if edited {
-        // Into the ledger before the spec goes: whatever happens then, the text is kept.
-        let mut kept = ledger.clone();
-        kept.know(&text);
-        let mut ahead = kept.clone();
-        while newest(&ahead).is_some_and(|(action, _)| action == BY_HAND) {
-            ahead.take_back().ok_or_else(nothing)?;
-        }
-        ahead.clone().take_back().ok_or_else(nothing)?;
-        kept.write(path)?;
-        ledger = ahead;
-    }
-    let (undone, restored) = ledger.take_back().ok_or_else(nothing)?;
-    // A spec without its ledger is understood (as an earlier revision), the reverse is not.
-    write_atomically(path, restored.as_bytes())?;
-    ledger.write(path)?;
-    // The model belongs to the text that is gone.
-    let model = path.with_extension("model.json");
-    let removed = model.exists();
-    if removed {
-        std::fs::remove_file(&model).map_err(|error| Error::file("remove", &model, error))?;
-    }
-    let again = if removed { "; its model is removed: fit again" } else { "" };
-    let mut text = format!("Undone: {undone}. {} is as it was before{again}.", path.display());
-    if edited {
+    let undone = undo::undo(path, arguments.force)?;
+    let again = if undone.model_removed { "; its model is removed: fit again" } else { "" };
+    let mut text =
+        format!("Undone: {}. {} is as it was before{again}.", undone.action, path.display());
+    if undone.edits_kept {
         text.push_str(" What was edited by hand is in the ledger: see `leverrier history`.");
     }
     let object = json!({
         "format": "leverrier.undo/1",
         "spec": path.display().to_string(),
-        "undone": undone,
-        "edits_kept": edited,
-        "model_removed": removed,
+        "undone": undone.action,
+        "edits_kept": undone.edits_kept,
+        "model_removed": undone.model_removed,
     });
     let width = console.width().map_or(WIDTH, |width| usize::from(width).max(40));
     console.result(&wrapped(&text, width, 2), &object)
@@ -179,9 +134,4 @@ pub fn history(arguments: &History, console: &Console) -> Result<()> {
         "revisions": revisions,
     });
     console.result(&out, &object)
-}
-
-/// The text of a spec that need not compile.
-fn spec_text(path: &Path) -> Result<String> {
-    std::fs::read_to_string(path).map_err(|error| Error::file("read", path, error))
 }

@@ -1,7 +1,5 @@
 //! The command line: one file per command, and what they share.
 
-mod asked;
-mod bench;
 mod check;
 mod compare;
 mod console;
@@ -13,15 +11,12 @@ mod effects;
 mod export;
 mod fit;
 mod history;
-mod ledger;
-mod measurements;
-mod memory;
 mod new;
 mod progress;
-mod project;
 mod report;
 mod revise;
 mod simulate;
+mod studio;
 mod values;
 
 use std::process::ExitCode;
@@ -30,6 +25,9 @@ use clap::error::ErrorKind;
 use clap::{Parser, Subcommand, ValueEnum};
 
 use console::Console;
+
+// Where the commands find what they share with the studio.
+use crate::project::{self, asked, bench, ledger, measurements, memory};
 
 /// Learns sparse Hamiltonians from measured trajectories.
 #[derive(Parser)]
@@ -79,6 +77,7 @@ enum Command {
     Simulate(simulate::Arguments),
     Export(export::Arguments),
     Report(report::Arguments),
+    Studio(studio::Arguments),
     Demo(demo::Arguments),
 }
 
@@ -105,6 +104,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(arguments) => simulate::run(&arguments, &console),
         Command::Export(arguments) => export::run(&arguments, &console),
         Command::Report(arguments) => report::run(&arguments, &console),
+        Command::Studio(arguments) => studio::run(&arguments, &console),
         Command::Demo(arguments) => demo::run(&arguments, &console),
     };
     match done {

@@ -8,22 +8,13 @@ use serde_json::json;
 
 use super::bench::{Bench, Splitting};
 use super::console::Console;
-use super::export::the_export;
-use super::fit::origin;
-use super::ledger::{Ledger, date};
 use super::progress::Progress;
-use super::project::{Law, ModelFile};
+use super::project::page;
 use crate::data::write_atomically;
-use crate::diagnose::compare;
-use crate::diagnose::context::Context;
-use crate::diagnose::missing::{self, Diagnosis};
-use crate::diagnose::view::view;
+use crate::diagnose::missing::Diagnosis;
 use crate::error::{Error, Result};
-use crate::export::formulas;
-use crate::fit::{Model, Monitor};
-use crate::report::html::{Drawn, Entry, Page, page};
-use crate::report::plots::{For, Material, Stage, draw, plot};
-use crate::report::present;
+use crate::report::html::{self, Drawn};
+use crate::report::plots::{For, draw, plot};
 
 /// Write one page that shows the law, where it fails, what is missing, and how it was found.
 ///
@@ -60,57 +51,19 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let bench = Bench::open(&arguments.spec, &arguments.splitting, console)?;
     let progress = Progress::new();
     let (model, terms) = bench.model(&progress)?;
-    progress.stage("where it fails", 0.2);
-    let training = Context::new(bench.project.system(), &model, &bench.split.training)?;
-    let unseen = bench.unseen().map(|data| training.with_data(data));
-    let comparison = compare::compare(&training, unseen.as_ref())?;
-    progress.stage("what there is to see", 0.3);
-    let view = view(&training, unseen.as_ref())?;
-    let diagnosis =
-        if arguments.no_diagnosis { None } else { diagnosis(&bench, &model, &progress)? };
-    let ledger = Ledger::open(&arguments.spec)?;
-    let history = stages(&ledger);
-    let law = law(&bench, &model)?;
-    let own = law.file.as_ref().map_or(&model, |file| &file.model);
-    let material = Material {
-        view: &view,
-        comparison: &comparison,
-        model: own,
-        diagnosis: diagnosis.as_ref(),
-        history: &history,
+    let seen = page::seen(&bench, &model, &progress)?;
+    let diagnosis = match arguments.no_diagnosis {
+        true => None,
+        false => page::diagnosis(&bench, &model, &progress)?,
     };
-    let fitted = law.fitted(bench.project.system());
-    let simplified = present::of_law(&fitted, law.ranges());
-    let pretty = present::pretty(&simplified);
-    // A law that cannot be typeset is printed as text.
-    let formulas = the_export(&bench.project, &law, &pretty)
-        .and_then(|law| formulas(&law))
-        .unwrap_or_default();
-    let facts = facts(&bench, &law, arguments);
-    let commands = commands(arguments);
-    let entries = entries(&ledger);
-    let drawn = page(&Page {
-        title: &bench.project.system().name,
-        material,
-        model: Some(own),
-        simplified: &simplified,
-        formulas: &formulas,
-        notes: &pretty.notes,
-        data: &bench.about,
-        split: &bench.split.how,
-        terms_from: terms,
-        spec: &bench.project.text,
-        history: &entries,
-        facts: &facts,
-        commands: &commands,
-    });
+    let drawn = page::with_page(&bench, (&model, terms), &seen, diagnosis.as_ref(), html::page)?;
     drop(progress);
     write_atomically(&path, drawn.html.as_bytes())?;
     let files = match &arguments.plots {
         Some(folder) => write_plots(folder, &drawn)?,
         None => Vec::new(),
     };
-    tell(console, arguments, &path, &drawn, &files, &comparison.findings, diagnosis.as_ref())
+    tell(console, arguments, &path, &drawn, &files, &seen.comparison.findings, diagnosis.as_ref())
 }
 
 /// Pages may be written anew; other files are not overwritten by chance.
@@ -125,123 +78,6 @@ fn require_page(path: &Path, force: bool) -> Result<()> {
         format!("{} exists and is not a page", path.display()),
         "give --force to overwrite it, or another name with -o",
     ))
-}
-
-fn diagnosis(bench: &Bench, model: &Model, progress: &Progress) -> Result<Option<Diagnosis>> {
-    let Some(unseen) = bench.unseen() else { return Ok(None) };
-    let project = &bench.project;
-    missing::diagnose(
-        &project.name(),
-        &project.text,
-        &project.compiled,
-        model,
-        &bench.split.training,
-        unseen,
-        progress,
-    )
-    .map(Some)
-}
-
-/// The law of the model file where it belongs to the spec, else that of the training part.
-fn law(bench: &Bench, model: &Model) -> Result<Law> {
-    if let Ok(law) = bench.project.law(None)
-        && law.file.is_some()
-    {
-        return Ok(law);
-    }
-    let origin = origin(&bench.project, &bench.dataset, &bench.about);
-    let file = ModelFile { model: model.clone(), origin };
-    bench.project.law_of(file).ok_or_else(|| {
-        Error::fit("the model belongs to another spec", "fit the spec again, then report it")
-    })
-}
-
-/// States of the spec as the ledger's plot takes them.
-fn stages(ledger: &Ledger) -> Vec<Stage> {
-    let mut out: Vec<Stage> = Vec::new();
-    for revision in &ledger.revisions {
-        let unseen = |judged: &Option<super::ledger::Judged>| judged.as_ref()?.unseen_error;
-        // What was there before the first step was judged with it.
-        if let Some(before) = out.last_mut()
-            && before.error.is_none()
-        {
-            before.error = unseen(&revision.before);
-        }
-        out.push(Stage {
-            action: revision.action.clone(),
-            error: unseen(&revision.after),
-            undone: revision.undone,
-        });
-    }
-    out
-}
-
-fn entries(ledger: &Ledger) -> Vec<Entry> {
-    let unseen = |judged: &Option<super::ledger::Judged>| judged.as_ref()?.unseen_error;
-    let revisions = ledger.revisions.iter();
-    revisions
-        .map(|revision| Entry {
-            date: date(revision.time),
-            action: revision.action.clone(),
-            before: unseen(&revision.before),
-            after: unseen(&revision.after),
-            undone: revision.undone,
-        })
-        .collect()
-}
-
-/// What it takes to make the page again.
-fn facts(bench: &Bench, law: &Law, arguments: &Arguments) -> Vec<(String, String)> {
-    let mut out = vec![("program".to_string(), format!("leverrier {}", env!("CARGO_PKG_VERSION")))];
-    let mut fact = |name: &str, value: String| out.push((name.to_string(), value));
-    let Some(file) = &law.file else { return out };
-    let (model, origin) = (&file.model, &file.origin);
-    let own = super::project::digest(&bench.project.path, bench.project.text.as_bytes());
-    fact("spec", format!("{} SHA-256 {}", own.name, own.sha256));
-    if let Some(source) = &bench.about.source {
-        let name = source.file.file_name().unwrap_or_default().to_string_lossy();
-        fact("data", format!("{name} SHA-256 {}", source.sha256));
-    }
-    if bench.about.source.as_ref().is_some_and(|source| source.sha256 != origin.data.sha256) {
-        fact("learned from", format!("{} SHA-256 {}", origin.data.name, origin.data.sha256));
-    }
-    fact("seed of the fit", model.evidence.seed.to_string());
-    fact("loss", model.evidence.loss.clone());
-    fact(
-        "integrator",
-        format!(
-            "{}, steps of at most {}",
-            model.integrator.method,
-            crate::simplify::significant(model.integrator.longest_step, 6)
-        ),
-    );
-    fact("meaning of the spec", model.fingerprint.clone());
-    let splitting = &arguments.splitting;
-    fact("split", format!("unseen {}, seed {}", splitting.unseen, splitting.seed));
-    out
-}
-
-/// Commands that make the page again; files by their names alone.
-fn commands(arguments: &Arguments) -> Vec<String> {
-    let name = |path: &Path| -> String {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if name.contains([' ', '\'', '"', '(', ')', '&', ';']) {
-            format!("'{}'", name.replace('\'', "'\\''"))
-        } else {
-            name.into_owned()
-        }
-    };
-    let spec = name(&arguments.spec);
-    let splitting = &arguments.splitting;
-    let data = splitting.data.as_ref().map_or(String::new(), |d| format!(" --data {}", name(d)));
-    let more = if arguments.no_diagnosis { " --no-diagnosis" } else { "" };
-    vec![
-        format!("leverrier fit {spec}{data}"),
-        format!(
-            "leverrier report {spec}{data} --unseen {} --seed {}{more}",
-            splitting.unseen, splitting.seed
-        ),
-    ]
 }
 
 /// Writes every figure as an SVG file of its own, and gives their names.

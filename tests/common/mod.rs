@@ -1,7 +1,10 @@
 //! What several test files share; each of them uses its part.
 #![allow(dead_code)]
 
+pub mod browser;
+pub mod http;
 pub mod program;
+pub mod studio;
 
 use std::path::{Path, PathBuf};
 

@@ -5,9 +5,9 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::{Stage, indented};
-use crate::cli::fit::{learn, origin, write_model};
+use crate::project::learned::{learn, origin, write_model};
 use crate::cli::progress::Progress;
-use crate::cli::project::{ModelFile, Project};
+use crate::project::{ModelFile, Project};
 use crate::data::{Layout, write_atomically, write_csv};
 use crate::error::Result;
 use crate::expr;

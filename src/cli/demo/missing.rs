@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use super::{Stage, indented};
-use crate::cli::bench::{Bench, Splitting};
+use crate::project::bench::{Bench, Splitting};
 use crate::cli::progress::Progress;
-use crate::cli::project::{Law, Project};
+use crate::project::{Law, Project};
 use crate::cli::{compare, diagnose, revise};
 use crate::data::{Layout, write_atomically, write_csv};
 use crate::diagnose::discover::discover;

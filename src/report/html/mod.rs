@@ -118,6 +118,31 @@ pub fn page(page: &Page) -> Drawn {
     Drawn { html: out, figures }
 }
 
+/// Parts of the page as HTML, for pages that are arranged in another way.
+pub struct Parts {
+    /// The numbers that a reader looks for first.
+    pub cards: String,
+    /// The law, typeset.
+    pub equations: String,
+    /// Its coefficients, and what was done to print it.
+    pub numbers: String,
+    /// Where it fails, in sentences.
+    pub findings: String,
+    /// What was learned from.
+    pub data: String,
+}
+
+/// The page's parts.
+pub fn parts(page: &Page) -> Parts {
+    Parts {
+        cards: sections::cards(page),
+        equations: sections::equations(page),
+        numbers: sections::numbers(page),
+        findings: sections::findings(page),
+        data: sections::data(page),
+    }
+}
+
 /// Figures with their captions.
 fn shown(figures: &[Figure]) -> String {
     if figures.is_empty() {

@@ -93,6 +93,11 @@ fn count(number: usize, noun: &str) -> String {
 }
 
 fn law(page: &Page) -> String {
+    equations(page) + &numbers(page)
+}
+
+/// The law, typeset.
+pub fn equations(page: &Page) -> String {
     let mut out = String::new();
     let (motion, energy): (Vec<_>, Vec<_>) = page.formulas.iter().partition(|f| f.motion);
     if energy.is_empty() {
@@ -114,6 +119,12 @@ fn law(page: &Page) -> String {
         }
         out += "</div></details>\n";
     }
+    out
+}
+
+/// What was done to the printed law, and the numbers in it.
+pub fn numbers(page: &Page) -> String {
+    let mut out = String::new();
     out +=
         "<p class=\"soft\">Digits in parentheses are the standard error of the last digits.</p>\n";
     out += &sentences(page.notes.iter().take(12).cloned());
@@ -136,7 +147,7 @@ fn sentences(all: impl Iterator<Item = String>) -> String {
     if out.is_empty() { out } else { format!("<ul class=\"findings\">\n{out}</ul>\n") }
 }
 
-fn findings(page: &Page) -> String {
+pub fn findings(page: &Page) -> String {
     let mut all = page.material.comparison.findings.clone();
     if let Some(diagnosis) = page.material.diagnosis {
         all.push(format!("{}: {}", verdict(diagnosis.verdict), diagnosis.reason));
@@ -287,7 +298,7 @@ fn ledger(page: &Page, figures: &Drawn) -> String {
     drawn(figures, "ledger") + &tables::ledger(page.history)
 }
 
-fn data(page: &Page) -> String {
+pub fn data(page: &Page) -> String {
     let data = page.data;
     let sampling = data.sampling;
     let time = unit(page.material.view.time.unit.as_deref());

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
-use super::memory;
-use super::project::Project;
+use super::learned::{learn, on_threads};
+use super::{Project, memory};
 use crate::data::{self, DataReport, Dataset, FileSource, Survey};
 use crate::error::Result;
+use crate::expr::System;
 use crate::fit::memory::size;
-use crate::fit::{Monitor, SAMPLED};
+use crate::fit::{Model, Monitor, Options, SAMPLED, fit_stream};
 
 /// Samples that other commands look at, when the data are too large for them.
 const LOOKED_AT: usize = 1 << 19;
@@ -50,6 +51,22 @@ impl Measurements {
             !monitor.stopped()
         })?;
         Ok(Measurements::Streamed(Box::new(source), Box::new(survey)))
+    }
+
+    /// Fits a system to all of them, on the given number of threads.
+    pub fn learn(
+        &self,
+        system: &System,
+        options: &Options,
+        threads: Option<usize>,
+        monitor: &dyn Monitor,
+    ) -> Result<Model> {
+        match self {
+            Measurements::Held(held) => learn(system, &held.0, options, threads, monitor),
+            Measurements::Streamed(source, survey) => on_threads(threads, || {
+                fit_stream(system, source.as_ref(), survey, options, monitor)
+            }),
+        }
     }
 
     /// All measurements, or a sample of them.

@@ -5,16 +5,17 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::console::Console;
-use super::fit::{learn, on_threads};
-use super::progress::Progress;
-use super::project::Project;
+use super::learned::{learn, on_threads};
+use super::{Listener, Project};
 use crate::data::{DataReport, Dataset, Split};
 use crate::diagnose::compare;
 use crate::diagnose::context::Context;
 use crate::error::{Error, Result};
 use crate::fit::model::fingerprint;
-use crate::fit::{Loss, Model, Options, Start, resume};
+use crate::fit::{Loss, Model, Monitor, Options, Start, resume};
+
+/// Share of the samples that is put aside where nothing is said.
+const UNSEEN: f64 = 0.25;
 
 /// How the measurements are split.
 #[derive(Args, Debug, Clone)]
@@ -23,7 +24,7 @@ pub struct Splitting {
     #[arg(long, value_name = "FILE")]
     pub data: Option<PathBuf>,
     /// Share of the samples that no model sees before it is judged on them.
-    #[arg(long, value_name = "FRACTION", default_value_t = 0.25)]
+    #[arg(long, value_name = "FRACTION", default_value_t = UNSEEN)]
     pub unseen: f64,
     /// Seed of the choice of unseen runs: the same seed makes the same choice.
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -33,18 +34,25 @@ pub struct Splitting {
     pub threads: Option<usize>,
 }
 
+impl Default for Splitting {
+    /// As on the command line where nothing is said.
+    fn default() -> Self {
+        Splitting { data: None, unseen: UNSEEN, seed: 0, threads: None }
+    }
+}
+
 /// A project with its measurements split.
 pub struct Bench {
     pub project: Project,
     pub dataset: Dataset,
     pub about: DataReport,
     pub split: Split,
-    splitting: Splitting,
+    pub splitting: Splitting,
 }
 
 impl Bench {
     /// Reads a spec and its data, and splits these.
-    pub fn open(spec: &Path, splitting: &Splitting, console: &Console) -> Result<Self> {
+    pub fn open(spec: &Path, splitting: &Splitting, listener: &dyn Listener) -> Result<Self> {
         if !(0.0..=0.9).contains(&splitting.unseen) {
             return Err(Error::usage(
                 "--unseen must be between 0 and 0.9",
@@ -52,10 +60,10 @@ impl Bench {
             ));
         }
         let project = Project::open(spec)?;
-        console.diagnostics(&project.name(), &project.text, &project.compiled.warnings);
+        listener.diagnostics(&project.name(), &project.text, &project.compiled.warnings);
         let (dataset, about) = project.data(splitting.data.as_deref())?;
         for warning in &about.warnings {
-            console.warning(warning);
+            listener.warning(warning);
         }
         let split = dataset.split_unseen(splitting.unseen, splitting.seed);
         Ok(Bench { project, dataset, about, split, splitting: splitting.clone() })
@@ -84,18 +92,18 @@ impl Bench {
     ///
     /// The terms are those of the model file where it belongs to the spec: their numbers are
     /// learned anew, for the file's own may come from all measurements.
-    pub fn model(&self, progress: &Progress) -> Result<(Model, &'static str)> {
+    pub fn model(&self, monitor: &dyn Monitor) -> Result<(Model, &'static str)> {
         if !self.project.system().terms.is_empty()
             && let Ok(law) = self.project.law(None)
             && let Some(file) = &law.file
         {
-            let model = self.refit(&self.project, &file.model, &self.split.training, progress)?;
+            let model = self.refit(&self.project, &file.model, &self.split.training, monitor)?;
             return Ok((
                 model,
                 "the terms of the model file, their numbers from the training part",
             ));
         }
-        let model = self.fit(&self.project, progress)?;
+        let model = self.fit(&self.project, monitor)?;
         let system = self.project.system();
         if system.terms.is_empty() && system.parameters.is_empty() {
             return Ok((model, "all of it known, its noise from the training part"));
@@ -104,31 +112,48 @@ impl Bench {
     }
 
     /// Searches terms and numbers of a project (this one's, or an edited one) on the training part.
-    pub fn fit(&self, project: &Project, progress: &Progress) -> Result<Model> {
+    pub fn fit(&self, project: &Project, monitor: &dyn Monitor) -> Result<Model> {
         let parameter_starts = project.compiled.starts.clone();
         let options = Options { parameter_starts, ..Options::default() };
         let threads = self.splitting.threads;
-        learn(project.system(), &self.split.training, &options, threads, progress)
+        learn(project.system(), &self.split.training, &options, threads, monitor)
     }
 
     /// Learns an edited spec on the training part, beginning at what is known already.
-    pub fn resume(&self, project: &Project, start: &Start, progress: &Progress) -> Result<Model> {
+    pub fn resume(&self, project: &Project, start: &Start, monitor: &dyn Monitor) -> Result<Model> {
         let options = Options::default();
         on_threads(self.splitting.threads, || {
-            resume(project.system(), &self.split.training, &options, start, progress)
+            resume(project.system(), &self.split.training, &options, start, monitor)
         })
     }
 
-    /// The terms of a model with their numbers learned anew, from the model's own.
+    /// The terms of a model with their numbers learned anew.
     pub fn refit(
         &self,
         project: &Project,
         model: &Model,
         data: &Dataset,
-        progress: &Progress,
+        monitor: &dyn Monitor,
+    ) -> Result<Model> {
+        self.again(project, model, data, false, monitor)
+    }
+
+    /// The terms of a model of the training part with numbers from all measurements, beginning
+    /// at the model's own, which are nearly right.
+    pub fn widen(&self, project: &Project, model: &Model, monitor: &dyn Monitor) -> Result<Model> {
+        self.again(project, model, &self.dataset, true, monitor)
+    }
+
+    fn again(
+        &self,
+        project: &Project,
+        model: &Model,
+        data: &Dataset,
+        warm: bool,
+        monitor: &dyn Monitor,
     ) -> Result<Model> {
         let system = project.system();
-        let Some((active, _)) = model.active(system) else { return self.fit(project, progress) };
+        let Some((active, _)) = model.active(system) else { return self.fit(project, monitor) };
         let mut narrowed = system.clone();
         narrowed.terms = active.iter().filter_map(|&k| system.terms.get(k).cloned()).collect();
         for (parameter, value) in narrowed.parameters.iter_mut().zip(model.parameter_values(system))
@@ -136,12 +161,19 @@ impl Bench {
             parameter.start = value;
         }
         if narrowed.terms.is_empty() && narrowed.parameters.is_empty() {
-            return self.fit(project, progress);
+            return self.fit(project, monitor);
         }
         // Whoever fitted with a robust loss meant it.
         let loss = Loss::by_name(&model.evidence.loss).unwrap_or(Loss::SQUARES);
         let options = Options { sparse: false, starts: 0, loss, ..Options::default() };
-        let mut again = learn(&narrowed, data, &options, self.splitting.threads, progress)?;
+        let threads = self.splitting.threads;
+        let mut again = match warm {
+            true => {
+                let start = Start::of(model, &narrowed);
+                on_threads(threads, || resume(&narrowed, data, &options, &start, monitor))?
+            }
+            false => learn(&narrowed, data, &options, threads, monitor)?,
+        };
         again.fingerprint = fingerprint(system);
         again.evidence.function_space = system.terms.len();
         Ok(again)

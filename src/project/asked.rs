@@ -8,7 +8,7 @@ use crate::spec::ast::{Statement, StatementKind};
 use crate::spec::edit;
 use crate::spec::effects::{EffectRow, Scene, by_name, hint_for, instances};
 
-use super::project::Project;
+use super::Project;
 
 /// An effect on its arguments.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,15 +1,27 @@
 //! A spec with its data and its model file, as they lie in a folder.
 
+pub mod asked;
+pub mod bench;
+pub mod learned;
+pub mod ledger;
+pub mod measurements;
+pub mod memory;
+pub mod page;
+pub mod revise;
+pub mod undo;
+pub mod written;
+
 use std::path::{Path, PathBuf};
 
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::measurements::whole_or_sample;
+use self::measurements::whole_or_sample;
 use crate::data::{
     self, Cells, Column, ColumnMap, DataReport, Dataset, FileSource, Mapping, ObservableMap, Table,
 };
+use crate::diagnostic::Diagnostic;
 use crate::error::{Error, Result};
 use crate::expr::{self, Compiled, System};
 use crate::fit::Model;
@@ -22,6 +34,15 @@ const HEAD: usize = 10_000;
 
 /// Larger files than this are not specs.
 const LARGEST_SPEC: u64 = 16 << 20;
+
+/// Whoever wants to hear what is worth knowing beside a result.
+pub trait Listener {
+    /// Warnings and notes about the text of a spec.
+    fn diagnostics(&self, name: &str, text: &str, diagnostics: &[Diagnostic]);
+
+    /// A warning, about the data for one.
+    fn warning(&self, text: &str);
+}
 
 /// A spec that was read and compiled.
 pub struct Project {

@@ -1,0 +1,205 @@
+//! A model with all that there is to show of it: what the report and the studio draw.
+
+use std::path::Path;
+
+use super::bench::Bench;
+use super::learned::origin;
+use super::ledger::{Judged, Ledger, date};
+use super::written::the_export;
+use super::{Law, ModelFile, digest};
+use crate::diagnose::compare::{self, Comparison};
+use crate::diagnose::context::Context;
+use crate::diagnose::detectors::detect;
+use crate::diagnose::floor::noise_floor;
+use crate::diagnose::missing::{self, Diagnosis};
+use crate::diagnose::view::{View, view};
+use crate::error::{Error, Result};
+use crate::export::formulas;
+use crate::fit::{Model, Monitor};
+use crate::report::html::{Entry, Page};
+use crate::report::plots::{Material, Stage};
+use crate::report::present;
+
+/// A model held against its measurements.
+pub struct Seen {
+    pub view: View,
+    pub comparison: Comparison,
+}
+
+/// Where a model of the training part fails.
+pub fn seen(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<Seen> {
+    monitor.stage("where it fails", 0.2);
+    let mut training = Context::new(bench.project.system(), model, &bench.split.training)?;
+    let detections = detect(&training, model);
+    // A model that fails takes a part of what it lacks for noise; the floor is the instrument's.
+    training.noise = noise_floor(&training, model);
+    let unseen = bench.unseen().map(|data| training.with_data(data));
+    let mut comparison = compare::compare(&training, unseen.as_ref())?;
+    comparison.findings.extend(detections.into_iter().map(|found| found.sentence));
+    monitor.stage("what there is to see", 0.3);
+    let view = view(&training, unseen.as_ref())?;
+    Ok(Seen { view, comparison })
+}
+
+/// What is missing from a model of the training part; none without unseen runs.
+pub fn diagnosis(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<Option<Diagnosis>> {
+    let Some(unseen) = bench.unseen() else { return Ok(None) };
+    let project = &bench.project;
+    missing::diagnose(
+        &project.name(),
+        &project.text,
+        &project.compiled,
+        model,
+        &bench.split.training,
+        unseen,
+        monitor,
+    )
+    .map(Some)
+}
+
+/// Hands everything that a report tells to `tell`.
+///
+/// `terms` says where the terms of the `model` come from.
+pub fn with_page<T>(
+    bench: &Bench,
+    (model, terms): (&Model, &str),
+    seen: &Seen,
+    diagnosis: Option<&Diagnosis>,
+    tell: impl FnOnce(&Page) -> T,
+) -> Result<T> {
+    let ledger = Ledger::open(&bench.project.path)?;
+    let history = stages(&ledger);
+    let law = law(bench, model)?;
+    let own = law.file.as_ref().map_or(model, |file| &file.model);
+    let fitted = law.fitted(bench.project.system());
+    let simplified = present::of_law(&fitted, law.ranges());
+    let pretty = present::pretty(&simplified);
+    // A law that cannot be typeset is printed as text.
+    let formulas = the_export(&bench.project, &law, &pretty)
+        .and_then(|law| formulas(&law))
+        .unwrap_or_default();
+    let material = Material {
+        view: &seen.view,
+        comparison: &seen.comparison,
+        model: own,
+        diagnosis,
+        history: &history,
+    };
+    Ok(tell(&Page {
+        title: &bench.project.system().name,
+        material,
+        model: Some(own),
+        simplified: &simplified,
+        formulas: &formulas,
+        notes: &pretty.notes,
+        data: &bench.about,
+        split: &bench.split.how,
+        terms_from: terms,
+        spec: &bench.project.text,
+        history: &entries(&ledger),
+        facts: &facts(bench, &law),
+        commands: &commands(bench, diagnosis.is_some()),
+    }))
+}
+
+/// The law of the model file where it belongs to the spec, else that of the training part.
+fn law(bench: &Bench, model: &Model) -> Result<Law> {
+    if let Ok(law) = bench.project.law(None)
+        && law.file.is_some()
+    {
+        return Ok(law);
+    }
+    let origin = origin(&bench.project, &bench.dataset, &bench.about);
+    let file = ModelFile { model: model.clone(), origin };
+    bench.project.law_of(file).ok_or_else(|| {
+        Error::fit("the model belongs to another spec", "fit the spec again, then report it")
+    })
+}
+
+/// States of the spec as the ledger's plot takes them.
+fn stages(ledger: &Ledger) -> Vec<Stage> {
+    let mut out: Vec<Stage> = Vec::new();
+    for revision in &ledger.revisions {
+        let unseen = |judged: &Option<Judged>| judged.as_ref()?.unseen_error;
+        // What was there before the first step was judged with it.
+        if let Some(before) = out.last_mut()
+            && before.error.is_none()
+        {
+            before.error = unseen(&revision.before);
+        }
+        out.push(Stage {
+            action: revision.action.clone(),
+            error: unseen(&revision.after),
+            undone: revision.undone,
+        });
+    }
+    out
+}
+
+fn entries(ledger: &Ledger) -> Vec<Entry> {
+    let unseen = |judged: &Option<Judged>| judged.as_ref()?.unseen_error;
+    let revisions = ledger.revisions.iter();
+    revisions
+        .map(|revision| Entry {
+            date: date(revision.time),
+            action: revision.action.clone(),
+            before: unseen(&revision.before),
+            after: unseen(&revision.after),
+            undone: revision.undone,
+        })
+        .collect()
+}
+
+/// What it takes to make the page again.
+fn facts(bench: &Bench, law: &Law) -> Vec<(String, String)> {
+    let mut out = vec![("program".to_string(), format!("leverrier {}", env!("CARGO_PKG_VERSION")))];
+    let mut fact = |name: &str, value: String| out.push((name.to_string(), value));
+    let Some(file) = &law.file else { return out };
+    let (model, origin) = (&file.model, &file.origin);
+    let own = digest(&bench.project.path, bench.project.text.as_bytes());
+    fact("spec", format!("{} SHA-256 {}", own.name, own.sha256));
+    if let Some(source) = &bench.about.source {
+        let name = source.file.file_name().unwrap_or_default().to_string_lossy();
+        fact("data", format!("{name} SHA-256 {}", source.sha256));
+    }
+    if bench.about.source.as_ref().is_some_and(|source| source.sha256 != origin.data.sha256) {
+        fact("learned from", format!("{} SHA-256 {}", origin.data.name, origin.data.sha256));
+    }
+    fact("seed of the fit", model.evidence.seed.to_string());
+    fact("loss", model.evidence.loss.clone());
+    fact(
+        "integrator",
+        format!(
+            "{}, steps of at most {}",
+            model.integrator.method,
+            crate::simplify::significant(model.integrator.longest_step, 6)
+        ),
+    );
+    fact("meaning of the spec", model.fingerprint.clone());
+    let splitting = &bench.splitting;
+    fact("split", format!("unseen {}, seed {}", splitting.unseen, splitting.seed));
+    out
+}
+
+/// Commands that make the page again; files by their names alone.
+fn commands(bench: &Bench, diagnosed: bool) -> Vec<String> {
+    let name = |path: &Path| -> String {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if name.contains([' ', '\'', '"', '(', ')', '&', ';']) {
+            format!("'{}'", name.replace('\'', "'\\''"))
+        } else {
+            name.into_owned()
+        }
+    };
+    let spec = name(&bench.project.path);
+    let splitting = &bench.splitting;
+    let data = splitting.data.as_ref().map_or(String::new(), |d| format!(" --data {}", name(d)));
+    let more = if !diagnosed { " --no-diagnosis" } else { "" };
+    vec![
+        format!("leverrier fit {spec}{data}"),
+        format!(
+            "leverrier report {spec}{data} --unseen {} --seed {}{more}",
+            splitting.unseen, splitting.seed
+        ),
+    ]
+}

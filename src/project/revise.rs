@@ -1,0 +1,344 @@
+//! Putting an effect into a spec or taking one out: the spec, its model and its ledger.
+
+use super::asked::{self, Asked};
+use super::bench::{Bench, errors};
+use super::learned::{origin, write_model};
+use super::ledger::{Judged, Ledger};
+use super::{ModelFile, Project};
+use crate::data::write_atomically;
+use crate::diagnose::compare::windows;
+use crate::diagnose::context::Context;
+use crate::diagnose::floor::noise_floor;
+use crate::diagnostic::Diagnostic;
+use crate::error::{Error, Result};
+use crate::expr;
+use crate::fit::{Model, Monitor, Start};
+use crate::report::Moved;
+use crate::spec::edit;
+
+/// Standard errors that the coefficient of a warranted effect is from zero, at least.
+const CLEAR: f64 = 4.0;
+/// Rise of the unseen error up to which a removal costs nothing.
+const FREE: f64 = 1.02;
+
+/// An edited spec that was learned and judged, and is not written yet.
+pub struct Revision {
+    /// `add viscous_drag(theta)`.
+    pub action: String,
+    pub adds: bool,
+    /// The edited spec.
+    pub project: Project,
+    /// Its model from the training part.
+    pub training: Model,
+    /// Its model from all measurements.
+    pub whole: Model,
+    /// The model before and after on the unseen runs, in the same units.
+    pub was: Judged,
+    pub is: Judged,
+    /// How earlier coefficients moved.
+    pub moved: Vec<Moved>,
+    /// Terms of the effect, then its inner parameters: name, value, standard error.
+    pub effect: Vec<(String, f64, f64)>,
+    /// Whether it pays; `None` without unseen runs.
+    pub warranted: Option<bool>,
+    /// Why, in a sentence.
+    pub why: String,
+}
+
+/// Adds an effect. `known` is the model of the training part, where it is at hand.
+///
+/// # Errors
+/// The effect does not exist, cannot act here, or is there already.
+pub fn add(
+    bench: &Bench,
+    known: Option<&Model>,
+    effect: &str,
+    monitor: &dyn Monitor,
+) -> Result<Revision> {
+    let mut asked = Asked::new(effect, &bench.project)?;
+    if asked.place(&bench.project.text).is_some() {
+        return Err(Error::usage(
+            format!("{} has `{}` already", bench.project.name(), asked.label),
+            format!(
+                "`leverrier remove` takes it out; `leverrier fit {}` learns it",
+                bench.project.name()
+            ),
+        ));
+    }
+    let model = before(bench, known, monitor)?;
+    if asked.open {
+        let context = Context::new(bench.project.system(), &model, &bench.split.training)?;
+        asked.scanned(&bench.project, &context)?;
+    }
+    let text = edit::insert(&bench.project.text, &asked.statement);
+    let project = edited(bench, text)?;
+    let system = project.system();
+    // What is known stays known: only the new terms are without numbers.
+    let of_effect = |k: &usize| system.terms[*k].effect.as_deref() == Some(asked.label.as_str());
+    let mut start = Start::of(&model, system).with((0..system.terms.len()).filter(of_effect));
+    for (value, parameter) in start.parameters.iter_mut().zip(&system.parameters) {
+        if let Some((_, best)) = asked.values.iter().find(|(name, _)| *name == parameter.name) {
+            *value = parameter.bounds.clamp(*best);
+        }
+    }
+    let after = bench.resume(&project, &start, monitor)?;
+    Revision::judged(bench, &model, project, after, (&asked.label, true), monitor)
+}
+
+/// Removes an effect, or a term by its name. `known` as in [`add`].
+///
+/// # Errors
+/// The spec has no such effect or term.
+pub fn remove(
+    bench: &Bench,
+    known: Option<&Model>,
+    effect: &str,
+    monitor: &dyn Monitor,
+) -> Result<Revision> {
+    let text = &bench.project.text;
+    let (label, shorter) = match Asked::new(effect, &bench.project) {
+        // A term may bear the name of an effect, but an effect is what is meant first.
+        Ok(asked) if asked.place(text).is_some() => {
+            let place = asked.place(text).map(|statement| statement.site.0).unwrap_or_default();
+            (asked.label, edit::remove(text, place))
+        }
+        asked => match (edit::remove_term(text, effect), asked) {
+            (Some(shorter), _) => (effect.to_string(), shorter),
+            (None, Err(error)) => return Err(not_there(effect, bench, error)),
+            (None, Ok(asked)) => {
+                return Err(Error::usage(
+                    format!("{} does not have `{}`", bench.project.name(), asked.label),
+                    removable(text),
+                ));
+            }
+        },
+    };
+    let project = edited(bench, shorter)?;
+    let model = before(bench, known, monitor)?;
+    let after = bench.fit(&project, monitor)?;
+    Revision::judged(bench, &model, project, after, (&label, false), monitor)
+}
+
+fn before(bench: &Bench, known: Option<&Model>, monitor: &dyn Monitor) -> Result<Model> {
+    match known {
+        Some(model) => Ok(model.clone()),
+        None => Ok(bench.model(monitor)?.0),
+    }
+}
+
+impl Revision {
+    fn judged(
+        bench: &Bench,
+        before: &Model,
+        project: Project,
+        after: Model,
+        (label, adds): (&str, bool),
+        monitor: &dyn Monitor,
+    ) -> Result<Revision> {
+        let whole = bench.widen(&project, &after, monitor)?;
+        let (was, is) = judge(bench, before, &project, &after)?;
+        let mut effect = Vec::new();
+        let (warranted, why) = if adds {
+            effect = effect_terms(before, &project, &after, label);
+            added(&was, &is, &effect)
+        } else {
+            removed(&was, &is)
+        };
+        let verb = if adds { "add" } else { "remove" };
+        let (action, moved) = (format!("{verb} {label}"), moved(before, &after));
+        let training = after;
+        Ok(Revision {
+            action,
+            adds,
+            project,
+            training,
+            whole,
+            was,
+            is,
+            moved,
+            effect,
+            warranted,
+            why,
+        })
+    }
+
+    /// Writes ledger, spec and model, each of them whole.
+    pub fn keep(&self, bench: &Bench) -> Result<()> {
+        let old = &bench.project;
+        let mut ledger = Ledger::open(&old.path)?;
+        ledger.know(&old.text);
+        let (was, is) = (Some(self.was.clone()), Some(self.is.clone()));
+        ledger.push(self.action.clone(), self.project.text.clone(), was, is);
+        // The ledger first: whatever happens then, the old text is kept.
+        ledger.write(&old.path)?;
+        write_atomically(&old.path, self.project.text.as_bytes())?;
+        let origin = origin(&self.project, &bench.dataset, &bench.about);
+        let file = ModelFile { origin, model: self.whole.clone() };
+        write_model(&self.project.model_path(), &file)
+    }
+}
+
+/// An unknown name: the spec's own terms may be what was meant.
+fn not_there(effect: &str, bench: &Bench, error: Error) -> Error {
+    let names = edit::term_names(&bench.project.text);
+    match crate::spec::nearest(effect, names.iter().map(String::as_str)) {
+        Some(near) => Error::usage(
+            format!("{} has no term `{}`", bench.project.name(), effect),
+            format!("did you mean `{near}`?"),
+        ),
+        None => error,
+    }
+}
+
+/// What `remove` can take out of a spec, in a sentence.
+fn removable(text: &str) -> String {
+    let mut names = asked::effects_of(text);
+    names.extend(edit::term_names(text));
+    if names.is_empty() {
+        return "it has no effect and no named term: edit the spec by hand".to_string();
+    }
+    format!("what can be removed: {}", names.join(", "))
+}
+
+/// The project with another text; what is wrong with that is said of the edit, not of the file.
+fn edited(bench: &Bench, text: String) -> Result<Project> {
+    let old = &bench.project;
+    let compiled = expr::build(&old.name(), &text).map_err(|error| match error {
+        Error::Spec { diagnostics, .. } => Error::usage(
+            format!("{} cannot be without it, or with it: {}", old.name(), first(&diagnostics)),
+            "nothing was changed; edit the spec by hand",
+        ),
+        other => other,
+    })?;
+    Ok(Project { path: old.path.clone(), text, compiled })
+}
+
+fn first(diagnostics: &[Diagnostic]) -> String {
+    diagnostics.first().map_or(String::new(), |diagnostic| diagnostic.message.clone())
+}
+
+/// Both models on the unseen runs, in the same units: the noise floor of the better of the two.
+fn judge(
+    bench: &Bench,
+    before: &Model,
+    project: &Project,
+    after: &Model,
+) -> Result<(Judged, Judged)> {
+    let data = bench.unseen().unwrap_or(&bench.split.unseen);
+    let old = Context::new(bench.project.system(), before, data)?;
+    let new = Context::new(project.system(), after, data)?;
+    let noise = floor_of_both(bench, (&old, before), (&new, after));
+    let names = project.system().observables();
+    let noise_of: Vec<(String, f64)> = names.into_iter().zip(noise.iter().copied()).collect();
+    let samples = old.window.max(new.window);
+    let of = |context: &Context| {
+        if bench.unseen().is_none() {
+            return Judged { samples, noise: noise_of.clone(), ..Judged::unknown() };
+        }
+        let error = errors(context, &noise, &[samples]);
+        Judged {
+            unseen_error: error.first().map(|e| e.1),
+            noise_floor: 1.0,
+            samples,
+            horizons: errors(context, &noise, &windows(data)),
+            noise: noise_of.clone(),
+        }
+    };
+    Ok((of(&old), of(&new)))
+}
+
+/// The smaller noise floor of two models on the training part, for each observable.
+fn floor_of_both(bench: &Bench, old: (&Context, &Model), new: (&Context, &Model)) -> Vec<f64> {
+    let floor = |(context, model): (&Context, &Model)| {
+        noise_floor(&context.with_data(&bench.split.training), model)
+    };
+    floor(old).into_iter().zip(floor(new)).map(|(a, b)| a.min(b)).collect()
+}
+
+/// Terms of an effect in a model, then its inner parameters: name, value, standard error.
+fn effect_terms(
+    before: &Model,
+    project: &Project,
+    model: &Model,
+    label: &str,
+) -> Vec<(String, f64, f64)> {
+    let system = project.system();
+    let Some((active, _)) = model.active(system) else { return Vec::new() };
+    let known = |name: &String| before.parameters.iter().any(|old| old.name == *name);
+    let inner = model.parameters.iter().filter(|p| !known(&p.name));
+    let inner: Vec<(String, f64, f64)> =
+        inner.map(|p| (p.name.clone(), p.value, p.standard_error)).collect();
+    let terms = active
+        .iter()
+        .zip(&model.terms)
+        .filter(|(k, _)| system.terms.get(**k).is_some_and(|t| t.effect.as_deref() == Some(label)))
+        .map(|(_, term)| {
+            let name = term.name.clone().unwrap_or_else(|| term.term.clone());
+            (name, term.coefficient, term.standard_error)
+        });
+    let terms: Vec<(String, f64, f64)> = terms.collect();
+    // Without its terms a number inside them means nothing.
+    if terms.is_empty() { terms } else { [terms, inner].concat() }
+}
+
+const NO_JUDGE: &str = "there are no unseen runs to judge it on";
+
+/// Whether an addition pays; `None` without unseen runs.
+fn added(was: &Judged, is: &Judged, effect: &[(String, f64, f64)]) -> (Option<bool>, String) {
+    if effect.is_empty() {
+        return (Some(false), "the fit does not choose it: its coefficient is zero".to_string());
+    }
+    let Some((was, is)) = was.unseen_error.zip(is.unseen_error) else {
+        return (None, NO_JUDGE.to_string());
+    };
+    let clear = effect.iter().map(|(_, x, s)| (x / s).abs()).fold(0.0, f64::max);
+    let how = if is < was {
+        format!("the unseen error falls from {was:.2} to {is:.2} times the noise")
+    } else {
+        format!("the unseen error does not fall: {was:.2} times the noise before, {is:.2} after")
+    };
+    let why = format!("{how}, and its coefficient is {clear:.0} standard errors from zero");
+    (Some(is < was && clear > CLEAR), why)
+}
+
+/// Whether a removal costs nothing; `None` without unseen runs.
+fn removed(was: &Judged, is: &Judged) -> (Option<bool>, String) {
+    let Some((was, is)) = was.unseen_error.zip(is.unseen_error) else {
+        return (None, NO_JUDGE.to_string());
+    };
+    let free = is <= FREE * was;
+    let how = if free { "does not rise" } else { "rises" };
+    let why = format!("the unseen error {how}: {was:.2} times the noise before, {is:.2} after");
+    (Some(free), why)
+}
+
+/// How the coefficients and inner parameters of the model before moved.
+fn moved(before: &Model, after: &Model) -> Vec<Moved> {
+    let parameters = before.parameters.iter().map(|old| {
+        let new = after.parameters.iter().find(|p| p.name == old.name);
+        Moved {
+            place: "param".to_string(),
+            term: old.name.clone(),
+            before: old.value,
+            before_error: old.standard_error,
+            after: new.map(|p| p.value),
+            after_error: new.map(|p| p.standard_error),
+        }
+    });
+    before
+        .terms
+        .iter()
+        .map(|old| {
+            let new = after.terms.iter().find(|t| t.term == old.term && t.place == old.place);
+            Moved {
+                place: old.place.clone(),
+                term: old.term.clone(),
+                before: old.coefficient,
+                before_error: old.standard_error,
+                after: new.map(|t| t.coefficient),
+                after_error: new.map(|t| t.standard_error),
+            }
+        })
+        .chain(parameters)
+        .collect()
+}

@@ -1,0 +1,371 @@
+//! What the studio does with a spec: the commands' own functions, with news for the page.
+
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use super::files::{self, Fence, Stamps};
+use super::jobs::Wish;
+use super::{Studio, wire};
+use crate::data::write_atomically;
+use crate::diagnose::missing::Diagnosis;
+use crate::diagnose::suffices;
+use crate::diagnostic::Diagnostic;
+use crate::error::{Error, Result};
+use crate::fit::{Model, Monitor, Options, StopReason};
+use crate::project::bench::{Bench, Splitting};
+use crate::project::learned::{origin, write_model};
+use crate::project::ledger::Ledger;
+use crate::project::measurements::Measurements;
+use crate::project::memory;
+use crate::project::page::{self, Seen};
+use crate::project::revise::{self, Revision};
+use crate::project::undo::undo;
+use crate::project::{Listener, ModelFile, Project};
+
+/// News of progress are no more frequent than this.
+const FREQUENT: Duration = Duration::from_millis(60);
+
+/// A learned model with what is known of it. It is never changed, only replaced.
+#[derive(Clone)]
+pub struct Held {
+    pub bench: Arc<Bench>,
+    /// The model of the training part.
+    pub training: Arc<Model>,
+    /// Where its terms come from.
+    pub terms: &'static str,
+    seen: Option<Arc<Seen>>,
+    pub diagnosis: Option<Arc<Diagnosis>>,
+}
+
+impl Held {
+    /// # Errors
+    /// It was not held against the measurements yet.
+    pub fn seen(&self) -> Result<&Seen> {
+        self.seen.as_deref().ok_or_else(|| {
+            Error::usage("the plots are not drawn yet", "wait until the studio has drawn them")
+        })
+    }
+}
+
+/// Does the work, one thing after the other.
+pub struct Engine {
+    pub studio: Arc<Studio>,
+    fence: Fence,
+    stamps: Stamps,
+    /// Whether the user gave up the question what is missing.
+    pub gave_up: bool,
+}
+
+/// Warnings about the data stand in the report on them; those about a text in its editor.
+struct Quiet;
+
+impl Listener for Quiet {
+    fn diagnostics(&self, _: &str, _: &str, _: &[Diagnostic]) {}
+
+    fn warning(&self, _: &str) {}
+}
+
+/// Tells the page how far a computation has come.
+pub struct Teller<'a> {
+    studio: &'a Studio,
+    what: &'a str,
+    background: bool,
+    told: Mutex<Option<Instant>>,
+}
+
+impl<'a> Teller<'a> {
+    pub fn new(studio: &'a Studio, what: &'a str, background: bool) -> Self {
+        let teller = Teller { studio, what, background, told: Mutex::new(None) };
+        teller.stage("", 0.0);
+        teller
+    }
+}
+
+impl Monitor for Teller<'_> {
+    fn stage(&self, stage: &str, fraction: f64) {
+        let mut told = self.told.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        if told.is_some_and(|at| at.elapsed() < FREQUENT) {
+            return;
+        }
+        *told = Some(Instant::now());
+        let (what, background) = (self.what, self.background);
+        let job = wire::Job { what, stage, fraction: fraction.clamp(0.0, 1.0), background };
+        self.studio.board.post("job", &job);
+    }
+
+    fn stopped(&self) -> bool {
+        self.studio.jobs.stopped(self.background)
+    }
+}
+
+impl Drop for Teller<'_> {
+    fn drop(&mut self) {
+        self.studio.board.post("job", &());
+    }
+}
+
+impl Engine {
+    pub fn new(studio: Arc<Studio>) -> Result<Self> {
+        let fence = Fence::new(&studio.path);
+        let engine = Engine { studio, fence, stamps: Stamps::default(), gave_up: false };
+        // The text is there before the page asks for it.
+        engine.post_files()?;
+        Ok(engine)
+    }
+
+    /// Puts up the spec and the ledger as they lie in the folder.
+    fn post_files(&self) -> Result<String> {
+        let path = &self.studio.path;
+        let text = files::read_spec(path)?;
+        self.studio.board.post("spec", &wire::spec(&super::name(path), &text));
+        self.studio.board.post("ledger", &wire::ledger(&Ledger::open(path)?, &text));
+        Ok(text)
+    }
+
+    fn stamp(&mut self) {
+        let path = &self.studio.path;
+        let data = self.studio.held().and_then(|held| held.bench.project.data_path(None).ok());
+        self.stamps = Stamps::of(path, data.as_deref());
+    }
+
+    /// Whether somebody else wrote the files since.
+    pub fn changed(&self) -> bool {
+        let data = self.studio.held().and_then(|held| held.bench.project.data_path(None).ok());
+        self.stamps != Stamps::of(&self.studio.path, data.as_deref())
+    }
+
+    /// The spec with its data, if these may be read.
+    fn bench(&self) -> Result<Bench> {
+        let path = &self.studio.path;
+        self.fence.check(&Project::open(path)?)?;
+        Bench::open(path, &Splitting::default(), &Quiet)
+    }
+
+    /// Reads all files anew; learns the spec where it has no model.
+    pub fn open(&mut self, background: bool) -> Result<()> {
+        self.post_files()?;
+        let opened = self.opened(background);
+        self.stamp();
+        let (bench, training, terms) = match opened {
+            Ok(opened) => opened,
+            // Whoever asks for something else meanwhile will have it read again.
+            Err(error) => {
+                if !self.studio.jobs.is_waiting() {
+                    self.nothing(&error);
+                }
+                return Err(error);
+            }
+        };
+        self.hold(bench, training, terms);
+        self.stamp();
+        Ok(())
+    }
+
+    fn opened(&self, background: bool) -> Result<(Bench, Model, &'static str)> {
+        let studio = Arc::clone(&self.studio);
+        let bench = self.bench()?;
+        let teller = Teller::new(&studio, "Learning the spec", background);
+        if bench.project.law(None).is_err() {
+            self.learned(&bench, &teller)?;
+        }
+        let (training, terms) = bench.model(&teller)?;
+        if teller.stopped() {
+            return Err(Error::Interrupted);
+        }
+        Ok((bench, training, terms))
+    }
+
+    /// Puts a model up for the page to see, and for what follows.
+    fn hold(&mut self, bench: Bench, training: Model, terms: &'static str) {
+        let (bench, training) = (Arc::new(bench), Arc::new(training));
+        self.gave_up = false;
+        let held = Held { bench, training, terms, seen: None, diagnosis: None };
+        self.studio.board.post("missing", &wire::unasked("waiting"));
+        self.studio.hold(Some(Arc::new(held)));
+    }
+
+    /// There is no model: the page shows why.
+    fn nothing(&self, error: &Error) {
+        self.studio.hold(None);
+        let board = &self.studio.board;
+        board.post("law", &());
+        board.post("figures", &Vec::<()>::new());
+        board.post("missing", &wire::unasked("nothing"));
+        board.post("trouble", &wire::failure(error));
+    }
+
+    /// Searches terms and numbers on all measurements and writes the model, as `fit` does.
+    fn learned(&self, bench: &Bench, teller: &Teller) -> Result<()> {
+        let project = &bench.project;
+        let parameter_starts = project.compiled.starts.clone();
+        let memory = memory::usual();
+        let options = Options { parameter_starts, memory: Some(memory), ..Options::default() };
+        let measured = Measurements::read(project, None, memory, options.seed, teller, |_| {})?;
+        let model = measured.learn(project.system(), &options, None, teller)?;
+        if teller.stopped() || model.stop.reason == StopReason::Interrupted {
+            return Err(Error::Interrupted);
+        }
+        self.unchanged(project)?;
+        let file =
+            ModelFile { model, origin: origin(project, measured.dataset(), measured.report()) };
+        write_model(&project.model_path(), &file)
+    }
+
+    /// Nothing is written over what somebody else wrote meanwhile.
+    fn unchanged(&self, project: &Project) -> Result<()> {
+        if files::read_spec(&self.studio.path)? == project.text {
+            return Ok(());
+        }
+        Err(Error::usage(
+            "the spec was changed by another program meanwhile, so nothing was written",
+            "look at the text as it is now, then do it again",
+        ))
+    }
+
+    /// Does what the user asks for; returns a sentence about it.
+    pub fn fulfil(&mut self, wish: &Wish) -> Result<String> {
+        match wish {
+            Wish::Diagnose => {
+                self.gave_up = false;
+                Ok(String::new())
+            }
+            Wish::Learn => {
+                let bench = self.bench()?;
+                let studio = Arc::clone(&self.studio);
+                self.learned(&bench, &Teller::new(&studio, "Learning the spec", false))?;
+                self.open(false)?;
+                Ok(format!("Learned; the model is in {}.", self.model_name()))
+            }
+            Wish::Save { text, base, learn } => self.save(text, base, *learn),
+            Wish::Add { effect } => self.revised(effect, true),
+            Wish::Remove { effect } => self.revised(effect, false),
+            Wish::Undo { force } => {
+                let undone = undo(&self.studio.path, *force)?;
+                self.open(false)?;
+                let kept = match undone.edits_kept {
+                    true => " What was edited by hand is in the ledger.",
+                    false => "",
+                };
+                Ok(format!("Undone: {}.{kept}", undone.action))
+            }
+        }
+    }
+
+    fn model_name(&self) -> String {
+        super::name(&self.studio.path.with_extension("model.json"))
+    }
+
+    fn save(&mut self, text: &str, base: &str, learn: bool) -> Result<String> {
+        let path = self.studio.path.clone();
+        let old = files::read_spec(&path)?;
+        if files::hash(&old) != base {
+            self.post_files()?;
+            return Err(Error::usage(
+                "the file was changed by another program since it was read here",
+                "compare: Reload shows what is in the file, Save keeps what stands here",
+            ));
+        }
+        write_atomically(&path, text.as_bytes())?;
+        let name = super::name(&path);
+        self.open(false)?;
+        if learn && old == text {
+            return self.fulfil(&Wish::Learn);
+        }
+        Ok(format!("{name} is written{}.", if learn { " and learned" } else { "" }))
+    }
+
+    fn revised(&mut self, effect: &str, adds: bool) -> Result<String> {
+        if self.changed() || self.studio.held().is_none() {
+            self.open(false)?;
+        }
+        let held = self.studio.held().ok_or_else(|| {
+            Error::usage("the spec has no model yet", "mend the spec, then learn it")
+        })?;
+        let studio = Arc::clone(&self.studio);
+        let what = format!("{} {effect}", if adds { "Adding" } else { "Removing" });
+        let teller = Teller::new(&studio, &what, false);
+        let (bench, known) = (&held.bench, Some(&*held.training));
+        let revision = match adds {
+            true => revise::add(bench, known, effect, &teller)?,
+            false => revise::remove(bench, known, effect, &teller)?,
+        };
+        if teller.stopped() {
+            return Err(Error::Interrupted);
+        }
+        self.unchanged(&bench.project)?;
+        revision.keep(bench)?;
+        drop(teller);
+        self.post_files()?;
+        let Revision { action, training, warranted, why, .. } = revision;
+        self.hold(self.bench()?, training, "terms and numbers from the training part");
+        self.stamp();
+        let doubt = match warranted {
+            Some(false) => " The data do not warrant it.",
+            _ => "",
+        };
+        Ok(format!("Done: {action}. {}.{doubt}", wire::capital(&why)))
+    }
+
+    /// Holds the model against the measurements and draws it. False if that is done already.
+    pub fn look(&mut self) -> Result<bool> {
+        let Some(held) = self.studio.held().filter(|held| held.seen.is_none()) else {
+            return Ok(false);
+        };
+        let studio = Arc::clone(&self.studio);
+        let teller = Teller::new(&studio, "Looking where it fails", true);
+        let seen = page::seen(&held.bench, &held.training, &teller)?;
+        let held = Held { seen: Some(Arc::new(seen)), ..(*held).clone() };
+        self.show(held)?;
+        Ok(true)
+    }
+
+    /// Puts up all that is drawn.
+    fn show(&self, held: Held) -> Result<()> {
+        let seen = held.seen()?;
+        let model = (&*held.training, held.terms);
+        let (law, figures) =
+            page::with_page(&held.bench, model, seen, held.diagnosis.as_deref(), |page| {
+                (wire::law(page), wire::figures(&page.material))
+            })?;
+        let board = &self.studio.board;
+        board.post("trouble", &());
+        board.post("law", &law);
+        board.post("figures", &figures);
+        board.post("effects", &crate::project::asked::effects_of(&held.bench.project.text));
+        self.studio.hold(Some(Arc::new(held)));
+        Ok(())
+    }
+
+    /// Asks what is missing. False if that is answered already.
+    pub fn ask(&mut self) -> Result<bool> {
+        let asked = |held: &Arc<Held>| held.diagnosis.is_none() && held.seen.is_some();
+        let Some(held) = self.studio.held().filter(asked) else { return Ok(false) };
+        let studio = Arc::clone(&self.studio);
+        if self.gave_up {
+            return Ok(false);
+        }
+        studio.board.post("missing", &wire::unasked("asking"));
+        let teller = Teller::new(&studio, "Asking what is missing", true);
+        let bench = &held.bench;
+        let lacking =
+            suffices::lacking(bench.project.system(), &bench.split.training, bench.unseen());
+        let diagnosis = match lacking {
+            Some(why) => Diagnosis::too_little(why),
+            None => match page::diagnosis(bench, &held.training, &teller)? {
+                Some(diagnosis) => diagnosis,
+                None => Diagnosis::too_little("there are no unseen runs".to_string()),
+            },
+        };
+        if teller.stopped() {
+            // An answer that was cut short is none.
+            self.gave_up = !studio.jobs.is_waiting();
+            let state = if self.gave_up { "stopped" } else { "waiting" };
+            studio.board.post("missing", &wire::unasked(state));
+            return Ok(true);
+        }
+        let answer = wire::missing(&diagnosis);
+        self.show(Held { diagnosis: Some(Arc::new(diagnosis)), ..(*held).clone() })?;
+        studio.board.post("missing", &answer);
+        Ok(true)
+    }
+}

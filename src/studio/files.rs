@@ -1,0 +1,111 @@
+//! The files of a folder: what they hold, whether they changed, and which may be read.
+
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use crate::error::{Error, Result};
+use crate::project::{Project, digest};
+
+/// Larger specs are not taken from the page, nor shown in it.
+pub const LARGEST: usize = 1 << 20;
+
+/// The text of a spec, which need not compile.
+pub fn read_spec(path: &Path) -> Result<String> {
+    let failed = |error| Error::file("read", path, error);
+    let about = std::fs::metadata(path).map_err(failed)?;
+    if !about.is_file() || about.len() > LARGEST as u64 {
+        let message = "the studio shows specs that are files of at most 1 MB";
+        return Err(failed(std::io::Error::other(message)));
+    }
+    std::fs::read_to_string(path).map_err(failed)
+}
+
+/// SHA-256 of a text in hexadecimal digits.
+pub fn hash(text: &str) -> String {
+    digest(Path::new(""), text.as_bytes()).sha256
+}
+
+/// When files were written last, and how long they are: enough to look closer.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Stamps(Vec<Option<(SystemTime, u64)>>);
+
+impl Stamps {
+    /// Of a spec, its model, its ledger and its data.
+    pub fn of(spec: &Path, data: Option<&Path>) -> Stamps {
+        let stamp = |path: &Path| {
+            let about = std::fs::metadata(path).ok()?;
+            Some((about.modified().ok()?, about.len()))
+        };
+        let beside = ["model.json", "ledger.json"].map(|end| spec.with_extension(end));
+        let paths = [Some(spec), Some(&beside[0]), Some(&beside[1]), data];
+        Stamps(paths.into_iter().map(|path| path.and_then(stamp)).collect())
+    }
+}
+
+/// Which data may be read: what the spec named when the studio was started, and what lies in
+/// its folder. A text that is typed into a page gets no farther.
+pub struct Fence {
+    folder: PathBuf,
+    first: Option<PathBuf>,
+}
+
+impl Fence {
+    pub fn new(spec: &Path) -> Fence {
+        let folder = match spec.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent,
+            _ => Path::new("."),
+        };
+        let first = Project::open(spec).and_then(|project| project.data_path(None)).ok();
+        Fence {
+            folder: folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf()),
+            first: first.and_then(|path| path.canonicalize().ok()),
+        }
+    }
+
+    /// # Errors
+    /// The data lie elsewhere.
+    pub fn check(&self, project: &Project) -> Result<()> {
+        let Ok(path) = project.data_path(None) else { return Ok(()) };
+        // A file that is not there is for the reader to complain about, if it were inside.
+        let real = path.canonicalize().or_else(|_| match (path.parent(), path.file_name()) {
+            (Some(parent), Some(name)) => parent.canonicalize().map(|parent| parent.join(name)),
+            _ => Ok(path.clone()),
+        });
+        let inside = real.as_ref().is_ok_and(|path| path.starts_with(&self.folder));
+        if inside || real.is_ok() && real.ok() == self.first {
+            return Ok(());
+        }
+        Err(Error::usage(
+            "the data lie outside the spec's folder, where the studio does not read",
+            "copy them beside the spec, or start the studio anew with the spec as it is",
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn data_elsewhere_are_not_read() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let inner = folder.path().join("inner");
+        std::fs::create_dir(&inner).expect("a folder");
+        std::fs::write(folder.path().join("out.csv"), "t,q,p\n").expect("written");
+        let spec = inner.join("s.ham");
+        let text = |data: &str| {
+            format!("coordinates q; momenta p\ndata \"{data}\" {{ time t }}\nT = p^2/2\nV = q^2\n")
+        };
+        let write = |data: &str| std::fs::write(&spec, text(data)).expect("written");
+        let pass = |fence: &Fence| fence.check(&Project::open(&spec).expect("a spec")).is_ok();
+        write("in.csv");
+        let fence = Fence::new(&spec);
+        assert!(pass(&fence));
+        write("../out.csv");
+        assert!(!pass(&fence) && pass(&Fence::new(&spec)));
+        write("/etc/hostname");
+        assert!(!pass(&fence));
+        write("../missing.csv");
+        assert!(!pass(&fence));
+    }
+}

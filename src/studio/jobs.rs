@@ -1,0 +1,128 @@
+//! What the worker is asked to do: one thing that changes files at a time.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Condvar, Mutex, MutexGuard};
+use std::time::Duration;
+
+use serde::Deserialize;
+
+/// A wish of the user.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(tag = "do", rename_all = "snake_case")]
+pub enum Wish {
+    /// Learn the spec as `leverrier fit` does.
+    Learn,
+    /// Write the text into the spec, if it still is as `base` (a SHA-256) says; then learn.
+    Save { text: String, base: String, learn: bool },
+    /// Add an effect.
+    Add { effect: String },
+    /// Remove an effect or a named term.
+    Remove { effect: String },
+    /// Take the last revision back; `force` also if the spec was edited since.
+    Undo { force: bool },
+    /// Ask what is missing, after that was cancelled.
+    Diagnose,
+}
+
+/// The wish that waits or is being fulfilled, and whether it is to be given up.
+pub struct Jobs {
+    state: Mutex<State>,
+    bell: Condvar,
+    cancelled: AtomicBool,
+    /// Whether a wish waits: work in the background makes way for it.
+    waiting: AtomicBool,
+}
+
+#[derive(Default)]
+struct State {
+    next: Option<Wish>,
+    busy: bool,
+}
+
+impl Jobs {
+    pub fn new() -> Self {
+        Jobs {
+            state: Mutex::new(State::default()),
+            bell: Condvar::new(),
+            cancelled: AtomicBool::new(false),
+            waiting: AtomicBool::new(false),
+        }
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+
+    /// Takes a wish, or refuses it while another waits or is worked on.
+    pub fn ask(&self, wish: Wish) -> bool {
+        let mut state = self.state();
+        if state.busy || state.next.is_some() {
+            return false;
+        }
+        self.cancelled.store(false, Ordering::Relaxed);
+        self.waiting.store(true, Ordering::Relaxed);
+        state.next = Some(wish);
+        self.bell.notify_all();
+        true
+    }
+
+    /// Gives up what is being done.
+    pub fn cancel(&self) {
+        self.cancelled.store(true, Ordering::Relaxed);
+    }
+
+    /// The next wish, if one comes in time. It is busy until [`Jobs::done`].
+    pub fn next(&self, patience: Duration) -> Option<Wish> {
+        let state = self.state();
+        let waited = self.bell.wait_timeout_while(state, patience, |state| state.next.is_none());
+        let (mut state, _) = waited.unwrap_or_else(|poisoned| poisoned.into_inner());
+        let wish = state.next.take()?;
+        state.busy = true;
+        self.waiting.store(false, Ordering::Relaxed);
+        Some(wish)
+    }
+
+    pub fn done(&self) {
+        self.state().busy = false;
+        self.cancelled.store(false, Ordering::Relaxed);
+    }
+
+    /// Whether what is being done was given up; in the background also when a wish waits.
+    pub fn stopped(&self, background: bool) -> bool {
+        self.cancelled.load(Ordering::Relaxed) || background && self.waiting.load(Ordering::Relaxed)
+    }
+
+    pub fn is_waiting(&self) -> bool {
+        self.waiting.load(Ordering::Relaxed)
+    }
+
+    /// Forgets that the background's work was given up.
+    pub fn forget(&self) {
+        self.cancelled.store(false, Ordering::Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_wish_at_a_time() {
+        let jobs = Jobs::new();
+        assert!(jobs.ask(Wish::Learn) && !jobs.ask(Wish::Learn) && jobs.stopped(true));
+        assert_eq!(jobs.next(Duration::ZERO), Some(Wish::Learn));
+        assert!(!jobs.ask(Wish::Learn) && !jobs.stopped(true));
+        jobs.cancel();
+        assert!(jobs.stopped(false));
+        jobs.done();
+        assert!(!jobs.stopped(true) && jobs.next(Duration::ZERO).is_none());
+        assert!(jobs.ask(Wish::Undo { force: false }));
+    }
+
+    #[test]
+    fn wishes_are_read() {
+        let read = |text| serde_json::from_str::<Wish>(text).expect("a wish");
+        assert_eq!(read(r#"{"do":"learn"}"#), Wish::Learn);
+        assert_eq!(read(r#"{"do":"undo","force":true}"#), Wish::Undo { force: true });
+    }
+}

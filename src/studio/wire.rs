@@ -1,0 +1,217 @@
+//! What goes to the page. It is the page's own affair and changes without notice.
+
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::files;
+use super::routes::formats;
+use crate::diagnose::missing::{Diagnosis, Leader};
+use crate::diagnostic::Diagnostic;
+use crate::error::Error;
+use crate::project::ledger::{BY_HAND, Judged, Ledger, date};
+use crate::report::html::{self, Page};
+use crate::report::plots::{For, Material, draw, number, plot};
+use crate::spec::effects::by_name;
+
+/// More diagnostics of one text than this are counted.
+const SHOWN: usize = 50;
+
+/// What is being done.
+#[derive(Serialize)]
+pub struct Job<'a> {
+    pub what: &'a str,
+    pub stage: &'a str,
+    /// 0 to 1.
+    pub fraction: f64,
+    pub background: bool,
+}
+
+/// Something that was done, or failed.
+#[derive(Serialize)]
+pub struct Message {
+    /// Counts messages, so that one can be told from the same again.
+    number: u64,
+    failed: bool,
+    text: String,
+    hint: Option<String>,
+}
+
+impl Message {
+    pub fn done(number: u64, text: &str) -> Self {
+        Message { number, failed: false, text: text.to_string(), hint: None }
+    }
+
+    pub fn failed(number: u64, error: &Error) -> Self {
+        let Failure { message, hint, .. } = failure(error);
+        Message { number, failed: true, text: message, hint }
+    }
+}
+
+/// Why something cannot be done.
+#[derive(Serialize)]
+pub struct Failure {
+    message: String,
+    hint: Option<String>,
+}
+
+/// An error in words.
+pub fn failure(error: &Error) -> Failure {
+    match error {
+        Error::Fit { message, hint } | Error::Usage { message, hint } => {
+            Failure { message: message.clone(), hint: Some(hint.clone()) }
+        }
+        Error::Model { message, hint, .. } => {
+            Failure { message: message.clone(), hint: Some(hint.clone()) }
+        }
+        Error::Spec { diagnostics, .. } => {
+            let count = diagnostics.len();
+            let noun = if count == 1 { "an error".to_string() } else { format!("{count} errors") };
+            let message = format!("the spec has {noun}");
+            Failure { message, hint: Some("they stand below its text".to_string()) }
+        }
+        other => Failure { message: other.to_string(), hint: None },
+    }
+}
+
+/// What is wrong with a text: places in characters as the page counts them (UTF-16).
+pub fn diagnostics(all: &[Diagnostic], text: &str) -> Value {
+    let units = |at: usize| text.get(..at.min(text.len())).map_or(0, |t| t.encode_utf16().count());
+    let rows = all.iter().take(SHOWN).map(|diagnostic| {
+        let span = diagnostic.span;
+        let (line, column) = diagnostic.place(text);
+        json!({
+            "severity": diagnostic.severity,
+            "message": diagnostic.message,
+            "label": diagnostic.label,
+            "hint": diagnostic.hint,
+            "line": line,
+            "column": column,
+            "start": units(span.start),
+            "end": units(span.end.max(span.start)),
+        })
+    });
+    rows.collect()
+}
+
+/// The spec as it lies in its folder.
+pub fn spec(name: &str, text: &str) -> Value {
+    json!({ "name": name, "text": text, "hash": files::hash(text), "formats": formats() })
+}
+
+/// The law and what is said about it, in HTML.
+pub fn law(page: &Page) -> Value {
+    let parts = html::parts(page);
+    let last = page.material.comparison.horizons.last();
+    json!({
+        "title": page.title,
+        "cards": parts.cards,
+        "equations": parts.equations,
+        "numbers": parts.numbers,
+        "findings": parts.findings,
+        "data": parts.data,
+        "error": last.map(|last| last.unseen.unwrap_or(last.training)),
+        "unseen": last.is_some_and(|last| last.unseen.is_some()),
+    })
+}
+
+/// Every plot, drawn.
+pub fn figures(material: &Material) -> Value {
+    let rows = html::figures(material).into_iter().map(|(name, figures)| {
+        let row = plot(name);
+        json!({
+            "plot": name,
+            "title": row.map(|row| row.title),
+            "absent": row.map(|row| row.absent),
+            "figures": figures.iter().map(|figure| json!({
+                "id": figure.id,
+                "title": figure.title,
+                "caption": figure.caption,
+                "svg": draw(figure, For::Page),
+            })).collect::<Vec<_>>(),
+        })
+    });
+    rows.collect()
+}
+
+/// The question what is missing, before it is answered: `waiting`, `asking`, `stopped`, or
+/// `nothing` to ask it of.
+pub fn unasked(state: &str) -> Value {
+    json!({ "state": state })
+}
+
+/// The answer.
+pub fn missing(diagnosis: &Diagnosis) -> Value {
+    let mut object = json!({
+        "state": "answered",
+        "verdict": diagnosis.verdict,
+        "reason": capital(&diagnosis.reason),
+        "leaders": diagnosis.ranking.iter().map(leader).collect::<Vec<_>>(),
+        "alike": diagnosis.indistinguishable,
+        "then": diagnosis.then.iter().map(|leader| &leader.effect).collect::<Vec<_>>(),
+        "unnamed": diagnosis.unnamed.as_ref().map(leader),
+        "asked": format!(
+            "{} effects of the catalogue were asked, in {} tries; chances have all tries paid for.",
+            diagnosis.candidates, diagnosis.tried
+        ),
+    });
+    if diagnosis.candidates == 0 {
+        object["asked"] = Value::Null;
+    }
+    object
+}
+
+fn leader(leader: &Leader) -> Value {
+    let name = leader.effect.split('(').next().unwrap_or("");
+    let chance = match leader.p_value {
+        p if p < 1e-12 => "< 10⁻¹²".to_string(),
+        p => number(p, 2),
+    };
+    json!({
+        "effect": leader.effect,
+        "snippet": leader.snippet,
+        "physics": by_name(name).map(|row| row.physics),
+        "chance": chance,
+        "deviance": leader.deviance,
+        "before": leader.unseen_error_before,
+        "after": leader.unseen_error_after,
+    })
+}
+
+/// Every step of the spec, and what undoing would take back.
+pub fn ledger(ledger: &Ledger, text: &str) -> Value {
+    let mut ledger = ledger.clone();
+    ledger.recover(text);
+    let current = ledger.current();
+    let error = |judged: &Option<Judged>| judged.as_ref().and_then(|judged| judged.unseen_error);
+    let newest = current.and_then(|at| ledger.revisions.get(at));
+    let edited = newest.is_some_and(|r| r.spec != text || r.action == BY_HAND);
+    let mut ahead = ledger.clone();
+    while edited && ahead.current().is_some_and(|at| ahead.revisions[at].action == BY_HAND) {
+        if ahead.take_back().is_none() {
+            break;
+        }
+    }
+    json!({
+        "steps": ledger.revisions.iter().enumerate().map(|(at, revision)| json!({
+            "date": date(revision.time),
+            "action": revision.action,
+            "before": error(&revision.before),
+            "after": error(&revision.after),
+            "undone": revision.undone,
+            "current": Some(at) == current,
+        })).collect::<Vec<_>>(),
+        "edited": edited,
+        "undo": ahead.take_back().map(|(action, _)| action),
+    })
+}
+
+/// A sentence begins with a capital letter, unless with a name, and is ended by whoever prints it.
+pub fn capital(text: &str) -> String {
+    let word = text.split_whitespace().next().unwrap_or("");
+    if word.contains(['_', '(', '^']) {
+        return text.trim().trim_end_matches('.').to_string();
+    }
+    let mut letters = text.trim().trim_end_matches('.').chars();
+    let first: String = letters.next().map(|c| c.to_uppercase().collect()).unwrap_or_default();
+    first + letters.as_str()
+}
