@@ -10,8 +10,8 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::console::Console;
-use super::project::learned::{learn, origin, write_model};
 use super::progress::Progress;
+use super::project::learned::{learn, origin, write_model};
 use super::project::{ModelFile, Project};
 use crate::data::{Layout, write_atomically, write_csv};
 use crate::error::{Error, Result};

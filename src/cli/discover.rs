@@ -7,9 +7,9 @@ use serde_json::{Value, json};
 
 use super::bench::{Bench, Splitting};
 use super::console::Console;
-use super::project::learned::{origin, write_model};
 use super::ledger::{Judged, Ledger};
 use super::progress::Progress;
+use super::project::learned::{origin, write_model};
 use super::project::{ModelFile, Project};
 use crate::data::write_atomically;
 use crate::diagnose::discover::{Discovery, discover};

@@ -5,13 +5,13 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::{Stage, indented};
-use crate::project::learned::{learn, origin, write_model};
 use crate::cli::progress::Progress;
-use crate::project::{ModelFile, Project};
 use crate::data::{Layout, write_atomically, write_csv};
 use crate::error::Result;
 use crate::expr;
 use crate::fit::Options;
+use crate::project::learned::{learn, origin, write_model};
+use crate::project::{ModelFile, Project};
 use crate::report::layout::{WIDTH, wrapped};
 use crate::report::{present, seconds};
 use crate::simplify::Style;

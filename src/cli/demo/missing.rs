@@ -6,15 +6,15 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use super::{Stage, indented};
-use crate::project::bench::{Bench, Splitting};
 use crate::cli::progress::Progress;
-use crate::project::{Law, Project};
 use crate::cli::{compare, diagnose, revise};
 use crate::data::{Layout, write_atomically, write_csv};
 use crate::diagnose::discover::discover;
 use crate::error::{Error, Result};
 use crate::expr;
 use crate::fit::Options;
+use crate::project::bench::{Bench, Splitting};
+use crate::project::{Law, Project};
 use crate::report::layout::{WIDTH, table, wrapped};
 use crate::simplify::{significant, uncertain};
 use crate::simulate::{Box, Noise, Sampling, Simulator, add_noise, draw};
