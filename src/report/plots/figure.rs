@@ -1,6 +1,6 @@
 //! What a figure is made of: panels with axes, and marks in the units of the axes.
 //!
-//! A figure is plain data. [`svg`](super::svg) draws it; programs get it as JSON and may draw it
+//! A figure is plain data. `svg` draws it; programs get it as JSON and may draw it
 //! themselves.
 
 use serde::Serialize;
