@@ -188,12 +188,5 @@ pub(super) fn grid(
             ScanBy::Rate => ratio(0.5 / duration, 0.5 / step, 6),
         })
         .collect();
-    let mut grid: Vec<Vec<f64>> = vec![Vec::new()];
-    for axis in axes {
-        grid = grid
-            .iter()
-            .flat_map(|head| axis.iter().map(|&x| [head.clone(), vec![x]].concat()))
-            .collect();
-    }
-    grid
+    super::own::every_choice(&axes)
 }

@@ -77,7 +77,8 @@ fn axis(bounds: Bounds, starts: &[f64], together: usize) -> Vec<f64> {
     (0..count).map(|i| lower + (upper - lower) * (i as f64 + 0.5) / count as f64).collect()
 }
 
-fn every_choice(axes: &[Vec<f64>]) -> Vec<Vec<f64>> {
+/// All combinations of one value from each axis.
+pub(super) fn every_choice(axes: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut grid: Vec<Vec<f64>> = vec![Vec::new()];
     for axis in axes {
         grid = grid
