@@ -48,7 +48,7 @@ pub fn choose_steps(
         .filter(|method| match method.row().kind {
             Kind::Splitting(_) => dynamics.separable(),
             Kind::Implicit(_) => !dynamics.separable(),
-            Kind::Explicit(_) => false,
+            Kind::Explicit(_) => !dynamics.separable(),
         })
         .collect();
     // The highest order first: it bounds what the others may cost.
