@@ -7,11 +7,10 @@ use std::collections::HashSet;
 
 use hidden::bases::{BASES, Base};
 use hidden::outcome::{Outcome, outcome};
+use hidden::pairs::PAIRS;
 use hidden::strangers::STRANGERS;
 use hidden::{case, statement};
-use leverrier::diagnose::discover::discover;
 use leverrier::diagnose::missing::Verdict;
-use leverrier::fit::{Options, Silent};
 use leverrier::spec::effects::{by_name, catalogue};
 
 fn base(name: &str) -> &'static Base {
@@ -75,36 +74,8 @@ fn what_no_catalogue_has_is_said_to_be_unexplained() {
 
 #[test]
 fn two_effects_at_once_are_discovered_and_nothing_else() {
-    let rows: [(&str, &str, &[&str]); 2] = [
-        (
-            "pendulum",
-            "force q += span{ hidden_drag: -0.05*p, hidden_tilt: 0.08*cos(q) }",
-            &["viscous_drag(q)", "tilt(q)"],
-        ),
-        (
-            "trap",
-            "V += span{ hidden_coupling: 0.1*x*y }\n\
-             force x += span{ hidden_drive: 0.08*cos(1.7*t) }",
-            &["bilinear_coupling(x, y)", "harmonic_drive(x)"],
-        ),
-    ];
-    for (name, statement, expected) in rows {
-        let case = case(base(name), statement, 0.01, 1);
-        let (text, options) = (&case.text, Options::default());
-        let found = discover("learned", text, &case.training, &case.unseen, &options, &Silent)
-            .unwrap_or_else(|error| panic!("{error}"));
-        let mut effects: Vec<&str> = found
-            .steps
-            .iter()
-            .map(|step| {
-                let same =
-                    |name: &&&str| step.indistinguishable.iter().any(|other| other == **name);
-                expected.iter().find(same).copied().unwrap_or(&step.effect)
-            })
-            .collect();
-        effects.sort_unstable();
-        let mut expected = expected.to_vec();
-        expected.sort_unstable();
-        assert_eq!(effects, expected, "{}", found.stop);
+    for pair in PAIRS {
+        let (found, effects) = pair.discovered(0.01, 1);
+        assert_eq!(effects, pair.effects, "{}", found.stop);
     }
 }

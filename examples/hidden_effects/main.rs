@@ -5,6 +5,7 @@
 //! $ cargo run --release --example hidden_effects
 //! $ cargo run --release --example hidden_effects -- 1                   # one seed of three
 //! $ cargo run --release --example hidden_effects -- pendulum 0.01 1 -v  # base, noise, seed
+//! $ cargo run --release --example hidden_effects -- two                 # two effects at once
 //! ```
 
 #[path = "../../tests/hidden/mod.rs"]
@@ -13,6 +14,7 @@ mod table;
 
 use hidden::bases::BASES;
 use hidden::outcome::{Outcome, outcome};
+use hidden::pairs::{PAIRS, Pair};
 use hidden::strangers::STRANGERS;
 use hidden::{case, statement};
 use leverrier::spec::effects::by_name;
@@ -21,6 +23,10 @@ use rayon::prelude::*;
 /// Noise in parts of each column's spread.
 const NOISES: [f64; 3] = [0.0, 0.01, 0.05];
 const SEEDS: [u64; 3] = [1, 2, 3];
+
+/// Noise and seeds of the cases with two effects.
+const TWO_NOISES: [f64; 2] = [0.01, 0.05];
+const TWO_SEEDS: u64 = 10;
 
 /// One case that is to be run.
 #[derive(Clone)]
@@ -79,6 +85,34 @@ fn run(task: &Task) -> Outcome {
     outcome(&case, &task.hidden)
 }
 
+/// What the loop found where two effects are hidden.
+pub struct Two {
+    pair: &'static Pair,
+    noise: f64,
+    seed: u64,
+    found: Vec<String>,
+    stop: String,
+    unseen_error: f64,
+}
+
+fn two(wanted: impl Fn(&Pair, f64, u64) -> bool) -> Vec<Two> {
+    let mut all: Vec<(&Pair, f64, u64)> = Vec::new();
+    for pair in PAIRS {
+        for noise in TWO_NOISES {
+            all.extend((1..=TWO_SEEDS).map(|seed| (pair, noise, seed)));
+        }
+    }
+    all.retain(|&(pair, noise, seed)| wanted(pair, noise, seed));
+    let run = |&(pair, noise, seed): &(&'static Pair, f64, u64)| {
+        let (discovery, found) = pair.discovered(noise, seed);
+        let unseen_error = discovery.unseen_error.1;
+        let two = Two { pair, noise, seed, found, stop: discovery.stop, unseen_error };
+        println!("{}", table::line_of_two(&two));
+        two
+    };
+    all.par_iter().map(run).collect()
+}
+
 fn main() {
     let mut asked: Vec<String> = std::env::args().skip(1).collect();
     let verbose = asked.iter().any(|word| word == "-v");
@@ -91,7 +125,16 @@ fn main() {
             Err(_) => task.base == word || task.hidden.starts_with(word.as_str()),
         })
     };
-    let tasks: Vec<Task> = tasks().into_iter().filter(wanted).collect();
+    let wanted_pair = |pair: &Pair, noise: f64, seed: u64| {
+        asked.iter().all(|word| match word.parse::<f64>() {
+            Ok(number) if number < 1.0 => noise == number,
+            Ok(number) => seed as f64 == number,
+            Err(_) => pair.base == word || word == "two",
+        })
+    };
+    let whole = asked.iter().all(|word| word.parse::<f64>().is_ok_and(|number| number >= 1.0));
+    let pairs = asked.iter().any(|word| word == "two");
+    let tasks: Vec<Task> = tasks().into_iter().filter(|t| !pairs && wanted(t)).collect();
     let clock = std::time::Instant::now();
     let done: Vec<(Task, Outcome)> = tasks
         .par_iter()
@@ -105,10 +148,11 @@ fn main() {
         })
         .collect();
     let seconds = clock.elapsed().as_secs_f64();
-    let page = table::page(&done);
+    let pairs = if whole || pairs { two(wanted_pair) } else { Vec::new() };
+    let page = table::page(&done, &pairs);
     println!("{page}\n{} cases in {seconds:.0} s", done.len());
     // A part of the noises or effects makes no page; fewer seeds do, and the page says so.
-    if asked.iter().all(|word| word.parse::<f64>().is_ok_and(|number| number >= 1.0)) {
+    if whole {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/hidden-effects.md");
         if let Err(error) = std::fs::write(path, &page) {
             eprintln!("{path}: {error}");

@@ -7,7 +7,8 @@ use leverrier::diagnose::missing::Verdict;
 use leverrier::spec::effects::{Kind, by_name};
 
 use super::hidden::outcome::Outcome;
-use super::{NOISES, Task};
+use super::hidden::pairs::PAIRS;
+use super::{NOISES, TWO_NOISES, Task, Two};
 
 /// One case in a line.
 pub fn line(task: &Task, outcome: &Outcome) -> String {
@@ -23,6 +24,20 @@ pub fn line(task: &Task, outcome: &Outcome) -> String {
         after,
         outcome.seconds,
         outcome.group.join(" ~ "),
+    )
+}
+
+/// One case of two effects in a line.
+pub fn line_of_two(two: &Two) -> String {
+    format!(
+        "{:<12} {:<44} noise {:<4} seed {} found {:<44} unseen {:.3}  {}",
+        two.pair.base,
+        two.pair.effects.join(" and "),
+        two.noise,
+        two.seed,
+        two.found.join(" and "),
+        two.unseen_error,
+        two.stop
     )
 }
 
@@ -60,7 +75,7 @@ fn word(verdict: Verdict) -> &'static str {
 }
 
 /// The whole page.
-pub fn page(done: &[(Task, Outcome)]) -> String {
+pub fn page(done: &[(Task, Outcome)], pairs: &[Two]) -> String {
     let mut out = String::new();
     let seeds: BTreeSet<u64> = done.iter().map(|(task, _)| task.seed).collect();
     let seeds: Vec<String> = seeds.iter().map(u64::to_string).collect();
@@ -110,6 +125,9 @@ pub fn page(done: &[(Task, Outcome)]) -> String {
             here.iter().filter(|c| !c.0.listed).map(|c| c.1.verdict == Verdict::Unexplained),
         );
     }
+    if !pairs.is_empty() {
+        at_once(&mut out, pairs);
+    }
     kinds(&mut out, done);
     effects(&mut out, done);
     out
@@ -117,10 +135,46 @@ pub fn page(done: &[(Task, Outcome)]) -> String {
 
 const HEAD: &str = "# Hidden effects\n\n\
     Every effect of the catalogue is hidden in simulated measurements of a known system, with the\n\
-    strength at which it moves the samples by a fifth of their spread: 8 runs of 200 samples from\n\
-    random starts, two runs unseen. Whoever asks knows the system's terms, but not its numbers,\n\
-    and not the effect. Noise is in parts of each column's spread.\n\n\
+    strength at which it moves the samples by a fifth of their spread; what the catalogue does not\n\
+    have moves them by half of it, because a weak delay or a distant body is, up to the noise, what\n\
+    some damping or spring does. 8 runs of 200 samples from random starts, two runs unseen. Whoever\n\
+    asks knows the system's terms, but not its numbers, and not the effect. Noise is in parts of\n\
+    each column's spread.\n\n\
     `cargo run --release --example hidden_effects` makes this page.\n";
+
+/// How often the loop finds both of two effects and nothing else.
+fn at_once(out: &mut String, pairs: &[Two]) {
+    out.push_str(
+        "\n## Two effects at once\n\nWhat `discover` adds to the bare spec. The goal is both of \
+         them and nothing else in 90 %.\n\n| hidden | in | noise | both, nothing else | both | \
+         unseen error at the end | instead |\n|---|---|---|---|---|---|---|\n",
+    );
+    for pair in PAIRS {
+        for noise in TWO_NOISES {
+            let same = |two: &&Two| std::ptr::eq(two.pair, pair) && two.noise == noise;
+            let here: Vec<&Two> = pairs.iter().filter(same).collect();
+            let exact = here.iter().filter(|two| two.found == pair.effects).count();
+            let has = |two: &Two| pair.effects.iter().all(|e| two.found.iter().any(|f| f == e));
+            let both = here.iter().filter(|two| has(two)).count();
+            let worst = here.iter().map(|two| two.unseen_error).fold(0.0, f64::max);
+            let others: BTreeSet<String> = here
+                .iter()
+                .filter(|two| two.found != pair.effects)
+                .map(|two| two.found.join(" and "))
+                .collect();
+            let others: Vec<String> = others.into_iter().collect();
+            let _ = writeln!(
+                out,
+                "| {} | {} | {:.0} % | {exact} of {count} | {both} of {count} | at most {worst:.2} | {} |",
+                pair.effects.join(" and "),
+                pair.base,
+                100.0 * noise,
+                others.join("; "),
+                count = here.len(),
+            );
+        }
+    }
+}
 
 fn row(out: &mut String, what: &str, noise: f64, goal: &str, hits: impl Iterator<Item = bool>) {
     let hits: Vec<bool> = hits.collect();

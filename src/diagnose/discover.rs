@@ -103,8 +103,12 @@ pub fn discover(
             let of = |term: &Term| term.effect.as_deref() == Some(leader.effect.as_str());
             let terms = (0..next.system.terms.len()).filter(|&k| of(&next.system.terms[k]));
             let start = Start::of(&model, &next.system).with(terms);
-            let fitted = resume(&next.system, training, options, &start, monitor)?;
-            if fitted.terms.iter().any(|term| belongs(&next.system, term, &leader.effect)) {
+            // Where not even a fit succeeds, the next leader may.
+            let fitted = resume(&next.system, training, options, &start, monitor).ok();
+            let has = |model: &Model| {
+                model.terms.iter().any(|term| belongs(&next.system, term, &leader.effect))
+            };
+            if let Some(fitted) = fitted.filter(has) {
                 kept = Some((step(&diagnosis, leader), longer, next, fitted));
                 break;
             }
@@ -133,6 +137,8 @@ pub fn discover(
                 step.replace(rival);
                 (text, compiled, model) = (revised, next, fitted);
             }
+            let found = Found { name, text: &text, compiled: &compiled, model: &model };
+            step.indistinguishable = found.alike(step, rivals, training, options, monitor)?;
         }
     }
     let noise: Vec<f64> = model.noise.iter().map(|n| n.standard_deviation).collect();
@@ -172,6 +178,24 @@ struct Found<'a> {
     model: &'a Model,
 }
 
+/// What a model leaves of the measurements, in units of its own noise.
+struct Left {
+    /// Weighted squares, and the residuals that they are the sum of.
+    loss: f64,
+    rows: usize,
+    /// Segments that are not followed at all.
+    exploded: usize,
+    noise: Vec<f64>,
+    window: usize,
+}
+
+impl Left {
+    /// What an unknown has to save.
+    fn price(&self) -> f64 {
+        (self.rows.max(1) as f64).ln()
+    }
+}
+
 impl Found<'_> {
     /// A rival of a step with fewer unknowns that explains as much now that the other effects are
     /// there: while they were missing, a more flexible effect may have stood in for them too.
@@ -183,29 +207,77 @@ impl Found<'_> {
         options: &Options,
         monitor: &dyn Monitor,
     ) -> Result<Option<(&'l Leader, String, Compiled, Model)>> {
-        let context = Context::new(&self.compiled.system, self.model, training)?;
-        let (_, _, sums) = context.settle(context.window);
         let unknowns = step.coefficient.len();
+        let without = self.left(training)?;
         let mut rivals: Vec<&Leader> =
             rivals.iter().filter(|rival| rival.coefficient.len() < unknowns).collect();
         rivals.sort_by_key(|rival| rival.coefficient.len());
         for rival in rivals {
-            let text = self.text.replacen(&step.snippet, &rival.snippet, 1);
-            // The effect may have been added by another step.
-            let Ok(next) = build(self.name, &text) else { continue };
-            let of = |term: &Term| term.effect.as_deref() == Some(rival.effect.as_str());
-            let terms = (0..next.system.terms.len()).filter(|&k| of(&next.system.terms[k]));
-            let start = Start::of(self.model, &next.system).with(terms);
-            let fitted = resume(&next.system, training, options, &start, monitor)?;
-            let mut other = Context::new(&next.system, &fitted, training)?;
-            other.noise.clone_from(&context.noise);
-            let (_, _, left) = other.settle(context.window);
-            let saved = (unknowns - rival.coefficient.len()) as f64 * (sums.rows as f64).ln();
-            if left.loss - sums.loss < saved + CLOSE && left.exploded <= sums.exploded {
+            let swapped = self.with_instead(step, rival, &without, training, options, monitor)?;
+            let Some((more, text, next, fitted)) = swapped else { continue };
+            let saved = (unknowns - rival.coefficient.len()) as f64 * without.price();
+            if more < saved + CLOSE {
                 return Ok(Some((rival, text, next, fitted)));
             }
         }
         Ok(None)
+    }
+
+    /// Labels of the rivals that explain as much in the place of a step, now that the other
+    /// effects are there.
+    fn alike(
+        &self,
+        step: &Step,
+        rivals: &[Leader],
+        training: &Dataset,
+        options: &Options,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<String>> {
+        let mut out = Vec::new();
+        let without = self.left(training)?;
+        for rival in rivals.iter().filter(|rival| rival.effect != step.effect) {
+            let swapped = self.with_instead(step, rival, &without, training, options, monitor)?;
+            let unknowns = rival.coefficient.len() as f64 - step.coefficient.len() as f64;
+            if swapped.is_some_and(|(more, ..)| more + unknowns * without.price() < CLOSE) {
+                out.push(rival.effect.clone());
+            }
+        }
+        Ok(out)
+    }
+
+    /// What the model leaves.
+    fn left(&self, training: &Dataset) -> Result<Left> {
+        let context = Context::new(&self.compiled.system, self.model, training)?;
+        let (_, _, sums) = context.settle(context.window);
+        let (noise, window) = (context.noise, context.window);
+        Ok(Left { loss: sums.loss, rows: sums.rows, exploded: sums.exploded, noise, window })
+    }
+
+    /// The spec and the model with a rival in the place of a step, and by how much the weighted
+    /// squares grow; `None` where it cannot be there, or does not follow the measurements.
+    fn with_instead(
+        &self,
+        step: &Step,
+        rival: &Leader,
+        without: &Left,
+        training: &Dataset,
+        options: &Options,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<(f64, String, Compiled, Model)>> {
+        let text = self.text.replacen(&step.snippet, &rival.snippet, 1);
+        // The effect may have been added by another step.
+        let Ok(next) = build(self.name, &text) else { return Ok(None) };
+        let of = |term: &Term| term.effect.as_deref() == Some(rival.effect.as_str());
+        let terms = (0..next.system.terms.len()).filter(|&k| of(&next.system.terms[k]));
+        let start = Start::of(self.model, &next.system).with(terms);
+        let Ok(fitted) = resume(&next.system, training, options, &start, monitor) else {
+            return Ok(None);
+        };
+        let mut other = Context::new(&next.system, &fitted, training)?;
+        other.noise.clone_from(&without.noise);
+        let (_, _, sums) = other.settle(without.window);
+        let follows = sums.exploded <= without.exploded;
+        Ok(follows.then(|| (sums.loss - without.loss, text, next, fitted)))
     }
 }
 

@@ -1,5 +1,7 @@
 //! What is missing: every candidate's score, the leaders refitted in full, a verdict.
 
+use std::fmt::Write as _;
+
 use serde::Serialize;
 
 use super::candidates::{candidates, extended};
@@ -57,6 +59,20 @@ pub enum Verdict {
 }
 
 impl Diagnosis {
+    /// Puts the leader first that a chain begins with.
+    fn begin_with(&mut self, link: Option<&Refitted>) {
+        let Some(effect) = link.map(|link| link.leader.effect.as_str()) else { return };
+        let Some(place) = self.ranking.iter().position(|leader| leader.effect == effect) else {
+            return;
+        };
+        if place > self.indistinguishable.len() {
+            self.indistinguishable.clear();
+        } else if place > 0 {
+            self.indistinguishable[place - 1] = self.ranking[0].effect.clone();
+        }
+        self.ranking[..=place].rotate_right(1);
+    }
+
     /// Nothing can be said, for this reason.
     pub fn too_little(reason: String) -> Diagnosis {
         Diagnosis {
@@ -80,8 +96,12 @@ const LEADERS: usize = 8;
 const LATER: usize = 3;
 /// Effects together that may explain a misfit.
 const TOGETHER: usize = 3;
-/// Named effects explain a misfit when they leave less than this part of it.
+/// Leaders that such a chain may begin with.
+const BEGINNINGS: usize = 3;
+/// Named effects explain a misfit when they leave less than this part of it,
 const LEAVES: f64 = 0.1;
+/// and bring the error to less than this times the noise.
+const REACHES: f64 = 1.1;
 /// Chance below which a residual force without a name is there.
 const UNMISTAKABLE: f64 = 1e-6;
 /// Standard errors of the noise's variance that a model at the noise may be above it.
@@ -124,8 +144,11 @@ pub fn diagnose(
         ))
     };
     monitor.stage("what is left", 0.8);
-    match asked.chain(first)? {
-        Some(chain) => asked.judge(&mut diagnosis, chain)?,
+    match asked.best_chain(first)? {
+        Some(chain) => {
+            diagnosis.begin_with(chain.links.first());
+            asked.judge(&mut diagnosis, chain)?;
+        }
         None => {
             if let Some(shape) = shape(&context)? {
                 diagnosis.verdict = Verdict::Unexplained;
@@ -157,6 +180,8 @@ struct Chain {
     window: usize,
     /// Squares that are left in excess of the noise, in parts of those at the start.
     left: f64,
+    /// Error that is left, in units of the noise.
+    error: f64,
     /// Whether candidates still explain more than noise would.
     open: bool,
     /// The force that is left, where it shows most.
@@ -172,39 +197,92 @@ fn excess(context: &Context, window: usize) -> f64 {
     if excess < AT_NOISE * (2.0 / rows).sqrt() { 0.0 } else { excess }
 }
 
+/// Weighted squares over segments of a length, and their mean.
+fn squares(context: &Context, window: usize) -> (f64, f64) {
+    let (_, _, sums) = context.settle(window);
+    (sums.loss, (sums.loss / sums.rows.max(1) as f64).max(f64::MIN_POSITIVE))
+}
+
+impl Chain {
+    /// What all its unknowns cost.
+    fn price(&self) -> f64 {
+        self.links.iter().map(|link| link.price).sum()
+    }
+}
+
 impl Asked<'_, '_> {
-    /// Goes on with the best leader until nothing significant is left; `None` without one.
-    fn chain(&self, first: Round) -> Result<Option<Chain>> {
-        let mut text = self.text.to_string();
-        let mut window = first.window;
-        let mut links: Vec<Refitted> = first.leaders.into_iter().take(1).collect();
-        let mut open = false;
-        while let Some(last) = links.last() {
-            let present = Context { window, ..last.context(self.context) };
-            open = false;
-            if excess(&present, window) == 0.0 {
+    /// The chain that explains the most; `None` without a leader.
+    ///
+    /// With two effects missing, a flexible third may stand in for a part of each and lead alone:
+    /// unless the first leader leaves nothing, the next ones may begin a chain too.
+    fn best_chain(&self, first: Round) -> Result<Option<Chain>> {
+        let mut best: Option<Chain> = None;
+        for leader in first.leaders.into_iter().take(BEGINNINGS) {
+            let chain = self.chain(leader, first.window)?;
+            let more = match &best {
+                Some(best) => self.explains_more(&chain, best),
+                None => true,
+            };
+            if more {
+                best = Some(chain);
+            }
+            let alone = |chain: &Chain| chain.left == 0.0 && chain.links.len() == 1;
+            if best.as_ref().is_some_and(alone) || self.monitor.stopped() {
                 break;
+            }
+        }
+        Ok(best)
+    }
+
+    /// Whether a chain explains more than another on segments of one length, prices paid.
+    fn explains_more(&self, chain: &Chain, than: &Chain) -> bool {
+        let window = chain.window.min(than.window);
+        let (Some(ours), Some(theirs)) = (chain.links.last(), than.links.last()) else {
+            return than.links.is_empty();
+        };
+        let (ours, theirs) = (ours.context(self.context), theirs.context(self.context));
+        let ((ours, one), (theirs, other)) = (squares(&ours, window), squares(&theirs, window));
+        (theirs - ours) / one.min(other) > chain.price() - than.price()
+    }
+
+    /// Goes on from a leader with the best next one until nothing significant is left.
+    fn chain(&self, leader: Refitted, window: usize) -> Result<Chain> {
+        let mut text = self.text.to_string();
+        let mut window = window;
+        let mut links = Vec::new();
+        let mut last = leader;
+        let open = loop {
+            let present = Context { window, ..last.context(self.context) };
+            if excess(&present, window) == 0.0 {
+                links.push(last);
+                break false;
             }
             text = extended(&text, &last.leader.snippet);
             let compiled = build(self.name, &text)?;
             let present = Context { system: &compiled.system, ..present };
             let more = candidates(self.name, &text, &compiled, self.context.dataset);
             let next = round(&present, self.unseen, &more, LATER, self.monitor)?;
-            open = !next.leaders.is_empty();
-            if links.len() == TOGETHER || self.monitor.stopped() {
-                break;
-            }
+            links.push(last);
+            let open = !next.leaders.is_empty();
             let best = next.leaders.into_iter().next();
-            let Some(best) = best.filter(|l| l.merit(next.variance) > 0.0) else { break };
-            window = next.window;
-            links.push(best);
-        }
-        let Some(last) = links.last() else { return Ok(None) };
-        let present = Context { window, ..last.context(self.context) };
-        let (at_end, at_start) = (excess(&present, window), excess(self.context, window));
-        let shape = if at_end > 0.0 { shape(&present)? } else { None };
+            match best.filter(|l| l.merit(next.variance) > 0.0) {
+                Some(best) if links.len() < TOGETHER && !self.monitor.stopped() => {
+                    window = next.window;
+                    last = best;
+                }
+                _ => break open,
+            }
+        };
+        let end = links.last().map_or_else(
+            || self.context.with_data(self.context.dataset),
+            |last| last.context(self.context),
+        );
+        let end = Context { window, ..end };
+        let (at_end, at_start) = (excess(&end, window), excess(self.context, window));
+        let shape = if at_end > 0.0 { shape(&end)? } else { None };
         let left = at_end / at_start.max(f64::MIN_POSITIVE);
-        Ok(Some(Chain { links, window, left, open, shape }))
+        let error = (1.0 + at_end).sqrt();
+        Ok(Chain { links, window, left, error, open, shape })
     }
 
     /// The best term without a name, and by how much it explains more than a chain, prices paid.
@@ -213,15 +291,11 @@ impl Asked<'_, '_> {
         let found = round(self.context, self.unseen, &all, LATER, self.monitor)?;
         let Some(best) = found.leaders.into_iter().next() else { return Ok(None) };
         let window = found.window.min(chain.window);
-        let squares = |context: &Context| {
-            let (_, _, sums) = context.settle(window);
-            (sums.loss, (sums.loss / sums.rows.max(1) as f64).max(f64::MIN_POSITIVE))
-        };
-        let (of_best, least) = squares(&best.context(self.context));
+        let (of_best, least) = squares(&best.context(self.context), window);
         let last = chain.links.last().map(|last| last.context(self.context));
-        let (of_chain, other) = last.as_ref().map_or((f64::INFINITY, least), squares);
-        let price: f64 = chain.links.iter().map(|link| link.price).sum();
-        let more = (of_chain - of_best) / least.min(other) + price - best.price;
+        let (of_chain, other) =
+            last.as_ref().map_or((f64::INFINITY, least), |last| squares(last, window));
+        let more = (of_chain - of_best) / least.min(other) + chain.price() - best.price;
         Ok(Some((best, more)))
     }
 
@@ -233,6 +307,13 @@ impl Asked<'_, '_> {
             "{} takes the error on unseen runs from {:.2} to {:.2} times the noise",
             first.leader.effect, first.leader.unseen_error_before, first.leader.unseen_error_after
         );
+        for link in &chain.links[1..] {
+            let _ = write!(
+                diagnosis.reason,
+                ", {} after it to {:.2}",
+                link.leader.effect, link.leader.unseen_error_after
+            );
+        }
         diagnosis.then = chain.links[1..].iter().map(|l| l.leader.clone()).collect();
         if chain.left == 0.0 && chain.links.len() == 1 {
             return Ok(());
@@ -241,7 +322,7 @@ impl Asked<'_, '_> {
         let unnamed = self.unnamed(&chain)?;
         let better = unnamed.as_ref().is_some_and(|(_, more)| *more > CLOSE);
         let endless = chain.open && chain.links.len() == TOGETHER;
-        if better || endless || chain.left > LEAVES {
+        if better || endless || chain.left > LEAVES || chain.error > REACHES {
             diagnosis.verdict = Verdict::Unexplained;
             diagnosis.reason = match &unnamed {
                 Some((best, _)) if better => format!(
@@ -249,14 +330,16 @@ impl Asked<'_, '_> {
                     best.leader.snippet
                 ),
                 _ => format!(
-                    "the best effects of the catalogue ({}) leave {:.0} % of the misfit",
+                    "the best effects of the catalogue ({}) leave {:.0} % of the misfit, {:.2} times \
+                     the noise",
                     chain
                         .links
                         .iter()
                         .map(|l| l.leader.effect.as_str())
                         .collect::<Vec<_>>()
                         .join(", "),
-                    100.0 * chain.left
+                    100.0 * chain.left,
+                    chain.error
                 ),
             };
             diagnosis.unnamed = unnamed.map(|(best, _)| best.leader);

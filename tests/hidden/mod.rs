@@ -4,6 +4,7 @@
 
 pub mod bases;
 pub mod outcome;
+pub mod pairs;
 pub mod strangers;
 
 use leverrier::data::Dataset;
@@ -107,8 +108,8 @@ fn motion(system: &System, starts: &[Vec<f64>], times: &[f64], strength: f64) ->
 }
 
 /// Clean measurements with a statement hidden, at the strength that moves the samples by
-/// [`REACH`]; and that strength. Without a statement the bare base.
-fn hide(base: &Base, statement: &str, seed: u64) -> (Dataset, f64) {
+/// `reach`; and that strength. Without a statement the bare base.
+fn hide(base: &Base, statement: &str, reach: f64, seed: u64) -> (Dataset, f64) {
     let truth = |more: &str| compiled("truth", &format!("{}{}{more}\n", base.variables, base.law));
     let (starts, times) = (starts(base, seed), times(base));
     let bare = truth("").system;
@@ -123,7 +124,7 @@ fn hide(base: &Base, statement: &str, seed: u64) -> (Dataset, f64) {
     for _ in 0..14 {
         let strength = (low * high).sqrt();
         match motion(&system, &starts, &times, strength) {
-            Some(data) if difference(&plain, &data) <= REACH => {
+            Some(data) if difference(&plain, &data) <= reach => {
                 low = strength;
                 best = Some((data, strength));
             }
@@ -150,7 +151,12 @@ fn spoil(data: &mut Dataset, noise: f64, seed: u64) -> Vec<f64> {
 
 /// Measurements as one who knows only the base gets them.
 pub fn case(base: &Base, statement: &str, noise: f64, seed: u64) -> Case {
-    let (data, strength) = hide(base, statement, seed);
+    case_reaching(REACH, base, statement, noise, seed)
+}
+
+/// The same with another reach of what is hidden.
+pub fn case_reaching(reach: f64, base: &Base, statement: &str, noise: f64, seed: u64) -> Case {
+    let (data, strength) = hide(base, statement, reach, seed);
     measured(base, data, strength, noise, seed)
 }
 

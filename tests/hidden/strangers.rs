@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use super::bases::{BASES, Base};
-use super::{Case, REACH, case, difference, measured, space, starts, times};
+use super::{Case, case_reaching, difference, measured, space, starts, times};
 
 /// Something that acts and that no effect describes.
 pub struct Stranger {
@@ -21,11 +21,16 @@ pub struct Stranger {
 pub enum How {
     /// A statement of the language, one coefficient for its terms.
     Statement(&'static str),
-    /// A force on the first coordinate that goes with what the last one was a while ago.
+    /// A force on the first coordinate that goes with what the last one was a while ago. In a
+    /// linear system it would be what a spring and a damper do, so it acts in nonlinear ones.
     Delay(f64),
     /// A body on a circle of this radius and turning rate, which pulls by the square of distance.
     Body { radius: f64, rate: f64 },
 }
+
+/// How far a stranger moves the samples, in parts of their spread. Farther than what has a name:
+/// a delay or a distant body that acts weakly is, up to the noise, what damping or a spring does.
+const REACH: f64 = 0.5;
 
 /// All strangers of the benchmark.
 pub static STRANGERS: &[Stranger] = &[
@@ -44,7 +49,7 @@ pub static STRANGERS: &[Stranger] = &[
         base: "trap",
         how: How::Statement("V += span{ bump: exp(-((x - 0.3)^2 + (y + 0.2)^2)/0.1) }"),
     },
-    Stranger { name: "delay", base: "trap", how: How::Delay(1.3) },
+    Stranger { name: "delay", base: "pendulum", how: How::Delay(8.0) },
     Stranger { name: "delay", base: "Duffing", how: How::Delay(8.0) },
     Stranger { name: "hidden body", base: "Kepler", how: How::Body { radius: 1.9, rate: 0.38 } },
     Stranger { name: "hidden body", base: "trap", how: How::Body { radius: 2.0, rate: 0.9 } },
@@ -55,7 +60,7 @@ impl Stranger {
     pub fn case(&self, noise: f64, seed: u64) -> Case {
         let base = BASES.iter().find(|base| base.name == self.base).expect("a row of BASES");
         match self.how {
-            How::Statement(statement) => case(base, statement, noise, seed),
+            How::Statement(statement) => case_reaching(REACH, base, statement, noise, seed),
             How::Delay(delay) => hidden(base, noise, seed, |strength| {
                 let force = Force { strength, delay, body: None };
                 force.dataset(base, seed)
@@ -74,8 +79,8 @@ fn hidden(base: &Base, noise: f64, seed: u64, data: impl Fn(f64) -> Dataset) -> 
     let (mut low, mut high) = (1e-4f64, 10.0f64);
     for _ in 0..14 {
         let middle = (low * high).sqrt();
-        let reach = difference(&plain, &data(middle));
-        if reach <= REACH { low = middle } else { high = middle }
+        let moved = difference(&plain, &data(middle));
+        if moved <= REACH { low = middle } else { high = middle }
     }
     measured(base, data(low), low, noise, seed)
 }
