@@ -2,9 +2,10 @@
 
 use serde::Serialize;
 
+use super::candidates::candidates;
 use super::context::Context;
 use super::missing::{Diagnosis, Leader, Verdict, diagnose};
-use super::round::CLOSE;
+use super::round::round;
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::expr::{Compiled, Term, build};
@@ -132,13 +133,16 @@ pub fn discover(
     if steps.len() > 1 {
         for (step, rivals) in steps.iter_mut().zip(&rivals) {
             let found = Found { name, text: &text, compiled: &compiled, model: &model };
-            let simpler = found.simpler(step, rivals, training, options, monitor)?;
-            if let Some((rival, revised, next, fitted)) = simpler {
-                step.replace(rival);
-                (text, compiled, model) = (revised, next, fitted);
+            let mut alike = found.alike(step, rivals, training, unseen, monitor)?;
+            let simpler = |rival: &&Leader| rival.coefficient.len() < step.coefficient.len();
+            if let Some(rival) = alike.first().filter(simpler).cloned()
+                && let Some(swapped) = found.swapped(step, &rival, training, options, monitor)
+            {
+                step.replace(&rival);
+                (text, compiled, model) = swapped;
             }
-            let found = Found { name, text: &text, compiled: &compiled, model: &model };
-            step.indistinguishable = found.alike(step, rivals, training, options, monitor)?;
+            alike.retain(|leader| leader.effect != step.effect);
+            step.indistinguishable = alike.into_iter().map(|leader| leader.effect).collect();
         }
     }
     let noise: Vec<f64> = model.noise.iter().map(|n| n.standard_deviation).collect();
@@ -157,15 +161,11 @@ pub fn discover(
 }
 
 /// Whether the best named effect may be added: always when it explains the misfit; as a part of
-/// a larger whole only when no term without a name does better on unseen runs.
+/// a larger whole only when no single term without a name explains more.
 fn goes_on(diagnosis: &Diagnosis) -> bool {
-    let named = diagnosis.ranking.first().map(|leader| leader.unseen_error_after);
-    let unnamed = diagnosis.unnamed.as_ref().map(|leader| leader.unseen_error_after);
     match diagnosis.verdict {
         Verdict::Missing => true,
-        Verdict::Unexplained => {
-            named.is_some_and(|named| unnamed.is_none_or(|unnamed| named <= unnamed))
-        }
+        Verdict::Unexplained => !diagnosis.ranking.is_empty() && !diagnosis.unnamed_explains_more,
         Verdict::NothingMissing | Verdict::TooLittleData => false,
     }
 }
@@ -178,106 +178,55 @@ struct Found<'a> {
     model: &'a Model,
 }
 
-/// What a model leaves of the measurements, in units of its own noise.
-struct Left {
-    /// Weighted squares, and the residuals that they are the sum of.
-    loss: f64,
-    rows: usize,
-    /// Segments that are not followed at all.
-    exploded: usize,
-    noise: Vec<f64>,
-    window: usize,
-}
-
-impl Left {
-    /// What an unknown has to save.
-    fn price(&self) -> f64 {
-        (self.rows.max(1) as f64).ln()
-    }
-}
-
 impl Found<'_> {
-    /// A rival of a step with fewer unknowns that explains as much now that the other effects are
-    /// there: while they were missing, a more flexible effect may have stood in for them too.
-    fn simpler<'l>(
-        &self,
-        step: &Step,
-        rivals: &'l [Leader],
-        training: &Dataset,
-        options: &Options,
-        monitor: &dyn Monitor,
-    ) -> Result<Option<(&'l Leader, String, Compiled, Model)>> {
-        let unknowns = step.coefficient.len();
-        let without = self.left(training)?;
-        let mut rivals: Vec<&Leader> =
-            rivals.iter().filter(|rival| rival.coefficient.len() < unknowns).collect();
-        rivals.sort_by_key(|rival| rival.coefficient.len());
-        for rival in rivals {
-            let swapped = self.with_instead(step, rival, &without, training, options, monitor)?;
-            let Some((more, text, next, fitted)) = swapped else { continue };
-            let saved = (unknowns - rival.coefficient.len()) as f64 * without.price();
-            if more < saved + CLOSE {
-                return Ok(Some((rival, text, next, fitted)));
-            }
-        }
-        Ok(None)
-    }
-
-    /// Labels of the rivals that explain as much in the place of a step, now that the other
-    /// effects are there.
+    /// The step's own effect and those of its rivals that explain as much now that the other
+    /// effects are there, the one with the fewest unknowns first: while the others were missing,
+    /// a more flexible effect may have stood in for them too.
     fn alike(
         &self,
         step: &Step,
         rivals: &[Leader],
         training: &Dataset,
-        options: &Options,
+        unseen: &Dataset,
         monitor: &dyn Monitor,
-    ) -> Result<Vec<String>> {
-        let mut out = Vec::new();
-        let without = self.left(training)?;
-        for rival in rivals.iter().filter(|rival| rival.effect != step.effect) {
-            let swapped = self.with_instead(step, rival, &without, training, options, monitor)?;
-            let unknowns = rival.coefficient.len() as f64 - step.coefficient.len() as f64;
-            if swapped.is_some_and(|(more, ..)| more + unknowns * without.price() < CLOSE) {
-                out.push(rival.effect.clone());
-            }
-        }
-        Ok(out)
+    ) -> Result<Vec<Leader>> {
+        let text = self.text.replacen(&step.snippet, "", 1);
+        let base = build(self.name, &text)?;
+        let known = Start::of(self.model, &base.system);
+        let own = Context::new(&self.compiled.system, self.model, training)?;
+        let context = Context {
+            system: &base.system,
+            coefficients: known.support.iter().map(|&k| known.coefficients[k]).collect(),
+            support: known.support,
+            parameters: known.parameters,
+            ..own
+        };
+        let asked =
+            |label: &str| label == step.effect || rivals.iter().any(|rival| rival.effect == label);
+        let mut all = candidates(self.name, &text, &base, training);
+        all.retain(|candidate| asked(&candidate.label));
+        let found = round(&context, unseen, &all, all.len(), monitor)?;
+        Ok(found.leaders.into_iter().take(found.close).map(|l| l.leader).collect())
     }
 
-    /// What the model leaves.
-    fn left(&self, training: &Dataset) -> Result<Left> {
-        let context = Context::new(&self.compiled.system, self.model, training)?;
-        let (_, _, sums) = context.settle(context.window);
-        let (noise, window) = (context.noise, context.window);
-        Ok(Left { loss: sums.loss, rows: sums.rows, exploded: sums.exploded, noise, window })
-    }
-
-    /// The spec and the model with a rival in the place of a step, and by how much the weighted
-    /// squares grow; `None` where it cannot be there, or does not follow the measurements.
-    fn with_instead(
+    /// Spec and model with a rival in the place of a step; `None` where a fit does not keep it.
+    fn swapped(
         &self,
         step: &Step,
         rival: &Leader,
-        without: &Left,
         training: &Dataset,
         options: &Options,
         monitor: &dyn Monitor,
-    ) -> Result<Option<(f64, String, Compiled, Model)>> {
+    ) -> Option<(String, Compiled, Model)> {
         let text = self.text.replacen(&step.snippet, &rival.snippet, 1);
         // The effect may have been added by another step.
-        let Ok(next) = build(self.name, &text) else { return Ok(None) };
+        let next = build(self.name, &text).ok()?;
         let of = |term: &Term| term.effect.as_deref() == Some(rival.effect.as_str());
         let terms = (0..next.system.terms.len()).filter(|&k| of(&next.system.terms[k]));
         let start = Start::of(self.model, &next.system).with(terms);
-        let Ok(fitted) = resume(&next.system, training, options, &start, monitor) else {
-            return Ok(None);
-        };
-        let mut other = Context::new(&next.system, &fitted, training)?;
-        other.noise.clone_from(&without.noise);
-        let (_, _, sums) = other.settle(without.window);
-        let follows = sums.exploded <= without.exploded;
-        Ok(follows.then(|| (sums.loss - without.loss, text, next, fitted)))
+        let fitted = resume(&next.system, training, options, &start, monitor).ok()?;
+        let kept = fitted.terms.iter().any(|term| belongs(&next.system, term, &rival.effect));
+        kept.then_some((text, next, fitted))
     }
 }
 

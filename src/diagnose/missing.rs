@@ -32,6 +32,8 @@ pub struct Diagnosis {
     pub then: Vec<Leader>,
     /// The best term without a name, where the verdict is that something unnamed is missing.
     pub unnamed: Option<Leader>,
+    /// Whether that term alone explains more than the named effects together.
+    pub unnamed_explains_more: bool,
     /// The force that is left when all that has a name is in the model, where it shows most.
     pub shape: Option<ResidualMap>,
     /// Candidates that were tried.
@@ -82,6 +84,7 @@ impl Diagnosis {
             indistinguishable: Vec::new(),
             then: Vec::new(),
             unnamed: None,
+            unnamed_explains_more: false,
             shape: None,
             candidates: 0,
             tried: 0,
@@ -342,6 +345,7 @@ impl Asked<'_, '_> {
                     chain.error
                 ),
             };
+            diagnosis.unnamed_explains_more = better;
             diagnosis.unnamed = unnamed.map(|(best, _)| best.leader);
         }
         diagnosis.shape = chain.shape;

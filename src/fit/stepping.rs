@@ -28,6 +28,8 @@ const SHARE: f64 = 0.02;
 /// and by this part of what the mean of all residuals is known to: noise averages out over many
 /// data, the integrator's error does not.
 const SHARE_OF_MEAN: f64 = 4.0;
+/// Where that cannot be reached, by this part of the noise between two samples.
+const HIDDEN: f64 = 0.01;
 /// Residuals this many times the integrator's error may be the integrator's.
 const SUSPECT: f64 = 20.0;
 /// No instrument resolves this part of a column's spread: such residuals are the integrator's.
@@ -96,7 +98,16 @@ pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64]) -> Choice
     let share = if limited { 0.0 } else { most / intervals };
     let tolerance: Vec<f64> = training.noise.iter().map(|s| share * s).collect();
     let mut scratch = Scratch::new();
-    let choice = choose_steps(dynamics, theta, &batch, &span, &tolerance, &mut scratch);
+    let mut choice = choose_steps(dynamics, theta, &batch, &span, &tolerance, &mut scratch);
+    if !choice.reached && share > 0.0 {
+        // Across a jump every method is of the first order: hundreds of steps an interval would
+        // go to errors that the noise hides.
+        let tolerance: Vec<f64> = training.noise.iter().map(|s| HIDDEN * s).collect();
+        let rough = choose_steps(dynamics, theta, &batch, &span, &tolerance, &mut scratch);
+        if rough.reached {
+            choice = rough;
+        }
+    }
     let mut stepping = Stepping {
         method: choice.method,
         longest: longest_span / choice.steps as f64 * (1.0 + 1e-9),
