@@ -242,6 +242,7 @@ fn broken(value: f64) -> Story {
         indistinguishable: vec!["b".into()],
         then: vec![leader.clone()],
         unnamed: Some(leader),
+        unnamed_explains_more: true,
         shape: story.comparison.maps.first().cloned(),
         unseen_error: value,
         ..Diagnosis::too_little("x < y".into())

@@ -94,12 +94,14 @@ pub fn compare(training: &Context, unseen: Option<&Context>) -> Result<Compariso
     Ok(Comparison { horizons, noise_floor, maps, energy, findings })
 }
 
-/// Error in units of the noise over segments of `window` samples, and segments that exploded.
+/// Error in units of the noise over segments of `window` samples, and segments that exploded;
+/// NaN where too few are left to say.
 pub fn error(context: &Context, window: usize) -> (f64, usize) {
     let (_, _, sums) = context.settle(window);
     let freedom: f64 = sums.freedom.iter().sum();
     let squares: f64 = sums.squares.iter().sum();
-    ((squares / freedom.max(1e-9)).sqrt(), sums.exploded)
+    let error = if freedom < 1.0 { f64::NAN } else { (squares / freedom).sqrt() };
+    (error, sums.exploded)
 }
 
 /// Lengths of prediction in samples: 2, 4, 8, ... and the longest run.

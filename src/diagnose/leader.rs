@@ -139,13 +139,14 @@ impl From<Refitted> for Start {
 /// [`Refitted::finish`] then takes them all.
 ///
 /// `loss` is what the model leaves of the weighted squares; `unseen` the model before unseen
-/// runs, with its error there. `None` where the candidate cannot be fitted.
+/// runs, with its error there and the segments that it
+/// loses. `None` where the candidate cannot be fitted.
 pub fn refit(
     context: &Context,
     candidate: &Candidate,
     start: Start,
     loss: f64,
-    unseen: (&Context, f64),
+    unseen: (&Context, (f64, usize)),
 ) -> Option<Refitted> {
     let thin = context.thinned(FEW.min(context.most));
     let mut refitted = fit(&thin, candidate, start)?;
@@ -161,7 +162,7 @@ impl Refitted {
         context: &Context,
         candidate: &Candidate,
         loss: f64,
-        unseen: (&Context, f64),
+        unseen: (&Context, (f64, usize)),
     ) -> Option<Refitted> {
         if self.finished {
             return Some(self);
@@ -173,14 +174,17 @@ impl Refitted {
     }
 
     /// What it leaves of the misfit, and of the error on unseen runs.
-    fn judge(&mut self, context: &Context, loss: f64, unseen: (&Context, f64)) {
+    fn judge(&mut self, context: &Context, loss: f64, unseen: (&Context, (f64, usize))) {
         let (_, _, sums) = self.context(context).settle(context.window);
         self.fall = loss - sums.loss;
         self.variance = (sums.loss / sums.rows.max(1) as f64).max(1e-12);
         let unknowns = self.leader.coefficient.len() as f64;
         self.price = unknowns * (sums.rows.max(1) as f64).ln() + self.choice;
-        self.leader.unseen_error_before = unseen.1;
-        self.leader.unseen_error_after = error(&self.context(unseen.0), context.window).0;
+        let (before, lost) = unseen.1;
+        let (after, more) = error(&self.context(unseen.0), context.window);
+        self.leader.unseen_error_before = before;
+        // Runs that it does not follow any more are no gain.
+        self.leader.unseen_error_after = if more > lost { f64::INFINITY } else { after };
     }
 }
 

@@ -44,7 +44,8 @@ pub struct Round {
 struct Field<'a, 'b> {
     context: &'b Context<'a>,
     unseen: Context<'a>,
-    before: f64,
+    /// Error on unseen runs, and segments that are lost there.
+    before: (f64, usize),
     loss: f64,
     variance: f64,
     all: &'b [Candidate],
@@ -68,7 +69,7 @@ pub fn round(
         found.map(|s| (s.candidate, Start::scored(&context, &all[s.candidate], s))).collect();
     loop {
         let far = Context { dataset: unseen, ..context.with_data(context.dataset) };
-        let before = error(&far, context.window).0;
+        let before = error(&far, context.window);
         let loss = context.settle(context.window).2.loss;
         let variance = scores.variance;
         let field = Field { context: &context, unseen: far, before, loss, variance, all };
@@ -129,7 +130,7 @@ impl Field<'_, '_> {
         let variance = self.yardstick(leaders.iter());
         // What a full fit does not keep, or unseen runs do not thank for, is not missing.
         let pays = |l: &Refitted| l.leader.unseen_error_after < l.leader.unseen_error_before;
-        leaders.retain(|l| l.merit(variance) > 0.0 && (pays(l) || self.before.is_nan()));
+        leaders.retain(|l| l.merit(variance) > 0.0 && (pays(l) || self.before.0.is_nan()));
         if leaders.iter().any(|l| !l.pinned) {
             leaders.retain(|l| !l.pinned);
         }
@@ -139,7 +140,7 @@ impl Field<'_, '_> {
         // Of those that explain equally well the one with the fewest unknowns comes first.
         let close = leaders.iter().take_while(|l| best - l.merit(variance) < CLOSE).count();
         leaders[..close].sort_by_key(|l| l.leader.coefficient.len());
-        let (window, before) = (self.context.window, self.before);
+        let (window, before) = (self.context.window, self.before.0);
         Round { leaders, close, variance, window, before, tried }
     }
 }
