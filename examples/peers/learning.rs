@@ -148,9 +148,9 @@ impl Errors {
 const COLUMNS: [&str; 9] = [
     "who",
     "training",
-    "times ours",
+    "times our time",
     "largest coefficient error",
-    "times ours",
+    "times our error",
     "terms exact",
     "one step of 0.1",
     "to t = 8",

@@ -66,7 +66,8 @@ def casadi(c_compiler):
     if c_compiler:
         flags = ["-O3", "-march=native"]
         options = {"jit": True, "compiler": "shell", "jit_options": {"flags": flags}}
-    compiled = ca.Function("g", [x, y], [ca.gradient(h, x), ca.gradient(h, y)], options)
+    one = ca.Function("g", [x, y], [ca.gradient(h, x), ca.gradient(h, y)], options)
+    compiled = one.map(points.shape[1])
     row = [ca.DM(points[0]).T, ca.DM(points[1]).T]
 
     def run():
