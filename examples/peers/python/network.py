@@ -27,17 +27,17 @@ budget = float(budget)
 BATCH, FIRST_RATE, LAST_RATE = 200, 1e-3, 1e-6
 
 
-def layers(sizes, function, bias):
+def layers(sizes, function):
     parts = []
     for a, b in zip(sizes, sizes[1:]):
-        parts += [nn.Linear(a, b, bias=bias), function()]
+        parts += [nn.Linear(a, b), function()]
     return nn.Sequential(*parts[:-1])
 
 
 class Mlp(nn.Module):
     def __init__(self):
         super().__init__()
-        self.change = layers([4, 400, 400, 400, 400, 4], nn.ReLU, True)
+        self.change = layers([4, 400, 400, 400, 400, 4], nn.ReLU)
 
     def forward(self, state):
         return state + self.change(state)
@@ -46,8 +46,8 @@ class Mlp(nn.Module):
 class Symplectic(nn.Module):
     def __init__(self):
         super().__init__()
-        self.kinetic = layers([2, 512, 512, 512, 1], nn.Tanh, False)
-        self.potential = layers([2, 512, 512, 512, 1], nn.Tanh, False)
+        self.kinetic = layers([2, 512, 512, 512, 1], nn.Tanh)
+        self.potential = layers([2, 512, 512, 512, 1], nn.Tanh)
 
     def forward(self, state):
         def slope(energy, at):
