@@ -69,8 +69,8 @@ pub fn page(folder: &Path, names: &[&str]) -> String {
          `--only NAME` takes one table: {}.\n\n\
          Machine: {}. Everything runs on one core unless said, on double precision unless said. \
          Contestants of a table take turns within one run, after a first turn that does not \
-         count; the fastest of several turns is given. Compilation is told apart from \
-         running.\n",
+         count; the fastest of several turns is given, in processor time, which other programs \
+         disturb less than a clock on the wall. Compilation is told apart from running.\n",
         names.join(", "),
         machine()
     );

@@ -8,7 +8,7 @@ use leverrier::fit::{Options, Silent, fit};
 use crate::Asked;
 use crate::page::{Section, cores, ratio, time};
 use crate::paper::{SIGMA, henon_heiles_pairs, tensor};
-use crate::turns::{Turn, clocked, fastest};
+use crate::turns::{Turn, fastest, on_the_wall};
 
 pub fn start(_: &Asked) -> Result<Section, String> {
     let mut section = Section::new(
@@ -32,7 +32,7 @@ pub fn start(_: &Asked) -> Result<Section, String> {
     };
     let mut times = Vec::new();
     for _ in 0..50 {
-        let (done, seconds) = clocked(|| Command::new(&program).arg("--version").output());
+        let (done, seconds) = on_the_wall(|| Command::new(&program).arg("--version").output());
         done.map_err(|error| error.to_string())?;
         times.push(seconds);
     }
@@ -51,7 +51,7 @@ pub fn child(threads: &str) -> Result<(), String> {
     let pool = pool.map_err(|error| error.to_string())?;
     let (space, data) = (tensor(3), henon_heiles_pairs(PAIRS, SIGMA, 1));
     let (model, seconds) =
-        clocked(|| pool.install(|| fit(&space, &data, &Options::default(), &Silent)));
+        on_the_wall(|| pool.install(|| fit(&space, &data, &Options::default(), &Silent)));
     model.map_err(|error| error.to_string())?;
     println!("{seconds}");
     Ok(())
