@@ -70,9 +70,9 @@ fn simulate_by_taylor_series_agrees_with_other_integrators() {
     };
     for (run, start) in [[1.4, 0.0], [0.0, 1.5]].into_iter().enumerate() {
         let end = runge_kutta(start, 20.0, 40_000);
-        for row in 0..2 {
+        for (row, end) in end.into_iter().enumerate() {
             let found = at(&made, run, row);
-            assert!((found - end[row]).abs() < 1e-11, "{found} against {}", end[row]);
+            assert!((found - end).abs() < 1e-11, "{found} against {end}");
             assert!((found - at(&chosen, run, row)).abs() < 1e-12);
             let apart = (found - at(&rough, run, row)).abs();
             assert!(apart > 1e-12 && apart < 1e-3, "{apart:e}");
