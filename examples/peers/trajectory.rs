@@ -226,7 +226,7 @@ pub fn series(asked: &Asked, python: Result<&Python, &String>) -> Result<Section
         "Eight motions of Hénon-Heiles to t = {end}, by adaptive Taylor series; times of one \
          motion. The error is the root mean square, over motions and {SAMPLES} times, of what the \
          energy strayed, as a part of the energy. For each tolerance of heyoka, ours is the loosest \
-         one with at most its error."
+         one with at most its error, or the finest there is."
     );
     let columns =
         ["who", "tolerance", "error of the energy", "steps", "time", "times ours", "compilation"];
