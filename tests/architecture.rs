@@ -61,12 +61,16 @@ impl Source {
 }
 
 fn rust_files(folder: &Path, found: &mut Vec<PathBuf>) {
+    files(folder, "rs", found);
+}
+
+fn files(folder: &Path, wanted: &str, found: &mut Vec<PathBuf>) {
     let entries = fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
     for entry in entries.flatten() {
         let path = entry.path();
         if path.is_dir() {
-            rust_files(&path, found);
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            files(&path, wanted, found);
+        } else if path.extension().is_some_and(|extension| extension == wanted) {
             found.push(path);
         }
     }
@@ -154,6 +158,7 @@ fn files_can_be_read_in_one_sitting() {
     for folder in ["src", "tests", "examples", "benches"] {
         if root().join(folder).is_dir() {
             rust_files(&root().join(folder), &mut paths);
+            files(&root().join(folder), "py", &mut paths);
         }
     }
     let long: Vec<String> = paths

@@ -34,6 +34,54 @@ fn simulate_is_deterministic_and_exact() {
     }
 }
 
+/// The pendulum of `common::program::KNOWN` by the classical Runge-Kutta method.
+fn runge_kutta(start: [f64; 2], time: f64, steps: usize) -> [f64; 2] {
+    let rate = |[angle, speed]: [f64; 2]| [speed, -1.3 * angle.sin()];
+    let ahead = |z: [f64; 2], h: f64, f: [f64; 2]| [z[0] + h * f[0], z[1] + h * f[1]];
+    let h = time / steps as f64;
+    (0..steps).fold(start, |z, _| {
+        let a = rate(z);
+        let b = rate(ahead(z, h / 2.0, a));
+        let c = rate(ahead(z, h / 2.0, b));
+        let d = rate(ahead(z, h, c));
+        std::array::from_fn(|i| z[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]))
+    })
+}
+
+#[test]
+fn simulate_by_taylor_series_agrees_with_other_integrators() {
+    let folder = pendulum();
+    let path = folder.path();
+    let motion = ["simulate", "known.ham", "--start=1.4,0", "--start=0,1.5", "--duration=20"];
+    let motion = [&motion[..], &["--dt=0.5"]].concat();
+    let series = [&motion[..], &["--method", "taylor"]].concat();
+    let chosen = json(path, &motion, "leverrier.simulate/1");
+    let made = json(path, &series, "leverrier.simulate/1");
+    let rough = [&series[..], &["--tolerance", "1e-5"]].concat();
+    let rough = json(path, &rough, "leverrier.simulate/1");
+    let steps = |made: &Value| made["integrator"]["steps"].as_u64().expect("a number");
+    assert_eq!(made["integrator"]["method"], "taylor");
+    assert!(made["integrator"]["steps_per_sample"].is_null());
+    assert!(steps(&made) > 40 && steps(&made) < steps(&chosen));
+    let order = |made: &Value| made["integrator"]["order"].as_u64().expect("a number");
+    assert!(order(&rough) < order(&made));
+    let at = |made: &Value, run: usize, row: usize| {
+        made["data"][run]["values"][row][40].as_f64().expect("a number")
+    };
+    for (run, start) in [[1.4, 0.0], [0.0, 1.5]].into_iter().enumerate() {
+        let end = runge_kutta(start, 20.0, 40_000);
+        for (row, end) in end.into_iter().enumerate() {
+            let found = at(&made, run, row);
+            assert!((found - end).abs() < 1e-11, "{found} against {end}");
+            assert!((found - at(&chosen, run, row)).abs() < 1e-12);
+            let apart = (found - at(&rough, run, row)).abs();
+            assert!(apart > 1e-12 && apart < 1e-3, "{apart:e}");
+        }
+    }
+    let said = good(path, &[&series[..], &["--check-energy"]].concat()).err;
+    assert!(said.contains("taylor of order") && said.contains(" steps"), "{said}");
+}
+
 #[test]
 fn simulate_makes_pairs_within_energies() {
     let folder = pendulum();

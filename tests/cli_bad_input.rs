@@ -137,6 +137,42 @@ const BAD: &[Bad] = &[
         command: &["simulate", "s.ham", "--start", "q=1,p=1", "--dt=1", "--samples=30"],
         says: &["run 1 leaves the finite numbers", "shorten"],
     },
+    Bad {
+        what: "a series of a law with a jump",
+        spec: "T = p^2/2\nV = q^2\nforce q += -0.1*sign(p)",
+        data: DATA,
+        command: &["simulate", "s.ham", "--start=1,1", "--dt=1", "--samples=3", "--method=taylor"],
+        says: &["no Taylor series of `sign`", "leave --method out"],
+    },
+    Bad {
+        what: "a series that ends",
+        spec: "T = p^2/2\nV = -1/q",
+        data: DATA,
+        command: &["simulate", "s.ham", "--start=1,0", "--dt=1", "--samples=3", "--method=taylor"],
+        says: &["the Taylor series of run 1 cannot be followed after t = 1", "singularities"],
+    },
+    Bad {
+        what: "a tolerance without series",
+        spec: "T = p^2/2\nV = q^2",
+        data: DATA,
+        command: &["simulate", "s.ham", "--start=1,1", "--dt=1", "--samples=3", "--tolerance=0"],
+        says: &["--tolerance goes with --method taylor"],
+    },
+    Bad {
+        what: "a tolerance of nothing",
+        spec: "T = p^2/2\nV = q^2",
+        data: DATA,
+        command: &[
+            "simulate",
+            "s.ham",
+            "--start=1,1",
+            "--dt=1",
+            "--samples=3",
+            "--method=taylor",
+            "--tolerance=nan",
+        ],
+        says: &["from 0 to 0.01"],
+    },
 ];
 
 #[test]

@@ -12,7 +12,9 @@ use crate::data::{Dataset, Layout, to_bytes, to_csv, write_atomically};
 use crate::error::{Error, Result};
 use crate::expr::{DataColumns, System};
 use crate::report::layout::counted;
-use crate::simulate::{Box, Sampling, Simulator, add_noise, consecutive_pairs, draw, drop_samples};
+use crate::simulate::{
+    Box, Integrator, Sampling, Simulator, add_noise, consecutive_pairs, draw, drop_samples,
+};
 
 /// More numbers than this are refused rather than kept in memory.
 const MOST_NUMBERS: usize = 200_000_000;
@@ -27,6 +29,8 @@ const MOST_NUMBERS: usize = 200_000_000;
     leverrier simulate pendulum.ham --start 1.4,0 --dt 0.1 --samples 200 --noise 0.01 -o swings.csv\n  \
     leverrier simulate pendulum.ham --runs 8 --sample theta=-2..2 --sample omega=-1..1 \\\n      \
     --duration 10 --dt 0.05 --noise 1% --seed 3 -o runs.csv\n  \
+    leverrier simulate henon-heiles.ham --start 0.1,0.2,0.35,0.1 --duration 1e5 --samples 1001 \\\n      \
+    --method taylor --check-energy -o long.csv\n  \
     leverrier simulate henon-heiles.ham --pairs --runs 5000 --sample q[1]=-1..1 \\\n      \
     --sample q[2]=-0.5..1 --sample p=-1..1 --energy 1/12..1/6 --dt 0.1 -o pairs.csv")]
 pub struct Arguments {
@@ -72,7 +76,16 @@ pub struct Arguments {
     /// Seed of starts, noise and gaps: the same seed makes the same file.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
-    /// Say how well the energy is kept.
+    /// How to integrate. `chosen`: equal steps of the cheapest method that reaches the limit of
+    /// double precision. `taylor`: Taylor series in steps as long as they allow, the fastest way
+    /// through long motions; for laws without kinks and jumps.
+    #[arg(long, value_name = "METHOD", value_parser = ["chosen", "taylor"], default_value = "chosen")]
+    pub method: String,
+    /// With --method taylor: error of one step as a part of the largest component, from 0 (the
+    /// rounding of numbers) to 0.01.
+    #[arg(long, value_name = "PART", allow_hyphen_values = true)]
+    pub tolerance: Option<f64>,
+    /// Say how well the energy is kept, and in how many steps.
     #[arg(long)]
     pub check_energy: bool,
     /// The model file, if it is not beside the spec.
@@ -89,6 +102,7 @@ pub struct Arguments {
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let times = arguments.times()?;
+    let integrator = arguments.integrator()?;
     let project = Project::open(&arguments.spec)?;
     console.diagnostics(&project.name(), &project.text, &project.compiled.warnings);
     if let Some(path) = &arguments.output {
@@ -106,7 +120,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
             "ask for fewer",
         ));
     }
-    let trajectories = simulator.trajectories(&starts, &times)?;
+    let trajectories = simulator.trajectories_by(integrator, &starts, &times)?;
     let mut data = trajectories.dataset(system);
     if arguments.consecutive_pairs {
         data = consecutive_pairs(&data);
@@ -119,7 +133,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         drop_samples(&mut data, fraction, arguments.seed);
     }
 
-    let drift = trajectories.drift;
+    let (drift, integration) = (trajectories.drift, &trajectories.integration);
     let mut object = json!({
         "format": "leverrier.simulate/1",
         "system": system.name,
@@ -129,9 +143,11 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         "noise": sigmas,
         "seed": arguments.seed,
         "integrator": {
-            "method": trajectories.method().row().name,
-            "steps_per_sample": trajectories.integration.steps,
-            "reason": trajectories.integration.reason,
+            "method": integration.method,
+            "order": integration.order,
+            "steps": integration.steps,
+            "steps_per_sample": integration.per_sample,
+            "reason": integration.reason,
         },
         "energy_drift": { "largest": drift.largest, "relative": drift.relative },
         "path": arguments.output.as_ref().map(|path| path.display().to_string()),
@@ -140,10 +156,12 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         let relative =
             drift.relative.map_or(String::new(), |r| format!(" ({r:.1e} of the energy)"));
         console.message(&format!(
-            "The energy of no run strays by more than {:.1e}{relative}; {} with {} steps a sample.",
+            "The energy of no run strays by more than {:.1e}{relative}; {} of order {}, {}{}.",
             drift.largest,
-            trajectories.method().row().name,
-            trajectories.integration.steps,
+            integration.method,
+            integration.order,
+            counted(integration.steps, "step"),
+            integration.per_sample.map_or(String::new(), |n| format!(", {n} a sample")),
         ));
     }
     let path = arguments.output.clone().unwrap_or_else(|| "standard output".into());
@@ -221,6 +239,27 @@ impl Arguments {
             ));
         }
         Ok((0..samples).map(|at| self.from + at as f64 * dt).collect())
+    }
+
+    /// What to integrate with.
+    fn integrator(&self) -> Result<Integrator> {
+        if self.method != "taylor" {
+            return match self.tolerance {
+                None => Ok(Integrator::Chosen),
+                Some(_) => Err(Error::usage(
+                    "--tolerance goes with --method taylor",
+                    "leave it out: equal steps reach the limit of double precision",
+                )),
+            };
+        }
+        let tolerance = self.tolerance.unwrap_or(0.0);
+        if !(0.0..=0.01).contains(&tolerance) {
+            return Err(Error::usage(
+                format!("--tolerance must be from 0 to 0.01, not {tolerance}"),
+                "1e-9 is a fair choice; 0 is as accurate as numbers are",
+            ));
+        }
+        Ok(Integrator::Taylor { tolerance })
     }
 
     /// The initial states.

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use super::batch::{Batch, Scratch};
 use super::flow::{Flow, FlowSource};
 use crate::eval::{Backend, Evaluator, Inputs, Series, StepSource, Steps, compile, compile_steps};
-use crate::expr::{Expr, Graph, Place, Symbol, System};
+use crate::expr::{Expr, Graph, Node, Place, Symbol, System};
 
 /// Equations of motion of a system with some of its learned terms.
 ///
@@ -273,6 +273,18 @@ impl Dynamics {
             Series::new(&mut graph, state, unknowns, &rates, order, self.backend).map(Arc::new)
         };
         known.entry(order).or_insert_with(compile).clone()
+    }
+
+    /// Name of a function in the equations of motion that has a kink or a jump: its derivatives
+    /// come to nothing but zero.
+    pub fn kink(&self) -> Option<&'static str> {
+        let mut graph = self.graph.clone();
+        let rates = self.rates(&mut graph);
+        let inside = graph.topological(&rates);
+        inside.into_iter().find_map(|expr| match graph.node(expr) {
+            Node::Apply(function, _) if !function.row().smooth => Some(function.row().name),
+            _ => None,
+        })
     }
 
     /// (v, -g).

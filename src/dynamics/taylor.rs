@@ -12,7 +12,7 @@ const MOST_STEPS: usize = 10_000_000;
 /// A step shorter than this part of the time does not move it on.
 const SHORTEST: f64 = 4.0 * f64::EPSILON;
 
-/// Components whose series are summed side by side.
+/// Components whose series are summed side by side, and sums that a series is cut into.
 const TOGETHER: usize = 4;
 
 /// How far a series was followed, and in how many steps.
@@ -144,18 +144,40 @@ fn longest(coefficients: &[f64], state: &[f64], order: usize) -> f64 {
 /// Adds the series at `step` to the state, and carries what rounding takes.
 fn move_on(state: &mut [f64], carry: &mut [f64], coefficients: &[f64], step: f64) {
     let size = state.len();
-    // A few components side by side: none waits for the others.
     for first in (0..size).step_by(TOGETHER) {
-        let count = TOGETHER.min(size - first);
-        let mut change = [0.0; TOGETHER];
-        for row in coefficients.chunks_exact(size).rev() {
-            for (change, c) in change.iter_mut().zip(&row[first..first + count]) {
-                *change = *change * step + c;
+        match size - first {
+            1 => add_series::<1>(state, carry, coefficients, first, step),
+            2 => add_series::<2>(state, carry, coefficients, first, step),
+            3 => add_series::<3>(state, carry, coefficients, first, step),
+            _ => add_series::<TOGETHER>(state, carry, coefficients, first, step),
+        }
+    }
+}
+
+/// The same for N components from `first` on. Every `TOGETHER`-th coefficient is summed by
+/// itself, so that no sum has to wait for all of the others.
+fn add_series<const N: usize>(
+    state: &mut [f64],
+    carry: &mut [f64],
+    coefficients: &[f64],
+    first: usize,
+    step: f64,
+) {
+    let size = state.len();
+    let square = step * step;
+    let fourth = square * square;
+    let mut sums = [[0.0; N]; TOGETHER];
+    for rows in coefficients.chunks(TOGETHER * size).rev() {
+        for (sum, row) in sums.iter_mut().zip(rows.chunks_exact(size)) {
+            for (sum, c) in sum.iter_mut().zip(&row[first..first + N]) {
+                *sum = *sum * fourth + c;
             }
         }
-        for (i, change) in change.into_iter().take(count).enumerate() {
-            add_carried(&mut state[first + i], &mut carry[first + i], change * step);
-        }
+    }
+    let [a, b, c, d] = sums;
+    for i in 0..N {
+        let change = (a[i] + b[i] * step) + (c[i] + d[i] * step) * square;
+        add_carried(&mut state[first + i], &mut carry[first + i], change * step);
     }
 }
 

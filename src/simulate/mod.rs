@@ -7,4 +7,4 @@ mod trajectory;
 
 pub use draw::{Box, Sampling, draw};
 pub use instrument::{Noise, add_noise, consecutive_pairs, drop_samples};
-pub use trajectory::{EnergyDrift, Simulator, Trajectories};
+pub use trajectory::{EnergyDrift, Integration, Integrator, Simulator, Trajectories};

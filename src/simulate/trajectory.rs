@@ -2,7 +2,7 @@
 
 use crate::data::{Dataset, Run};
 use crate::dynamics::{
-    Batch, Dynamics, Method, Scratch, StepChoice, advance, choose_steps, observe,
+    Batch, Dynamics, Scratch, StepChoice, Stop, advance, choose_steps, observe, taylor,
 };
 use crate::error::{Error, Result};
 use crate::eval::Backend;
@@ -20,6 +20,36 @@ pub struct Simulator<'a> {
     theta: Vec<f64>,
 }
 
+/// What trajectories are integrated with.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Integrator {
+    /// As many equal steps of the cheapest method of the table as reach the limit of double
+    /// precision.
+    #[default]
+    Chosen,
+    /// Taylor series of the solution, in steps as long as they allow.
+    Taylor {
+        /// The error of one step, as a part of the largest component of the state; below
+        /// rounding it is rounding.
+        tolerance: f64,
+    },
+}
+
+/// With what trajectories were integrated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Integration {
+    /// Name of a row of the methods, or `taylor`.
+    pub method: &'static str,
+    /// Order of the method or of the series.
+    pub order: usize,
+    /// Steps of all trajectories together.
+    pub steps: usize,
+    /// Steps from one sample to the next, where that is the same everywhere.
+    pub per_sample: Option<usize>,
+    /// One sentence for the user.
+    pub reason: String,
+}
+
 /// How far the energy of simulated trajectories strayed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EnergyDrift {
@@ -28,6 +58,9 @@ pub struct EnergyDrift {
     /// The same in units of the largest |H(0)|; `None` where that is zero.
     pub relative: Option<f64>,
 }
+
+/// `[run][sample][2n]`: q, then p.
+type States = Vec<Vec<Vec<f64>>>;
 
 /// Simulated trajectories: `states[run][sample]` holds q, then p.
 pub struct Trajectories {
@@ -40,7 +73,7 @@ pub struct Trajectories {
     /// How far the energy strayed.
     pub drift: EnergyDrift,
     /// With what they were integrated, and how well.
-    pub integration: StepChoice,
+    pub integration: Integration,
 }
 
 impl<'a> Simulator<'a> {
@@ -81,41 +114,35 @@ impl<'a> Simulator<'a> {
     /// # Errors
     /// A trajectory leaves the finite numbers; the message says which and when.
     pub fn trajectories(&self, starts: &[Vec<f64>], times: &[f64]) -> Result<Trajectories> {
-        let first = times.first().copied().unwrap_or(0.0);
-        let interval = times.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
-        let integration = self.choose(starts, first, interval, times.len().saturating_sub(1));
+        self.trajectories_by(Integrator::Chosen, starts, times)
+    }
+
+    /// The same by an integrator of one's choice.
+    ///
+    /// # Errors
+    /// As above; and the law has no Taylor series, or the series cannot be followed through a
+    /// place where its steps become nothing.
+    pub fn trajectories_by(
+        &self,
+        integrator: Integrator,
+        starts: &[Vec<f64>],
+        times: &[f64],
+    ) -> Result<Trajectories> {
+        let (states, integration) = match integrator {
+            Integrator::Chosen => self.by_steps(starts, times)?,
+            Integrator::Taylor { tolerance } => self.by_series(starts, times, tolerance)?,
+        };
         let mut scratch = Scratch::new();
-        let mut batch = self.batch(starts, first);
-        let before = self.energies(starts, first);
+        let before = self.energies(starts, times.first().copied().unwrap_or(0.0));
         let mut strayed: f64 = 0.0;
-        let mut states = vec![Vec::with_capacity(times.len()); starts.len()];
-        let mut observed = states.clone();
+        let mut observed: Vec<Vec<Vec<f64>>> = vec![Vec::with_capacity(times.len()); starts.len()];
         let rows = 2 * self.dynamics.degrees();
         let mut seen = vec![0.0; rows * starts.len()];
         let mut energy = vec![0.0; starts.len()];
+        let mut batch = Batch::new(self.dynamics.degrees(), starts.len());
         for (sample, &time) in times.iter().enumerate() {
-            if let Some(from) = sample.checked_sub(1).and_then(|at| times.get(at)) {
-                let span = vec![time - from; starts.len()];
-                let (method, steps) = (integration.method, integration.steps);
-                advance(
-                    &self.dynamics,
-                    method,
-                    &mut batch,
-                    &span,
-                    steps,
-                    &self.theta,
-                    &mut scratch,
-                );
-                batch.time.fill(time);
-            }
-            if let Some(run) = (0..starts.len()).find(|&lane| !batch.is_finite(lane)) {
-                return Err(Error::fit(
-                    format!(
-                        "the trajectory of run {} leaves the finite numbers before t = {time}",
-                        run + 1
-                    ),
-                    "shorten the duration, or start where the motion stays bounded",
-                ));
+            for (lane, states) in states.iter().enumerate() {
+                batch.set(lane, time, &states[sample]);
             }
             observe(
                 &self.dynamics,
@@ -128,7 +155,6 @@ impl<'a> Simulator<'a> {
             );
             self.dynamics.energy(&batch, &self.theta, &mut energy, &mut scratch);
             for lane in 0..starts.len() {
-                states[lane].push(batch.get(lane));
                 observed[lane].push((0..rows).map(|row| seen[row * starts.len() + lane]).collect());
                 strayed = strayed.max((energy[lane] - before[lane]).abs());
             }
@@ -137,6 +163,88 @@ impl<'a> Simulator<'a> {
         let relative = (scale > 0.0).then_some(strayed / scale);
         let drift = EnergyDrift { largest: strayed, relative };
         Ok(Trajectories { times: times.to_vec(), states, observed, drift, integration })
+    }
+
+    /// `[run][sample]` by equal steps.
+    fn by_steps(&self, starts: &[Vec<f64>], times: &[f64]) -> Result<(States, Integration)> {
+        let first = times.first().copied().unwrap_or(0.0);
+        let interval = times.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+        let intervals = times.len().saturating_sub(1);
+        let choice = self.choose(starts, first, interval, intervals);
+        let (method, steps) = (choice.method, choice.steps);
+        let mut scratch = Scratch::new();
+        let mut batch = self.batch(starts, first);
+        let mut states: States = vec![Vec::with_capacity(times.len()); starts.len()];
+        for (sample, &time) in times.iter().enumerate() {
+            if let Some(from) = sample.checked_sub(1).and_then(|at| times.get(at)) {
+                let span = vec![time - from; starts.len()];
+                let theta = &self.theta;
+                advance(&self.dynamics, method, &mut batch, &span, steps, theta, &mut scratch);
+                batch.time.fill(time);
+            }
+            for (lane, states) in states.iter_mut().enumerate() {
+                if !batch.is_finite(lane) {
+                    return Err(exploded(lane, &format!("before t = {time}")));
+                }
+                states.push(batch.get(lane));
+            }
+        }
+        let integration = Integration {
+            method: method.row().name,
+            order: method.row().order as usize,
+            steps: steps * intervals * starts.len(),
+            per_sample: Some(steps),
+            reason: choice.reason,
+        };
+        Ok((states, integration))
+    }
+
+    /// `[run][sample]` by Taylor series.
+    fn by_series(
+        &self,
+        starts: &[Vec<f64>],
+        times: &[f64],
+        tolerance: f64,
+    ) -> Result<(States, Integration)> {
+        let (mut states, mut steps, mut order) = (States::new(), 0, 0);
+        for (run, start) in starts.iter().enumerate() {
+            let found = taylor(&self.dynamics, &self.theta, start, times, tolerance);
+            let found = found.ok_or_else(|| self.no_series())?;
+            match found.trajectory.stop {
+                Stop::Finished => states.push(found.trajectory.states),
+                Stop::Exploded { after } => {
+                    return Err(exploded(run, &format!("after t = {after}")));
+                }
+                Stop::Unresolved { after } => {
+                    return Err(Error::fit(
+                        format!(
+                            "the Taylor series of run {} cannot be followed after t = {after}: \
+                             its steps become too short, or its terms are not numbers",
+                            run + 1
+                        ),
+                        "start away from singularities and the ends of roots and logarithms, \
+                         shorten the duration, or leave --method out",
+                    ));
+                }
+            }
+            (steps, order) = (steps + found.steps, found.order);
+        }
+        let reason = format!(
+            "Taylor series of order {order} take steps with an error of {:.1e} of the state",
+            tolerance.max(f64::EPSILON)
+        );
+        Ok((states, Integration { method: "taylor", order, steps, per_sample: None, reason }))
+    }
+
+    fn no_series(&self) -> Error {
+        let hint = "leave --method out: equal steps can do it";
+        match self.dynamics.kink() {
+            Some(function) => Error::fit(
+                format!("there is no Taylor series of `{function}`, which has a kink or a jump"),
+                hint,
+            ),
+            None => Error::fit("the Taylor series of this law has too many terms", hint),
+        }
     }
 
     /// The number of steps that an interval needs, judged on states all along the way: a
@@ -191,6 +299,13 @@ impl<'a> Simulator<'a> {
     }
 }
 
+fn exploded(run: usize, when: &str) -> Error {
+    Error::fit(
+        format!("the trajectory of run {} leaves the finite numbers {when}", run + 1),
+        "shorten the duration, or start where the motion stays bounded",
+    )
+}
+
 impl Trajectories {
     /// What was measured, as a data set with runs named 1, 2, ...
     pub fn dataset(&self, system: &System) -> Dataset {
@@ -205,10 +320,5 @@ impl Trajectories {
         });
         let runs = runs.collect();
         Dataset { observables, runs }
-    }
-
-    /// The integrator's name.
-    pub fn method(&self) -> Method {
-        self.integration.method
     }
 }
