@@ -7,6 +7,7 @@ OUT is where the gradient goes, all dH/dx before all dH/dy.
 
 import os
 import sys
+import tempfile
 import time
 
 from peer import serve
@@ -67,7 +68,12 @@ def casadi(c_compiler):
     if c_compiler:
         flags = ["-O3", "-march=native"]
         options = {"jit": True, "compiler": "shell", "jit_options": {"flags": flags}}
-    one = ca.Function("g", [x, y], [ca.gradient(h, x), ca.gradient(h, y)], options)
+    # What the compiler is given and gives back lies about where the process is.
+    here = os.getcwd()
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        one = ca.Function("g", [x, y], [ca.gradient(h, x), ca.gradient(h, y)], options)
+        os.chdir(here)
     compiled = one.map(points.shape[1])
     row = [ca.DM(points[0]).T, ca.DM(points[1]).T]
 
