@@ -7,6 +7,7 @@
 
 pub mod bounded;
 mod conclude;
+mod course;
 pub mod criterion;
 pub mod elimination;
 pub mod factor;
@@ -129,7 +130,7 @@ fn learn(
         let survey = survey(&source, SAMPLED, options.seed, &|_| true)?;
         return streamed::learn(system, &source, &survey, options, monitor);
     }
-    let (training, round) = train::train(system, dataset, options, monitor)?;
+    let (training, round) = course::train(system, dataset, options, monitor)?;
     Ok(conclude::conclude(&training, &round))
 }
 

@@ -3,7 +3,7 @@
 use super::model::Model;
 use super::monitor::Monitor;
 use super::options::{Options, Trainer};
-use super::{LARGEST_FACTOR, conclude, fit, gauge, train};
+use super::{LARGEST_FACTOR, conclude, course, fit, gauge};
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::expr::System;
@@ -90,11 +90,11 @@ pub fn resume(
         }
         let start = start.without(settled.term);
         let (training, round) =
-            train::train_on(&settled.system, dataset, options, &start, monitor)?;
+            course::train_on(&settled.system, dataset, options, &start, monitor)?;
         let mut model = conclude::conclude(&training, &round);
         settled.restore(system, &mut model);
         return Ok(model);
     }
-    let (training, round) = train::train_on(system, dataset, options, start, monitor)?;
+    let (training, round) = course::train_on(system, dataset, options, start, monitor)?;
     Ok(conclude::conclude(&training, &round))
 }

@@ -4,12 +4,12 @@
 //! worth looking at, Gauss-Newton decides among them.
 
 use super::conclude::conclude;
+use super::course::train;
 use super::criterion::complexity;
 use super::first_order::{self, screen};
 use super::model::{Model, fingerprint};
 use super::monitor::Monitor;
 use super::options::{Options, Trainer};
-use super::train::train;
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::expr::System;

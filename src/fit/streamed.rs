@@ -5,13 +5,13 @@
 //! refitted on all data, in the rounds of the ordinary trainer.
 
 use super::conclude::conclude;
+use super::course::train;
 use super::gauss_newton::StopReason;
 use super::model::Model;
 use super::monitor::Monitor;
 use super::options::{Options, Trainer};
 use super::segments::typical_step;
 use super::stream::Stream;
-use super::train::train;
 use super::{LARGEST_FACTOR, prune, screening};
 use crate::data::{Source, Survey};
 use crate::error::Result;

@@ -2,8 +2,8 @@
 //!
 //! A round linearises the integrator map by every term at the present model, searches the
 //! support on the triangular factor, and refits the winner to convergence. Rounds go on
-//! until the support and the noise stand still; segments grow for as long as the model
-//! follows them; the integrator is made as accurate as the noise asks for.
+//! until the support and the noise stand still; the integrator is made as accurate as the
+//! noise asks for.
 
 use super::criterion::{Criterion, choice_costs, complexity};
 use super::factor::Factor;
@@ -11,7 +11,7 @@ use super::gauss_newton::{Refit, StopReason, refit};
 use super::monitor::Monitor;
 use super::options::Options;
 use super::pass::{Problem, States, Sums, settle_and_linearise};
-use super::segments::{Segments, cut, first_state, longest_run, typical_step};
+use super::segments::{Segment, Segments, cut, first_state, longest_run, typical_step};
 use super::stepping::{self, Choice};
 use super::stream::Stream;
 use super::support::{Candidate, Columns, Search, search};
@@ -23,12 +23,6 @@ use crate::expr::{Bounds, Observed, Place, Symbol, System};
 
 /// Rounds at one length of segments.
 const ROUNDS: usize = 8;
-/// Segments may grow while the noise estimate grows by less than this.
-const FOLLOWS: f64 = 1.5;
-/// Longest segment, in samples.
-const LONGEST: usize = 64;
-/// Segments that the tries of different starts are made on.
-const TRIAL_SEGMENTS: usize = 400;
 
 /// A model under training, with everything that the next round starts from.
 #[derive(Clone)]
@@ -155,24 +149,21 @@ impl<'a> Training<'a> {
                 "check the time column and its unit",
             ));
         }
-        self.states = self
-            .segments
-            .list
-            .iter()
-            .map(|&segment| first_state(self.dataset, segment, self.system.degrees()))
-            .collect();
+        self.states = self.first_states();
         Ok(())
+    }
+
+    /// The start of every segment as it was measured.
+    pub(super) fn first_states(&self) -> Vec<Vec<f64>> {
+        let degrees = self.system.degrees();
+        let first = |&segment: &Segment| first_state(self.dataset, segment, degrees);
+        self.segments.list.iter().map(first).collect()
     }
 
     /// Works on a part of the segments from now on.
     pub fn thin(&mut self, most: usize) {
-        let thin = self.segments.thinned(most);
-        self.states = thin
-            .list
-            .iter()
-            .map(|&segment| first_state(self.dataset, segment, self.system.degrees()))
-            .collect();
-        self.segments = thin;
+        self.segments = self.segments.thinned(most);
+        self.states = self.first_states();
     }
 
     fn weights(&self) -> Vec<f64> {
@@ -398,7 +389,7 @@ impl<'a> Training<'a> {
     }
 
     /// A model that turned out separable ends with a splitting, whatever the space needed.
-    fn finish(&mut self, round: &mut Round, monitor: &dyn Monitor) {
+    pub(super) fn finish(&mut self, round: &mut Round, monitor: &dyn Monitor) {
         let (dynamics, theta) = self.compile(&self.support);
         let implicit = !self.integrator.stepping.method.needs_separable();
         if dynamics.separable() && implicit && self.options.method.is_none() {
@@ -433,131 +424,6 @@ impl<'a> Training<'a> {
             *noise = noise.max(*floor);
         }
     }
-}
-
-/// Trains from the spec's start, or from the best of several starts, on growing segments.
-pub fn train<'a>(
-    system: &'a System,
-    dataset: &'a Dataset,
-    options: &'a Options,
-    monitor: &dyn Monitor,
-) -> Result<(Training<'a>, Round)> {
-    let mut training = best_start(Training::new(system, dataset, options)?, monitor)?;
-    monitor.stage("searching the function space", 0.2);
-    let round = training.rounds(monitor)?;
-    lengthen(training, round, monitor)
-}
-
-/// The end of every training: longer segments, the last look at the support.
-fn lengthen<'a>(
-    mut training: Training<'a>,
-    mut round: Round,
-    monitor: &dyn Monitor,
-) -> Result<(Training<'a>, Round)> {
-    if training.options.window.is_none() {
-        (training, round) = grow(training, round, monitor)?;
-    }
-    super::prune::prune(&mut training, &mut round, monitor);
-    training.finish(&mut round, monitor);
-    Ok((training, round))
-}
-
-/// Trains on from a model: its numbers, its noise and its length of segments are the start,
-/// and the support is searched around it.
-pub fn train_on<'a>(
-    system: &'a System,
-    dataset: &'a Dataset,
-    options: &'a Options,
-    start: &super::resume::Start,
-    monitor: &dyn Monitor,
-) -> Result<(Training<'a>, Round)> {
-    let mut training = Training::new(system, dataset, options)?;
-    training.near = true;
-    training.support.clone_from(&start.support);
-    training.coefficients.clone_from(&start.coefficients);
-    training.parameters.clone_from(&start.parameters);
-    training.noise.clone_from(&start.noise);
-    let longest = longest_run(dataset).max(2);
-    training.recut(options.window.unwrap_or(start.window).clamp(2, longest))?;
-    training.sharpen();
-    monitor.stage("going on from the model", 0.2);
-    // A number inside a new term can move only once the term has a coefficient.
-    let refit = training.refit(monitor);
-    training.take(&refit);
-    let round = training.rounds(monitor)?;
-    lengthen(training, round, monitor)
-}
-
-/// Doubles the length of the segments for as long as the model follows them.
-fn grow<'a>(
-    mut training: Training<'a>,
-    mut round: Round,
-    monitor: &dyn Monitor,
-) -> Result<(Training<'a>, Round)> {
-    let dataset = training.dataset;
-    let longest = longest_run(dataset).min(LONGEST);
-    while training.window < longest && round.refit.stop != StopReason::Interrupted {
-        if monitor.stopped() {
-            round.refit.stop = StopReason::Interrupted;
-            break;
-        }
-        let window = (2 * training.window).min(longest);
-        let fraction = 0.4 + 0.5 * window as f64 / longest as f64;
-        monitor.stage(&format!("segments of {window} samples"), fraction);
-        let mut longer = training.clone();
-        longer.recut(window)?;
-        let next = longer.rounds(monitor)?;
-        let follows = longer
-            .noise
-            .iter()
-            .zip(training.noise.iter().zip(&longer.integrator.resolution))
-            .all(|(new, (old, floor))| *new <= FOLLOWS * old.max(2.0 * floor));
-        if !follows || next.refit.sums.exploded > round.refit.sums.exploded {
-            break;
-        }
-        training = longer;
-        round = next;
-    }
-    Ok((training, round))
-}
-
-/// Tries several starts of the inner parameters on a part of the data; keeps the best.
-fn best_start<'a>(first: Training<'a>, monitor: &dyn Monitor) -> Result<Training<'a>> {
-    let starts = super::starts::starts(first.system, first.options);
-    if starts.len() < 2 {
-        return Ok(first);
-    }
-    let mut best: Option<(f64, Training)> = None;
-    for (i, start) in starts.iter().enumerate() {
-        monitor.stage("trying starts of the parameters", 0.2 * i as f64 / starts.len() as f64);
-        let mut trial = first.clone();
-        trial.parameters.clone_from(start);
-        trial.thin(TRIAL_SEGMENTS);
-        let Ok(round) = trial.rounds(monitor) else { continue };
-        let unknowns = round.refit.theta.len();
-        let choice = trial.support.iter().map(|&k| round.columns.costs[k]).sum();
-        // The criterion in absolute units: every try has its own estimate of the noise.
-        let rows = round.refit.sums.rows;
-        let noise: f64 = trial.noise.iter().map(|s| s.ln()).sum::<f64>();
-        let scale = 2.0 * noise / trial.noise.len() as f64;
-        let value =
-            rows as f64 * scale + round.criterion.value(rows as f64, rows, unknowns, choice);
-        let better = best.as_ref().is_none_or(|(least, _)| value < *least);
-        if better && value.is_finite() {
-            best = Some((value, trial));
-        }
-        if monitor.stopped() {
-            break;
-        }
-    }
-    let Some((_, winner)) = best else { return Ok(first) };
-    let mut training = first;
-    training.parameters = winner.parameters;
-    training.coefficients = winner.coefficients;
-    training.support = winner.support;
-    training.noise = winner.noise;
-    training.integrator = winner.integrator;
-    Ok(training)
 }
 
 /// The part of all cells that were measured.

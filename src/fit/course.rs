@@ -1,0 +1,163 @@
+//! The course of a training: the best of several starts, rounds on a part of the data, rounds on
+//! all of them, and segments that grow for as long as the model follows them.
+
+use super::gauss_newton::StopReason;
+use super::monitor::Monitor;
+use super::options::Options;
+use super::resume::Start;
+use super::segments::longest_run;
+use super::train::{Round, Training};
+use crate::data::Dataset;
+use crate::error::Result;
+use crate::expr::System;
+
+/// Segments may grow while the noise estimate grows by less than this.
+const FOLLOWS: f64 = 1.5;
+/// Longest segment, in samples.
+const LONGEST: usize = 64;
+/// Segments that the tries of different starts are made on.
+const TRIAL_SEGMENTS: usize = 400;
+/// Segments that the first rounds take, where there are at least twice as many.
+const FIRST_SEGMENTS: usize = 1_000;
+
+/// Trains from the spec's start, or from the best of several starts, on growing segments.
+pub fn train<'a>(
+    system: &'a System,
+    dataset: &'a Dataset,
+    options: &'a Options,
+    monitor: &dyn Monitor,
+) -> Result<(Training<'a>, Round)> {
+    let mut training = best_start(Training::new(system, dataset, options)?, monitor)?;
+    monitor.stage("searching the function space", 0.2);
+    come_near(&mut training, monitor)?;
+    let round = training.rounds(monitor)?;
+    lengthen(training, round, monitor)
+}
+
+/// Where there are many segments, a part of them brings the model near: the rounds that follow
+/// take all of them and search the whole space once more, but need not come from far.
+fn come_near(training: &mut Training, monitor: &dyn Monitor) -> Result<()> {
+    let unknowns = training.system.terms.len() + training.system.parameters.len();
+    let part = FIRST_SEGMENTS.max(unknowns);
+    if training.stream.is_some() || training.segments.list.len() < 2 * part {
+        return Ok(());
+    }
+    let whole = training.segments.clone();
+    training.thin(part);
+    let rough = training.rounds(monitor);
+    training.segments = whole;
+    training.states = training.first_states();
+    rough.map(|_| ())
+}
+
+/// The end of every training: longer segments, the last look at the support.
+fn lengthen<'a>(
+    mut training: Training<'a>,
+    mut round: Round,
+    monitor: &dyn Monitor,
+) -> Result<(Training<'a>, Round)> {
+    if training.options.window.is_none() {
+        (training, round) = grow(training, round, monitor)?;
+    }
+    super::prune::prune(&mut training, &mut round, monitor);
+    training.finish(&mut round, monitor);
+    Ok((training, round))
+}
+
+/// Trains on from a model: its numbers, its noise and its length of segments are the start,
+/// and the support is searched around it.
+pub fn train_on<'a>(
+    system: &'a System,
+    dataset: &'a Dataset,
+    options: &'a Options,
+    start: &Start,
+    monitor: &dyn Monitor,
+) -> Result<(Training<'a>, Round)> {
+    let mut training = Training::new(system, dataset, options)?;
+    training.near = true;
+    training.support.clone_from(&start.support);
+    training.coefficients.clone_from(&start.coefficients);
+    training.parameters.clone_from(&start.parameters);
+    training.noise.clone_from(&start.noise);
+    let longest = longest_run(dataset).max(2);
+    training.recut(options.window.unwrap_or(start.window).clamp(2, longest))?;
+    training.sharpen();
+    monitor.stage("going on from the model", 0.2);
+    // A number inside a new term can move only once the term has a coefficient.
+    let refit = training.refit(monitor);
+    training.take(&refit);
+    let round = training.rounds(monitor)?;
+    lengthen(training, round, monitor)
+}
+
+/// Doubles the length of the segments for as long as the model follows them.
+fn grow<'a>(
+    mut training: Training<'a>,
+    mut round: Round,
+    monitor: &dyn Monitor,
+) -> Result<(Training<'a>, Round)> {
+    let dataset = training.dataset;
+    let longest = longest_run(dataset).min(LONGEST);
+    while training.window < longest && round.refit.stop != StopReason::Interrupted {
+        if monitor.stopped() {
+            round.refit.stop = StopReason::Interrupted;
+            break;
+        }
+        let window = (2 * training.window).min(longest);
+        let fraction = 0.4 + 0.5 * window as f64 / longest as f64;
+        monitor.stage(&format!("segments of {window} samples"), fraction);
+        let mut longer = training.clone();
+        longer.recut(window)?;
+        let next = longer.rounds(monitor)?;
+        let follows = longer
+            .noise
+            .iter()
+            .zip(training.noise.iter().zip(&longer.integrator.resolution))
+            .all(|(new, (old, floor))| *new <= FOLLOWS * old.max(2.0 * floor));
+        if !follows || next.refit.sums.exploded > round.refit.sums.exploded {
+            break;
+        }
+        training = longer;
+        round = next;
+    }
+    Ok((training, round))
+}
+
+/// Tries several starts of the inner parameters on a part of the data; keeps the best.
+fn best_start<'a>(first: Training<'a>, monitor: &dyn Monitor) -> Result<Training<'a>> {
+    let starts = super::starts::starts(first.system, first.options);
+    if starts.len() < 2 {
+        return Ok(first);
+    }
+    let mut best: Option<(f64, Training)> = None;
+    for (i, start) in starts.iter().enumerate() {
+        monitor.stage("trying starts of the parameters", 0.2 * i as f64 / starts.len() as f64);
+        let mut trial = first.clone();
+        trial.parameters.clone_from(start);
+        trial.thin(TRIAL_SEGMENTS);
+        let Ok(round) = trial.rounds(monitor) else { continue };
+        let unknowns = round.refit.theta.len();
+        let choice = trial.support.iter().map(|&k| round.columns.costs[k]).sum();
+        // The criterion in absolute units: every try has its own estimate of the noise.
+        let rows = round.refit.sums.rows;
+        let noise: f64 = trial.noise.iter().map(|s| s.ln()).sum::<f64>();
+        let scale = 2.0 * noise / trial.noise.len() as f64;
+        let value =
+            rows as f64 * scale + round.criterion.value(rows as f64, rows, unknowns, choice);
+        let better = best.as_ref().is_none_or(|(least, _)| value < *least);
+        if better && value.is_finite() {
+            best = Some((value, trial));
+        }
+        if monitor.stopped() {
+            break;
+        }
+    }
+    let Some((_, winner)) = best else { return Ok(first) };
+    let mut training = first;
+    training.parameters = winner.parameters;
+    training.coefficients = winner.coefficients;
+    training.support = winner.support;
+    training.noise = winner.noise;
+    training.integrator = winner.integrator;
+    Ok(training)
+}
