@@ -3,7 +3,7 @@
 //!
 //! ```console
 //! $ cargo run --release --example hidden_effects
-//! $ cargo run --release --example hidden_effects -- 1                   # one seed of three
+//! $ cargo run --release --example hidden_effects -- 0.01 0.05 1         # two noises, one seed
 //! $ cargo run --release --example hidden_effects -- pendulum 0.01 1 -v  # base, noise, seed
 //! $ cargo run --release --example hidden_effects -- two                 # two effects at once
 //! ```
@@ -117,23 +117,29 @@ fn main() {
     let mut asked: Vec<String> = std::env::args().skip(1).collect();
     let verbose = asked.iter().any(|word| word == "-v");
     asked.retain(|word| word != "-v");
+    // Numbers below 1 are noises, others seeds; without any of a kind all of it are wanted.
+    let numbers: Vec<f64> = asked.iter().filter_map(|word| word.parse().ok()).collect();
+    let words: Vec<&String> = asked.iter().filter(|word| word.parse::<f64>().is_err()).collect();
+    let among = |x: f64, below_one: bool| {
+        let mut same = numbers.iter().filter(|n| (**n < 1.0) == below_one).peekable();
+        same.peek().is_none() || same.any(|n| *n == x)
+    };
     let wanted = |task: &Task| {
-        asked.iter().all(|word| match word.parse::<f64>() {
-            Ok(number) if number < 1.0 => task.noise == number,
-            Ok(number) => task.seed as f64 == number,
-            Err(_) if word == "nothing" => task.hidden.is_empty(),
-            Err(_) => task.base == word || task.hidden.starts_with(word.as_str()),
-        })
+        let named = |word: &str| match word {
+            "nothing" => task.hidden.is_empty(),
+            _ => task.base == word || task.hidden.starts_with(word),
+        };
+        among(task.noise, true)
+            && among(task.seed as f64, false)
+            && words.iter().all(|word| named(word))
     };
     let wanted_pair = |pair: &Pair, noise: f64, seed: u64| {
-        asked.iter().all(|word| match word.parse::<f64>() {
-            Ok(number) if number < 1.0 => noise == number,
-            Ok(number) => seed as f64 == number,
-            Err(_) => pair.base == word || word == "two",
-        })
+        among(noise, true)
+            && among(seed as f64, false)
+            && words.iter().all(|word| pair.base == *word || *word == "two")
     };
-    let whole = asked.iter().all(|word| word.parse::<f64>().is_ok_and(|number| number >= 1.0));
-    let pairs = asked.iter().any(|word| word == "two");
+    let whole = words.is_empty();
+    let pairs = words.iter().any(|word| *word == "two");
     let tasks: Vec<Task> = tasks().into_iter().filter(|t| !pairs && wanted(t)).collect();
     let clock = std::time::Instant::now();
     let done: Vec<(Task, Outcome)> = tasks
@@ -151,7 +157,7 @@ fn main() {
     let pairs = if whole || pairs { two(wanted_pair) } else { Vec::new() };
     let page = table::page(&done, &pairs);
     println!("{page}\n{} cases in {seconds:.0} s", done.len());
-    // A part of the noises or effects makes no page; fewer seeds do, and the page says so.
+    // A part of the bases or effects makes no page; fewer noises and seeds do, and it says so.
     if whole {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/hidden-effects.md");
         if let Err(error) = std::fs::write(path, &page) {

@@ -79,8 +79,15 @@ pub fn page(done: &[(Task, Outcome)], pairs: &[Two]) -> String {
     let mut out = String::new();
     let seeds: BTreeSet<u64> = done.iter().map(|(task, _)| task.seed).collect();
     let seeds: Vec<String> = seeds.iter().map(u64::to_string).collect();
-    let _ =
-        writeln!(out, "{HEAD}\nOn this page: {} cases, seeds {}.", done.len(), seeds.join(", "));
+    let noises = NOISES.iter().filter(|noise| done.iter().any(|(task, _)| task.noise == **noise));
+    let noises: Vec<String> = noises.map(|noise| format!("{:.0} %", 100.0 * noise)).collect();
+    let _ = writeln!(
+        out,
+        "{HEAD}\nOn this page: {} cases, noise {}, seeds {}.",
+        done.len(),
+        noises.join(", "),
+        seeds.join(", ")
+    );
     out.push_str(
         "\n## Goals\n\n| question | noise | cases | share | goal |\n|---|---|---|---|---|\n",
     );

@@ -25,7 +25,7 @@ pub struct StepChoice {
 /// Numbers of steps that are tried, times powers of two.
 const LADDER: [usize; 2] = [2, 3];
 /// Most force evaluations for one span that are tried.
-const MOST_EVALUATIONS: usize = 20_000;
+const MOST_EVALUATIONS: usize = 4_000;
 /// The reference may err by this part of the tolerance.
 const REFERENCE_SHARE: f64 = 0.05;
 

@@ -28,7 +28,9 @@ const SHARE: f64 = 0.02;
 /// and by this part of what the mean of all residuals is known to: noise averages out over many
 /// data, the integrator's error does not.
 const SHARE_OF_MEAN: f64 = 4.0;
-/// Where that cannot be reached, by this part of the noise between two samples.
+/// Where that cannot be reached, or only by more evaluations of the forces between two samples
+/// than this, by such a part of the noise there.
+const DEAR: usize = 200;
 const HIDDEN: f64 = 0.01;
 /// Residuals this many times the integrator's error may be the integrator's.
 const SUSPECT: f64 = 20.0;
@@ -99,12 +101,12 @@ pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64]) -> Choice
     let tolerance: Vec<f64> = training.noise.iter().map(|s| share * s).collect();
     let mut scratch = Scratch::new();
     let mut choice = choose_steps(dynamics, theta, &batch, &span, &tolerance, &mut scratch);
-    if !choice.reached && share > 0.0 {
+    if share > 0.0 && (!choice.reached || choice.cost > DEAR) {
         // Across a jump every method is of the first order: hundreds of steps an interval would
         // go to errors that the noise hides.
         let tolerance: Vec<f64> = training.noise.iter().map(|s| HIDDEN * s).collect();
         let rough = choose_steps(dynamics, theta, &batch, &span, &tolerance, &mut scratch);
-        if rough.reached {
+        if rough.reached && rough.cost < choice.cost {
             choice = rough;
         }
     }
