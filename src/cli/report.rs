@@ -4,6 +4,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use clap::builder::PossibleValuesParser;
 use serde_json::json;
 
 use super::bench::{Bench, Splitting};
@@ -14,7 +15,7 @@ use crate::data::write_atomically;
 use crate::diagnose::missing::Diagnosis;
 use crate::error::{Error, Result};
 use crate::report::html::{self, Drawn};
-use crate::report::plots::{For, draw, plot};
+use crate::report::plots::{IMAGES, Look, Paper, image, plot, require_scale};
 
 /// Write one page that shows the law, where it fails, what is missing, and how it was found.
 ///
@@ -23,16 +24,27 @@ use crate::report::plots::{For, draw, plot};
 #[command(after_help = "Examples:\n  \
     leverrier report pendulum.ham                     writes pendulum.report.html\n  \
     leverrier report pendulum.ham -o tuesday.html --unseen 0.5\n  \
-    leverrier report pendulum.ham --plots figures     every plot as an SVG file too")]
+    leverrier report pendulum.ham --plots figures     every plot as an SVG file too\n  \
+    leverrier report pendulum.ham --plots slides --as png --dark --scale 3")]
 pub struct Arguments {
     /// The spec.
     pub spec: PathBuf,
     /// The page; by default beside the spec (pendulum.ham -> pendulum.report.html).
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Write every plot into this folder as well, as SVG.
+    /// Write every plot into this folder as well.
     #[arg(long, value_name = "FOLDER")]
     pub plots: Option<PathBuf>,
+    /// What the plots are written as; several with commas.
+    #[arg(long = "as", value_name = "KIND", value_delimiter = ',', default_value = "svg",
+        requires = "plots", value_parser = PossibleValuesParser::new(IMAGES.iter().map(|row| row.name)))]
+    pub kinds: Vec<String>,
+    /// Draw the plots on dark paper; SVG is light or dark as its reader prefers otherwise.
+    #[arg(long, requires = "plots")]
+    pub dark: bool,
+    /// Pixels of a PNG for each pixel of a screen.
+    #[arg(long, value_name = "N", default_value_t = 2.0, requires = "plots")]
+    pub scale: f64,
     /// Do not ask what is missing, which takes the longest.
     #[arg(long)]
     pub no_diagnosis: bool,
@@ -48,6 +60,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let path =
         arguments.output.clone().unwrap_or_else(|| arguments.spec.with_extension("report.html"));
     require_page(&path, arguments.force)?;
+    require_scale(arguments.scale)?;
     let bench = Bench::open(&arguments.spec, &arguments.splitting, console)?;
     let progress = Progress::new();
     let (model, terms) = bench.model(&progress)?;
@@ -60,7 +73,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     drop(progress);
     write_atomically(&path, drawn.html.as_bytes())?;
     let files = match &arguments.plots {
-        Some(folder) => write_plots(folder, &drawn)?,
+        Some(folder) => write_plots(folder, &drawn, arguments)?,
         None => Vec::new(),
     };
     tell(console, arguments, &path, &drawn, &files, &seen.comparison.findings, diagnosis.as_ref())
@@ -80,14 +93,18 @@ fn require_page(path: &Path, force: bool) -> Result<()> {
     ))
 }
 
-/// Writes every figure as an SVG file of its own, and gives their names.
-fn write_plots(folder: &Path, drawn: &Drawn) -> Result<Vec<String>> {
+/// Writes every figure as files of its own, and gives their names.
+fn write_plots(folder: &Path, drawn: &Drawn, arguments: &Arguments) -> Result<Vec<String>> {
     std::fs::create_dir_all(folder).map_err(|error| Error::file("create", folder, error))?;
+    let paper = arguments.dark.then_some(Paper::Dark);
+    let look = Look { paper, scale: arguments.scale };
     let mut files = Vec::new();
     for figure in drawn.figures.iter().flat_map(|(_, figures)| figures) {
-        let name = format!("{}.svg", figure.id);
-        write_atomically(&folder.join(&name), draw(figure, For::File).as_bytes())?;
-        files.push(name);
+        for row in arguments.kinds.iter().filter_map(|name| image(name)) {
+            let name = format!("{}.{}", figure.id, row.name);
+            write_atomically(&folder.join(&name), &(row.draw)(figure, look)?)?;
+            files.push(name);
+        }
     }
     Ok(files)
 }
