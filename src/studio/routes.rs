@@ -17,7 +17,7 @@ use crate::project::Project;
 use crate::project::page::with_page;
 use crate::project::written::output;
 use crate::report::html;
-use crate::report::plots::{Figure, IMAGES, Image, Look, Paper, SCRIPT, image, live_sheet};
+use crate::report::plots::{Figure, IMAGES, Image, Look, Paper, SCRIPT, escaped_id, image, live_sheet};
 
 /// Longest time that a page waits for news before it asks again.
 const NEWS: Duration = Duration::from_secs(20);
@@ -254,7 +254,7 @@ fn plots(studio: &Studio, query: &str, _: &[u8]) -> Result<Answer> {
         held.diagnosis.as_deref(),
         |page| html::figures(&page.material),
     )?;
-    let file = |figure: &Figure, kind: &Image| ascii(&figure.id) + "." + kind.name;
+    let file = |figure: &Figure, kind: &Image| escaped_id(&figure.id) + "." + kind.name;
     let Some(name) = value(query, "plot") else {
         let figures = drawn.iter().flat_map(|(_, figures)| figures);
         let files: Result<Vec<_>> = figures
@@ -277,13 +277,9 @@ fn plots(studio: &Studio, query: &str, _: &[u8]) -> Result<Answer> {
 
 /// The name of the spec's file without its end, in letters that a header takes.
 fn stem(studio: &Studio) -> String {
-    studio.path.file_stem().map_or("model".into(), |stem| ascii(&stem.to_string_lossy()))
+    studio.path.file_stem().map_or("model".into(), |stem| escaped_id(&stem.to_string_lossy()))
 }
 
-fn ascii(text: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
-    text.chars().map(|c| if plain(c) { c } else { '_' }).collect()
-}
 
 /// Names of the formats that the page offers.
 pub fn formats() -> Vec<&'static str> {

@@ -35,6 +35,12 @@ pub use raster::{SCALES, require_scale};
 pub use style::{Paper, SCRIPT, live_sheet, sheet};
 pub use svg::{For, draw, escaped};
 
+/// The id of a figure in letters that every file system and header takes.
+pub fn escaped_id(id: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_' || c == '.';
+    id.chars().map(|c| if plain(c) { c } else { '_' }).collect()
+}
+
 use crate::diagnose::compare::Comparison;
 use crate::diagnose::missing::Diagnosis;
 use crate::diagnose::view::View;
