@@ -74,13 +74,12 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         false => page::diagnosis(&bench, &model, &progress)?,
     };
     let model = (&model, terms);
-    let (drawn, document) =
-        page::with_page(&bench, model, &seen, diagnosis.as_ref(), |page| {
-            let drawn = html::page(page);
-            let folder = Document::beside(&path);
-            let document = folder.map(|folder| Document::of(page, &drawn, folder));
-            (drawn, document)
-        })?;
+    let (drawn, document) = page::with_page(&bench, model, &seen, diagnosis.as_ref(), |page| {
+        let drawn = html::page(page);
+        let folder = Document::beside(&path);
+        let document = folder.map(|folder| Document::of(page, &drawn, folder));
+        (drawn, document)
+    })?;
     drop(progress);
     let bytes = match &document {
         Some(document) => document.write(&path, &drawn)?,
@@ -138,7 +137,9 @@ fn require_page(path: &Path, force: bool) -> Result<()> {
     let Ok(mut file) = std::fs::File::open(path) else { return Ok(()) };
     let mut start = [0; 32];
     let ours = |start: &[u8]| {
-        [b"<!DOCTYPE html", document::FIRST_LINE.as_bytes()].iter().any(|own| start.starts_with(own))
+        [b"<!DOCTYPE html", document::FIRST_LINE.as_bytes()]
+            .iter()
+            .any(|own| start.starts_with(own))
     };
     let page = file.read(&mut start).is_ok_and(|n| n == 0 || ours(&start));
     if page || force {

@@ -90,14 +90,11 @@ mod tests {
 
     #[test]
     fn lines_break_between_summands_alone() {
-        let cut = pieces(r"V = - a \left( x + y \right)^{2} + \frac{b - c}{2} \cos(x + 1) \quad - d");
+        let cut =
+            pieces(r"V = - a \left( x + y \right)^{2} + \frac{b - c}{2} \cos(x + 1) \quad - d");
         assert_eq!(
             cut,
-            [
-                r"V = - a \left( x + y \right)^{2}",
-                r"{} + \frac{b - c}{2} \cos(x + 1)",
-                "{} - d"
-            ]
+            [r"V = - a \left( x + y \right)^{2}", r"{} + \frac{b - c}{2} \cos(x + 1)", "{} - d"]
         );
     }
 }

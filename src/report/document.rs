@@ -219,7 +219,8 @@ fn breakable(word: &str) -> String {
     if word.len() < 40 || !word.is_ascii() {
         return text(word);
     }
-    let pieces: Vec<String> = word.as_bytes().chunks(8).map(|c| text(&String::from_utf8_lossy(c))).collect();
+    let pieces: Vec<String> =
+        word.as_bytes().chunks(8).map(|c| text(&String::from_utf8_lossy(c))).collect();
     pieces.join("\\allowbreak{}")
 }
 
@@ -232,7 +233,10 @@ fn text(words: &str) -> String {
                 let _ = write!(out, "\\ensuremath{{{formula}}}");
             }
             // What the usual input encoding knows; others would stop the compilation.
-            None if c.is_ascii() || ('\u{a1}'..='\u{17f}').contains(&c) || "–—‘’“”…".contains(c) => {
+            None if c.is_ascii()
+                || ('\u{a1}'..='\u{17f}').contains(&c)
+                || "–—‘’“”…".contains(c) =>
+            {
                 out.push(c);
             }
             None => out.push('?'),

@@ -17,7 +17,9 @@ use crate::project::Project;
 use crate::project::page::with_page;
 use crate::project::written::output;
 use crate::report::html;
-use crate::report::plots::{Figure, IMAGES, Image, Look, Paper, SCRIPT, escaped_id, image, live_sheet};
+use crate::report::plots::{
+    Figure, IMAGES, Image, Look, Paper, SCRIPT, escaped_id, image, live_sheet,
+};
 
 /// Longest time that a page waits for news before it asks again.
 const NEWS: Duration = Duration::from_secs(20);
@@ -257,9 +259,8 @@ fn plots(studio: &Studio, query: &str, _: &[u8]) -> Result<Answer> {
     let file = |figure: &Figure, kind: &Image| escaped_id(&figure.id) + "." + kind.name;
     let Some(name) = value(query, "plot") else {
         let figures = drawn.iter().flat_map(|(_, figures)| figures);
-        let files: Result<Vec<_>> = figures
-            .map(|figure| Ok((file(figure, kind), (kind.draw)(figure, look)?)))
-            .collect();
+        let files: Result<Vec<_>> =
+            figures.map(|figure| Ok((file(figure, kind), (kind.draw)(figure, look)?))).collect();
         let folder = format!("{}-plots", stem(studio));
         let packed = archive::zip(&folder, &files?)?;
         let save_as = Some(format!("{folder}-{}.zip", kind.name));
@@ -279,7 +280,6 @@ fn plots(studio: &Studio, query: &str, _: &[u8]) -> Result<Answer> {
 fn stem(studio: &Studio) -> String {
     studio.path.file_stem().map_or("model".into(), |stem| escaped_id(&stem.to_string_lossy()))
 }
-
 
 /// Names of the formats that the page offers.
 pub fn formats() -> Vec<&'static str> {

@@ -31,8 +31,7 @@ impl Table {
         if self.rows.is_empty() {
             return String::new();
         }
-        let class =
-            |at: usize| if self.numbers.contains(&at) { " class=\"number\"" } else { "" };
+        let class = |at: usize| if self.numbers.contains(&at) { " class=\"number\"" } else { "" };
         let mut out = String::from("<div class=\"scroll\"><table>\n<thead><tr>");
         for (at, cell) in self.head.iter().enumerate() {
             let _ = write!(out, "<th scope=\"col\"{}>{}</th>", class(at), escaped(cell));

@@ -29,8 +29,8 @@ use serde::Serialize;
 
 pub use axes::{Axis, Scale, Tick};
 pub use figure::Figure;
-pub use label::{amount, measured, number, plain, tenths, term, unit};
 pub use image::{IMAGES, Image, Look, image};
+pub use label::{amount, measured, number, plain, tenths, term, unit};
 pub use raster::{SCALES, require_scale};
 pub use style::{Paper, SCRIPT, live_sheet, sheet};
 pub use svg::{For, draw, escaped};

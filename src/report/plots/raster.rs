@@ -76,11 +76,8 @@ pub fn png(figure: &Figure, paper: Paper, scale: f64) -> Result<Vec<u8>> {
     };
     let svg = draw(figure, For::Print(paper));
     let fonts = if svg.chars().any(|c| c > OWN) { &ALL_FONTS } else { &FONTS };
-    let options = Options {
-        font_family: SANS.to_string(),
-        fontdb: Arc::clone(fonts),
-        ..Options::default()
-    };
+    let options =
+        Options { font_family: SANS.to_string(), fontdb: Arc::clone(fonts), ..Options::default() };
     let tree = Tree::from_str(&svg, &options).map_err(|error| failed(error.to_string()))?;
     let size = |length: f32| (f64::from(length) * scale).round().max(1.0) as u32;
     let (width, height) = (size(tree.size().width()), size(tree.size().height()));
@@ -88,4 +85,55 @@ pub fn png(figure: &Figure, paper: Paper, scale: f64) -> Result<Vec<u8>> {
     let transform = Transform::from_scale(scale as f32, scale as f32);
     resvg::render(&tree, transform, &mut picture.as_mut());
     picture.encode_png().map_err(|error| failed(error.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use resvg::usvg::{Group, Node};
+
+    use super::*;
+    use crate::report::plots::axes::Axis;
+    use crate::report::plots::figure::Panel;
+
+    /// Pieces of text in a group that no font has a form for.
+    fn formless(group: &Group, seen: &mut usize, found: &mut Vec<String>) {
+        for node in group.children() {
+            match node {
+                Node::Group(inner) => formless(inner, seen, found),
+                Node::Text(text) => {
+                    let glyphs = text.layouted().iter().flat_map(|span| &span.positioned_glyphs);
+                    for glyph in glyphs {
+                        *seen += 1;
+                        if glyph.id.0 == 0 {
+                            found.push(glyph.text.clone());
+                        }
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+
+    #[test]
+    fn every_letter_that_is_printed_has_a_form() {
+        let letters =
+            "αβγδεζηθικλμνξπρστυφχψω ΓΔΘΛΞΠΣΦΨΩ ₀₁₂₃₄₅₆₇₈₉ₓ ⁰¹²³⁴⁵⁶⁷⁸⁹⁻ −·×±≤≥≈°µ… λ² 10⁻¹² é ł Ж";
+        let mut figure = Figure::new("letters", letters.into(), String::new());
+        figure.width = 1200.0;
+        let axis = Axis::between(-1.0, 1.0, 5).variable("p_theta", Some("kg*m^2/s"));
+        figure.panels.push(Panel::new(1.0, axis.clone(), axis));
+        let options = Options { fontdb: Arc::clone(&FONTS), ..Options::default() };
+        let tree = Tree::from_str(&draw(&figure, For::Print(Paper::Light)), &options);
+        let (mut seen, mut found) = (0, Vec::new());
+        formless(tree.expect("a drawing").root(), &mut seen, &mut found);
+        assert!(seen > letters.chars().count(), "{seen}");
+        assert_eq!(found, Vec::<String>::new());
+    }
+
+    #[test]
+    fn scales_without_sense_are_refused() {
+        for scale in [0.0, -1.0, 9.0, f64::NAN, f64::INFINITY] {
+            assert!(require_scale(scale).is_err(), "{scale}");
+        }
+    }
 }

@@ -165,8 +165,12 @@
     ["What was found, and how", ["ranking", "ledger", "front", "path"]],
   ];
   let picked = null;
+  let drawn = new Map();
   const showFigures = (plots) => {
-    const by = new Map(plots.map((plot) => [plot.plot, plot]));
+    // Plots that are still to come stay as they were, in grey.
+    const by = new Map(plots.map((plot) => [plot.plot,
+      plot.pending ? { ...plot, figures: drawn.get(plot.plot)?.figures ?? [] } : plot]));
+    drawn = by;
     const known = new Set(ORDER);
     const groups = GROUPS.map(([title, names]) => [title, names]);
     const others = plots.map((plot) => plot.plot).filter((name) => !known.has(name));
@@ -180,7 +184,7 @@
       section.append(make("h2", "", title));
       const grid = make("div", "figures");
       for (const [at, figure] of figures) {
-        const box = make("figure");
+        const box = make("figure", by.get(at[0]).pending ? "pending" : "");
         box.innerHTML = figure.svg;
         const caption = make("figcaption", "", `${figure.caption} `);
         for (const kind of ["SVG", "PNG"]) {
