@@ -40,7 +40,7 @@ pub fn formulas(export: &Export) -> Result<Vec<Formula>> {
         } else {
             format!("{} = {}", equation.left, equation.right.concat())
         };
-        Ok(Formula { motion, mathml: mathml?.join("\n"), latex: tex })
+        Ok(Formula { motion, mathml: mathml?.join("<wbr>"), latex: tex })
     };
     latex::equations(export)?.into_iter().map(formula).collect()
 }

@@ -208,16 +208,21 @@ fn verbatim(out: &mut String, lines: &str) {
         // Spaces at the beginning of a line mean something in a spec.
         let rest = line.trim_start();
         let indent = "~".repeat(line.chars().count() - rest.chars().count());
-        let rest = if rest.is_empty() { "~".to_string() } else { text(rest) };
+        let rest = if rest.is_empty() { "~".to_string() } else { typed(rest) };
         let _ = writeln!(out, "{indent}{rest}\\\\");
     }
     *out += "}\n";
 }
 
+/// What is to be typed as it stands: two hyphens are two.
+fn typed(words: &str) -> String {
+    text(words).replace("--", "-{}-")
+}
+
 /// A long word that may be broken anywhere.
 fn breakable(word: &str) -> String {
     if word.len() < 40 || !word.is_ascii() {
-        return text(word);
+        return typed(word);
     }
     let pieces: Vec<String> =
         word.as_bytes().chunks(8).map(|c| text(&String::from_utf8_lossy(c))).collect();

@@ -136,7 +136,13 @@ pub fn numbers(page: &Page) -> String {
 pub fn sentence(text: &str) -> String {
     let mut letters = text.trim().chars();
     let first: String = letters.next().map(|c| c.to_uppercase().collect()).unwrap_or_default();
-    let text = format!("{first}{}", letters.as_str()).replace(" -", " −");
+    // Names of effects and terms stay as they are.
+    let named = text.split_whitespace().next().is_some_and(|word| word.contains(['_', '(', '^']));
+    let text = match named {
+        true => text.trim().to_string(),
+        false => format!("{first}{}", letters.as_str()),
+    };
+    let text = text.replace(" -", " −");
     let end = if text.ends_with(['.', '!', '?']) { "" } else { "." };
     text + end
 }

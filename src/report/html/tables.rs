@@ -53,8 +53,19 @@ impl Table {
     }
 }
 
-fn table(head: &[&'static str], rows: Vec<Vec<String>>, numbers: &[usize]) -> Table {
-    Table { head: head.to_vec(), rows, numbers: numbers.to_vec() }
+/// A table without the columns that no row has anything in.
+fn table(head: &[&'static str], mut rows: Vec<Vec<String>>, numbers: &[usize]) -> Table {
+    let filled: Vec<usize> = (0..head.len())
+        .filter(|&at| rows.iter().any(|row| row.get(at).is_some_and(|cell| !cell.is_empty())))
+        .collect();
+    for row in &mut rows {
+        *row = filled.iter().map(|&at| std::mem::take(&mut row[at])).collect();
+    }
+    Table {
+        head: filled.iter().map(|&at| head[at]).collect(),
+        rows,
+        numbers: (0..filled.len()).filter(|&at| numbers.contains(&filled[at])).collect(),
+    }
 }
 
 /// Coefficients and inner parameters of the law.
@@ -176,7 +187,9 @@ pub fn runners_up(model: &Model) -> Table {
         .map(|runner| {
             let terms: Vec<String> = runner.terms.iter().take(12).map(|(t, _)| term(t)).collect();
             let more = if runner.terms.len() > 12 { ", …" } else { "" };
-            vec![format!("+{}", tenths(runner.difference)), terms.join(", ") + more]
+            let terms = if terms.is_empty() { "none".to_string() } else { terms.join(", ") + more };
+            let sign = if runner.difference < 0.0 { "" } else { "+" };
+            vec![format!("{sign}{}", tenths(runner.difference)), terms]
         })
         .collect();
     table(&["criterion", "terms of the runner-up"], rows, &[0])
