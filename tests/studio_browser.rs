@@ -169,8 +169,11 @@ fn the_whole_story_with_keys_alone() {
     browser.until("document.getElementById('saved').innerText.startsWith('As it is')");
     assert!(fs::read_to_string(&spec).expect("the spec").ends_with("# by hand"));
     // The suggestion again, by its own key; the list of keys.
-    browser.until("document.querySelector('.verdict.missing')");
-    browser.until("!document.querySelector('.leader button').disabled");
+    browser.until(
+        "document.getElementById('job-text').innerText === 'Ready'
+            && document.querySelector('.verdict.missing')
+            && document.querySelector('.leader button:not(:disabled)')",
+    );
     browser.press(&[ALT, "a"]);
     browser.until(QUIET);
     browser.press(&[ALT, "3"]);

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::{Page, shown, tables};
 use crate::diagnose::missing::Verdict;
-use crate::report::plots::{Figure, amount, escaped, number, plot, term, unit};
+use crate::report::plots::{Figure, amount, escaped, number, plot, term, times, unit};
 use crate::simplify::Style;
 
 /// A heading and what stands below it.
@@ -57,7 +57,7 @@ pub fn cards(page: &Page) -> String {
             None => (last.training, "runs of the training"),
         };
         card(
-            &format!("{} × noise", number(error, 3)),
+            &format!("{} × noise", times(error)),
             &format!("error on {runs}, predicted over a time of {over}"),
         );
     }
@@ -125,7 +125,13 @@ pub fn numbers(page: &Page) -> String {
     let mut out = String::new();
     out +=
         "<p class=\"soft\">Digits in parentheses are the standard error of the last digits.</p>\n";
-    out += &sentences(page.notes.iter().take(12).cloned());
+    let notes = sentences(page.notes.iter().cloned());
+    out += &match page.notes.len() {
+        0..=4 => notes,
+        many => format!(
+            "<details><summary>{many} numbers are printed as nice ones</summary>\n{notes}</details>\n"
+        ),
+    };
     if let Some(model) = page.model {
         out += &tables::coefficients(model).html();
     }

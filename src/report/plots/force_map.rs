@@ -10,10 +10,12 @@ use crate::diagnose::view::View;
 /// Chance below which a map is worth its numbers.
 const TELLING: f64 = 1e-3;
 
-/// One figure for each coordinate whose plane is known.
+/// One figure for each coordinate whose plane is known, the most telling first.
 pub fn figures(material: &Material) -> Vec<Figure> {
     let view = material.view;
-    view.planes.iter().filter_map(|plane| figure(view, plane)).collect()
+    let mut planes: Vec<&ForcePlane> = view.planes.iter().collect();
+    planes.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
+    planes.into_iter().filter_map(|plane| figure(view, plane)).collect()
 }
 
 fn figure(view: &View, plane: &ForcePlane) -> Option<Figure> {

@@ -155,7 +155,7 @@ pub fn plot(name: &str) -> Option<&'static Plot> {
 }
 
 /// A number of times the noise, in words.
-fn times(error: f64) -> String {
+pub fn times(error: f64) -> String {
     match error {
         e if !e.is_finite() => "beyond all bounds".to_string(),
         e if e < 100.0 => format!("{e:.2}"),

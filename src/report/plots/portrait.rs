@@ -9,6 +9,8 @@ use crate::diagnose::view::{Portrait, View};
 
 /// Contours, more or less.
 const LEVELS: usize = 9;
+/// Components of the state that are told one by one.
+const FEW: usize = 4;
 /// Runs that are series of their own; more of them are one cloud.
 const RUNS: usize = 40;
 
@@ -38,7 +40,10 @@ fn figure(view: &View, portrait: &Portrait) -> Option<Figure> {
         })
         .collect();
     let mut caption = "Lines of equal energy of the learned H, and the motion on them.".to_string();
-    if !held.is_empty() {
+    if held.len() > FEW {
+        caption += " H is shown with the other coordinates at their means and the other momenta at \
+                    zero; the motion is projected.";
+    } else if !held.is_empty() {
         caption += &format!(" H is shown at {}; the motion is projected.", held.join(", "));
     }
     let mut figure = Figure::new(&format!("portrait-{}-{}", x.name, y.name), title, caption);
