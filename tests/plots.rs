@@ -14,12 +14,15 @@ use leverrier::expr::{Compiled, build};
 use leverrier::fit::model::{FrontPoint, PathEntry};
 use leverrier::fit::{Model, Options, Silent, fit};
 use leverrier::report::html::{Entry, Page, page};
-use leverrier::report::plots::{Figure, For, Material, PLOTS, Stage, draw, plot};
+use leverrier::report::plots::{
+    Figure, For, Look, Material, PLOTS, Paper, Stage, draw, image, plot,
+};
 use leverrier::report::present;
 use leverrier::simulate::Simulator;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
+use resvg::tiny_skia::Pixmap;
 
 /// All that a report is made from, owned.
 struct Story {
@@ -301,7 +304,11 @@ fn path_points(path: &str) -> Vec<(f64, f64)> {
 
 /// A drawing is XML, has a title and a description, and every number of it lies in its view box.
 fn inspect(figure: &Figure, what: &str) {
-    for target in [For::File, For::Page] {
+    let look = Look { paper: Some(Paper::Dark), scale: 1.0 };
+    let png = (image("png").expect("a row").draw)(figure, look).expect("pixels");
+    let png = Pixmap::decode_png(&png).unwrap_or_else(|error| panic!("{what}: {error}"));
+    assert_eq!((f64::from(png.width()), f64::from(png.height())), (figure.width, figure.height));
+    for target in [For::File, For::Page, For::Print(Paper::Dark)] {
         let svg = draw(figure, target);
         let document = roxmltree::Document::parse(&svg)
             .unwrap_or_else(|error| panic!("{what}: {error}\n{svg}"));

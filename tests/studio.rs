@@ -55,7 +55,7 @@ fn strangers_are_refused() {
         assert_eq!(get("/api/state", &[("host", stranger), token]).status, 403, "{stranger}");
     }
     // The token.
-    for path in ["/api/state", "/api/export?to=latex", "/api/report"] {
+    for path in ["/api/state", "/api/export?to=latex", "/api/report", "/api/plots?as=svg"] {
         assert_eq!(get(path, &[here]).status, 401, "{path}");
         assert_eq!(get(path, &[here, ("x-leverrier-token", "0000")]).status, 401, "{path}");
     }
@@ -152,6 +152,20 @@ fn the_whole_story() {
             let out = program::good(path, &["export", "fit.ham", format]).out;
             assert_eq!(reply.text().trim(), out.trim(), "{format}");
         }
+    }
+    for (kind, media, start) in
+        [("svg", "image/svg+xml", &b"<svg"[..]), ("png", "image/png", b"\x89PNG")]
+    {
+        let all = studio.get(&format!("/api/plots?as={kind}"));
+        assert!(all.status == 200 && all.body.starts_with(b"PK"), "{kind}: {}", all.status);
+        let one = studio.get(&format!("/api/plots?as={kind}&plot=energy&at=0&paper=dark"));
+        assert_eq!(one.header("content-type"), Some(media));
+        assert!(one.body.starts_with(start), "{kind}");
+        let saved = one.header("content-disposition").unwrap_or("");
+        assert!(saved.contains(&format!("\"fit-energy.{kind}\"")), "{saved}");
+    }
+    for wrong in ["", "as=gif", "as=png&plot=../../etc/passwd", "as=png&plot=energy&at=99"] {
+        assert_eq!(studio.get(&format!("/api/plots?{wrong}")).status, 422, "{wrong}");
     }
     let report = studio.get("/api/report");
     assert!(report.status == 200 && report.text().contains("viscous_drag"));
@@ -314,4 +328,37 @@ fn many_clients_are_served_while_it_works() {
     stream.write_all(request.as_bytes()).expect("sent");
     stream.read_to_string(&mut left).expect("an answer");
     assert!(left.starts_with("HTTP/1.1 200"));
+}
+
+/// A browser that writes down how it was started and what it was given.
+#[cfg(unix)]
+#[test]
+fn the_secret_is_not_in_the_arguments_of_the_browser() {
+    use std::os::unix::fs::PermissionsExt;
+    let (folder, spec) = demo();
+    let bin = folder.path().join("bin");
+    fs::create_dir(&bin).expect("a folder");
+    let notes = folder.path().join("notes");
+    let fake = format!(
+        "#!/bin/sh\nstat -c %a \"$1\" > {0}.part\necho \"$@\" >> {0}.part\ncat \"$1\" >> {0}.part\n\
+         mv {0}.part {0}\n",
+        notes.display()
+    );
+    let browser = bin.join("xdg-open");
+    fs::write(&browser, fake).expect("written");
+    fs::set_permissions(&browser, fs::Permissions::from_mode(0o755)).expect("executable");
+    let path = std::env::var("PATH").unwrap_or_default();
+    let path = format!("{}:{path}", bin.display());
+    let studio = Studio::started(&spec, &[], &[("PATH", &path), ("DISPLAY", ":99")]);
+    let start = Instant::now();
+    while !notes.exists() {
+        assert!(start.elapsed() < Duration::from_secs(30), "no browser was started");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let told = fs::read_to_string(&notes).expect("notes");
+    let mut lines = told.lines();
+    assert_eq!(lines.next(), Some("600"), "others can read it");
+    let arguments = lines.next().expect("arguments");
+    assert!(!arguments.contains(&studio.token), "{arguments}");
+    assert!(told.contains(&format!("url={}", studio.address)), "{told}");
 }

@@ -40,8 +40,7 @@ fn story(width: u32, height: u32, dark: bool) {
     let Some(browser) = Browser::open(width, height, dark) else { return };
     let (folder, spec) = demo();
     let studio = Studio::open(&spec);
-    let name = format!("{width}-{}", if dark { "dark" } else { "light" });
-    let shot = |step: &str| browser.shot(&format!("{name}-{step}"));
+    let shot = |step: &str| browser.shot(&format!("{width}-{step}"));
     browser.go(&studio.address);
     browser.until("document.getElementById('text').value.includes('cos(q)')");
     assert_eq!(browser.value("location.hash"), "", "the token stays in sight");
@@ -85,7 +84,7 @@ fn story(width: u32, height: u32, dark: bool) {
     shot("3-added");
     sound(&browser, "added");
     // Everything can be saved.
-    for format in ["latex", "rust", "report (HTML)"] {
+    for format in ["latex", "rust", "report (HTML)", "all plots (SVG)", "all plots (PNG)"] {
         browser.run("document.getElementById('message').hidden = true");
         browser.click("#export summary");
         browser.run(&format!(
@@ -96,6 +95,9 @@ fn story(width: u32, height: u32, dark: bool) {
             "document.getElementById('message').innerText.includes('handed to the browser')",
         );
     }
+    browser.run("document.getElementById('message').hidden = true");
+    browser.click("figcaption button[aria-label$='PNG']");
+    browser.until("document.getElementById('message').innerText.includes('.png is handed')");
     // A spec with errors says so in place, and cannot be learned.
     browser.run(
         "const text = document.getElementById('text');
@@ -167,8 +169,11 @@ fn the_whole_story_with_keys_alone() {
     browser.until("document.getElementById('saved').innerText.startsWith('As it is')");
     assert!(fs::read_to_string(&spec).expect("the spec").ends_with("# by hand"));
     // The suggestion again, by its own key; the list of keys.
-    browser.until("document.querySelector('.verdict.missing')");
-    browser.until("!document.querySelector('.leader button').disabled");
+    browser.until(
+        "document.getElementById('job-text').innerText === 'Ready'
+            && document.querySelector('.verdict.missing')
+            && document.querySelector('.leader button:not(:disabled)')",
+    );
     browser.press(&[ALT, "a"]);
     browser.until(QUIET);
     browser.press(&[ALT, "3"]);
@@ -186,5 +191,5 @@ fn without_the_token_nothing_is_shown() {
     browser.go(&format!("http://127.0.0.1:{}/", studio.port));
     browser.until("document.getElementById('job-text').innerText === 'No access'");
     assert_eq!(browser.value("document.getElementById('text').value"), "");
-    browser.shot("390-light-no-access");
+    browser.shot("390-no-access");
 }

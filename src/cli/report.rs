@@ -4,6 +4,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use clap::builder::PossibleValuesParser;
 use serde_json::json;
 
 use super::bench::{Bench, Splitting};
@@ -13,26 +14,41 @@ use super::project::page;
 use crate::data::write_atomically;
 use crate::diagnose::missing::Diagnosis;
 use crate::error::{Error, Result};
-use crate::report::html::{self, Drawn};
-use crate::report::plots::{For, draw, plot};
+use crate::report::document;
+use crate::report::html::{self, Drawn, Page};
+use crate::report::plots::{IMAGES, Look, Paper, escaped_id, image, plot, require_scale};
 
 /// Write one page that shows the law, where it fails, what is missing, and how it was found.
 ///
-/// The page needs no network and nothing beside it: it can be sent as it is, and printed.
+/// The page needs no network and nothing beside it: it can be sent as it is, and printed. A name
+/// that ends in .tex gets a LaTeX document instead, with its figures in a folder beside it.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     leverrier report pendulum.ham                     writes pendulum.report.html\n  \
     leverrier report pendulum.ham -o tuesday.html --unseen 0.5\n  \
-    leverrier report pendulum.ham --plots figures     every plot as an SVG file too")]
+    leverrier report pendulum.ham -o pendulum.tex     a document for LaTeX, and so for PDF\n  \
+    leverrier report pendulum.ham --plots figures     every plot as an SVG file too\n  \
+    leverrier report pendulum.ham --plots slides --as png --dark --scale 3")]
 pub struct Arguments {
     /// The spec.
     pub spec: PathBuf,
-    /// The page; by default beside the spec (pendulum.ham -> pendulum.report.html).
+    /// The page, or a document for LaTeX where it ends in .tex; by default a page beside the spec
+    /// (pendulum.ham -> pendulum.report.html).
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Write every plot into this folder as well, as SVG.
+    /// Write every plot into this folder as well.
     #[arg(long, value_name = "FOLDER")]
     pub plots: Option<PathBuf>,
+    /// What the plots are written as; several with commas.
+    #[arg(long = "as", value_name = "KIND", value_delimiter = ',', default_value = "svg",
+        requires = "plots", value_parser = PossibleValuesParser::new(IMAGES.iter().map(|row| row.name)))]
+    pub kinds: Vec<String>,
+    /// Draw the plots on dark paper; SVG is light or dark as its reader prefers otherwise.
+    #[arg(long, requires = "plots")]
+    pub dark: bool,
+    /// Pixels of a PNG for each pixel of a screen.
+    #[arg(long, value_name = "N", default_value_t = 2.0, requires = "plots")]
+    pub scale: f64,
     /// Do not ask what is missing, which takes the longest.
     #[arg(long)]
     pub no_diagnosis: bool,
@@ -48,6 +64,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let path =
         arguments.output.clone().unwrap_or_else(|| arguments.spec.with_extension("report.html"));
     require_page(&path, arguments.force)?;
+    require_scale(arguments.scale)?;
     let bench = Bench::open(&arguments.spec, &arguments.splitting, console)?;
     let progress = Progress::new();
     let (model, terms) = bench.model(&progress)?;
@@ -56,21 +73,75 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         true => None,
         false => page::diagnosis(&bench, &model, &progress)?,
     };
-    let drawn = page::with_page(&bench, (&model, terms), &seen, diagnosis.as_ref(), html::page)?;
+    let model = (&model, terms);
+    let (drawn, document) = page::with_page(&bench, model, &seen, diagnosis.as_ref(), |page| {
+        let drawn = html::page(page);
+        let folder = Document::beside(&path);
+        let document = folder.map(|folder| Document::of(page, &drawn, folder));
+        (drawn, document)
+    })?;
     drop(progress);
-    write_atomically(&path, drawn.html.as_bytes())?;
+    let bytes = match &document {
+        Some(document) => document.write(&path, &drawn)?,
+        None => {
+            write_atomically(&path, drawn.html.as_bytes())?;
+            drawn.html.len()
+        }
+    };
     let files = match &arguments.plots {
-        Some(folder) => write_plots(folder, &drawn)?,
+        Some(folder) => write_plots(folder, &drawn, arguments)?,
         None => Vec::new(),
     };
-    tell(console, arguments, &path, &drawn, &files, &seen.comparison.findings, diagnosis.as_ref())
+    let written = (path.as_path(), bytes);
+    tell(console, arguments, written, &drawn, &files, &seen.comparison.findings, diagnosis.as_ref())
+}
+
+/// A report for LaTeX: its text, and the name of the folder of its figures.
+struct Document {
+    text: String,
+    folder: String,
+}
+
+/// Pixels of a picture in print for each of a screen: about 400 to the inch.
+const FOR_PRINT: f64 = 3.0;
+
+impl Document {
+    /// The folder of the figures of a document; none for a page.
+    fn beside(path: &Path) -> Option<String> {
+        let tex = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("tex"));
+        // LaTeX takes no other letters for sure.
+        let stem = tex.then(|| path.file_stem().unwrap_or_default().to_string_lossy());
+        stem.map(|stem| escaped_id(&stem) + "-figures")
+    }
+
+    fn of(page: &Page, drawn: &Drawn, folder: String) -> Self {
+        Document { text: document::latex(page, &drawn.figures, &folder), folder }
+    }
+
+    /// Writes the figures, then the text; how many bytes the text has.
+    fn write(&self, path: &Path, drawn: &Drawn) -> Result<usize> {
+        let folder = path.with_file_name(&self.folder);
+        std::fs::create_dir_all(&folder).map_err(|error| Error::file("create", &folder, error))?;
+        let look = Look { paper: Some(Paper::Light), scale: FOR_PRINT };
+        for (name, figure) in document::files(drawn) {
+            let kind = image("png").map_or_else(|| Ok(Vec::new()), |png| (png.draw)(figure, look));
+            write_atomically(&folder.join(name), &kind?)?;
+        }
+        write_atomically(path, self.text.as_bytes())?;
+        Ok(self.text.len())
+    }
 }
 
 /// Pages may be written anew; other files are not overwritten by chance.
 fn require_page(path: &Path, force: bool) -> Result<()> {
     let Ok(mut file) = std::fs::File::open(path) else { return Ok(()) };
-    let mut start = [0; 15];
-    let page = file.read(&mut start).is_ok_and(|n| n == 0 || start.starts_with(b"<!DOCTYPE html"));
+    let mut start = [0; 32];
+    let ours = |start: &[u8]| {
+        [b"<!DOCTYPE html", document::FIRST_LINE.as_bytes()]
+            .iter()
+            .any(|own| start.starts_with(own))
+    };
+    let page = file.read(&mut start).is_ok_and(|n| n == 0 || ours(&start));
     if page || force {
         return Ok(());
     }
@@ -80,14 +151,18 @@ fn require_page(path: &Path, force: bool) -> Result<()> {
     ))
 }
 
-/// Writes every figure as an SVG file of its own, and gives their names.
-fn write_plots(folder: &Path, drawn: &Drawn) -> Result<Vec<String>> {
+/// Writes every figure as files of its own, and gives their names.
+fn write_plots(folder: &Path, drawn: &Drawn, arguments: &Arguments) -> Result<Vec<String>> {
     std::fs::create_dir_all(folder).map_err(|error| Error::file("create", folder, error))?;
+    let paper = arguments.dark.then_some(Paper::Dark);
+    let look = Look { paper, scale: arguments.scale };
     let mut files = Vec::new();
     for figure in drawn.figures.iter().flat_map(|(_, figures)| figures) {
-        let name = format!("{}.svg", figure.id);
-        write_atomically(&folder.join(&name), draw(figure, For::File).as_bytes())?;
-        files.push(name);
+        for row in arguments.kinds.iter().filter_map(|name| image(name)) {
+            let name = format!("{}.{}", escaped_id(&figure.id), row.name);
+            write_atomically(&folder.join(&name), &(row.draw)(figure, look)?)?;
+            files.push(name);
+        }
     }
     Ok(files)
 }
@@ -95,7 +170,7 @@ fn write_plots(folder: &Path, drawn: &Drawn) -> Result<Vec<String>> {
 fn tell(
     console: &Console,
     arguments: &Arguments,
-    path: &Path,
+    (path, bytes): (&Path, usize),
     drawn: &Drawn,
     files: &[String],
     findings: &[String],
@@ -110,7 +185,7 @@ fn tell(
         "Report with {} figures written to {} ({} kB).",
         figures.len(),
         path.display(),
-        drawn.html.len().div_ceil(1000)
+        bytes.div_ceil(1000)
     );
     if let Some(folder) = &arguments.plots {
         text += &format!("\n{} plots written to {}.", files.len(), folder.display());
@@ -124,7 +199,7 @@ fn tell(
     let object = json!({
         "format": "leverrier.report/1",
         "path": path.display().to_string(),
-        "bytes": drawn.html.len(),
+        "bytes": bytes,
         "figures": figures.iter().map(|(plot, figure)| json!({
             "plot": plot,
             "id": figure.id,

@@ -1,9 +1,12 @@
 //! `leverrier studio`: the same in the browser.
 
+use std::io::Write;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::Args;
 use serde_json::json;
+use tempfile::NamedTempFile;
 
 use super::console::Console;
 use crate::error::Result;
@@ -38,10 +41,43 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         // A closed standard output is no reason to end: the browser may be open.
         let _ = console.result(&text, &object);
         console.message("Ctrl-C ends the studio.");
-        if !arguments.no_open && has_browser() && open::that_detached(address).is_err() {
+        if !arguments.no_open && has_browser() && !opened(address) {
             console.message("No browser could be opened: open the address yourself.");
         }
     })
+}
+
+/// How long a browser may take to start and read where to go.
+const STARTING: Duration = Duration::from_secs(60);
+
+/// Opens the address in a browser; whether that went well.
+///
+/// Everybody on the machine can read the arguments of its programs. So the browser is given a
+/// file that only its owner can read, which sends it on to the address with the secret.
+fn opened(address: &str) -> bool {
+    let Ok(file) = signpost(address) else { return false };
+    let done = open::that_detached(file.path()).is_ok();
+    std::thread::spawn(move || {
+        std::thread::sleep(STARTING);
+        drop(file);
+    });
+    done
+}
+
+/// A page that leads to an address; the file is deleted when it is dropped.
+fn signpost(address: &str) -> std::io::Result<NamedTempFile> {
+    // On Unix these are made so that nobody else can read them.
+    let mut file = tempfile::Builder::new().prefix("leverrier-").suffix(".html").tempfile()?;
+    write!(
+        file,
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n\
+         <meta name=\"referrer\" content=\"no-referrer\">\n\
+         <meta http-equiv=\"refresh\" content=\"0; url={address}\">\n\
+         <title>Leverrier studio</title></head>\n\
+         <body><p><a href=\"{address}\">Open the studio</a></p></body></html>\n"
+    )?;
+    file.flush()?;
+    Ok(file)
 }
 
 /// Whether there is a screen to open a browser on.

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use math_core::{LatexToMathML, MathCoreConfig, MathDisplay};
 
 use super::latex;
+use super::tex::width;
 use super::{Export, Output};
 use crate::error::{Error, Result};
 
@@ -12,8 +13,10 @@ use crate::error::{Error, Result};
 pub struct Formula {
     /// Whether it is an equation of motion, rather than a part of H or a force.
     pub motion: bool,
-    /// Its `math` element.
+    /// Its `math` elements: one for each summand, so that a browser may break the line between.
     pub mathml: String,
+    /// The same in LaTeX.
+    pub latex: String,
 }
 
 /// Writes one `math` element a line, each for one equation.
@@ -26,19 +29,96 @@ pub fn export(export: &Export) -> Result<Output> {
     Ok(Output::Text(out))
 }
 
-/// The equations one by one; those that are long on several lines.
+/// The equations one by one, ready to be broken into lines.
 pub fn formulas(export: &Export) -> Result<Vec<Formula>> {
     let formula = |equation: latex::Equation| {
         let motion = equation.left.starts_with(r"\dot");
-        let tex = if equation.right.len() > 1 {
-            let right = equation.right.join(r" \\ & ");
-            format!(r"\begin{{aligned}} {} &= {right} \end{{aligned}}", equation.left)
-        } else {
-            format!("{} = {}", equation.left, equation.right.concat())
-        };
-        Ok(Formula { motion, mathml: converted(&tex)? })
+        let pieces = pieces(&format!("{} = {}", equation.left, equation.right.join(" ")));
+        let mathml: Result<Vec<String>> = pieces.iter().map(|tex| converted(tex)).collect();
+        Ok(Formula { motion, mathml: mathml?.join("<wbr>"), latex: lines(&pieces) })
     };
     latex::equations(export)?.into_iter().map(formula).collect()
+}
+
+/// A summand wider than this, in letters, is broken inside its bracket.
+const LONG: usize = 24;
+/// Letters of a line of LaTeX.
+const LINE: usize = 62;
+/// Brackets that are open to breaks, while pieces are cut.
+const OPEN: (char, char) = ('\u{1}', '\u{2}');
+
+/// Pieces on as many lines as they need.
+fn lines(pieces: &[String]) -> String {
+    let mut lines: Vec<(usize, String)> = Vec::new();
+    for piece in pieces {
+        let size = width(piece);
+        match lines.last_mut() {
+            Some((used, line)) if *used + size <= LINE => {
+                *used += size;
+                *line += &format!(" {piece}");
+            }
+            _ => lines.push((size, piece.clone())),
+        }
+    }
+    let lines: Vec<String> = lines.into_iter().map(|(_, line)| line).collect();
+    if lines.len() < 2 {
+        return lines.concat();
+    }
+    let lines = lines.join(r" \\ & \quad ").replacen(" = ", " &= ", 1);
+    format!(r"\begin{{aligned}} {lines} \end{{aligned}}")
+}
+
+/// Cuts a formula before every sign that stands in no bracket, or in one that is very wide.
+fn pieces(tex: &str) -> Vec<String> {
+    let opened = cut(tex).into_iter().flat_map(|piece| match width(&piece) > LONG {
+        true => cut(&opened(&piece)),
+        false => vec![piece],
+    });
+    // A bracket whose ends stand on two lines does not know how high it is to be.
+    opened.map(|piece| piece.replace(OPEN.0, "(").replace(OPEN.1, ")")).collect()
+}
+
+/// How brackets open and close in a piece of a formula.
+fn depth(text: &str) -> i32 {
+    text.chars().map(|c| i32::from("({[".contains(c)) - i32::from(")}]".contains(c))).sum()
+}
+
+/// The formula with its first outermost bracket marked as open to breaks.
+fn opened(tex: &str) -> String {
+    let (left, right) = (r"\left(", r"\right)");
+    let start = tex.match_indices(left).map(|(at, _)| at).find(|at| depth(&tex[..*at]) == 0);
+    let Some(start) = start else { return tex.to_string() };
+    let inside = start + left.len();
+    let closing = |at: &usize| depth(&tex[inside..*at]) == 0;
+    let Some(end) =
+        tex.match_indices(right).map(|(at, _)| at).filter(|at| *at >= inside).find(closing)
+    else {
+        return tex.to_string();
+    };
+    let rest = &tex[end + right.len()..];
+    format!("{}{}{}{}{rest}", &tex[..start], OPEN.0, &tex[inside..end], OPEN.1)
+}
+
+/// Cuts a formula before every sign that stands in no bracket.
+fn cut(tex: &str) -> Vec<String> {
+    let mut pieces = vec![String::new()];
+    let mut level = 0;
+    let words: Vec<&str> = tex.split(' ').filter(|word| *word != r"\quad").collect();
+    for (at, word) in words.iter().enumerate() {
+        // What follows a relation or opens a bracket is its own sign.
+        let signs = at > 0 && words[at - 1] != "=" && words[at - 1] != "{}";
+        if level == 0 && signs && (*word == "+" || *word == "-") {
+            // Nothing before it makes it the sign between two.
+            pieces.push("{}".to_string());
+        }
+        let last = pieces.len() - 1;
+        if !pieces[last].is_empty() {
+            pieces[last].push(' ');
+        }
+        pieces[last] += word;
+        level += depth(word);
+    }
+    pieces
 }
 
 fn converted(tex: &str) -> Result<String> {
@@ -54,4 +134,19 @@ fn converted(tex: &str) -> Result<String> {
         .convert_with_local_state(tex, MathDisplay::Block)
         .map_err(|error| wrong(format!("{error:?}")))?;
     Ok(converted.mathml)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_break_between_summands_alone() {
+        let cut =
+            pieces(r"V = - a \left( x + y \right)^{2} + \frac{b - c}{2} \cos(x + 1) \quad - d");
+        assert_eq!(
+            cut,
+            [r"V = - a \left( x + y \right)^{2}", r"{} + \frac{b - c}{2} \cos(x + 1)", "{} - d"]
+        );
+    }
 }

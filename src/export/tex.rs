@@ -310,7 +310,7 @@ fn snapped_tex(text: &str) -> String {
 }
 
 /// About how many characters are printed.
-fn width(tex: &str) -> usize {
+pub(super) fn width(tex: &str) -> usize {
     let mut count = 0;
     let mut rest = tex;
     while let Some(c) = rest.chars().next() {

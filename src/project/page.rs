@@ -7,14 +7,16 @@ use super::learned::origin;
 use super::ledger::{Judged, Ledger, date};
 use super::written::the_export;
 use super::{Law, ModelFile, digest};
-use crate::diagnose::compare::{self, Comparison};
+use crate::diagnose::compare::{self, Comparison, Horizon};
 use crate::diagnose::context::Context;
 use crate::diagnose::detectors::detect;
 use crate::diagnose::floor::noise_floor;
 use crate::diagnose::missing::{self, Diagnosis};
-use crate::diagnose::view::{View, view};
+use crate::diagnose::view::{Quantity, View, view};
 use crate::error::{Error, Result};
 use crate::export::formulas;
+use crate::expr::{Observed, Variable};
+use crate::fit::segments::typical_step;
 use crate::fit::{Model, Monitor};
 use crate::report::html::{Entry, Page};
 use crate::report::plots::{Material, Stage};
@@ -39,6 +41,51 @@ pub fn seen(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<Seen>
     monitor.stage("what there is to see", 0.3);
     let view = view(&training, unseen.as_ref())?;
     Ok(Seen { view, comparison })
+}
+
+/// What is known of a model that was just judged, before it is held against the measurements
+/// again: its errors on the unseen runs.
+pub fn glimpse(bench: &Bench, judged: &Judged) -> Seen {
+    let system = bench.project.system();
+    let step = typical_step(&bench.split.training);
+    let horizons = judged.horizons.iter().map(|&(samples, error)| Horizon {
+        samples,
+        duration: step * samples.saturating_sub(1) as f64,
+        training: f64::NAN,
+        unseen: Some(error),
+        baseline: f64::NAN,
+        exploded: 0,
+    });
+    let comparison = Comparison {
+        horizons: horizons.collect(),
+        noise_floor: judged.noise.clone(),
+        maps: Vec::new(),
+        energy: Vec::new(),
+        findings: Vec::new(),
+    };
+    let quantity = |variable: &Variable| Quantity {
+        name: variable.name.clone(),
+        unit: variable.unit_text.clone(),
+    };
+    let second = match system.observed {
+        Observed::Momenta => &system.momenta,
+        Observed::Velocities => &system.velocities,
+    };
+    let pair =
+        |second: &[Variable]| system.coordinates.iter().chain(second).map(quantity).collect();
+    let view = View {
+        system: system.name.clone(),
+        state: pair(&system.momenta),
+        observables: pair(second),
+        time: quantity(&system.time),
+        noise: judged.noise.iter().map(|(_, noise)| *noise).collect(),
+        predictions: Vec::new(),
+        momenta_measured: system.observed == Observed::Momenta,
+        energies: Vec::new(),
+        portraits: Vec::new(),
+        planes: Vec::new(),
+    };
+    Seen { view, comparison }
 }
 
 /// What is missing from a model of the training part; none without unseen runs.

@@ -2,6 +2,7 @@
 
 mod design;
 mod diagnosis;
+pub mod document;
 pub mod html;
 pub mod layout;
 pub mod plots;

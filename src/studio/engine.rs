@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::fit::{Model, Monitor, Options, StopReason};
 use crate::project::bench::{Bench, Splitting};
 use crate::project::learned::{origin, write_model};
-use crate::project::ledger::Ledger;
+use crate::project::ledger::{Judged, Ledger};
 use crate::project::measurements::Measurements;
 use crate::project::memory;
 use crate::project::page::{self, Seen};
@@ -296,8 +296,10 @@ impl Engine {
         revision.keep(bench)?;
         drop(teller);
         self.post_files()?;
-        let Revision { action, training, warranted, why, .. } = revision;
-        self.hold(self.bench()?, training, "terms and numbers from the training part");
+        let Revision { action, training, is, warranted, why, .. } = revision;
+        let (bench, terms) = (self.bench()?, "terms and numbers from the training part");
+        self.glimpse(&bench, (&training, terms), &is)?;
+        self.hold(bench, training, terms);
         self.stamp();
         let doubt = match warranted {
             Some(false) => " The data do not warrant it.",
@@ -317,6 +319,21 @@ impl Engine {
         let held = Held { seen: Some(Arc::new(seen)), ..(*held).clone() };
         self.show(held)?;
         Ok(true)
+    }
+
+    /// Puts up what takes no time to draw; the rest of the plots stay as they are meanwhile.
+    fn glimpse(&self, bench: &Bench, model: (&Model, &str), judged: &Judged) -> Result<()> {
+        if judged.horizons.is_empty() {
+            return Ok(());
+        }
+        let seen = page::glimpse(bench, judged);
+        let (law, figures) = page::with_page(bench, model, &seen, None, |page| {
+            (wire::law(page), wire::first_figures(&page.material))
+        })?;
+        let board = &self.studio.board;
+        board.post("law", &law);
+        board.post("figures", &figures);
+        Ok(())
     }
 
     /// Puts up all that is drawn.

@@ -17,7 +17,9 @@ use crate::project::Project;
 use crate::project::page::with_page;
 use crate::project::written::output;
 use crate::report::html;
-use crate::report::plots::{SCRIPT, live_sheet};
+use crate::report::plots::{
+    Figure, IMAGES, Image, Look, Paper, SCRIPT, escaped_id, image, live_sheet,
+};
 
 /// Longest time that a page waits for news before it asks again.
 const NEWS: Duration = Duration::from_secs(20);
@@ -96,6 +98,7 @@ static ROUTES: &[Route] = &[
     closed(Method::POST, "/api/cancel", Reply::Now(cancel)),
     closed(Method::GET, "/api/export", Reply::Work(export)),
     closed(Method::GET, "/api/report", Reply::Work(report)),
+    closed(Method::GET, "/api/plots", Reply::Work(plots)),
 ];
 
 /// The route of a request.
@@ -190,12 +193,7 @@ fn export(studio: &Studio, query: &str, _: &[u8]) -> Result<Answer> {
     let to = value(query, "to").unwrap_or("");
     let project = Project::open(&studio.path)?;
     let law = project.law(None)?;
-    let stem = studio.path.file_stem().map_or("model".into(), |stem| stem.to_string_lossy());
-    // A header takes no other letters.
-    let stem: String = stem
-        .chars()
-        .map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' })
-        .collect();
+    let stem = stem(studio);
     let (answer, save_as) = match output(&project, &law, to)? {
         Output::Text(text) => {
             (Answer::new("text/plain; charset=utf-8", text), format!("{stem}.{}", ending(to)))
@@ -232,10 +230,55 @@ fn report(studio: &Studio, _: &str, _: &[u8]) -> Result<Answer> {
         held.diagnosis.as_deref(),
         html::page,
     )?;
-    let stem = studio.path.file_stem().map_or("model".into(), |stem| stem.to_string_lossy());
-    let save_as = stem.is_ascii().then(|| format!("{stem}.report.html"));
-    let save_as = Some(save_as.unwrap_or_else(|| "report.html".to_string()));
+    let save_as = Some(format!("{}.report.html", stem(studio)));
     Ok(Answer { save_as, ..Answer::new(HTML, drawn.html) })
+}
+
+/// The plots as pictures: one of them (`plot=forces&at=0`), or all of them packed.
+fn plots(studio: &Studio, query: &str, _: &[u8]) -> Result<Answer> {
+    let kind = value(query, "as").and_then(image).ok_or_else(|| {
+        let known: Vec<&str> = IMAGES.iter().map(|row| row.name).collect();
+        Error::usage("there is no such kind of picture", format!("one of {}", known.join(", ")))
+    })?;
+    let paper = value(query, "paper").map(|name| match name {
+        "dark" => Paper::Dark,
+        _ => Paper::Light,
+    });
+    let look = Look { paper, ..Look::default() };
+    let held = studio.held().ok_or_else(|| {
+        Error::usage("there is nothing to draw yet", "wait until the plots are drawn")
+    })?;
+    let seen = held.seen()?;
+    let drawn = with_page(
+        &held.bench,
+        (&held.training, held.terms),
+        seen,
+        held.diagnosis.as_deref(),
+        |page| html::figures(&page.material),
+    )?;
+    let file = |figure: &Figure, kind: &Image| escaped_id(&figure.id) + "." + kind.name;
+    let Some(name) = value(query, "plot") else {
+        let figures = drawn.iter().flat_map(|(_, figures)| figures);
+        let files: Result<Vec<_>> =
+            figures.map(|figure| Ok((file(figure, kind), (kind.draw)(figure, look)?))).collect();
+        let folder = format!("{}-plots", stem(studio));
+        let packed = archive::zip(&folder, &files?)?;
+        let save_as = Some(format!("{folder}-{}.zip", kind.name));
+        return Ok(Answer { save_as, ..Answer::new("application/zip", packed) });
+    };
+    let at: usize = value(query, "at").and_then(|at| at.parse().ok()).unwrap_or(0);
+    let own = drawn.iter().find(|(plot, _)| *plot == name);
+    let figure = own.and_then(|(_, figures)| figures.get(at)).ok_or_else(|| {
+        Error::usage("there is no such plot any more", "look which plots the page shows now")
+    })?;
+    let bytes = (kind.draw)(figure, look)?;
+    let save_as = Some(format!("{}-{}", stem(studio), file(figure, kind)));
+    Ok(Answer { save_as, ..Answer::new(kind.media, bytes) })
+}
+
+/// The name of the spec's file without its end, in letters that a header takes.
+fn stem(studio: &Studio) -> String {
+    studio.path.file_stem().map_or("model".into(), |stem| escaped_id(&stem.to_string_lossy()))
 }
 
 /// Names of the formats that the page offers.

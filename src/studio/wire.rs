@@ -10,7 +10,7 @@ use crate::diagnostic::Diagnostic;
 use crate::error::Error;
 use crate::project::ledger::{BY_HAND, Judged, Ledger, date};
 use crate::report::html::{self, Page};
-use crate::report::plots::{For, Material, draw, number, plot};
+use crate::report::plots::{For, Material, PLOTS, Plot, draw, number};
 use crate::spec::effects::by_name;
 
 /// More diagnostics of one text than this are counted.
@@ -114,23 +114,36 @@ pub fn law(page: &Page) -> Value {
     })
 }
 
+/// Plots that are drawn as soon as a step is judged; the others need all predictions anew.
+const FIRST: &[&str] = &["horizons", "path", "front", "ledger"];
+
 /// Every plot, drawn.
 pub fn figures(material: &Material) -> Value {
-    let rows = html::figures(material).into_iter().map(|(name, figures)| {
-        let row = plot(name);
-        json!({
-            "plot": name,
-            "title": row.map(|row| row.title),
-            "absent": row.map(|row| row.absent),
-            "figures": figures.iter().map(|figure| json!({
-                "id": figure.id,
-                "title": figure.title,
-                "caption": figure.caption,
-                "svg": draw(figure, For::Page),
-            })).collect::<Vec<_>>(),
-        })
+    PLOTS.iter().map(|row| drawn(row, material)).collect()
+}
+
+/// The plots that take no time; of the others, that they will come.
+pub fn first_figures(material: &Material) -> Value {
+    let rows = PLOTS.iter().map(|row| match FIRST.contains(&row.name) {
+        true => drawn(row, material),
+        false => json!({ "plot": row.name, "title": row.title, "pending": true }),
     });
     rows.collect()
+}
+
+fn drawn(row: &Plot, material: &Material) -> Value {
+    let figures = (row.figures)(material);
+    json!({
+        "plot": row.name,
+        "title": row.title,
+        "absent": row.absent,
+        "figures": figures.iter().map(|figure| json!({
+            "id": figure.id,
+            "title": figure.title,
+            "caption": figure.caption,
+            "svg": draw(figure, For::Page),
+        })).collect::<Vec<_>>(),
+    })
 }
 
 /// The question what is missing, before it is answered: `waiting`, `asking`, `stopped`, or

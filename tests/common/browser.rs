@@ -13,6 +13,7 @@ pub struct Browser {
     driver: Child,
     port: u16,
     session: String,
+    dark: bool,
     _profile: TempDir,
 }
 
@@ -37,7 +38,8 @@ impl Browser {
             return None;
         };
         let profile = tempfile::tempdir().expect("a temporary folder");
-        let mut browser = Browser { driver, port, session: String::new(), _profile: profile };
+        let mut browser =
+            Browser { driver, port, session: String::new(), dark: false, _profile: profile };
         let start = Instant::now();
         while send(port, "GET", "/status", &[("host", "127.0.0.1")], b"").is_err() {
             assert!(start.elapsed() < PATIENCE, "chromedriver does not answer");
@@ -70,10 +72,15 @@ impl Browser {
         browser.session = format!("/session/{session}");
         let size = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600 });
         browser.tool("Emulation.setDeviceMetricsOverride", &size);
+        browser.dark = dark;
+        browser.light_up(dark);
+        Some(browser)
+    }
+
+    fn light_up(&self, dark: bool) {
         let scheme = if dark { "dark" } else { "light" };
         let media = json!({ "features": [{ "name": "prefers-color-scheme", "value": scheme }] });
-        browser.tool("Emulation.setEmulatedMedia", &media);
-        Some(browser)
+        self.tool("Emulation.setEmulatedMedia", &media);
     }
 
     fn call(&self, method: &str, path: &str, body: &Value) -> Value {
@@ -171,14 +178,18 @@ impl Browser {
         bad.map(|row| row["message"].to_string()).collect()
     }
 
-    /// A picture of the window, into the folder that `LEVERRIER_SHOTS` names.
+    /// Pictures of the window by day and by night, into the folder that `LEVERRIER_SHOTS` names.
     pub fn shot(&self, name: &str) {
         let Some(folder) = std::env::var_os("LEVERRIER_SHOTS") else { return };
-        let picture = self.tool("Page.captureScreenshot", &json!({ "format": "png" }));
-        let text = picture["data"].as_str().expect("a picture");
         std::fs::create_dir_all(&folder).expect("a folder");
-        let path = std::path::Path::new(&folder).join(format!("{name}.png"));
-        std::fs::write(path, decoded(text)).expect("written");
+        for (dark, scheme) in [(false, "light"), (true, "dark")] {
+            self.light_up(dark);
+            let picture = self.tool("Page.captureScreenshot", &json!({ "format": "png" }));
+            let text = picture["data"].as_str().expect("a picture");
+            let path = std::path::Path::new(&folder).join(format!("{name}-{scheme}.png"));
+            std::fs::write(path, decoded(text)).expect("written");
+        }
+        self.light_up(self.dark);
     }
 }
 

@@ -27,10 +27,16 @@ pub struct Studio {
 
 impl Studio {
     pub fn open(spec: &Path) -> Studio {
+        Studio::started(spec, &["--no-open"], &[])
+    }
+
+    /// Started with more arguments and variables of the environment.
+    pub fn started(spec: &Path, arguments: &[&str], variables: &[(&str, &str)]) -> Studio {
         let mut child = Command::new(env!("CARGO_BIN_EXE_leverrier"))
             .arg("studio")
             .arg(spec)
-            .arg("--no-open")
+            .args(arguments)
+            .envs(variables.iter().copied())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()

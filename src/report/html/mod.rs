@@ -1,7 +1,7 @@
 //! The report: one page that needs nothing but itself.
 
-mod sections;
-mod tables;
+pub(super) mod sections;
+pub(super) mod tables;
 
 use std::fmt::Write;
 

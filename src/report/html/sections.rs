@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::{Page, shown, tables};
 use crate::diagnose::missing::Verdict;
-use crate::report::plots::{Figure, amount, escaped, number, plot, term, unit};
+use crate::report::plots::{Figure, amount, escaped, number, plot, term, times, unit};
 use crate::simplify::Style;
 
 /// A heading and what stands below it.
@@ -57,7 +57,7 @@ pub fn cards(page: &Page) -> String {
             None => (last.training, "runs of the training"),
         };
         card(
-            &format!("{} × noise", number(error, 3)),
+            &format!("{} × noise", times(error)),
             &format!("error on {runs}, predicted over a time of {over}"),
         );
     }
@@ -106,16 +106,14 @@ pub fn equations(page: &Page) -> String {
     } else {
         out += "<div class=\"law\">\n";
         for formula in energy {
-            out += &formula.mathml;
-            out.push('\n');
+            let _ = writeln!(out, "<p>{}</p>", formula.mathml);
         }
         out += "</div>\n";
     }
     if !motion.is_empty() {
         out += "<details><summary>Equations of motion</summary>\n<div class=\"law\">\n";
         for formula in motion {
-            out += &formula.mathml;
-            out.push('\n');
+            let _ = writeln!(out, "<p>{}</p>", formula.mathml);
         }
         out += "</div></details>\n";
     }
@@ -127,38 +125,60 @@ pub fn numbers(page: &Page) -> String {
     let mut out = String::new();
     out +=
         "<p class=\"soft\">Digits in parentheses are the standard error of the last digits.</p>\n";
-    out += &sentences(page.notes.iter().take(12).cloned());
+    let notes = sentences(page.notes.iter().cloned());
+    out += &match page.notes.len() {
+        0..=4 => notes,
+        many => format!(
+            "<details><summary>{many} numbers are printed as nice ones</summary>\n{notes}</details>\n"
+        ),
+    };
     if let Some(model) = page.model {
-        out += &tables::coefficients(model);
+        out += &tables::coefficients(model).html();
     }
-    out + &tables::noise(page)
+    out + &tables::noise(page).html()
 }
 
-/// A list of sentences, each with a capital letter and a full stop.
+/// A sentence with its capital letter, its full stop and its minus signs.
+pub fn sentence(text: &str) -> String {
+    let mut letters = text.trim().chars();
+    let first: String = letters.next().map(|c| c.to_uppercase().collect()).unwrap_or_default();
+    // Names of effects and terms stay as they are.
+    let named = text.split_whitespace().next().is_some_and(|word| word.contains(['_', '(', '^']));
+    let text = match named {
+        true => text.trim().to_string(),
+        false => format!("{first}{}", letters.as_str()),
+    };
+    let text = text.replace(" -", " −");
+    let end = if text.ends_with(['.', '!', '?']) { "" } else { "." };
+    text + end
+}
+
+/// A list of sentences.
 fn sentences(all: impl Iterator<Item = String>) -> String {
     let mut out = String::new();
     for text in all {
-        let mut letters = text.trim().chars();
-        let first: String = letters.next().map(|c| c.to_uppercase().collect()).unwrap_or_default();
-        let text = format!("{first}{}", letters.as_str()).replace(" -", " −");
-        let end = if text.ends_with(['.', '!', '?']) { "" } else { "." };
-        let _ = writeln!(out, "<li>{}{end}</li>", escaped(&text));
+        let _ = writeln!(out, "<li>{}</li>", escaped(&sentence(&text)));
     }
     if out.is_empty() { out } else { format!("<ul class=\"findings\">\n{out}</ul>\n") }
 }
 
-pub fn findings(page: &Page) -> String {
+/// Where the model fails, what is missing and what is odd about the data.
+pub fn found(page: &Page) -> Vec<String> {
     let mut all = page.material.comparison.findings.clone();
     if let Some(diagnosis) = page.material.diagnosis {
         all.push(format!("{}: {}", verdict(diagnosis.verdict), diagnosis.reason));
     }
     all.extend(page.data.warnings.iter().take(8).map(|w| format!("About the data: {w}")));
+    all
+}
+
+pub fn findings(page: &Page) -> String {
     let how = format!(
         "<p class=\"soft\">Split: {} The model that is judged: {}.</p>\n",
         escaped(page.split),
         escaped(page.terms_from)
     );
-    sentences(all.into_iter()) + &how
+    sentences(found(page).into_iter()) + &how
 }
 
 fn verdict(verdict: Verdict) -> &'static str {
@@ -196,14 +216,14 @@ fn several(figures: &Drawn, names: &[&str]) -> String {
 }
 
 fn predictions(page: &Page, figures: &Drawn) -> String {
-    let table = tables::horizons(page.material.comparison);
+    let table = tables::horizons(page.material.comparison).html();
     several(figures, &["horizons", "predictions"])
         + &format!("<details><summary>The errors as a table</summary>\n{table}</details>\n")
 }
 
 fn forces(page: &Page, figures: &Drawn) -> String {
     let mut out = several(figures, &["forces", "force-map"]);
-    let table = tables::forces(page.material.comparison);
+    let table = tables::forces(page.material.comparison).html();
     if !table.is_empty() {
         let _ = write!(out, "<details><summary>All maps as a table</summary>\n{table}</details>\n");
     }
@@ -223,7 +243,7 @@ fn missing(page: &Page, figures: &Drawn) -> String {
         escaped(diagnosis.reason.trim_end_matches('.'))
     );
     if figures.iter().any(|(name, own)| *name == "ranking" && !own.is_empty()) {
-        let (plot, table) = (drawn(figures, "ranking"), tables::leaders(diagnosis));
+        let (plot, table) = (drawn(figures, "ranking"), tables::leaders(diagnosis).html());
         let _ = writeln!(out, "<div class=\"beside\">{plot}{table}</div>");
     }
     if let Some(first) = diagnosis.ranking.first() {
@@ -279,7 +299,7 @@ fn search(page: &Page, figures: &Drawn) -> String {
         count(model.stop.rounds, "round"),
     );
     out += &several(figures, &["front", "path"]);
-    out += &tables::runners_up(model);
+    out += &tables::runners_up(model).html();
     let doubts = model.alternatives.iter().take(12).map(|exchange| {
         format!(
             "These data can hardly tell {} from {} (criterion +{:.1})",
@@ -295,10 +315,11 @@ fn ledger(page: &Page, figures: &Drawn) -> String {
     if page.history.is_empty() {
         return String::new();
     }
-    drawn(figures, "ledger") + &tables::ledger(page.history)
+    drawn(figures, "ledger") + &tables::ledger(page.history).html()
 }
 
-pub fn data(page: &Page) -> String {
+/// How much was measured, in a sentence.
+pub fn amount_of_data(page: &Page) -> String {
     let data = page.data;
     let sampling = data.sampling;
     let time = unit(page.material.view.time.unit.as_deref());
@@ -312,14 +333,19 @@ pub fn data(page: &Page) -> String {
             number(sampling.maximum, 4)
         )
     };
-    let mut out = format!(
-        "<p>{} in {}; {}.</p>\n",
+    format!(
+        "{} in {}; {}.",
         count(data.samples, "sample"),
         count(data.runs.len(), "run"),
-        escaped(every.trim_end())
-    );
-    out += &tables::columns(data);
-    out += &tables::gaps(data);
+        every.trim_end()
+    )
+}
+
+pub fn data(page: &Page) -> String {
+    let data = page.data;
+    let mut out = format!("<p>{}</p>\n", escaped(&amount_of_data(page)));
+    out += &tables::columns(data).html();
+    out += &tables::gaps(data).html();
     out + &sentences(data.warnings.iter().cloned())
 }
 

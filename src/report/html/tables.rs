@@ -12,33 +12,64 @@ use crate::report::plots::{escaped, measured, number, plain, tenths, term, unit}
 /// Rows of a table; the others are counted.
 const MOST: usize = 40;
 
-/// A table; columns listed in `numbers` stand to the right. Nothing without rows.
-fn table(head: &[&str], rows: &[Vec<String>], numbers: &[usize]) -> String {
-    if rows.is_empty() {
-        return String::new();
+/// A table: its head, its rows, and the columns that stand to the right.
+pub struct Table {
+    pub head: Vec<&'static str>,
+    pub rows: Vec<Vec<String>>,
+    pub numbers: Vec<usize>,
+}
+
+impl Table {
+    /// The first rows, and how many are left out.
+    pub fn shown(&self) -> (&[Vec<String>], usize) {
+        let most = self.rows.len().min(MOST);
+        (&self.rows[..most], self.rows.len() - most)
     }
-    let class = |at: usize| if numbers.contains(&at) { " class=\"number\"" } else { "" };
-    let mut out = String::from("<div class=\"scroll\"><table>\n<thead><tr>");
-    for (at, cell) in head.iter().enumerate() {
-        let _ = write!(out, "<th scope=\"col\"{}>{}</th>", class(at), escaped(cell));
-    }
-    out += "</tr></thead>\n<tbody>\n";
-    for row in rows.iter().take(MOST) {
-        out += "<tr>";
-        for (at, cell) in row.iter().enumerate() {
-            let _ = write!(out, "<td{}>{}</td>", class(at), escaped(cell));
+
+    /// Nothing without rows.
+    pub fn html(&self) -> String {
+        if self.rows.is_empty() {
+            return String::new();
         }
-        out += "</tr>\n";
+        let class = |at: usize| if self.numbers.contains(&at) { " class=\"number\"" } else { "" };
+        let mut out = String::from("<div class=\"scroll\"><table>\n<thead><tr>");
+        for (at, cell) in self.head.iter().enumerate() {
+            let _ = write!(out, "<th scope=\"col\"{}>{}</th>", class(at), escaped(cell));
+        }
+        out += "</tr></thead>\n<tbody>\n";
+        let (rows, more) = self.shown();
+        for row in rows {
+            out += "<tr>";
+            for (at, cell) in row.iter().enumerate() {
+                let _ = write!(out, "<td{}>{}</td>", class(at), escaped(cell));
+            }
+            out += "</tr>\n";
+        }
+        out += "</tbody></table></div>\n";
+        if more > 0 {
+            let _ = writeln!(out, "<p class=\"soft\">and {more} more</p>");
+        }
+        out
     }
-    out += "</tbody></table></div>\n";
-    if rows.len() > MOST {
-        let _ = writeln!(out, "<p class=\"soft\">and {} more</p>", rows.len() - MOST);
+}
+
+/// A table without the columns that no row has anything in.
+fn table(head: &[&'static str], mut rows: Vec<Vec<String>>, numbers: &[usize]) -> Table {
+    let filled: Vec<usize> = (0..head.len())
+        .filter(|&at| rows.iter().any(|row| row.get(at).is_some_and(|cell| !cell.is_empty())))
+        .collect();
+    for row in &mut rows {
+        *row = filled.iter().map(|&at| std::mem::take(&mut row[at])).collect();
     }
-    out
+    Table {
+        head: filled.iter().map(|&at| head[at]).collect(),
+        rows,
+        numbers: (0..filled.len()).filter(|&at| numbers.contains(&filled[at])).collect(),
+    }
 }
 
 /// Coefficients and inner parameters of the law.
-pub fn coefficients(model: &Model) -> String {
+pub fn coefficients(model: &Model) -> Table {
     let rows: Vec<Vec<String>> = model
         .terms
         .iter()
@@ -62,11 +93,11 @@ pub fn coefficients(model: &Model) -> String {
             ]
         }))
         .collect();
-    table(&["part", "term", "coefficient", "unit", "chosen on resampled data"], &rows, &[2, 4])
+    table(&["part", "term", "coefficient", "unit", "chosen on resampled data"], rows, &[2, 4])
 }
 
 /// Noise of every observable.
-pub fn noise(page: &Page) -> String {
+pub fn noise(page: &Page) -> Table {
     let view = page.material.view;
     let rows: Vec<Vec<String>> = view
         .observables
@@ -76,11 +107,11 @@ pub fn noise(page: &Page) -> String {
             vec![plain(&quantity.name), number(*noise, 3), unit(quantity.unit.as_deref())]
         })
         .collect();
-    table(&["noise of", "standard deviation", "unit"], &rows, &[1])
+    table(&["noise of", "standard deviation", "unit"], rows, &[1])
 }
 
 /// Errors by length of prediction.
-pub fn horizons(comparison: &Comparison) -> String {
+pub fn horizons(comparison: &Comparison) -> Table {
     let times = |error: f64| number(error, 3);
     let rows: Vec<Vec<String>> = comparison
         .horizons
@@ -97,11 +128,11 @@ pub fn horizons(comparison: &Comparison) -> String {
         })
         .collect();
     let head = ["samples", "time", "training", "unseen", "nothing moves", "exploded"];
-    table(&head, &rows, &[0, 1, 2, 3, 4, 5])
+    table(&head, rows, &[0, 1, 2, 3, 4, 5])
 }
 
 /// Residual forces, the most telling first.
-pub fn forces(comparison: &Comparison) -> String {
+pub fn forces(comparison: &Comparison) -> Table {
     let mut maps: Vec<_> = comparison.maps.iter().collect();
     maps.sort_by(|a, b| a.p_value.total_cmp(&b.p_value).then(b.deviance.total_cmp(&a.deviance)));
     let rows: Vec<Vec<String>> = maps
@@ -118,7 +149,7 @@ pub fn forces(comparison: &Comparison) -> String {
         .collect();
     let head =
         ["force on", "against", "deviance", "degrees of freedom", "chance if nothing is missing"];
-    table(&head, &rows, &[2, 3, 4])
+    table(&head, rows, &[2, 3, 4])
 }
 
 fn chance(p: f64) -> String {
@@ -126,7 +157,7 @@ fn chance(p: f64) -> String {
 }
 
 /// The leaders of a diagnosis.
-pub fn leaders(diagnosis: &Diagnosis) -> String {
+pub fn leaders(diagnosis: &Diagnosis) -> Table {
     let rows: Vec<Vec<String>> = diagnosis
         .ranking
         .iter()
@@ -144,11 +175,11 @@ pub fn leaders(diagnosis: &Diagnosis) -> String {
         })
         .collect();
     let head = ["effect", "coefficient", "deviance", "chance", "unseen before", "after"];
-    table(&head, &rows, &[1, 2, 3, 4, 5])
+    table(&head, rows, &[1, 2, 3, 4, 5])
 }
 
 /// Models that came close.
-pub fn runners_up(model: &Model) -> String {
+pub fn runners_up(model: &Model) -> Table {
     let rows: Vec<Vec<String>> = model
         .runners_up
         .iter()
@@ -156,14 +187,16 @@ pub fn runners_up(model: &Model) -> String {
         .map(|runner| {
             let terms: Vec<String> = runner.terms.iter().take(12).map(|(t, _)| term(t)).collect();
             let more = if runner.terms.len() > 12 { ", …" } else { "" };
-            vec![format!("+{}", tenths(runner.difference)), terms.join(", ") + more]
+            let terms = if terms.is_empty() { "none".to_string() } else { terms.join(", ") + more };
+            let sign = if runner.difference < 0.0 { "" } else { "+" };
+            vec![format!("{sign}{}", tenths(runner.difference)), terms]
         })
         .collect();
-    table(&["criterion", "terms of the runner-up"], &rows, &[0])
+    table(&["criterion", "terms of the runner-up"], rows, &[0])
 }
 
 /// The ledger.
-pub fn ledger(history: &[Entry]) -> String {
+pub fn ledger(history: &[Entry]) -> Table {
     let error = |error: Option<f64>| error.map_or(String::new(), |e| number(e, 3));
     let rows: Vec<Vec<String>> = history
         .iter()
@@ -177,11 +210,11 @@ pub fn ledger(history: &[Entry]) -> String {
             ]
         })
         .collect();
-    table(&["time (UTC)", "action", "unseen error before", "after", ""], &rows, &[2, 3])
+    table(&["time (UTC)", "action", "unseen error before", "after", ""], rows, &[2, 3])
 }
 
 /// What was measured.
-pub fn columns(data: &DataReport) -> String {
+pub fn columns(data: &DataReport) -> Table {
     let value = |x: Option<f64>| x.map_or("–".to_string(), |x| number(x, 5));
     let rows: Vec<Vec<String>> = data
         .columns
@@ -201,11 +234,11 @@ pub fn columns(data: &DataReport) -> String {
         .collect();
     let head =
         ["observable", "column", "measured", "missing", "minimum", "maximum", "mean", "spread"];
-    table(&head, &rows, &[2, 3, 4, 5, 6, 7])
+    table(&head, rows, &[2, 3, 4, 5, 6, 7])
 }
 
 /// Where samples are missing.
-pub fn gaps(data: &DataReport) -> String {
+pub fn gaps(data: &DataReport) -> Table {
     let rows: Vec<Vec<String>> = data
         .gaps
         .iter()
@@ -220,7 +253,7 @@ pub fn gaps(data: &DataReport) -> String {
         })
         .collect();
     let head = ["gap in run", "after line", "from", "to", "median steps"];
-    table(&head, &rows, &[1, 2, 3, 4])
+    table(&head, rows, &[1, 2, 3, 4])
 }
 
 /// Names and values.

@@ -2,14 +2,21 @@
 
 use super::axes::Axis;
 use super::figure::{About, Figure, Mark, Panel, Shape, Style};
-use super::{Material, label};
+use super::{Material, forces, label};
 use crate::diagnose::compare::EnergyDrift;
-use crate::diagnose::view::EnergySeries;
+use crate::diagnose::view::{EnergySeries, View};
 
 /// Runs with a name; the others are faint.
 const NAMED: usize = 5;
 /// Runs that are drawn.
 const MOST: usize = 60;
+
+/// Unit of the energy: coordinate times momentum over time.
+fn energy_unit(view: &View) -> Option<String> {
+    let (coordinate, momentum) = (view.state.first()?, view.state.get(view.state.len() / 2)?);
+    let time = view.time.unit.as_deref();
+    label::product(&[(momentum.unit.as_deref(), 1), (coordinate.unit.as_deref(), 1), (time, -1)])
+}
 
 /// One figure of all runs that are long enough.
 pub fn figures(material: &Material) -> Vec<Figure> {
@@ -52,7 +59,8 @@ pub fn figures(material: &Material) -> Vec<Figure> {
     let points = || all.iter().flat_map(|series| series.points.iter());
     let x =
         Axis::linear(points().map(|p| p.0), 6).variable(&view.time.name, view.time.unit.as_deref());
-    let y = Axis::linear(points().map(|p| p.1), 5).words("energy H");
+    let y = Axis::linear(points().map(|p| p.1), 5);
+    let y = forces::in_units_of(y, "energy H", energy_unit(view));
     let mut panel = Panel::new(1.0, x, y);
     for (at, series) in all.iter().enumerate().rev() {
         let style = if at < NAMED { Style::Series(at as u8) } else { Style::Faint };

@@ -1,8 +1,8 @@
 //! Residual force over the plane of a coordinate and its momentum.
 
 use super::axes::Axis;
-use super::figure::{Figure, Mark, Panel, Style};
-use super::forces::chance;
+use super::figure::{Figure, Mark, Panel};
+use super::forces::{chance, force_unit};
 use super::{Material, label};
 use crate::diagnose::plane::{ForceNode, ForcePlane};
 use crate::diagnose::view::View;
@@ -10,10 +10,12 @@ use crate::diagnose::view::View;
 /// Chance below which a map is worth its numbers.
 const TELLING: f64 = 1e-3;
 
-/// One figure for each coordinate whose plane is known.
+/// One figure for each coordinate whose plane is known, the most telling first.
 pub fn figures(material: &Material) -> Vec<Figure> {
     let view = material.view;
-    view.planes.iter().filter_map(|plane| figure(view, plane)).collect()
+    let mut planes: Vec<&ForcePlane> = view.planes.iter().collect();
+    planes.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
+    planes.into_iter().filter_map(|plane| figure(view, plane)).collect()
 }
 
 fn figure(view: &View, plane: &ForcePlane) -> Option<Figure> {
@@ -61,8 +63,6 @@ fn figure(view: &View, plane: &ForcePlane) -> Option<Figure> {
     let x = Axis::between(left, right, 6).variable(&q.name, q.unit.as_deref());
     let y = Axis::between(low, high, 5).variable(&p.name, p.unit.as_deref());
     let mut panel = Panel::new(1.0, x, y);
-    panel.marks.push(Mark::Level { style: Style::Reference, y: 0.0 });
-    panel.marks.push(Mark::Upright { style: Style::Reference, x: 0.0 });
     // One power of ten for all numbers, so that they fit into their cells.
     let power = most.log10().floor();
     let shift = if (-2.0..3.0).contains(&power) { 0.0 } else { power };
@@ -98,8 +98,15 @@ fn figure(view: &View, plane: &ForcePlane) -> Option<Figure> {
             text,
         });
     }
-    if shift != 0.0 {
-        figure.title += &format!(", in {}", label::power_of_ten(shift as i32));
+    let unit = label::unit(force_unit(view, &q.name).as_deref());
+    let power = match shift {
+        0.0 => String::new(),
+        shift => label::power_of_ten(shift as i32),
+    };
+    let of =
+        [power, unit].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ");
+    if !of.is_empty() {
+        figure.title += &format!(", in {of}");
     }
     figure.panels.push(panel);
     Some(figure)

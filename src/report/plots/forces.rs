@@ -66,14 +66,15 @@ pub fn figure(view: &View, map: &ResidualMap) -> Option<Figure> {
     errors.sort_by(f64::total_cmp);
     let most = points.iter().map(|p| p.1.abs()).fold(3.0 * errors[errors.len() / 2], f64::max);
     let ends = band.iter().flat_map(|p| [p.1, p.2]).filter(|y| y.abs() <= 2.5 * most).chain([0.0]);
-    let y = Axis::linear(ends, 5).words("force");
+    let y = in_units_of(Axis::linear(ends, 5), "force", force_unit(view, &map.on));
     let mut panel = Panel::new(1.0, x, y);
     let curve: Vec<(f64, f64)> = points.iter().map(|p| (p.0, p.1)).collect();
     let texts = points
         .iter()
         .map(|&(x, force, error)| {
             let force = label::measured(force, error, 3);
-            format!("{against} = {}: force {force}", label::number(x, 3))
+            let unit = label::unit(force_unit(view, &map.on).as_deref());
+            format!("{against} = {}: force {force} {unit}", label::number(x, 3)).trim_end().into()
         })
         .collect();
     panel.marks = vec![
@@ -84,6 +85,22 @@ pub fn figure(view: &View, map: &ResidualMap) -> Option<Figure> {
     ];
     figure.panels.push(panel);
     Some(figure)
+}
+
+/// Unit of the force on a coordinate: that of its momentum over time.
+pub fn force_unit(view: &View, on: &str) -> Option<String> {
+    let at = view.state.iter().position(|quantity| quantity.name == on)?;
+    let momentum = view.state.get(view.state.len() / 2 + at)?;
+    label::product(&[(momentum.unit.as_deref(), 1), (view.time.unit.as_deref(), -1)])
+}
+
+/// An axis of a quantity that is derived from the spec's: with its unit, where the spec says any.
+pub fn in_units_of(axis: Axis, name: &str, unit: Option<String>) -> Axis {
+    match unit.as_deref() {
+        None => axis.words(&format!("{name}, in units of the data")),
+        Some("1") => axis.words(name),
+        unit => axis.words(name).unit(&label::unit(unit)),
+    }
 }
 
 /// A p-value in words.

@@ -25,15 +25,15 @@ pub fn figures(material: &Material) -> Vec<Figure> {
     }
     let mut caption = format!(
         "Root mean square error of predictions from their best initial state, in units of the \
-         noise: 1 is the noise floor. Over the longest prediction ({}) it is {} on runs of \
-         the training",
+         noise: 1 is the noise floor. Over the longest prediction ({}) it is ",
         label::amount(last.duration, 3, time.unit.as_deref()),
-        times(last.training),
     );
-    if let Some(unseen) = last.unseen {
-        caption += &format!(" and {} on unseen runs", times(unseen));
-    }
-    caption.push('.');
+    // Before the training runs are judged again, only the unseen ones are known.
+    let training = (!last.training.is_nan()).then_some((last.training, "runs of the training"));
+    let judged = training.into_iter().chain(last.unseen.map(|error| (error, "unseen runs")));
+    let judged: Vec<String> =
+        judged.map(|(error, runs)| format!("{} on {runs}", times(error))).collect();
+    caption += &format!("{}.", judged.join(" and "));
     let mut figure = Figure::new("horizons", "Error by length of prediction".into(), caption);
     let x = Axis::logarithmic(all().map(|p| p.0))
         .words("length of the prediction")

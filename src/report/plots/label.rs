@@ -99,6 +99,43 @@ pub fn unit(text: Option<&str>) -> String {
     out
 }
 
+/// A product of units to powers, as a unit of the mini-language: `kg*m/s` over `s` is `kg*m/s^2`.
+/// None where one of them is not known.
+pub fn product(units: &[(Option<&str>, i32)]) -> Option<String> {
+    let mut powers: Vec<(String, i32)> = Vec::new();
+    for (unit, power) in units {
+        // Brackets and broken powers are not taken apart.
+        let unit = unit.filter(|unit| !unit.contains(['(', '.', ' ']))?;
+        let mut sign = 1;
+        for (at, factor) in unit.split_inclusive(['*', '/']).enumerate() {
+            let name = factor.trim_end_matches(['*', '/']);
+            let (name, own) = name.split_once('^').unwrap_or((name, "1"));
+            let own: i32 = own.parse().ok()?;
+            if !name.is_empty() && name != "1" {
+                match powers.iter_mut().find(|(known, _)| known == name) {
+                    Some((_, sum)) => *sum += sign * own * power,
+                    None => powers.push((name.to_string(), sign * own * power)),
+                }
+            } else if at > 0 {
+                return None;
+            }
+            sign = if factor.ends_with('/') { -1 } else { 1 };
+        }
+    }
+    let written = |name: &str, power: i32| match power {
+        1 => name.to_string(),
+        power => format!("{name}^{power}"),
+    };
+    let over: Vec<String> =
+        powers.iter().filter(|p| p.1 > 0).map(|(name, power)| written(name, *power)).collect();
+    let under = powers.iter().filter(|p| p.1 < 0);
+    let mut out = if over.is_empty() { "1".to_string() } else { over.join("*") };
+    for (name, power) in under {
+        out += &format!("/{}", written(name, -power));
+    }
+    Some(out)
+}
+
 fn superscript(c: char) -> char {
     match c {
         '1' => '¹',
@@ -197,6 +234,12 @@ mod tests {
         assert_eq!(unit(Some("kg*m^2/s")), "kg·m²/s");
         assert_eq!(unit(Some("m*s^-2")), "m·s⁻²");
         assert_eq!(unit(None) + &unit(Some("1")), "");
+        let force = product(&[(Some("kg*m/s"), 1), (Some("s"), -1)]);
+        assert_eq!(force.as_deref(), Some("kg*m/s^2"));
+        let energy = product(&[(Some("rad/s"), 1), (Some("rad"), 1), (Some("s"), -1)]);
+        assert_eq!(energy.as_deref(), Some("rad^2/s^2"));
+        assert_eq!(product(&[(Some("1/s"), 1), (Some("s"), 1)]).as_deref(), Some("1"));
+        assert_eq!(product(&[(Some("m"), 1), (None, -1)]), None);
         assert_eq!(term("q[1]^2*cos(theta)"), "q₁² cos(θ)");
         assert_eq!(number(-1.5e-9, 3), "−1.5·10⁻⁹");
         assert_eq!(number(0.25, 3), "0.25");

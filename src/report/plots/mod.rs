@@ -12,6 +12,7 @@ mod force_map;
 mod forces;
 mod front;
 mod horizons;
+mod image;
 mod label;
 mod ledger;
 mod marks;
@@ -19,6 +20,7 @@ mod path;
 mod portrait;
 pub mod predictions;
 mod ranking;
+mod raster;
 mod style;
 mod svg;
 mod thin;
@@ -27,9 +29,17 @@ use serde::Serialize;
 
 pub use axes::{Axis, Scale, Tick};
 pub use figure::Figure;
+pub use image::{IMAGES, Image, Look, image};
 pub use label::{amount, measured, number, plain, tenths, term, unit};
-pub use style::{SCRIPT, live_sheet, sheet};
+pub use raster::{SCALES, require_scale};
+pub use style::{Paper, SCRIPT, live_sheet, sheet};
 pub use svg::{For, draw, escaped};
+
+/// The id of a figure in letters that every file system and header takes.
+pub fn escaped_id(id: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_' || c == '.';
+    id.chars().map(|c| if plain(c) { c } else { '_' }).collect()
+}
 
 use crate::diagnose::compare::Comparison;
 use crate::diagnose::missing::Diagnosis;
@@ -145,7 +155,7 @@ pub fn plot(name: &str) -> Option<&'static Plot> {
 }
 
 /// A number of times the noise, in words.
-fn times(error: f64) -> String {
+pub fn times(error: f64) -> String {
     match error {
         e if !e.is_finite() => "beyond all bounds".to_string(),
         e if e < 100.0 => format!("{e:.2}"),

@@ -9,6 +9,8 @@ use crate::diagnose::view::{Portrait, View};
 
 /// Contours, more or less.
 const LEVELS: usize = 9;
+/// Components of the state that are told one by one.
+const FEW: usize = 4;
 /// Runs that are series of their own; more of them are one cloud.
 const RUNS: usize = 40;
 
@@ -38,7 +40,10 @@ fn figure(view: &View, portrait: &Portrait) -> Option<Figure> {
         })
         .collect();
     let mut caption = "Lines of equal energy of the learned H, and the motion on them.".to_string();
-    if !held.is_empty() {
+    if held.len() > FEW {
+        caption += " H is shown with the other coordinates at their means and the other momenta at \
+                    zero; the motion is projected.";
+    } else if !held.is_empty() {
         caption += &format!(" H is shown at {}; the motion is projected.", held.join(", "));
     }
     let mut figure = Figure::new(&format!("portrait-{}-{}", x.name, y.name), title, caption);
@@ -90,6 +95,25 @@ fn tracks(view: &View, portrait: &Portrait, panel: &mut Panel) {
     }
 }
 
+/// Room of a number at a contour, as parts of the panel's width and height.
+const ROOM: (f64, f64) = (0.12, 0.07);
+
+/// Whether a number has room at a place, inside and beside the others.
+fn free(panel: &Panel, words: &[Mark], place: (f64, f64)) -> bool {
+    let of = |(x, y): (f64, f64)| (panel.x.place(x), panel.y.place(y));
+    let (x, y) = of(place);
+    let inside = |at: f64, room: f64| (0.6 * room..=1.0 - 0.6 * room).contains(&at);
+    inside(x, ROOM.0)
+        && inside(y, ROOM.1)
+        && words.iter().all(|word| match word {
+            Mark::Text { at, .. } => {
+                let (other_x, other_y) = of(*at);
+                (x - other_x).abs() > ROOM.0 || (y - other_y).abs() > ROOM.1
+            }
+            _ => true,
+        })
+}
+
 fn contours(portrait: &Portrait, panel: &mut Panel) {
     let all = || portrait.energy.iter().flatten().copied().filter(|e| e.is_finite());
     let (Some(least), Some(most)) = (all().reduce(f64::min), all().reduce(f64::max)) else {
@@ -114,9 +138,11 @@ fn contours(portrait: &Portrait, panel: &mut Panel) {
         let lines = contour::lines(&portrait.columns, &portrait.rows, &portrait.energy, tick.value);
         let longest = lines.iter().max_by_key(|line| line.len());
         if at % every == 0
-            && let Some(place) = longest.filter(|line| line.len() > 24).and_then(|line| {
-                // Labels of neighbours stand apart.
-                line.get((line.len() / 8 + at * 3).min(line.len() - 1)).copied()
+            && let Some(place) = longest.and_then(|line| {
+                // Each at the top of its line, or as near to it as others leave room.
+                let mut places: Vec<(f64, f64)> = line.clone();
+                places.sort_by(|a, b| b.1.total_cmp(&a.1));
+                places.into_iter().find(|place| free(panel, &words, *place))
             })
         {
             words.push(Mark::Text {

@@ -24,6 +24,16 @@ const PALETTE: &[(&str, &str, &str)] = &[
 const FIGURES: &str = include_str!("figures.css");
 const LIVE: &str = include_str!("live.css");
 
+/// What a picture is drawn on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Paper {
+    /// White.
+    #[default]
+    Light,
+    /// As screens have it at night, and many slides.
+    Dark,
+}
+
 /// The script with which figures in a page answer to a pointer; pages work without it too.
 pub const SCRIPT: &str = include_str!("figures.js");
 
@@ -37,18 +47,30 @@ pub fn live_sheet() -> String {
     themed(&format!("{FIGURES}{LIVE}"))
 }
 
+/// The style sheet of figures on one kind of paper, whatever the reader prefers.
+pub fn print_sheet(paper: Paper) -> String {
+    coloured(FIGURES, paper)
+}
+
+fn coloured(text: &str, paper: Paper) -> String {
+    PALETTE.iter().fold(text.to_string(), |text, (name, light, dark)| {
+        text.replace(
+            name,
+            match paper {
+                Paper::Light => light,
+                Paper::Dark => dark,
+            },
+        )
+    })
+}
+
 fn themed(rules: &str) -> String {
-    let with = |text: &str, dark: bool| {
-        PALETTE.iter().fold(text.to_string(), |text, (name, light, night)| {
-            text.replace(name, if dark { night } else { light })
-        })
-    };
-    let coloured: String =
+    let colours: String =
         rules.lines().filter(|line| line.contains('$')).flat_map(|line| [line, "\n"]).collect();
     format!(
         "{}@media (prefers-color-scheme: dark) {{\n{}}}\n",
-        with(rules, false),
-        with(&coloured, true)
+        coloured(rules, Paper::Light),
+        coloured(&colours, Paper::Dark)
     )
 }
 
@@ -58,7 +80,7 @@ mod tests {
 
     #[test]
     fn every_colour_has_a_value() {
-        for sheet in [sheet(), live_sheet()] {
+        for sheet in [sheet(), live_sheet(), print_sheet(Paper::Dark)] {
             assert!(!sheet.contains('$'), "{sheet}");
             assert!(sheet.matches('{').count() == sheet.matches('}').count());
         }

@@ -7,13 +7,16 @@ use super::axes::Axis;
 use super::figure::{Arrangement, Figure, Key, Panel, Shape};
 use super::label;
 use super::marks::{Frame, Pen, class, draw_mark, marker};
-use super::style;
+use super::style::{self, Paper};
 
 /// Where the drawing goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum For {
-    /// A file of its own: with its style sheet and a background.
+    /// A file of its own, with its style sheet and a background: light or dark as the reader
+    /// prefers.
     File,
+    /// The same, light or dark for good.
+    Print(Paper),
     /// A page that has [`sheet`](super::sheet) already.
     Page,
 }
@@ -45,11 +48,16 @@ pub fn draw(figure: &Figure, target: For) -> String {
         escaped(&figure.title),
         escaped(&figure.caption),
     );
-    if target == For::File {
+    let sheet = match target {
+        For::File => Some(style::sheet()),
+        For::Print(paper) => Some(style::print_sheet(paper)),
+        For::Page => None,
+    };
+    if let Some(sheet) = sheet {
         let _ = write!(
             out,
-            "<style>{}</style>\n<rect class=\"paper\" width=\"{width}\" height=\"{height}\"/>\n",
-            style::sheet()
+            "<style>{sheet}</style>\n\
+             <rect class=\"paper\" width=\"{width}\" height=\"{height}\"/>\n",
         );
     }
     let _ = writeln!(

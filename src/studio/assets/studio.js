@@ -107,7 +107,8 @@
     $("file").textContent = spec.name;
     const formats = $("formats");
     if (!formats.childElementCount) {
-      for (const [name, path] of [...spec.formats.map((name) => [name, `/api/export?to=${name}`]), ["report (HTML)", "/api/report"]]) {
+      for (const [name, path] of [...spec.formats.map((name) => [name, `/api/export?to=${name}`]), ["report (HTML)", "/api/report"],
+        ["all plots (SVG)", "/api/plots?as=svg"], ["all plots (PNG)", "/api/plots?as=png"]]) {
         const button = make("button", "", name);
         button.type = "button";
         button.addEventListener("click", () => fetchFile(name, path));
@@ -117,7 +118,9 @@
   };
   const fetchFile = async (name, path) => {
     $("export").open = false;
-    const answer = await ask(path).catch(() => null);
+    // Pictures in pixels look as the page does.
+    const dark = path.includes("as=png") && matchMedia("(prefers-color-scheme: dark)").matches;
+    const answer = await ask(path + (dark ? "&paper=dark" : "")).catch(() => null);
     if (!answer?.ok) {
       say({ ...(answer ? await why(answer) : { message: "the studio does not answer" }), failed: true });
       return;
@@ -162,24 +165,37 @@
     ["What was found, and how", ["ranking", "ledger", "front", "path"]],
   ];
   let picked = null;
+  let drawn = new Map();
   const showFigures = (plots) => {
-    const by = new Map(plots.map((plot) => [plot.plot, plot]));
+    // Plots that are still to come stay as they were, in grey.
+    const by = new Map(plots.map((plot) => [plot.plot,
+      plot.pending ? { ...plot, figures: drawn.get(plot.plot)?.figures ?? [] } : plot]));
+    drawn = by;
     const known = new Set(ORDER);
     const groups = GROUPS.map(([title, names]) => [title, names]);
     const others = plots.map((plot) => plot.plot).filter((name) => !known.has(name));
     if (others.length) groups.push(["Further", others]);
     const sections = [];
     for (const [title, names] of groups) {
-      const figures = names.flatMap((name) => by.get(name)?.figures ?? []);
+      const figures = names.flatMap((name) => (by.get(name)?.figures ?? []).map((figure, at) => [[name, at], figure]));
       if (!figures.length) continue;
       const section = make("section", "plot");
       section.setAttribute("aria-label", title);
       section.append(make("h2", "", title));
       const grid = make("div", "figures");
-      for (const figure of figures) {
-        const box = make("figure");
+      for (const [at, figure] of figures) {
+        const box = make("figure", by.get(at[0]).pending ? "pending" : "");
         box.innerHTML = figure.svg;
-        box.append(make("figcaption", "", figure.caption));
+        const caption = make("figcaption", "", `${figure.caption} `);
+        for (const kind of ["SVG", "PNG"]) {
+          const button = make("button", "plain", kind);
+          button.type = "button";
+          button.setAttribute("aria-label", `Save “${figure.title}” as ${kind}`);
+          const name = kind.toLowerCase();
+          button.addEventListener("click", () => fetchFile(`plot.${name}`, `/api/plots?as=${name}&plot=${at[0]}&at=${at[1]}`));
+          caption.append(button);
+        }
+        box.append(caption);
         grid.append(box);
       }
       section.append(grid);
