@@ -111,9 +111,11 @@ impl Model {
             ));
         }
         let conservative = graph.is_zero(power);
-        let smooth = !graph.topological(&[energy]).into_iter().chain(graph.topological(&forces)).any(
-            |part| matches!(graph.node(part), Node::Apply(f, _) if !f.row().smooth),
-        );
+        let smooth = !graph
+            .topological(&[energy])
+            .into_iter()
+            .chain(graph.topological(&forces))
+            .any(|part| matches!(graph.node(part), Node::Apply(f, _) if !f.row().smooth));
         Ok(Model {
             energy,
             velocities,
