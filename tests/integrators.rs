@@ -54,7 +54,10 @@ fn compositions_are_consistent_and_symmetric() {
                 assert!((sum - 1.0).abs() < 1e-15, "{}: {sum}", row.name);
                 let stages = tableau.weights.len();
                 for (line, node) in tableau.matrix.chunks(stages).zip(tableau.nodes) {
-                    assert!((line.iter().sum::<f64>() - node).abs() < 1e-15, "{}", row.name);
+                    // Rounding goes with the size of what is added up.
+                    let size = line.iter().map(|entry| entry.abs()).sum::<f64>().max(1.0);
+                    let off = (line.iter().sum::<f64>() - node).abs();
+                    assert!(off < 4.0 * f64::EPSILON * size, "{}: {off:e}", row.name);
                 }
             }
         }
@@ -171,7 +174,9 @@ fn tangents_are_the_jacobian_of_the_discrete_map() {
                 batch
             };
             let batch = go(&starts, &theta, true);
-            assert_eq!(batch.state, go(&starts, &theta, false).state, "{}", method.row().name);
+            // With derivatives a tape may share its products differently.
+            let plain = go(&starts, &theta, false).state;
+            assert!(distance(&batch.state, &plain) < 1e-15, "{}", method.row().name);
             let columns = 4 + unknowns;
             for column in 0..columns {
                 let moved = |by: f64| {

@@ -21,6 +21,9 @@ pub struct Probed {
 
 /// Times that the search for the best states is taken up again.
 const PATIENCE: usize = 6;
+/// Samples that a state is settled on first, and by how much more it then sees at a time.
+const FIRST_LOOK: usize = 8;
+const FURTHER: usize = 4;
 /// States are settled when the loss falls by less than this part.
 const SETTLED: f64 = 1e-4;
 
@@ -126,6 +129,14 @@ impl<'a> Context<'a> {
         let dynamics = Dynamics::new(self.system, &self.support, Backend::default());
         let theta = self.theta(&dynamics);
         let weights = self.weights();
+        // Over many periods the misfit has many minima, and what was measured first need not
+        // lie near the lowest: the first samples of each segment bring its state there.
+        let mut look = FIRST_LOOK;
+        while look < window {
+            let short = segments.shortened(look);
+            settle(&self.problem(&short, &weights), &dynamics, &theta, &mut states);
+            look *= FURTHER;
+        }
         let problem = self.problem(&segments, &weights);
         let mut sums = settle(&problem, &dynamics, &theta, &mut states);
         // Long segments of a rough model take their time: what has not settled would look like

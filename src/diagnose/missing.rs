@@ -147,13 +147,15 @@ pub fn diagnose(
         ))
     };
     monitor.stage("what is left", 0.8);
+    let window = first.window;
     match asked.best_chain(first)? {
         Some(chain) => {
             diagnosis.begin_with(chain.links.first());
             asked.judge(&mut diagnosis, chain)?;
         }
         None => {
-            if let Some(shape) = shape(&context)? {
+            let longest = Context { window, ..context.with_data(context.dataset) };
+            if let Some(shape) = shape(&longest)? {
                 diagnosis.verdict = Verdict::Unexplained;
                 diagnosis.reason = format!(
                     "the force on {} depends on {} in a way that no effect of the catalogue has",

@@ -21,8 +21,10 @@ const MARGIN: f64 = 50.0;
 const FINISHED: usize = 4;
 /// Segments may grow while the error grows by less than this.
 const FOLLOWS: f64 = 1.5;
+/// Errors in units of the noise at which a model is no first approximation any more.
+const STRAYS: f64 = 10.0;
 /// Longest segment, in samples.
-const LONGEST: usize = 64;
+const LONGEST: usize = 256;
 
 /// What one round found.
 pub struct Round {
@@ -53,8 +55,10 @@ struct Field<'a, 'b> {
 
 /// Scores all candidates, refits the significant ones (`most` of them) and ranks them.
 ///
-/// With the best of them in it the model may follow the measurements for longer: then the
-/// segments grow, and all are refitted on the longer ones.
+/// A small effect needs time to show. Where nothing is significant, the segments grow beyond
+/// those that the model was trained on, until something is. With the best of the candidates in
+/// it the model may follow the measurements for longer: then the segments grow as well, and all
+/// are refitted on the longer ones.
 pub fn round(
     context: &Context,
     unseen: &Dataset,
@@ -62,9 +66,18 @@ pub fn round(
     most: usize,
     monitor: &dyn Monitor,
 ) -> Result<Round> {
-    let scores = scan(context, all)?;
     let mut context = context.with_data(context.dataset);
-    let found = scores.scored.iter().filter(|s| s.p_value < SIGNIFICANT).take(most);
+    let mut scores = scan(&context, all)?;
+    let mut tried = scores.tried;
+    while !scores.scored.iter().any(|s| s.p_value < SIGNIFICANT) && !monitor.stopped() {
+        let Some(window) = beyond(&context) else { break };
+        context.window = window;
+        scores = scan(&context, all)?;
+        tried += scores.tried;
+    }
+    // Every length that was tried is paid for.
+    let lengths = tried as f64 / scores.tried.max(1) as f64;
+    let found = scores.scored.iter().filter(|s| lengths * s.p_value < SIGNIFICANT).take(most);
     let mut starts: Vec<(usize, Start)> =
         found.map(|s| (s.candidate, Start::scored(&context, &all[s.candidate], s))).collect();
     loop {
@@ -77,7 +90,7 @@ pub fn round(
         let window =
             leaders.first().map_or(context.window, |(_, best)| grown(&best.context(&context)));
         if window == context.window || monitor.stopped() {
-            return Ok(field.rank(leaders, scores.tried));
+            return Ok(field.rank(leaders, tried));
         }
         starts = leaders.into_iter().map(|(c, leader)| (c, Start::from(leader))).collect();
         context.window = window;
@@ -143,6 +156,15 @@ impl Field<'_, '_> {
         let (window, before) = (self.context.window, self.before.0);
         Round { leaders, close, variance, window, before, tried }
     }
+}
+
+/// Twice as long segments, if the model keeps to all of them; `None` where it does not, or where
+/// there are none.
+fn beyond(context: &Context) -> Option<usize> {
+    let window = (2 * context.window).min(longest_run(context.dataset).min(LONGEST));
+    let (_, lost) = error(context, context.window);
+    let (far, more) = error(context, window);
+    (window > context.window && more <= lost && far < STRAYS).then_some(window)
 }
 
 /// The longest segments, in samples, that a model follows as well as those half as long.

@@ -73,6 +73,14 @@ impl Bounds {
     pub fn clamp(self, value: f64) -> f64 {
         value.max(self.lower).min(self.upper)
     }
+
+    /// What of these bounds lies within `reach` of a value; all of it for a reach of 0.
+    pub fn near(self, value: f64, reach: f64) -> Bounds {
+        if reach == 0.0 {
+            return self;
+        }
+        Bounds { lower: self.lower.max(value - reach), upper: self.upper.min(value + reach) }
+    }
 }
 
 /// A member of the function space: its coefficient is learned and penalised.

@@ -14,7 +14,7 @@ use crate::expr::System;
 /// Segments may grow while the noise estimate grows by less than this.
 const FOLLOWS: f64 = 1.5;
 /// Longest segment, in samples.
-const LONGEST: usize = 64;
+const LONGEST: usize = 256;
 /// Segments that the tries of different starts are made on.
 const TRIAL_SEGMENTS: usize = 400;
 /// Segments that the first rounds take, where there are at least twice as many.

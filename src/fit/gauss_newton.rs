@@ -60,7 +60,9 @@ const PROMISE: f64 = 1e-9;
 
 /// Minimises the loss over theta within `bounds` (one for each of theta), from `start`.
 ///
-/// Levenberg's damping is added only after a full step has failed, and grows until one pays.
+/// Levenberg's damping is added only after a full step has failed, and grows until one pays. An
+/// inner parameter moves by no more than its own size at a step: far from there the linearised
+/// problem says nothing about it.
 pub fn refit(
     problem: &Problem,
     dynamics: &Dynamics,
@@ -71,6 +73,7 @@ pub fn refit(
 ) -> Refit {
     let mut theta: Vec<f64> = start.iter().zip(bounds).map(|(&x, bound)| bound.clamp(x)).collect();
     let mut sums = settle(problem, dynamics, &theta, &mut states);
+    let coefficients = dynamics.active().len();
     let mut damping = 0.0;
     let mut iterations = 0;
     loop {
@@ -88,7 +91,13 @@ pub fn refit(
         let factor = linearised.merged();
         let mut trial_states = states.clone();
         let outcome = loop {
-            let step = step(&factor, &theta, bounds, damping);
+            let near: Vec<Bounds> = (0..theta.len())
+                .map(|k| match k < coefficients {
+                    true => bounds[k],
+                    false => bounds[k].near(theta[k], theta[k].abs().max(start[k].abs())),
+                })
+                .collect();
+            let step = step(&factor, &theta, &near, damping);
             let rounding = problem.floor.powi(2) * sums.rows as f64;
             if step.promise <= PROMISE * sums.loss + 1e-3 * rounding {
                 break Some(StopReason::Converged);

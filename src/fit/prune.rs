@@ -8,7 +8,7 @@
 use super::criterion::Criterion;
 use super::monitor::Monitor;
 use super::train::{Round, Training};
-use super::uncertainty::covariance;
+use super::uncertainty::{covariance, undetermined};
 
 /// Takes terms out one by one, the weakest first, and refits after each.
 pub fn prune(training: &mut Training, round: &mut Round, monitor: &dyn Monitor) {
@@ -43,13 +43,21 @@ fn superfluous(training: &Training, round: &Round) -> Option<usize> {
     let floor = training.floor().max(round.criterion.floor);
     let criterion = Criterion { floor };
     let rows = refit.sums.rows;
-    let inverse = covariance(&refit.linearised.merged(), 1.0);
+    let factor = refit.linearised.merged();
+    let open = undetermined(&factor);
+    // What the data leave open stays as it is: it must not hide what the others do.
+    let rest: Vec<usize> = (0..factor.columns()).filter(|k| !open.contains(k)).collect();
+    let inverse = covariance(&factor.select(&rest), 1.0);
+    let variance = |k: usize| {
+        let place = rest.iter().position(|&other| other == k);
+        place.map_or(f64::INFINITY, |place| inverse[(place, place)])
+    };
     let value = |squares: f64, unknowns: usize| criterion.value(squares, rows, unknowns, 0.0);
     let unknowns = refit.theta.len();
     let present = value(refit.sums.loss, unknowns);
     let change = |(place, &k): (usize, &usize)| {
         // What the sum of squares grows by when the others take over as well as they can.
-        let growth = training.coefficients[k].powi(2) / inverse[(place, place)];
+        let growth = training.coefficients[k].powi(2) / variance(place);
         let without = value(refit.sums.loss + growth, unknowns.saturating_sub(1));
         (k, without - present - round.columns.costs[k])
     };

@@ -52,6 +52,15 @@ impl Segments {
 }
 
 impl Segments {
+    /// The same segments, none of which has more than its first `samples` samples.
+    pub fn shortened(&self, samples: usize) -> Segments {
+        let mut short = self.clone();
+        for segment in &mut short.list {
+            segment.last = segment.last.min(segment.first + samples.max(2) - 1);
+        }
+        short
+    }
+
     /// Segments of at most about `samples` samples in all, taken evenly from every fold; all
     /// of them where there are no more.
     pub fn spread(&self, samples: usize) -> Segments {

@@ -2,6 +2,7 @@
 
 use super::options::Options;
 use super::pass::Stepping;
+use super::segments::{Segment, first_state};
 use super::train::Training;
 use crate::data::Dataset;
 use crate::dynamics::{Batch, Dynamics, Method, Scratch, choose_steps};
@@ -136,18 +137,35 @@ pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64]) -> Choice
     Choice { stepping, error, resolution, reason }
 }
 
-/// Starts of segments spread over the data, and the times to their next samples.
+/// States spread over all segments, and the times to their next samples.
+///
+/// Starts alone would not do: an orbit that is released far from the centre is nearest to it, and
+/// hardest to follow, in the middle of its segment.
 fn sample(training: &Training) -> (Batch, Vec<f64>) {
     let segments = &training.segments.list;
-    let stride = segments.len().div_ceil(SAMPLE).max(1);
-    let picked: Vec<usize> = (0..segments.len()).step_by(stride).collect();
-    let mut batch = Batch::new(training.system.degrees(), picked.len());
+    let intervals: usize = segments.iter().map(|segment| segment.samples() - 1).sum();
+    let stride = intervals.div_ceil(SAMPLE).max(1);
+    let mut picked: Vec<(usize, usize)> = Vec::new();
+    let mut before = 0usize;
+    for (i, segment) in segments.iter().enumerate() {
+        let count = segment.samples() - 1;
+        let next = before.div_ceil(stride) * stride;
+        let within = (next..before + count).step_by(stride);
+        picked.extend(within.map(|place| (i, segment.first + place - before)));
+        before += count;
+    }
+    let degrees = training.system.degrees();
+    let mut batch = Batch::new(degrees, picked.len());
     let mut span = Vec::with_capacity(picked.len());
-    for (lane, &i) in picked.iter().enumerate() {
+    for (lane, &(i, at)) in picked.iter().enumerate() {
         let segment = segments[i];
         let times = &training.dataset.runs[segment.run].times;
-        batch.set(lane, times[segment.first], &training.states[i]);
-        span.push(times[segment.first + 1] - times[segment.first]);
+        let start = match at == segment.first {
+            true => training.states[i].clone(),
+            false => first_state(training.dataset, Segment { first: at, ..segment }, degrees),
+        };
+        batch.set(lane, times[at], &start);
+        span.push(times[at + 1] - times[at]);
     }
     (batch, span)
 }

@@ -5,6 +5,8 @@
 //! until the support and the noise stand still; the integrator is made as accurate as the
 //! noise asks for.
 
+use std::collections::HashMap;
+
 use super::criterion::{Criterion, choice_costs, complexity};
 use super::factor::Factor;
 use super::gauss_newton::{Refit, StopReason, refit};
@@ -141,15 +143,27 @@ impl<'a> Training<'a> {
 
     /// Cuts the data anew; every segment starts from its own measurements.
     pub fn recut(&mut self, window: usize) -> Result<()> {
+        let before = std::mem::replace(&mut self.segments, cut(self.dataset, window));
         self.window = window;
-        self.segments = cut(self.dataset, window);
         if self.segments.list.is_empty() {
             return Err(Error::fit(
                 "the data have no two samples close enough in time to learn from",
                 "check the time column and its unit",
             ));
         }
-        self.states = self.first_states();
+        // Over many periods the misfit has many minima: what a state was before is a nearer start
+        // than what was measured first.
+        let place = |segment: &Segment| (segment.run, segment.first);
+        let known: HashMap<_, _> = before.list.iter().map(place).zip(&self.states).collect();
+        let mut states = self.first_states();
+        for (segment, state) in self.segments.list.iter().zip(&mut states) {
+            if let Some(settled) =
+                known.get(&place(segment)).filter(|s| s.iter().all(|x| x.is_finite()))
+            {
+                state.clone_from(settled);
+            }
+        }
+        self.states = states;
         Ok(())
     }
 
@@ -349,8 +363,10 @@ impl<'a> Training<'a> {
         let forced = (0..free.len()).filter(|&c| free[c]).map(|c| terms + c).collect();
         let mut bounds: Vec<Bounds> = self.system.terms.iter().map(|t| t.bounds).collect();
         bounds.extend(whole.parameters().iter().map(|&j| {
-            let Bounds { lower, upper } = self.system.parameters[j].bounds;
-            Bounds { lower: lower - self.parameters[j], upper: upper - self.parameters[j] }
+            let (present, parameter) = (self.parameters[j], &self.system.parameters[j]);
+            let reach = present.abs().max(parameter.start.abs());
+            let Bounds { lower, upper } = parameter.bounds.near(present, reach);
+            Bounds { lower: lower - present, upper: upper - present }
         }));
         let complexity: Vec<u32> =
             self.system.terms.iter().map(|t| complexity(&self.system.graph, t.expr)).collect();

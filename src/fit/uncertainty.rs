@@ -9,6 +9,13 @@ use super::criterion::Criterion;
 use super::factor::Factor;
 use super::support::{Candidate, Columns, quick_search};
 
+/// Unknowns that the data do not determine beside those before them.
+pub fn undetermined(factor: &Factor) -> Vec<usize> {
+    let (triangle, norms) = (factor.design(), factor.norms());
+    let open = |&k: &usize| triangle[(k, k)].abs() <= 1e-13 * norms[k] || norms[k] == 0.0;
+    (0..factor.columns()).filter(open).collect()
+}
+
 /// Covariance of the unknowns of a factor for residuals of the given variance.
 ///
 /// (R' R)^-1 through the inverse of R. An unknown that the data do not determine, and those
@@ -16,10 +23,7 @@ use super::support::{Candidate, Columns, quick_search};
 pub fn covariance(factor: &Factor, variance: f64) -> DMatrix<f64> {
     let size = factor.columns();
     let triangle = factor.design();
-    let norms = factor.norms();
-    let open: Vec<usize> = (0..size)
-        .filter(|&k| triangle[(k, k)].abs() <= 1e-13 * norms[k] || norms[k] == 0.0)
-        .collect();
+    let open = undetermined(factor);
     if !open.is_empty() {
         let mut covariance = DMatrix::zeros(size, size);
         for k in 0..size {
