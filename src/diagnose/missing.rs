@@ -11,7 +11,7 @@ use super::floor::noise_floor;
 use super::generic::generic;
 pub use super::leader::Leader;
 use super::leader::Refitted;
-use super::round::{CLOSE, Round, round};
+use super::round::{CLOSE, Round, beyond, round};
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::expr::{Compiled, build};
@@ -257,7 +257,15 @@ impl Asked<'_, '_> {
         let mut links = Vec::new();
         let mut last = leader;
         let open = loop {
-            let present = Context { window, ..last.context(self.context) };
+            let mut present = Context { window, ..last.context(self.context) };
+            // What explains everything goes on to explain it over longer segments.
+            while excess(&present, present.window) == 0.0 {
+                match beyond(&present) {
+                    Some(longer) => present.window = longer,
+                    None => break,
+                }
+            }
+            window = present.window;
             if excess(&present, window) == 0.0 {
                 links.push(last);
                 break false;

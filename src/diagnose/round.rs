@@ -160,7 +160,7 @@ impl Field<'_, '_> {
 
 /// Twice as long segments, if the model keeps to all of them; `None` where it does not, or where
 /// there are none.
-fn beyond(context: &Context) -> Option<usize> {
+pub(super) fn beyond(context: &Context) -> Option<usize> {
     let window = (2 * context.window).min(longest_run(context.dataset).min(LONGEST));
     let (_, lost) = error(context, context.window);
     let (far, more) = error(context, window);

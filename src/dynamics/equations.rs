@@ -24,6 +24,7 @@ pub struct Dynamics {
     unknowns: Vec<Symbol>,
     state: Vec<Symbol>,
     separable: bool,
+    forced: bool,
     timed: bool,
     hamiltonian: Expr,
     slope: Gradient,
@@ -134,6 +135,9 @@ impl Dynamics {
             .collect();
         let of_slope = graph.symbols(&slope.rows);
         let of_velocity = graph.symbols(&velocity.rows);
+        let pushes =
+            |&k: &usize| system.terms[k].parts().any(|(place, _)| matches!(place, Place::Force(_)));
+        let forced = !system.forces.iter().all(|&f| graph.is_zero(f)) || active.iter().any(pushes);
         let separable = !of_slope.iter().any(|s| matches!(s, Symbol::Momentum(_)))
             && !of_velocity.iter().any(|s| matches!(s, Symbol::Coordinate(_)));
         active.append(&mut probes);
@@ -151,6 +155,7 @@ impl Dynamics {
             unknowns,
             state,
             separable,
+            forced,
             timed,
             hamiltonian,
             slope,
@@ -195,6 +200,12 @@ impl Dynamics {
     /// Whether v depends on p and t only and g on q and t only, as a splitting needs.
     pub fn separable(&self) -> bool {
         self.separable
+    }
+
+    /// Whether all motion comes from H, without forces beside it: a symplectic method then keeps
+    /// the structure of the flow.
+    pub fn is_hamiltonian(&self) -> bool {
+        !self.forced
     }
 
     /// Whether the equations of motion name the time.

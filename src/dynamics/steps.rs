@@ -33,7 +33,8 @@ const REFERENCE_SHARE: f64 = 0.05;
 /// `tolerance`, one number a component of the state, `[2n]`.
 ///
 /// `sample` holds starts, `span` the time that each of them goes on for. Splittings are tried
-/// when the dynamics separates, Gauss-Legendre methods otherwise. The truth is a solution of
+/// when the dynamics separates, Gauss-Legendre and explicit methods otherwise; of these only the
+/// former where all motion comes from H and the method is to `keep` its structure. The truth is a solution of
 /// the highest order with more and more steps, until it settles; starts where it does not (near
 /// a singularity, or exploding) are left out. A tolerance below rounding is raised to it.
 pub fn choose_steps(
@@ -42,13 +43,14 @@ pub fn choose_steps(
     sample: &Batch,
     span: &[f64],
     tolerance: &[f64],
+    keep: bool,
     scratch: &mut Scratch,
 ) -> StepChoice {
     let mut methods: Vec<Method> = Method::all()
         .filter(|method| match method.row().kind {
             Kind::Splitting(_) => dynamics.separable(),
             Kind::Implicit(_) => !dynamics.separable(),
-            Kind::Explicit(_) => !dynamics.separable(),
+            Kind::Explicit(_) => !dynamics.separable() && !(keep && dynamics.is_hamiltonian()),
         })
         .collect();
     // The highest order first: it bounds what the others may cost.

@@ -82,8 +82,9 @@ pub fn coarse(
     })
 }
 
-/// The cheapest integrator that is accurate enough for the present noise.
-pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64]) -> Choice {
+/// The cheapest integrator that is accurate enough for the present noise. A model that others
+/// will simulate is to `keep` the structure of its flow; one on the way need not.
+pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64], keep: bool) -> Choice {
     // Rounding accumulates along a segment.
     let along = (training.window.max(2) - 1) as f64;
     let mut rounding = rounding(training.dataset, training.noise.len());
@@ -101,12 +102,12 @@ pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64]) -> Choice
     let share = if limited { 0.0 } else { most / intervals };
     let tolerance: Vec<f64> = training.noise.iter().map(|s| share * s).collect();
     let mut scratch = Scratch::new();
-    let mut choice = choose_steps(dynamics, theta, &batch, &span, &tolerance, &mut scratch);
+    let mut choice = choose_steps(dynamics, theta, &batch, &span, &tolerance, keep, &mut scratch);
     if share > 0.0 && (!choice.reached || choice.cost > DEAR) {
         // Across a jump every method is of the first order: hundreds of steps an interval would
         // go to errors that the noise hides.
         let tolerance: Vec<f64> = training.noise.iter().map(|s| HIDDEN * s).collect();
-        let rough = choose_steps(dynamics, theta, &batch, &span, &tolerance, &mut scratch);
+        let rough = choose_steps(dynamics, theta, &batch, &span, &tolerance, keep, &mut scratch);
         if rough.reached && rough.cost < choice.cost {
             choice = rough;
         }

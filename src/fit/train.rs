@@ -404,12 +404,15 @@ impl<'a> Training<'a> {
         }
     }
 
-    /// A model that turned out separable ends with a splitting, whatever the space needed.
+    /// A model that turned out separable ends with a splitting, whatever the space needed, and
+    /// one whose motion all comes from H with a symplectic method.
     pub(super) fn finish(&mut self, round: &mut Round, monitor: &dyn Monitor) {
         let (dynamics, theta) = self.compile(&self.support);
-        let implicit = !self.integrator.stepping.method.needs_separable();
-        if dynamics.separable() && implicit && self.options.method.is_none() {
-            self.integrator = stepping::choose(self, &dynamics, &theta);
+        let method = self.integrator.stepping.method;
+        let unfit = dynamics.separable() && !method.needs_separable()
+            || dynamics.is_hamiltonian() && !method.row().symplectic;
+        if unfit && self.options.method.is_none() {
+            self.integrator = stepping::choose(self, &dynamics, &theta, true);
             round.refit = self.refit(monitor);
             let refit = &round.refit;
             self.take(refit);
@@ -424,7 +427,7 @@ impl<'a> Training<'a> {
     /// Makes the integrator as accurate as the present model and noise ask for.
     pub fn choose_integrator(&mut self) {
         let (dynamics, theta) = self.compile(&self.support);
-        self.integrator = stepping::choose(self, &dynamics, &theta);
+        self.integrator = stepping::choose(self, &dynamics, &theta, false);
     }
 
     /// Makes the integrator as accurate as the present noise asks for.
@@ -435,7 +438,7 @@ impl<'a> Training<'a> {
             let everything: Vec<usize> = (0..self.system.terms.len()).collect();
             (dynamics, theta) = self.compile(&everything);
         }
-        self.integrator = stepping::choose(self, &dynamics, &theta);
+        self.integrator = stepping::choose(self, &dynamics, &theta, false);
         for (noise, floor) in self.noise.iter_mut().zip(&self.integrator.resolution) {
             *noise = noise.max(*floor);
         }

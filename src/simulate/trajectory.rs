@@ -261,8 +261,15 @@ impl<'a> Simulator<'a> {
         let few: Vec<Vec<f64>> = starts.iter().take(PILOT_STATES).cloned().collect();
         let sample = self.batch(&few, time);
         let span = vec![interval; few.len()];
-        let rough =
-            choose_steps(&self.dynamics, &self.theta, &sample, &span, &tolerance, &mut scratch);
+        let rough = choose_steps(
+            &self.dynamics,
+            &self.theta,
+            &sample,
+            &span,
+            &tolerance,
+            true,
+            &mut scratch,
+        );
         if intervals < 2 {
             return rough;
         }
@@ -293,8 +300,15 @@ impl<'a> Simulator<'a> {
             sample.set(lane, *time, state);
         }
         let span = vec![interval; met.len()];
-        let fine =
-            choose_steps(&self.dynamics, &self.theta, &sample, &span, &tolerance, &mut scratch);
+        let fine = choose_steps(
+            &self.dynamics,
+            &self.theta,
+            &sample,
+            &span,
+            &tolerance,
+            true,
+            &mut scratch,
+        );
         if fine.cost >= rough.cost { fine } else { rough }
     }
 }
