@@ -162,23 +162,43 @@ impl<'a> Context<'a> {
         residuals(&self.problem(&segments, &weights), &dynamics, &theta, &states)
     }
 
+    /// The model with the best states of all its segments.
+    pub fn settled(&self) -> Settled<'a> {
+        let (segments, states, sums) = self.settle(self.window);
+        Settled { context: self.with_data(self.dataset), segments, states, sums }
+    }
+}
+
+/// A model before its data, with the best state of every segment.
+pub struct Settled<'a> {
+    /// The model and the data.
+    pub context: Context<'a>,
+    /// Segments of the context's window.
+    pub segments: Segments,
+    /// Their best states.
+    pub states: States,
+    /// What is left then.
+    pub sums: Sums,
+}
+
+impl Settled<'_> {
     /// Scores of terms that are not in the model, one column each, orthogonal to the model's
     /// own unknowns and to all initial states.
     ///
     /// `extended` is the system with whatever its graph must hold for the expressions of
     /// `probes`; its own terms are those of the system, or begin with them.
     pub fn probe(&self, extended: &System, probes: &[Term]) -> Result<Probed> {
-        let (segments, states, _) = self.settle(self.window);
+        let Settled { context, segments, states, .. } = self;
         let mut system = extended.clone();
         let first = system.terms.len();
         system.terms.extend_from_slice(probes);
         let extra: Vec<usize> = (first..system.terms.len()).collect();
-        let dynamics = Dynamics::with_probes(&system, &self.support, &extra, Backend::default());
-        let count = self.support.len();
-        let theta = self.theta(&dynamics);
-        let weights = self.weights();
-        let problem = self.problem(&segments, &weights);
-        let linearised = linearise(&problem, &dynamics, &theta, &states);
+        let dynamics = Dynamics::with_probes(&system, &context.support, &extra, Backend::default());
+        let count = context.support.len();
+        let theta = context.theta(&dynamics);
+        let weights = context.weights();
+        let problem = context.problem(segments, &weights);
+        let linearised = linearise(&problem, &dynamics, &theta, states);
         if linearised.sums.rows <= count + dynamics.parameters().len() {
             let Sums { rows, exploded, .. } = linearised.sums;
             return Err(Error::fit(

@@ -39,7 +39,7 @@ const SPIKE: f64 = 0.8;
 /// Chance below which a fault is there, all columns paid for.
 const SIGNIFICANT: f64 = 1e-3;
 /// Residuals this many times the resolution of the integrator are measurements' own.
-const RESOLVED: f64 = 10.0;
+pub(super) const RESOLVED: f64 = 10.0;
 /// Rounding is spoken of when it makes this part of the noise.
 const COARSE: f64 = 0.5;
 /// Multiples of a step are exact but for this part of the column's range.

@@ -4,8 +4,8 @@ use serde::Serialize;
 
 use super::candidates::{Candidate, Origin};
 use super::compare::error;
-use super::context::Context;
-use super::scan::{FEW, Scored};
+use super::context::{Context, Settled};
+use super::scan::Scored;
 use crate::expr::{Bounds, System};
 use crate::fit::pass::Stepping;
 use crate::fit::train::Training;
@@ -138,20 +138,19 @@ impl From<Refitted> for Start {
 /// The model with a candidate in it, refitted: on a part of the data where there are many;
 /// [`Refitted::finish`] then takes them all.
 ///
-/// `loss` is what the model leaves of the weighted squares; `unseen` the model before unseen
-/// runs, with its error there and the segments that it
-/// loses. `None` where the candidate cannot be fitted.
+/// `few` is the model before that part, where there is one; `unseen` the model before unseen
+/// runs, with its error there and the segments that it loses. `None` where the candidate cannot
+/// be fitted.
 pub fn refit(
-    context: &Context,
+    settled: &Settled,
+    few: Option<&Settled>,
     candidate: &Candidate,
     start: Start,
-    loss: f64,
     unseen: (&Context, (f64, usize)),
 ) -> Option<Refitted> {
-    let thin = context.thinned(FEW.min(context.most));
-    let mut refitted = fit(&thin, candidate, start)?;
-    refitted.finished = context.dataset.samples().min(context.most) <= FEW;
-    refitted.judge(context, loss, unseen);
+    let mut refitted = fit(few.unwrap_or(settled), candidate, start)?;
+    refitted.finished = few.is_none();
+    refitted.judge(settled, unseen);
     Some(refitted)
 }
 
@@ -159,24 +158,24 @@ impl Refitted {
     /// Fits it to all the data, from where it stands.
     pub fn finish(
         self,
-        context: &Context,
+        settled: &Settled,
         candidate: &Candidate,
-        loss: f64,
         unseen: (&Context, (f64, usize)),
     ) -> Option<Refitted> {
         if self.finished {
             return Some(self);
         }
-        let mut refitted = fit(context, candidate, self.into())?;
+        let mut refitted = fit(settled, candidate, self.into())?;
         refitted.finished = true;
-        refitted.judge(context, loss, unseen);
+        refitted.judge(settled, unseen);
         Some(refitted)
     }
 
     /// What it leaves of the misfit, and of the error on unseen runs.
-    fn judge(&mut self, context: &Context, loss: f64, unseen: (&Context, (f64, usize))) {
+    fn judge(&mut self, settled: &Settled, unseen: (&Context, (f64, usize))) {
+        let context = &settled.context;
         let (_, _, sums) = self.context(context).settle(context.window);
-        self.fall = loss - sums.loss;
+        self.fall = settled.sums.loss - sums.loss;
         self.variance = (sums.loss / sums.rows.max(1) as f64).max(1e-12);
         let unknowns = self.leader.coefficient.len() as f64;
         self.price = unknowns * (sums.rows.max(1) as f64).ln() + self.choice;
@@ -190,11 +189,12 @@ impl Refitted {
 
 /// Gauss-Newton on the segments of a context. What [`Refitted::judge`] says is left to the
 /// caller.
-fn fit(context: &Context, candidate: &Candidate, start: Start) -> Option<Refitted> {
+fn fit(settled: &Settled, candidate: &Candidate, start: Start) -> Option<Refitted> {
+    let context = &settled.context;
     let options = Options { window: Some(context.window), ..Options::default() };
     let mut training = Training::new(&start.system, context.dataset, &options).ok()?;
-    let (segments, states, _) = context.settle(context.window);
-    (training.segments, training.states) = (segments, states);
+    training.segments.clone_from(&settled.segments);
+    training.states.clone_from(&settled.states);
     training.noise.clone_from(&context.noise);
     training.integrator.stepping = start.stepping;
     training.coefficients.fill(0.0);

@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::candidates::{candidates, extended};
 use super::compare::{ResidualMap, residual_maps};
 use super::context::Context;
+use super::detectors::RESOLVED;
 use super::floor::noise_floor;
 use super::generic::generic;
 pub use super::leader::Leader;
@@ -105,6 +106,9 @@ const BEGINNINGS: usize = 3;
 const LEAVES: f64 = 0.1;
 /// and bring the error to less than this times the noise.
 const REACHES: f64 = 1.1;
+/// What is less than this part of the misfit is left to a next question: a single effect that
+/// explains clean data down to their last digits is not unexplained for the last of them.
+const NEGLIGIBLE: f64 = 1e-6;
 /// Chance below which a residual force without a name is there.
 const UNMISTAKABLE: f64 = 1e-6;
 /// Standard errors of the noise's variance that a model at the noise may be above it.
@@ -155,7 +159,11 @@ pub fn diagnose(
         }
         None => {
             let longest = Context { window, ..context.with_data(context.dataset) };
-            if let Some(shape) = shape(&longest)? {
+            if !resolved(&context, model) {
+                diagnosis.reason = "what is left is at the limit of what the integrator and the \
+                                    digits of the data resolve"
+                    .to_string();
+            } else if let Some(shape) = shape(&longest)? {
                 diagnosis.verdict = Verdict::Unexplained;
                 diagnosis.reason = format!(
                     "the force on {} depends on {} in a way that no effect of the catalogue has",
@@ -166,6 +174,12 @@ pub fn diagnose(
         }
     }
     Ok(diagnosis)
+}
+
+/// Whether the noise of some observable is above what the integrator and rounding leave.
+fn resolved(context: &Context, model: &Model) -> bool {
+    let known = context.noise.iter().zip(&model.noise);
+    known.into_iter().any(|(noise, of)| *noise > RESOLVED * of.resolution)
 }
 
 /// What was asked.
@@ -334,8 +348,9 @@ impl Asked<'_, '_> {
         self.monitor.stage("terms without a name", 0.9);
         let unnamed = self.unnamed(&chain)?;
         let better = unnamed.as_ref().is_some_and(|(_, more)| *more > CLOSE);
+        let short = chain.error > REACHES && chain.left > NEGLIGIBLE;
         let endless = chain.open && chain.links.len() == TOGETHER;
-        if better || endless || chain.left > LEAVES || chain.error > REACHES {
+        if better || endless || chain.left > LEAVES || short {
             diagnosis.verdict = Verdict::Unexplained;
             diagnosis.reason = match &unnamed {
                 Some((best, _)) if better => format!(

@@ -2,7 +2,7 @@
 
 use super::candidates::Candidate;
 use super::compare::error;
-use super::context::Context;
+use super::context::{Context, Settled};
 use super::leader::{Refitted, Start, refit};
 use super::scan::{FEW, scan};
 use crate::data::Dataset;
@@ -44,11 +44,11 @@ pub struct Round {
 
 /// Candidates being refitted on segments of one length.
 struct Field<'a, 'b> {
-    context: &'b Context<'a>,
+    settled: &'b Settled<'a>,
+    few: Option<&'b Settled<'a>>,
     unseen: Context<'a>,
     /// Error on unseen runs, and segments that are lost there.
     before: (f64, usize),
-    loss: f64,
     variance: f64,
     all: &'b [Candidate],
 }
@@ -67,12 +67,14 @@ pub fn round(
     monitor: &dyn Monitor,
 ) -> Result<Round> {
     let mut context = context.with_data(context.dataset);
-    let mut scores = scan(&context, all)?;
+    let (mut settled, mut few) = on_part_and_all(&context);
+    let mut scores = scan(&settled, few.as_ref(), all)?;
     let mut tried = scores.tried;
     while !scores.scored.iter().any(|s| s.p_value < SIGNIFICANT) && !monitor.stopped() {
         let Some(window) = beyond(&context) else { break };
         context.window = window;
-        scores = scan(&context, all)?;
+        (settled, few) = on_part_and_all(&context);
+        scores = scan(&settled, few.as_ref(), all)?;
         tried += scores.tried;
     }
     // Every length that was tried is paid for.
@@ -83,9 +85,15 @@ pub fn round(
     loop {
         let far = Context { dataset: unseen, ..context.with_data(context.dataset) };
         let before = error(&far, context.window);
-        let loss = context.settle(context.window).2.loss;
         let variance = scores.variance;
-        let field = Field { context: &context, unseen: far, before, loss, variance, all };
+        let (settled, few) = match settled.context.window == context.window {
+            true => (&settled, few.as_ref()),
+            false => {
+                (settled, few) = on_part_and_all(&context);
+                (&settled, few.as_ref())
+            }
+        };
+        let field = Field { settled, few, unseen: far, before, variance, all };
         let leaders = field.refit(starts, monitor);
         let window =
             leaders.first().map_or(context.window, |(_, best)| grown(&best.context(&context)));
@@ -95,6 +103,12 @@ pub fn round(
         starts = leaders.into_iter().map(|(c, leader)| (c, Start::from(leader))).collect();
         context.window = window;
     }
+}
+
+/// The model before all its data, and before a part of them where there are many.
+fn on_part_and_all<'a>(context: &Context<'a>) -> (Settled<'a>, Option<Settled<'a>>) {
+    let many = context.dataset.samples().min(context.most) > FEW;
+    (context.settled(), many.then(|| context.thinned(FEW).settled()))
 }
 
 impl Field<'_, '_> {
@@ -109,7 +123,7 @@ impl Field<'_, '_> {
             .filter_map(|(i, (candidate, start))| {
                 monitor.stage("refitting the leaders", 0.3 + 0.5 * i as f64 / count);
                 let of = &self.all[candidate];
-                let refitted = refit(self.context, of, start, self.loss, before)?;
+                let refitted = refit(self.settled, self.few, of, start, before)?;
                 refitted.fall.is_finite().then_some((candidate, refitted))
             })
             .collect();
@@ -117,7 +131,7 @@ impl Field<'_, '_> {
         leaders.sort_by(|(_, a), (_, b)| b.merit(variance).total_cmp(&a.merit(variance)));
         let best = leaders.first().map_or(0.0, |(_, l)| l.merit(variance));
         // What a part of the data says of a small effect is rough.
-        let rough = (self.context.dataset.samples() as f64 / FEW as f64).max(1.0);
+        let rough = (self.settled.context.dataset.samples() as f64 / FEW as f64).max(1.0);
         leaders
             .into_iter()
             .enumerate()
@@ -126,7 +140,7 @@ impl Field<'_, '_> {
                 if place > 0 && (place >= FINISHED || !near) {
                     return usable(&l).then_some((candidate, l));
                 }
-                let l = l.finish(self.context, &self.all[candidate], self.loss, before)?;
+                let l = l.finish(self.settled, &self.all[candidate], before)?;
                 usable(&l).then_some((candidate, l))
             })
             .collect()
@@ -153,7 +167,7 @@ impl Field<'_, '_> {
         // Of those that explain equally well the one with the fewest unknowns comes first.
         let close = leaders.iter().take_while(|l| best - l.merit(variance) < CLOSE).count();
         leaders[..close].sort_by_key(|l| l.leader.coefficient.len());
-        let (window, before) = (self.context.window, self.before.0);
+        let (window, before) = (self.settled.context.window, self.before.0);
         Round { leaders, close, variance, window, before, tried }
     }
 }

@@ -1,7 +1,7 @@
 //! Scores of all candidates over the grids of their inner parameters.
 
 use super::candidates::Candidate;
-use super::context::Context;
+use super::context::Settled;
 use super::score::{Score, Scores};
 use crate::error::Result;
 use crate::expr::{System, Term};
@@ -45,22 +45,20 @@ type Try = (usize, Vec<f64>, Vec<Term>);
 /// Scores every candidate at every grid point.
 ///
 /// Grids are looked through on a part of the data; the best point of each candidate is then
-/// judged on all of them.
-pub fn scan(context: &Context, all: &[Candidate]) -> Result<Scan> {
+/// judged on all of them. `few` is the model before that part, where there are more.
+pub fn scan(settled: &Settled, few: Option<&Settled>, all: &[Candidate]) -> Result<Scan> {
     let tried = all.iter().map(|candidate| candidate.grid.len()).sum();
     let every: Vec<(usize, Vec<Vec<f64>>)> =
         all.iter().map(|candidate| candidate.grid.clone()).enumerate().collect();
-    let thin = context.thinned(FEW.min(context.most));
-    let wide = context.dataset.samples().min(context.most) > FEW;
-    let points = if wide {
+    let points = if let Some(few) = few {
         let (grids, plain): (Vec<_>, Vec<_>) = every.into_iter().partition(|(_, g)| g.len() > 1);
-        let (found, _) = score(&thin, all, &grids, tried)?;
+        let (found, _) = score(few, all, &grids, tried)?;
         let best = found.into_iter().map(|scored| (scored.candidate, vec![scored.values]));
         plain.into_iter().chain(best).collect()
     } else {
         every
     };
-    let (mut scored, variance) = score(context, all, &points, tried)?;
+    let (mut scored, variance) = score(settled, all, &points, tried)?;
     scored.sort_by(|a, b| b.merit.total_cmp(&a.merit).then(a.candidate.cmp(&b.candidate)));
     Ok(Scan { scored, tried, variance })
 }
@@ -68,13 +66,12 @@ pub fn scan(context: &Context, all: &[Candidate]) -> Result<Scan> {
 /// Scores candidates at some points of their grids; the best point of each, and the variance of
 /// the weighted residuals where the most is explained.
 fn score(
-    context: &Context,
+    settled: &Settled,
     all: &[Candidate],
     points: &[(usize, Vec<Vec<f64>>)],
     tried: usize,
 ) -> Result<(Vec<Scored>, f64)> {
-    let mut system = context.system.clone();
-    let (_, _, sums) = context.settle(context.window);
+    let mut system = settled.context.system.clone();
     let mut queue: Vec<Try> = Vec::new();
     for (c, grid) in points {
         for values in grid {
@@ -90,7 +87,7 @@ fn score(
             width += queue[end].2.len();
             end += 1;
         }
-        probe_range(context, &system, &queue[start..end], sums.exploded, &mut probed)?;
+        probe_range(settled, &system, &queue[start..end], &mut probed)?;
         start = end;
     }
     // One yardstick for all: what is left where the most is explained.
@@ -107,21 +104,21 @@ fn score(
 /// Probes some tries together. Where one of them loses segments that the model itself does not
 /// (it divides by zero, say), the tries are taken apart, and that one is left out.
 fn probe_range<'t>(
-    context: &Context,
+    settled: &Settled,
     system: &System,
     tries: &'t [Try],
-    lost: usize,
     probed: &mut Vec<(&'t [Try], Scores)>,
 ) -> Result<()> {
     let terms: Vec<Term> = tries.iter().flat_map(|(_, _, terms)| terms.clone()).collect();
-    match context.probe(system, &terms) {
+    let lost = settled.sums.exploded;
+    match settled.probe(system, &terms) {
         Ok(found) if found.exploded <= lost => probed.push((tries, found.scores)),
         Err(error) if tries.len() == 1 && lost > 0 => return Err(error),
         _ if tries.len() == 1 => {}
         _ => {
             let (first, second) = tries.split_at(tries.len() / 2);
-            probe_range(context, system, first, lost, probed)?;
-            probe_range(context, system, second, lost, probed)?;
+            probe_range(settled, system, first, probed)?;
+            probe_range(settled, system, second, probed)?;
         }
     }
     Ok(())

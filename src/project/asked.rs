@@ -124,7 +124,7 @@ impl Asked {
     pub fn scanned(&mut self, project: &Project, context: &Context) -> Result<()> {
         let all = candidates(&project.name(), &project.text, &project.compiled, context.dataset);
         let Some(candidate) = all.iter().find(|c| c.label == self.label) else { return Ok(()) };
-        let scores = scan(context, std::slice::from_ref(candidate))?;
+        let scores = scan(&context.settled(), None, std::slice::from_ref(candidate))?;
         if let Some(best) = scores.scored.first() {
             let values = &best.values;
             let names = candidate.parameters.iter().map(|&j| &candidate.system.parameters[j].name);
