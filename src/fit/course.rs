@@ -47,6 +47,7 @@ fn come_near(training: &mut Training, monitor: &dyn Monitor) -> Result<()> {
     training.extent = Extent::Rough;
     let rough = training.rounds(monitor);
     training.extent = Extent::Whole;
+    training.reweigh = true;
     training.segments = segments;
     training.states = states;
     rough.map(|_| ())

@@ -13,7 +13,7 @@ use super::factor::Factor;
 use super::gauss_newton::{Refit, StopReason, refit};
 use super::monitor::Monitor;
 use super::options::Options;
-use super::pass::{Problem, States, Sums, settle_and_linearise};
+use super::pass::{Problem, States, Sums, linearise, settle, settle_and_linearise};
 use super::segments::{Segment, Segments, cut, first_state, longest_run, typical_step};
 use super::stepping::{self, Choice};
 use super::stream::Stream;
@@ -28,7 +28,7 @@ use crate::expr::{Bounds, Observed, Place, Symbol, System};
 const ROUNDS: usize = 8;
 /// The noise stands still when it grows by less than this factor: weights that are wrong by a
 /// part x cost the estimate a part x^2 / 4 of its efficiency.
-const QUIET: f64 = 1.1;
+const QUIET: f64 = 1.05;
 
 /// A model under training, with everything that the next round starts from.
 #[derive(Clone)]
@@ -65,6 +65,9 @@ pub struct Training<'a> {
     pub extent: Extent,
     /// All data, where they are larger than memory; `dataset` is then a sample of them.
     pub stream: Option<&'a Stream<'a>>,
+    /// Whether the next round first learns the noise from all its segments: what is known of it
+    /// comes from few.
+    pub(super) reweigh: bool,
     /// What rounding does to each observable.
     pub(super) rounding: Vec<f64>,
     compiled: Compiled,
@@ -117,6 +120,8 @@ pub struct Round {
     /// Whether the refit found what the factor had foretold of its best support: the search was
     /// then not led astray by where it was linearised.
     pub foretold: bool,
+    /// Standard deviation of the noise of each observable that the residuals were weighed by.
+    pub noise: Vec<f64>,
 }
 
 impl<'a> Training<'a> {
@@ -158,6 +163,7 @@ impl<'a> Training<'a> {
             rounds: 0,
             extent: Extent::Whole,
             stream: None,
+            reweigh: false,
             rounding: stepping::rounding(dataset, 2 * degrees),
             compiled,
         };
@@ -277,12 +283,24 @@ impl<'a> Training<'a> {
         let everything: Vec<usize> = (0..self.system.terms.len()).collect();
         let (whole, theta) = self.compile(&everything);
         let (present, present_theta) = self.compile(&self.support);
-        let weights = self.weights();
         let mut states = std::mem::take(&mut self.states);
+        let settled = std::mem::take(&mut self.reweigh) && self.stream.is_none();
+        if settled {
+            let weights = self.weights();
+            let sums = settle(&self.problem(&weights), &present, &present_theta, &mut states);
+            self.noise = self.noise_estimate(&sums, present_theta.len());
+        }
+        let noise = self.noise.clone();
+        let weights = self.weights();
         let (folds, rows) = {
             let problem = self.problem(&weights);
             let (present, whole) = ((&*present, &*present_theta), (&*whole, &*theta));
-            let linearised = settle_and_linearise(&problem, present, whole, &mut states);
+            // What new weights change of the states, the elimination of the states makes good.
+            let linearised = if settled {
+                linearise(&problem, whole.0, whole.1, &states)
+            } else {
+                settle_and_linearise(&problem, present, whole, &mut states)
+            };
             (linearised.folds, linearised.sums.rows)
         };
         self.states = states;
@@ -321,7 +339,7 @@ impl<'a> Training<'a> {
         let refit = self.adopt(&best, &whole, monitor);
         self.rounds += 1;
         let foretold = criterion.agree(best.squares, refit.sums.loss, refit.sums.rows);
-        Ok(Round { search, refit, folds, merged, columns, criterion, foretold })
+        Ok(Round { search, refit, folds, merged, columns, criterion, foretold, noise })
     }
 
     /// Makes a candidate the present model and refits it.
@@ -424,23 +442,23 @@ impl<'a> Training<'a> {
     pub fn rounds(&mut self, monitor: &dyn Monitor) -> Result<Round> {
         let mut seen: Vec<Vec<usize>> = Vec::new();
         loop {
-            let before = (self.support.clone(), self.noise.clone());
+            let before = self.support.clone();
             let stepping = self.integrator.stepping;
             let mut round = self.round(monitor)?;
-            let known = self.support == before.0 || round.foretold;
+            let same = self.support == before;
+            let known = same || round.foretold;
             let steady = |(a, b): (&f64, &f64)| (a / b).ln().abs() < QUIET.ln();
             let chosen = self.integrator.error.iter().all(|error| error.is_finite());
-            let still = self.support == before.0 && self.noise.iter().zip(&before.1).all(steady);
+            let still = same && self.noise.iter().zip(&round.noise).all(steady);
             if !(chosen && still) {
                 self.sharpen();
             }
             let quiet = self
                 .noise
                 .iter()
-                .zip(&before.1)
+                .zip(&round.noise)
                 .zip(&self.integrator.resolution)
                 .all(|((a, b), floor)| a.max(3.0 * floor) < QUIET * b.max(3.0 * floor));
-            let same = self.support == before.0;
             // A support that comes back in a circle is settled by the criterion of the round.
             let circling = seen.len() + 1 >= ROUNDS || (!same && seen.contains(&self.support));
             // Rounds that others follow need not confirm what they found.
