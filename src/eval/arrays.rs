@@ -136,9 +136,8 @@ fn reflect_body(v: &[f64], tau: f64, heads: &mut [f64], columns: &mut [f64], str
             add(&mut sums[1], a, b);
         }
         let mut sum = *head;
-        for i in 0..PARTS {
-            sum += sums[0][i] + sums[1][i];
-        }
+        let [even, odd] = sums;
+        sum += even.iter().zip(odd).map(|(a, b)| a + b).sum::<f64>();
         for i in whole..height {
             sum += v[i] * column[i];
         }

@@ -2,8 +2,8 @@
 //!
 //! A round linearises the integrator map by every term at the present model, searches the
 //! support on the triangular factor, and refits the winner to convergence. Rounds go on
-//! until the support and the noise stand still; the integrator is made as accurate as the
-//! noise asks for.
+//! until the refit finds what the factor foretold of the support and the noise stands still;
+//! the integrator is made as accurate as the noise asks for.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
