@@ -1,5 +1,7 @@
 //! Trajectories side by side, and the memory that moving them takes.
 
+use crate::eval::{InstructionSet, mark_broken};
+
 /// Structure of arrays over `lanes` trajectories.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Batch {
@@ -92,11 +94,9 @@ impl Batch {
         // x * 0 is NaN exactly where x is not finite, so a sum of zeros finds the broken lanes.
         broken.clear();
         broken.resize(lanes, 0.0);
-        for row in self.state.chunks_exact(lanes).chain(self.tangent.chunks_exact(lanes)) {
-            for (mark, value) in broken.iter_mut().zip(row) {
-                *mark += value * 0.0;
-            }
-        }
+        let set = InstructionSet::widest();
+        mark_broken(set, broken, &self.state);
+        mark_broken(set, broken, &self.tangent);
         if broken.iter().all(|mark| *mark == 0.0) {
             return;
         }
@@ -125,6 +125,10 @@ pub struct Scratch {
     pub(super) carry: Vec<f64>,
     /// Whatever an evaluator or a method wants.
     pub(super) workspace: Vec<f64>,
+    /// The same for the kicks and the drifts of one advance, which begins with both empty.
+    pub(super) again: [Vec<f64>; 2],
+    /// Memory that callers lend and take back between advances.
+    pub(crate) spare: Vec<f64>,
 }
 
 impl Scratch {

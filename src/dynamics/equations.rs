@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use super::batch::{Batch, Scratch};
 use super::flow::{Flow, FlowSource};
 use crate::eval::{Backend, Evaluator, Inputs, Series, StepSource, Steps, compile, compile_steps};
-use crate::expr::{Expr, Graph, Node, Place, Symbol, System};
+use crate::expr::{Expr, Graph, Node, Observed, Place, Symbol, System};
 
 /// Equations of motion of a system with some of its learned terms.
 ///
@@ -272,6 +272,11 @@ impl Dynamics {
             Some(self.flow(rows, linear, 0..2 * self.degrees))
         });
         flow.as_ref()
+    }
+
+    /// Whether the state itself is what an instrument shows.
+    pub(crate) fn shows_state(&self, observed: Observed) -> bool {
+        observed == Observed::Momenta && self.instrument().is_none()
     }
 
     /// Taylor series of the motion; `None` for what has kinks or jumps.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::batch::Scratch;
-use crate::eval::{Backend, Evaluator, Inputs, InstructionSet, add_products, compile};
+use crate::eval::{Backend, Evaluator, Inputs, InstructionSet, add_weighted, compile};
 use crate::expr::{Expr, Graph, Symbol};
 
 /// Functions of some rows of the state, time and theta, with their derivatives.
@@ -93,6 +93,20 @@ impl Flow {
         derivatives: bool,
         scratch: &mut Scratch,
     ) {
+        scratch.workspace.clear();
+        self.evaluate_again(state, lanes, theta, derivatives, scratch);
+    }
+
+    /// The same after an evaluation by this flow with the same theta, lanes and `derivatives`,
+    /// if `scratch.workspace` is not empty.
+    pub fn evaluate_again(
+        &self,
+        state: &[f64],
+        lanes: usize,
+        theta: &[f64],
+        derivatives: bool,
+        scratch: &mut Scratch,
+    ) {
         let Scratch { out, points, time, workspace, .. } = scratch;
         let rows = &state[self.inputs.start * lanes..self.inputs.end * lanes];
         let points = if self.timed {
@@ -108,14 +122,15 @@ impl Flow {
         if out.len() < size {
             out.resize(size, 0.0);
         }
-        evaluator.evaluate(points, theta, lanes, &mut out[..size], workspace);
+        evaluator.evaluate_again(points, theta, lanes, &mut out[..size], workspace);
     }
 
     /// target += entries * source, and the mixed entries into their own columns.
     ///
     /// `target` holds `[rows][columns][lanes]`, `source` the rows `inputs` of a tangent in the
     /// same layout; `entries` is the Jacobian, then the mixed entries, `[entry][lanes]`, scaled
-    /// as wanted. Unknown k has column `first + k`.
+    /// as wanted. Unknown k has column `first + k`; without such columns there are only the
+    /// derivatives by the initial state.
     pub fn push(
         &self,
         target: &mut [f64],
@@ -130,15 +145,13 @@ impl Flow {
         }
         let start = self.inputs.start;
         let set = InstructionSet::widest();
-        // Column after column: the entries then stay in the nearest cache.
-        for column in 0..columns {
-            let mut weights = entries.chunks_exact(lanes);
-            for (&(row, from), weight) in self.jacobian.iter().zip(&mut weights) {
-                let into = (row * columns + column) * lanes;
-                let from = ((from - start) * columns + column) * lanes;
-                let into = &mut target[into..into + lanes];
-                add_products(set, into, &source[from..from + lanes], weight);
-            }
+        let width = columns * lanes;
+        for (&(row, from), weight) in self.jacobian.iter().zip(entries.chunks_exact(lanes)) {
+            let into = &mut target[row * width..][..width];
+            add_weighted(set, into, &source[(from - start) * width..][..width], weight);
+        }
+        if columns == first {
+            return;
         }
         let weights = entries.chunks_exact(lanes).skip(self.jacobian.len());
         for (&(row, unknown), weight) in self.mixed.iter().zip(weights) {

@@ -243,6 +243,9 @@ impl<'a> Stages<'a> {
                 }
             }
         }
+        if columns == rows {
+            return;
+        }
         for (output, weights) in self.outputs.iter().zip(weights.chunks(rows * rows * lanes)) {
             let entries = output[(rows + self.field.jacobian.len()) * lanes..].chunks_exact(lanes);
             for (&(row, unknown), entry) in self.field.mixed.iter().zip(entries) {

@@ -64,6 +64,7 @@ pub fn advance(
 ) {
     scratch.carry.clear();
     scratch.carry.resize(batch.state.len(), 0.0);
+    scratch.again.iter_mut().for_each(Vec::clear);
     let few = batch.lanes <= FEW_LANES && !batch.has_tangents() && record.is_none();
     if few && run_loop(dynamics, gammas, batch, steps, theta, scratch) {
         if let Some(last) = last(gammas, steps) {
@@ -140,7 +141,10 @@ fn apply(
     let tangents = batch.has_tangents();
     let flow = if stage.drift { dynamics.drift() } else { dynamics.kick() };
     stage.prepare(&batch.time, scratch);
-    flow.evaluate(&batch.state, lanes, theta, tangents, scratch);
+    let part = usize::from(stage.drift);
+    std::mem::swap(&mut scratch.workspace, &mut scratch.again[part]);
+    flow.evaluate_again(&batch.state, lanes, theta, tangents, scratch);
+    std::mem::swap(&mut scratch.workspace, &mut scratch.again[part]);
     let size = if tangents { flow.outputs() } else { flow.rows } * lanes;
     let Scratch { out, scale, carry, .. } = scratch;
     let out = &mut out[..size];
@@ -190,12 +194,5 @@ impl Stage {
 /// Multiplies each row by the scale of its lanes; a lane with scale 0 does not move, whatever
 /// stands in the row.
 pub fn rescale(rows: &mut [f64], scale: &[f64]) {
-    if scale.is_empty() {
-        return;
-    }
-    for row in rows.chunks_exact_mut(scale.len()) {
-        for (value, &factor) in row.iter_mut().zip(scale) {
-            *value = if factor == 0.0 { 0.0 } else { *value * factor };
-        }
-    }
+    crate::eval::rescale(InstructionSet::widest(), rows, scale);
 }

@@ -13,7 +13,10 @@ mod steps;
 mod tape;
 mod uniform;
 
-pub(crate) use arrays::{add_carrying, add_products};
+pub(crate) use arrays::{
+    add_carrying, add_products, add_squares, add_weighted, leverages, mark_broken, reflect,
+    reflect_lanes, rescale, weigh,
+};
 pub(crate) use instruction::{Instruction, Slot, Value};
 pub(crate) use lower::Lowered;
 pub use processor::InstructionSet;

@@ -20,6 +20,10 @@ pub struct Bounded {
 /// (Stark and Parker, "Bounded-variable least squares", Comput. Stat. 10, 1995).
 pub fn solve_bounded(factor: &Factor, bounds: impl Fn(usize) -> Bounds) -> Bounded {
     let size = factor.columns();
+    let values = solve_triangle(factor);
+    if (0..size).all(|k| bounds(k).clamp(values[k]) == values[k]) {
+        return Bounded { squares: factor.squares(&values), values, bound: Vec::new() };
+    }
     let mut fixed: Vec<Option<f64>> = vec![None; size];
     let mut values = DVector::zeros(size);
     for _ in 0..=3 * size {
@@ -57,21 +61,20 @@ pub fn solve_bounded(factor: &Factor, bounds: impl Fn(usize) -> Bounds) -> Bound
 
 /// Back substitution; an unknown that the data do not touch, or that earlier ones span, is zero.
 pub fn solve_triangle(factor: &Factor) -> DVector<f64> {
-    let triangle = factor.design();
-    let target = factor.target();
-    let norms = factor.norms();
+    let triangle = factor.triangle();
     let size = factor.columns();
+    // What is left of the target, column after column.
+    let mut left = factor.target();
     let mut solution = DVector::zeros(size);
     for k in (0..size).rev() {
-        let pivot = triangle[(k, k)];
-        if pivot.abs() <= 1e-14 * norms[k] || pivot == 0.0 {
+        let column = &triangle.column(k);
+        let pivot = column[k];
+        if pivot == 0.0 || pivot.abs() <= 1e-14 * column.rows(0, k + 1).norm() {
             continue;
         }
-        let mut sum = target[k];
-        for j in k + 1..size {
-            sum -= triangle[(k, j)] * solution[j];
-        }
-        solution[k] = sum / pivot;
+        let value = left[k] / pivot;
+        solution[k] = value;
+        left.rows_mut(0, k).axpy(-value, &column.rows(0, k), 1.0);
     }
     solution
 }

@@ -6,7 +6,7 @@ use super::monitor::Monitor;
 use super::options::Options;
 use super::resume::Start;
 use super::segments::longest_run;
-use super::train::{Round, Training};
+use super::train::{Extent, Round, Training};
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::expr::System;
@@ -18,7 +18,7 @@ const LONGEST: usize = 256;
 /// Segments that the tries of different starts are made on.
 const TRIAL_SEGMENTS: usize = 400;
 /// Segments that the first rounds take, where there are at least twice as many.
-const FIRST_SEGMENTS: usize = 1_000;
+const FIRST_SEGMENTS: usize = 384;
 
 /// Trains from the spec's start, or from the best of several starts, on growing segments.
 pub fn train<'a>(
@@ -38,15 +38,18 @@ pub fn train<'a>(
 /// take all of them and search the whole space once more, but need not come from far.
 fn come_near(training: &mut Training, monitor: &dyn Monitor) -> Result<()> {
     let unknowns = training.system.terms.len() + training.system.parameters.len();
-    let part = FIRST_SEGMENTS.max(unknowns);
+    let part = FIRST_SEGMENTS.max(2 * unknowns);
     if training.stream.is_some() || training.segments.list.len() < 2 * part {
         return Ok(());
     }
-    let whole = training.segments.clone();
+    let (segments, states) = (training.segments.clone(), training.states.clone());
     training.thin(part);
+    training.extent = Extent::Rough;
     let rough = training.rounds(monitor);
-    training.segments = whole;
-    training.states = training.first_states();
+    training.extent = Extent::Whole;
+    training.reweigh = true;
+    training.segments = segments;
+    training.states = states;
     rough.map(|_| ())
 }
 
@@ -74,7 +77,7 @@ pub fn train_on<'a>(
     monitor: &dyn Monitor,
 ) -> Result<(Training<'a>, Round)> {
     let mut training = Training::new(system, dataset, options)?;
-    training.near = true;
+    training.extent = Extent::Near;
     training.support.clone_from(&start.support);
     training.coefficients.clone_from(&start.coefficients);
     training.parameters.clone_from(&start.parameters);

@@ -23,6 +23,14 @@ impl Criterion {
         let variance = (squares / n + self.floor * self.floor).max(f64::MIN_POSITIVE);
         n * variance.ln() + unknowns as f64 * n.ln() + choice
     }
+
+    /// Whether two sums of squares are the same to the criterion: they differ by less than any
+    /// term costs, or both are below the floor.
+    pub fn agree(&self, a: f64, b: f64, rows: usize) -> bool {
+        const LESS: f64 = 0.5;
+        let value = |squares: f64| self.value(squares, rows, 0, 0.0);
+        (value(a) - value(b)).abs() < LESS || a.max(b) <= rows as f64 * self.floor.powi(2)
+    }
 }
 
 /// What naming each term costs: 2 log(levels * terms of the same complexity).

@@ -14,13 +14,16 @@ pub struct Elimination {
     triangle: DMatrix<f64>,
     inverse: DMatrix<f64>,
     target: DVector<f64>,
+    /// Sum of squares that the columns leave.
+    pub squares: f64,
 }
 
 impl Elimination {
     /// Starts from all terms of `support`; columns that are zero are left out at once.
     pub fn new(factor: &Factor, columns: &Columns, support: Vec<usize>) -> Self {
+        let norms = factor.norms();
         let chosen: Vec<usize> =
-            columns.of(&support).into_iter().filter(|&k| factor.norms()[k] > 0.0).collect();
+            columns.of(&support).into_iter().filter(|&k| norms[k] > 0.0).collect();
         let mut selected = factor.select(&chosen);
         // A trace of ridge keeps dependent columns apart; it is far below what is looked at.
         let norms = selected.norms();
@@ -35,7 +38,8 @@ impl Elimination {
             .solve_upper_triangular(&DMatrix::identity(size, size))
             .unwrap_or_else(|| DMatrix::identity(size, size));
         let support = support.into_iter().filter(|k| chosen.contains(k)).collect();
-        Elimination { support, columns: chosen, triangle, inverse, target: selected.target() }
+        let (target, squares) = (selected.target(), selected.least());
+        Elimination { support, columns: chosen, triangle, inverse, target, squares }
     }
 
     /// Removes the term whose loss raises the squares least.
@@ -95,6 +99,7 @@ impl Elimination {
         let inverse = std::mem::replace(&mut self.inverse, DMatrix::zeros(0, 0));
         self.inverse = inverse.remove_row(at).remove_column(size - 1);
         let target = std::mem::replace(&mut self.target, DVector::zeros(0));
+        self.squares += target[size - 1].powi(2);
         self.target = target.remove_row(size - 1);
     }
 }

@@ -7,6 +7,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::eval::{InstructionSet, reflect};
+
 /// Columns that one block reflector eliminates; the rest of the work is matrix products.
 const PANEL: usize = 32;
 
@@ -41,21 +43,27 @@ impl Factor {
     /// Van Loan, "A storage-efficient WY representation", SIAM J. Sci. Stat. Comput. 10
     /// (1989), in the triangle-over-rectangle form.
     pub fn push(&mut self, rows: &mut DMatrix<f64>, count: usize) {
+        self.push_upper(rows, rows.nrows(), count);
+    }
+
+    /// The same for the first `filled` rows; whatever stands below them is left alone.
+    pub fn push_upper(&mut self, rows: &mut DMatrix<f64>, filled: usize, count: usize) {
         let width = self.triangle.ncols();
         debug_assert_eq!(rows.ncols(), width);
         self.rows += count;
-        if rows.nrows() == 0 {
+        if filled == 0 {
             return;
         }
         for start in (0..width).step_by(PANEL) {
             let size = PANEL.min(width - start);
             // Below the last row that is not zero nothing happens: triangles cost a third.
-            let height = height(rows, start..start + size);
+            let heights = heights(rows, filled, start..start + size);
+            let height = heights.iter().copied().max().unwrap_or(0);
             if height == 0 {
                 continue;
             }
             let rest = width - start - size;
-            let reflector = self.eliminate(rows, start, size, height, rest > 0);
+            let reflector = self.eliminate(rows, start, &heights, rest > 0);
             if rest > 0 {
                 let mut upper = rows.rows_mut(0, height);
                 let (done, mut trailing) =
@@ -77,15 +85,20 @@ impl Factor {
         &mut self,
         rows: &mut DMatrix<f64>,
         start: usize,
-        size: usize,
-        height: usize,
+        heights: &[usize],
         wanted: bool,
     ) -> DMatrix<f64> {
+        let size = heights.len();
         let stride = rows.nrows();
         let values = rows.as_mut_slice();
+        let set = InstructionSet::widest();
         let mut t = DMatrix::zeros(size, size);
+        let mut heads = vec![0.0; size];
+        let mut height = 0;
         for j in 0..size {
             let column = start + j;
+            // Further columns of a triangle reach further down: no row is touched too early.
+            height = heights[j].max(height);
             let (done, others) = values.split_at_mut((column + 1) * stride);
             let reflector = &mut done[column * stride..][..height];
             let below = dot(reflector, reflector);
@@ -98,11 +111,14 @@ impl Factor {
             let inverse = 1.0 / (alpha - beta);
             reflector.iter_mut().for_each(|x| *x *= inverse);
             self.triangle[(column, column)] = beta;
-            for k in column + 1..start + size {
-                let other = &mut others[(k - column - 1) * stride..][..height];
-                let w = tau * (self.triangle[(column, k)] + dot(reflector, other));
-                self.triangle[(column, k)] -= w;
-                other.iter_mut().zip(&*reflector).for_each(|(x, v)| *x -= w * v);
+            let right = column + 1..start + size;
+            let heads = &mut heads[..right.len()];
+            for (head, k) in heads.iter_mut().zip(right.clone()) {
+                *head = self.triangle[(column, k)];
+            }
+            reflect(set, reflector, tau, heads, others, stride);
+            for (head, k) in heads.iter().zip(right) {
+                self.triangle[(column, k)] = *head;
             }
             t[(j, j)] = tau;
             if wanted && j > 0 {
@@ -114,6 +130,32 @@ impl Factor {
             }
         }
         t
+    }
+
+    /// Factors of the same unknowns together, each taken so many times.
+    pub fn together<'a>(columns: usize, parts: impl Iterator<Item = (&'a Factor, u32)>) -> Factor {
+        let parts: Vec<(&Factor, u32)> = parts.filter(|(_, times)| *times > 0).collect();
+        let width = columns + 1;
+        if width > 4 * PANEL {
+            // Memory counts more than the many small products.
+            let mut all = Factor::new(columns);
+            parts.iter().for_each(|(part, times)| all.merge(&part.repeated(*times)));
+            return all;
+        }
+        // First rows first, then second rows: what is below them in a column is then zero.
+        let mut rows = DMatrix::zeros(width * parts.len(), width);
+        for (at, (part, times)) in parts.iter().enumerate() {
+            let scale = f64::from(*times).sqrt();
+            for (mut into, from) in rows.column_iter_mut().zip(part.triangle.column_iter()) {
+                for (row, x) in from.iter().enumerate() {
+                    into[row * parts.len() + at] = scale * x;
+                }
+            }
+        }
+        let mut all = Factor::new(columns);
+        let count = parts.iter().map(|(part, times)| part.rows * *times as usize).sum();
+        all.push(&mut rows, count);
+        all
     }
 
     /// Takes another factor of the same unknowns in.
@@ -129,6 +171,11 @@ impl Factor {
         let mut rows = self.triangle.select_columns(&columns);
         selected.push(&mut rows, self.rows);
         selected
+    }
+
+    /// R itself, b last.
+    pub fn triangle(&self) -> &DMatrix<f64> {
+        &self.triangle
     }
 
     /// The upper triangle of A alone (K x K).
@@ -151,8 +198,11 @@ impl Factor {
 
     /// Sum of squared residuals at `unknowns`.
     pub fn squares(&self, unknowns: &DVector<f64>) -> f64 {
-        let k = self.columns();
-        let misfit = self.triangle.view((0, 0), (k, k)) * unknowns - self.target();
+        let mut misfit = -self.target();
+        for (j, &x) in unknowns.iter().enumerate() {
+            let column = self.triangle.view((0, j), (j + 1, 1));
+            misfit.rows_mut(0, j + 1).axpy(x, &column.column(0), 1.0);
+        }
         misfit.norm_squared() + self.least()
     }
 
@@ -186,10 +236,12 @@ impl Factor {
     }
 }
 
-/// Rows of some columns up to the last that is not zero.
-fn height(rows: &DMatrix<f64>, columns: std::ops::Range<usize>) -> usize {
-    let last = |k: usize| rows.column(k).iter().rposition(|x| *x != 0.0).map_or(0, |at| at + 1);
-    columns.map(last).max().unwrap_or(0)
+/// Rows of each of some columns up to the last that is not zero.
+fn heights(rows: &DMatrix<f64>, filled: usize, columns: std::ops::Range<usize>) -> Vec<usize> {
+    let stride = rows.nrows();
+    let column = |k: usize| &rows.as_slice()[k * stride..][..filled];
+    let last = |k: usize| column(k).iter().rposition(|x| *x != 0.0).map_or(0, |at| at + 1);
+    columns.map(last).collect()
 }
 
 /// Inner product, in eight partial sums that processors work on side by side.

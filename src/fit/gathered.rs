@@ -53,10 +53,7 @@ impl Gathered {
         if self.rows == 0 {
             return;
         }
-        for mut column in self.stacked.column_iter_mut() {
-            column.as_mut_slice()[self.rows..].fill(0.0);
-        }
-        factor.push(&mut self.stacked, self.count);
+        factor.push_upper(&mut self.stacked, self.rows, self.count);
         self.rows = 0;
         self.count = 0;
     }
@@ -64,5 +61,5 @@ impl Gathered {
 
 /// Rows that are worth a product.
 fn enough(width: usize) -> usize {
-    (4 * width).max(512)
+    (4 * width).max(256)
 }

@@ -74,6 +74,7 @@ pub fn refit(
     let mut theta: Vec<f64> = start.iter().zip(bounds).map(|(&x, bound)| bound.clamp(x)).collect();
     let mut sums = settle(problem, dynamics, &theta, &mut states);
     let coefficients = dynamics.active().len();
+    let mut trial_states = States::new();
     let mut damping = 0.0;
     let mut iterations = 0;
     loop {
@@ -89,7 +90,6 @@ pub fn refit(
         }
         iterations += 1;
         let factor = linearised.merged();
-        let mut trial_states = states.clone();
         let outcome = loop {
             let near: Vec<Bounds> = (0..theta.len())
                 .map(|k| match k < coefficients {

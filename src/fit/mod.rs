@@ -19,6 +19,7 @@ pub mod loss;
 pub mod memory;
 pub mod model;
 pub mod monitor;
+mod motion;
 pub mod options;
 pub mod pass;
 pub mod path;

@@ -107,27 +107,17 @@ pub fn settle(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mu
         return stream.settle(problem, dynamics, theta);
     }
     let width = width(problem, 2 * dynamics.degrees() + dynamics.unknowns() + 1);
-    let parts: Vec<(Vec<Vec<f64>>, Sums)> = blocks(0..problem.segments.list.len(), width)
-        .into_par_iter()
-        .map_init(Scratch::new, |scratch, range| {
-            let mut local = states[range.clone()].to_vec();
-            let sums = settle_block(
-                problem,
-                dynamics,
-                theta,
-                &problem.segments.list[range],
-                &mut local,
-                scratch,
-            );
-            (local, sums)
+    let parts: Vec<Sums> = problem
+        .segments
+        .list
+        .par_chunks(width)
+        .zip(states.par_chunks_mut(width))
+        .map_init(Scratch::new, |scratch, (segments, states)| {
+            settle_block(problem, dynamics, theta, segments, states, scratch)
         })
         .collect();
     let mut total = Sums::new(problem.weights.len());
-    states.clear();
-    for (local, sums) in parts {
-        states.extend(local);
-        total.add(&sums);
-    }
+    parts.iter().for_each(|sums| total.add(sums));
     total
 }
 
@@ -143,7 +133,7 @@ pub(super) fn settle_block(
     let lanes = segments.len();
     let mut trial: Vec<Vec<f64>> = states.to_vec();
     let mut best = vec![f64::INFINITY; lanes];
-    let mut step = vec![vec![0.0; size]; lanes];
+    let mut step = vec![0.0; size * lanes];
     let mut length = vec![1.0; lanes];
     let mut sums = Sums::new(problem.weights.len());
     let mut settled = vec![false; lanes];
@@ -157,7 +147,7 @@ pub(super) fn settle_block(
                 improved += 1;
                 states[lane].clone_from(&trial[lane]);
                 best[lane] = loss;
-                step[lane] = rows.state_step(lane);
+                rows.state_step(lane, &mut step[lane * size..][..size]);
                 length[lane] = 1.0;
                 let rounding = problem.floor.powi(2) * rows.measured[lane] as f64;
                 settled[lane] = rows.promised(lane) <= SETTLED * loss + ROUNDING * rounding;
@@ -168,18 +158,21 @@ pub(super) fn settle_block(
             }
             for i in 0..size {
                 let part = if settled[lane] { 0.0 } else { length[lane] };
-                trial[lane][i] = states[lane][i] + part * step[lane][i];
+                trial[lane][i] = states[lane][i] + part * step[lane * size + i];
             }
         }
         if settled.iter().all(|&done| done) && improved == lanes {
             // The rows at hand are those of the settled states.
             rows.sum_up(&mut sums);
+            rows.recycle(scratch);
             return sums;
         }
+        rows.recycle(scratch);
     }
     let mut rows = Rows::integrate(problem, dynamics, theta, segments, states, false, scratch);
     rows.eliminate_states();
     rows.sum_up(&mut sums);
+    rows.recycle(scratch);
     sums
 }
 
@@ -244,11 +237,7 @@ impl Linearised {
     /// All folds together.
     pub fn merged(&self) -> Factor {
         let columns = self.folds.first().map_or(0, Factor::columns);
-        let mut all = Factor::new(columns);
-        for fold in &self.folds {
-            all.merge(fold);
-        }
-        all
+        Factor::together(columns, self.folds.iter().map(|fold| (fold, 1)))
     }
 }
 
@@ -327,6 +316,7 @@ impl FoldPass {
         rows.sum_up(&mut self.sums);
         self.gathered.take(&rows, &mut self.factor);
         self.touched.iter_mut().zip(&rows.touched).for_each(|(all, part)| *all += part);
+        rows.recycle(scratch);
     }
 
     /// Brings all rows into the factor, so that none take memory.

@@ -83,11 +83,17 @@ pub fn path(
     points
 }
 
+/// Coordinate descent on the correlations of the columns with the residual, which every change
+/// of an unknown moves by its column's products with all others.
 struct Descent<'a> {
     /// Columns of unit norm.
     design: DMatrix<f64>,
     norms: Vec<f64>,
-    residual: DVector<f64>,
+    target: DVector<f64>,
+    /// Of each column with what the solution leaves of the target.
+    correlations: DVector<f64>,
+    /// Products of a column with all columns, once it has moved.
+    products: Vec<Option<DVector<f64>>>,
     /// In units of the normalised columns.
     solution: Vec<f64>,
     penalised: &'a [bool],
@@ -103,24 +109,42 @@ impl<'a> Descent<'a> {
                 design.column_mut(k).scale_mut(1.0 / norm);
             }
         }
-        let solution = vec![0.0; norms.len()];
-        Descent { design, norms, residual: factor.target(), solution, penalised, bounds }
+        let target = factor.target();
+        let size = norms.len();
+        let mut descent = Descent {
+            design,
+            norms,
+            correlations: target.clone(),
+            target,
+            products: vec![None; size],
+            solution: vec![0.0; size],
+            penalised,
+            bounds,
+        };
+        descent.correlate();
+        descent
     }
 
-    fn correlation(&self, k: usize) -> f64 {
-        // The triangle is zero below the diagonal.
-        self.design.view((0, k), (k + 1, 1)).column(0).dot(&self.residual.rows(0, k + 1))
+    /// Finds the correlations anew: rounding does not gather from penalty to penalty.
+    fn correlate(&mut self) {
+        let mut residual = self.target.clone();
+        for (k, &x) in self.solution.iter().enumerate().filter(|(_, x)| **x != 0.0) {
+            let column = self.design.view((0, k), (k + 1, 1));
+            residual.rows_mut(0, k + 1).axpy(-x, &column.column(0), 1.0);
+        }
+        self.correlations = project(&self.design, &residual);
     }
 
     fn largest_correlation(&self) -> f64 {
         (0..self.norms.len())
             .filter(|&k| self.penalised[k])
-            .map(|k| self.correlation(k).abs())
+            .map(|k| self.correlations[k].abs())
             .fold(0.0, f64::max)
     }
 
     /// Descends to convergence, or until the sweeps are used up.
     fn solve(&mut self, lambda: f64, sweeps: usize) {
+        self.correlate();
         let all: Vec<usize> = (0..self.norms.len()).filter(|&k| self.norms[k] > 0.0).collect();
         let mut left = sweeps;
         while left > 0 {
@@ -142,15 +166,17 @@ impl<'a> Descent<'a> {
         let size = self.solution.iter().fold(0.0f64, |m, x| m.max(x.abs()));
         let mut largest = 0.0f64;
         for &k in unknowns {
-            let free = self.correlation(k) + self.solution[k];
+            let free = self.correlations[k] + self.solution[k];
             let threshold = if self.penalised[k] { lambda } else { 0.0 };
             let shrunk = soft_threshold(free, threshold);
             let new = self.bounds[k].clamp(shrunk / self.norms[k]) * self.norms[k];
             let change = new - self.solution[k];
             if change != 0.0 && change.is_finite() {
                 self.solution[k] = new;
-                let column = self.design.view((0, k), (k + 1, 1));
-                self.residual.rows_mut(0, k + 1).axpy(-change, &column.column(0), 1.0);
+                let design = &self.design;
+                let products = self.products[k]
+                    .get_or_insert_with(|| project(design, &design.column(k).clone_owned()));
+                self.correlations.axpy(-change, products, 1.0);
                 largest = largest.max(change.abs());
             }
         }
@@ -165,6 +191,13 @@ impl<'a> Descent<'a> {
             .map(|(k, x)| (k, x / self.norms[k]))
             .collect()
     }
+}
+
+/// Inner products of every column of a triangle with a vector.
+fn project(triangle: &DMatrix<f64>, vector: &DVector<f64>) -> DVector<f64> {
+    DVector::from_fn(vector.len(), |k, _| {
+        triangle.view((0, k), (k + 1, 1)).column(0).dot(&vector.rows(0, k + 1))
+    })
 }
 
 #[cfg(test)]

@@ -1,8 +1,10 @@
 //! Rows of a linearised block: weighted residuals and their derivatives, freed of the states.
 
+use super::motion::Motion;
 use super::pass::{Problem, Sums};
 use super::segments::Segment;
-use crate::dynamics::{Batch, Dynamics, Scratch, advance, observe};
+use crate::dynamics::{Dynamics, Scratch, observe};
+use crate::eval::{InstructionSet, add_products, add_squares, leverages, reflect_lanes, weigh};
 
 /// Weighted residuals and derivatives of a block of segments, `[row][column][lane]`.
 ///
@@ -41,13 +43,14 @@ impl Rows {
         let (degrees, lanes) = (dynamics.degrees(), segments.len());
         let state = 2 * degrees;
         let observables = problem.weights.len();
-        let unknowns = dynamics.unknowns();
-        let mut batch = Batch::with_tangents(degrees, lanes, unknowns);
-        let kept = if by_theta { unknowns } else { 0 };
+        let kept = if by_theta { dynamics.unknowns() } else { 0 };
         let columns = state + kept + 1;
         let samples = segments.iter().map(|s| s.samples()).max().unwrap_or(0);
+        // Every number is written by `take`.
+        let mut values = std::mem::take(&mut scratch.spare);
+        values.resize(samples * observables * columns * lanes, 0.0);
         let mut rows = Rows {
-            values: vec![0.0; samples * observables * columns * lanes],
+            values,
             rows: samples * observables,
             columns,
             lanes,
@@ -59,12 +62,15 @@ impl Rows {
             scales: vec![0.0; samples * observables * lanes],
             touched: vec![0.0; kept],
         };
+        let mut motion = Motion::new(problem, dynamics, theta, kept, lanes);
         for (lane, (segment, start)) in segments.iter().zip(states).enumerate() {
-            batch.set(lane, problem.dataset.runs[segment.run].times[segment.first], start);
+            motion.set(lane, problem.dataset.runs[segment.run].times[segment.first], start);
         }
         let mut span = vec![0.0; lanes];
-        let mut out = vec![0.0; state * lanes];
-        let mut tangent = vec![0.0; state * batch.columns() * lanes];
+        let shown = dynamics.shows_state(problem.observed);
+        let size = if shown { 0 } else { state * lanes };
+        let mut out = vec![0.0; size];
+        let mut tangent = vec![0.0; size * (state + kept)];
         for sample in 0..samples {
             if sample > 0 {
                 for (lane, segment) in segments.iter().enumerate() {
@@ -72,16 +78,23 @@ impl Rows {
                     let at = segment.first + sample;
                     span[lane] = if at <= segment.last { times[at] - times[at - 1] } else { 0.0 };
                 }
-                let longest = span.iter().fold(0.0f64, |m, s| m.max(s.abs()));
-                let steps = (longest / problem.stepping.longest * (1.0 - 1e-9)).ceil().max(1.0);
-                let method = problem.stepping.method;
-                advance(dynamics, method, &mut batch, &span, steps as usize, theta, scratch);
+                motion.advance(&span, scratch);
+            }
+            let batch = &motion.batch;
+            if shown {
+                rows.take(problem, segments, sample, &batch.state, &batch.tangent);
+                continue;
             }
             let observed = problem.observed;
-            observe(dynamics, observed, &batch, theta, &mut out, Some(&mut tangent), scratch);
-            rows.take(problem, segments, sample, &out, &tangent, batch.columns());
+            observe(dynamics, observed, batch, theta, &mut out, Some(&mut tangent), scratch);
+            rows.take(problem, segments, sample, &out, &tangent);
         }
         rows
+    }
+
+    /// Gives the memory back, for other rows.
+    pub(super) fn recycle(self, scratch: &mut Scratch) {
+        scratch.spare = self.values;
     }
 
     /// Takes one sample of every lane in.
@@ -92,14 +105,15 @@ impl Rows {
         sample: usize,
         out: &[f64],
         tangent: &[f64],
-        tangent_columns: usize,
     ) {
         let lanes = self.lanes;
+        let set = InstructionSet::widest();
         let mut scale = vec![0.0; lanes];
         for observable in 0..self.observables {
             let row = sample * self.observables + observable;
             let base = row * self.columns * lanes;
             let last = base + (self.columns - 1) * lanes;
+            self.values[last..last + lanes].fill(0.0);
             for (lane, segment) in segments.iter().enumerate() {
                 scale[lane] = 0.0;
                 let at = segment.first + sample;
@@ -117,21 +131,18 @@ impl Rows {
                     self.losses[lane] = f64::INFINITY;
                     continue;
                 }
-                let robust = (problem.loss.row().weight)(residual).sqrt();
+                let squares = problem.loss.is_squares();
+                let robust =
+                    if squares { 1.0 } else { (problem.loss.row().weight)(residual).sqrt() };
                 self.losses[lane] += (problem.loss.row().value)(residual);
                 scale[lane] = weight * robust;
                 self.scales[row * lanes + lane] = problem.loss.scale(residual);
                 self.values[last + lane] = residual * robust;
             }
-            for column in 0..self.columns - 1 {
-                let from = (observable * tangent_columns + column) * lanes;
-                let into = base + column * lanes;
-                let target = &mut self.values[into..into + lanes];
-                for ((t, d), s) in target.iter_mut().zip(&tangent[from..from + lanes]).zip(&scale) {
-                    // An exploded lane has NaN derivatives; its weight is zero.
-                    *t = if *s == 0.0 { 0.0 } else { d * s };
-                }
-            }
+            let width = (self.columns - 1) * lanes;
+            let from = &tangent[observable * width..][..width];
+            // An exploded lane has NaN derivatives; its weight is zero.
+            weigh(set, &mut self.values[base..base + width], from, &scale);
         }
     }
 
@@ -164,25 +175,21 @@ impl Rows {
     pub(super) fn eliminate_states(&mut self) {
         self.silence();
         let (lanes, columns) = (self.lanes, self.columns);
+        let set = InstructionSet::widest();
+        self.original.reserve(self.rows * (self.state + 1) * lanes);
         for row in self.values.chunks_exact(columns * lanes) {
             self.original.extend_from_slice(&row[..self.state * lanes]);
             self.original.extend_from_slice(&row[(columns - 1) * lanes..]);
-            let columns = row[self.state * lanes..].chunks_exact(lanes);
-            for (squares, column) in self.touched.iter_mut().zip(columns) {
-                *squares += column.iter().map(|x| x * x).sum::<f64>();
-            }
+            add_squares(set, &mut self.touched, &row[self.state * lanes..], lanes);
         }
         let mut norm = vec![0.0; lanes];
         let mut factor = vec![0.0; lanes];
-        let mut dot = vec![0.0; lanes];
         for pivot in 0..self.state.min(self.rows) {
             let at = |row: usize, column: usize| (row * columns + column) * lanes;
             norm.fill(0.0);
             for row in pivot..self.rows {
                 let column = &self.values[at(row, pivot)..][..lanes];
-                for (n, x) in norm.iter_mut().zip(column) {
-                    *n += x * x;
-                }
+                add_products(set, &mut norm, column, column);
             }
             // v = (alpha - beta, rest); I - v v' / (norm^2 - alpha beta).
             let head = at(pivot, pivot);
@@ -194,26 +201,7 @@ impl Rows {
                 factor[lane] = if size > 0.0 { 1.0 / size } else { 0.0 };
                 self.values[head + lane] = alpha - beta[lane];
             }
-            for column in pivot + 1..columns {
-                dot.fill(0.0);
-                for row in pivot..self.rows {
-                    let v = &self.values[at(row, pivot)..][..lanes];
-                    let x = &self.values[at(row, column)..][..lanes];
-                    for ((d, v), x) in dot.iter_mut().zip(v).zip(x) {
-                        *d += v * x;
-                    }
-                }
-                for (d, f) in dot.iter_mut().zip(&factor) {
-                    *d *= f;
-                }
-                for row in pivot..self.rows {
-                    let (left, right) = self.values.split_at_mut(at(row, column));
-                    let v = &left[at(row, pivot)..][..lanes];
-                    for ((x, d), v) in right[..lanes].iter_mut().zip(&dot).zip(v) {
-                        *x -= d * v;
-                    }
-                }
-            }
+            reflect_lanes(set, &mut self.values[head..], &factor, columns, columns - pivot - 1);
             for row in pivot + 1..self.rows {
                 self.values[at(row, pivot)..][..lanes].fill(0.0);
             }
@@ -222,9 +210,9 @@ impl Rows {
     }
 
     /// The Gauss-Newton step of a lane's state, after elimination, theta held.
-    pub(super) fn state_step(&self, lane: usize) -> Vec<f64> {
+    pub(super) fn state_step(&self, lane: usize, step: &mut [f64]) {
         let last = self.columns - 1;
-        let mut step = vec![0.0; self.state];
+        step.fill(0.0);
         for i in (0..self.state.min(self.rows)).rev() {
             let pivot = self.at(i, i, lane);
             let norm = (0..=i).map(|row| self.at(row, i, lane).powi(2)).sum::<f64>().sqrt();
@@ -234,7 +222,6 @@ impl Rows {
             let known: f64 = (i + 1..self.state).map(|j| self.at(i, j, lane) * step[j]).sum();
             step[i] = (self.at(i, last, lane) - known) / pivot;
         }
-        step
     }
 
     /// By how much the squares of a lane fall if its state takes the step.
@@ -252,7 +239,8 @@ impl Rows {
     ///
     /// The leverage of a measured value on the states is |J_row R_s^-1|^2.
     pub(super) fn sum_up(&self, sums: &mut Sums) {
-        let (lanes, state) = (self.lanes, self.state);
+        let (lanes, state, columns) = (self.lanes, self.state, self.columns);
+        let set = InstructionSet::widest();
         for lane in 0..lanes {
             if self.losses[lane].is_finite() {
                 sums.loss += self.losses[lane];
@@ -266,28 +254,12 @@ impl Rows {
         let mut leverage = vec![0.0; lanes];
         let mut measured = vec![false; lanes];
         for (row, values) in self.original.chunks_exact((state + 1) * lanes).enumerate() {
-            let residuals = &values[state * lanes..];
-            leverage.fill(0.0);
-            for (m, residual) in measured.iter_mut().zip(residuals) {
-                *m = *residual != 0.0;
-            }
-            for c in 0..state.min(self.rows) {
-                let (done, rest) = solved.split_at_mut(c * lanes);
-                let own = &mut rest[..lanes];
-                own.fill(0.0);
-                for (r, known) in done.chunks_exact(lanes).enumerate() {
-                    let factor = &self.values[(r * self.columns + c) * lanes..][..lanes];
-                    for ((x, f), k) in own.iter_mut().zip(factor).zip(known) {
-                        *x += f * k;
-                    }
-                }
-                let entries = &values[c * lanes..][..lanes];
-                let pivots = &inverse[c * lanes..][..lanes];
-                for (lane, x) in own.iter_mut().enumerate() {
-                    measured[lane] |= entries[lane] != 0.0;
-                    *x = (entries[lane] - *x) * pivots[lane];
-                    leverage[lane] += *x * *x;
-                }
+            let (derivatives, residuals) = values.split_at(state * lanes);
+            let determined = &derivatives[..inverse.len()];
+            leverages(set, &mut leverage, &mut solved, determined, &self.values, &inverse, columns);
+            for (lane, m) in measured.iter_mut().enumerate() {
+                let moves = || determined.iter().skip(lane).step_by(lanes).any(|x| *x != 0.0);
+                *m = residuals[lane] != 0.0 || moves();
             }
             let observable = row % self.observables;
             let scales = &self.scales[row * lanes..][..lanes];

@@ -44,8 +44,9 @@ const MARGIN: f64 = 3.0;
 pub fn rounding(dataset: &Dataset, observables: usize) -> Vec<f64> {
     (0..observables)
         .map(|row| {
-            let cells = dataset.runs.iter().filter_map(|run| run.values.get(row)).flatten();
-            let largest = cells.filter(|x| x.is_finite()).fold(0.0f64, |m, x| m.max(x.abs()));
+            let columns = dataset.runs.iter().filter_map(|run| run.values.get(row));
+            let finite = |m: f64, x: &f64| if x.is_finite() { m.max(x.abs()) } else { m };
+            let largest = columns.fold(0.0, |m, cells| cells.iter().fold(m, finite));
             (8.0 * f64::EPSILON * largest).max(1e-300)
         })
         .collect()
@@ -87,7 +88,7 @@ pub fn coarse(
 pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64], keep: bool) -> Choice {
     // Rounding accumulates along a segment.
     let along = (training.window.max(2) - 1) as f64;
-    let mut rounding = rounding(training.dataset, training.noise.len());
+    let mut rounding = training.rounding.clone();
     rounding.iter_mut().for_each(|r| *r *= along);
     let (batch, span) = sample(training);
     let longest_span = span.iter().fold(0.0f64, |m, s| m.max(s.abs()));

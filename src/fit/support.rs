@@ -125,6 +125,19 @@ pub fn search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Searc
     Search { candidates: pool.best(usize::MAX), path, tried }
 }
 
+/// Backward elimination of the whole space and forward selection, the best of them polished.
+pub fn rough(factor: &Factor, columns: &Columns, criterion: Criterion) -> Search {
+    let mut pool = Pool::new(factor, columns, criterion);
+    pool.try_support(Vec::new());
+    pool.eliminate_quickly();
+    pool.grow();
+    for candidate in pool.best(1) {
+        pool.polish(candidate);
+    }
+    let tried = pool.known.len();
+    Search { candidates: pool.best(usize::MAX), path: Vec::new(), tried }
+}
+
 /// Searches around a support: its own sub-supports, then additions, removals and exchanges.
 pub fn near(factor: &Factor, columns: &Columns, criterion: Criterion, support: &[usize]) -> Search {
     let mut pool = Pool::new(factor, columns, criterion);
@@ -155,7 +168,7 @@ fn levels(complexity: &[u32]) -> Vec<u32> {
 pub fn quick_search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Candidate {
     let mut pool = Pool::new(factor, columns, criterion);
     pool.try_support(Vec::new());
-    pool.eliminate((0..columns.terms).collect());
+    pool.eliminate_quickly();
     pool.grow();
     pool.best(1).swap_remove(0)
 }
@@ -338,15 +351,44 @@ impl<'a> Pool<'a> {
         self.try_all(&small);
     }
 
+    /// The same from the whole space; looks closely only at the best of the supports on the way.
+    fn eliminate_quickly(&mut self) {
+        const CLOSELY: usize = 3;
+        let all = (0..self.columns.terms).collect();
+        if !self.columns.bounds.iter().all(|bound| bound.is_free()) {
+            return self.eliminate(all);
+        }
+        let mut elimination = Elimination::new(self.factor, self.columns, all);
+        let rows = self.factor.rows();
+        let mut found: Vec<(f64, Vec<usize>)> = Vec::new();
+        while !elimination.support.is_empty() {
+            if elimination.support.len() <= LARGEST {
+                let support = elimination.support.clone();
+                let unknowns = self.columns.of(&support).len();
+                let choice = support.iter().map(|&k| self.columns.costs[k]).sum();
+                let value = self.criterion.value(elimination.squares, rows, unknowns, choice);
+                found.push((value, support));
+            }
+            elimination.remove_weakest(self.columns);
+        }
+        found.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
+        for (_, support) in found.into_iter().take(CLOSELY) {
+            self.try_support(support);
+        }
+    }
+
     /// Adds the most useful term again and again, until three in a row do not pay.
     fn grow(&mut self) {
+        let mut forward = Forward::new(&self.design, &self.target);
+        self.columns.of(&[]).into_iter().for_each(|column| forward.take(column));
         let mut current = self.try_support(Vec::new());
         let mut best = current.criterion;
         let mut idle = 0;
         while idle < 3 && current.support.len() < LARGEST.min(self.columns.terms) {
-            let Some(&(add, _)) = self.moves(&current.support).additions.first() else { return };
+            let Some(add) = forward.best(self.columns.terms) else { return };
             let mut support = current.support.clone();
             support.push(add);
+            self.columns.of(&support).into_iter().for_each(|column| forward.take(column));
             let next = self.try_support(support);
             if next.support == current.support {
                 return;
@@ -442,6 +484,59 @@ impl<'a> Pool<'a> {
                 _ => return,
             }
         }
+    }
+}
+
+/// Columns and target, freed of what a growing set of the columns spans.
+struct Forward {
+    columns: DMatrix<f64>,
+    target: DVector<f64>,
+    /// Squares of the columns as they were.
+    norms: Vec<f64>,
+    taken: Vec<bool>,
+}
+
+impl Forward {
+    fn new(design: &DMatrix<f64>, target: &DVector<f64>) -> Forward {
+        Forward {
+            columns: design.clone(),
+            target: target.clone(),
+            norms: design.column_iter().map(|column| column.norm_squared()).collect(),
+            taken: vec![false; design.ncols()],
+        }
+    }
+
+    /// What is left of a column; below rounding nothing is.
+    fn left(&self, column: usize) -> f64 {
+        let left = self.columns.column(column).norm_squared();
+        if left > 1e-22 * self.norms[column] { left } else { 0.0 }
+    }
+
+    /// Takes a column into the basis, once.
+    fn take(&mut self, column: usize) {
+        let left = self.left(column);
+        if std::mem::replace(&mut self.taken[column], true) || left == 0.0 {
+            return;
+        }
+        let unit = self.columns.column(column) / left.sqrt();
+        for (mut other, taken) in self.columns.column_iter_mut().zip(&self.taken) {
+            if !taken {
+                let shadow = unit.dot(&other);
+                other.axpy(-shadow, &unit, 1.0);
+            }
+        }
+        let shadow = unit.dot(&self.target);
+        self.target.axpy(-shadow, &unit, 1.0);
+    }
+
+    /// The term, of the first `terms` columns, that lowers the squares most.
+    fn best(&self, terms: usize) -> Option<usize> {
+        let fall = |k: usize| self.columns.column(k).dot(&self.target).powi(2) / self.left(k);
+        (0..terms)
+            .filter(|&k| !self.taken[k] && self.left(k) > 0.0)
+            .map(|k| (k, fall(k)))
+            .max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))
+            .map(|(k, _)| k)
     }
 }
 

@@ -2,21 +2,22 @@
 //!
 //! A round linearises the integrator map by every term at the present model, searches the
 //! support on the triangular factor, and refits the winner to convergence. Rounds go on
-//! until the support and the noise stand still; the integrator is made as accurate as the
-//! noise asks for.
+//! until the refit finds what the factor foretold of the support and the noise stands still;
+//! the integrator is made as accurate as the noise asks for.
 
 use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::criterion::{Criterion, choice_costs, complexity};
 use super::factor::Factor;
 use super::gauss_newton::{Refit, StopReason, refit};
 use super::monitor::Monitor;
 use super::options::Options;
-use super::pass::{Problem, States, Sums, settle_and_linearise};
+use super::pass::{Problem, States, Sums, linearise, settle, settle_and_linearise};
 use super::segments::{Segment, Segments, cut, first_state, longest_run, typical_step};
 use super::stepping::{self, Choice};
 use super::stream::Stream;
-use super::support::{Candidate, Columns, Search, search};
+use super::support::{self, Candidate, Columns, Search};
 use crate::data::Dataset;
 use crate::dynamics::Dynamics;
 use crate::error::{Error, Result};
@@ -25,6 +26,9 @@ use crate::expr::{Bounds, Observed, Place, Symbol, System};
 
 /// Rounds at one length of segments.
 const ROUNDS: usize = 8;
+/// The noise stands still when it grows by less than this factor: weights that are wrong by a
+/// part x cost the estimate a part x^2 / 4 of its efficiency.
+const QUIET: f64 = 1.05;
 
 /// A model under training, with everything that the next round starts from.
 #[derive(Clone)]
@@ -57,10 +61,45 @@ pub struct Training<'a> {
     pub separable: bool,
     /// Rounds that were made.
     pub rounds: usize,
-    /// Whether the search begins at the present support and looks no further than it must.
-    pub near: bool,
+    /// How far the search for the support looks.
+    pub extent: Extent,
     /// All data, where they are larger than memory; `dataset` is then a sample of them.
     pub stream: Option<&'a Stream<'a>>,
+    /// Whether the next round first learns the noise from all its segments: what is known of it
+    /// comes from few.
+    pub(super) reweigh: bool,
+    /// What rounding does to each observable.
+    pub(super) rounding: Vec<f64>,
+    compiled: Compiled,
+}
+
+/// How far the search for a support looks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Extent {
+    /// Everywhere.
+    Whole,
+    /// Where the best support is most likely, in rounds that others follow.
+    Rough,
+    /// Around the present support, no further than it must.
+    Near,
+}
+
+/// Dynamics by their terms, each compiled once.
+#[derive(Debug, Clone, Default)]
+struct Compiled(Arc<Mutex<HashMap<Vec<usize>, Arc<Dynamics>>>>);
+
+impl Compiled {
+    /// More of them than this are forgotten.
+    const MOST: usize = 8;
+
+    fn of(&self, system: &System, terms: &[usize]) -> Arc<Dynamics> {
+        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if known.len() > Compiled::MOST {
+            known.retain(|terms, _| terms.len() == system.terms.len());
+        }
+        let compile = || Arc::new(Dynamics::new(system, terms, Backend::default()));
+        known.entry(terms.to_vec()).or_insert_with(compile).clone()
+    }
 }
 
 /// What a round ended with.
@@ -78,6 +117,11 @@ pub struct Round {
     pub columns: Columns,
     /// What the search chose by.
     pub criterion: Criterion,
+    /// Whether the refit found what the factor had foretold of its best support: the search was
+    /// then not led astray by where it was linearised.
+    pub foretold: bool,
+    /// Standard deviation of the noise of each observable that the residuals were weighed by.
+    pub noise: Vec<f64>,
 }
 
 impl<'a> Training<'a> {
@@ -100,7 +144,8 @@ impl<'a> Training<'a> {
         let shortest = (2.0 / share - 0.5).ceil().min(longest as f64) as usize;
         let window = options.window.unwrap_or(shortest).clamp(2, longest.max(2));
         let everything: Vec<usize> = (0..system.terms.len()).collect();
-        let separable = Dynamics::new(system, &everything, Backend::default()).separable();
+        let compiled = Compiled::default();
+        let separable = compiled.of(system, &everything).separable();
         let mut training = Training {
             system,
             dataset,
@@ -116,8 +161,11 @@ impl<'a> Training<'a> {
             integrator: stepping::coarse(system, dataset, options, separable, typical)?,
             separable,
             rounds: 0,
-            near: false,
+            extent: Extent::Whole,
             stream: None,
+            reweigh: false,
+            rounding: stepping::rounding(dataset, 2 * degrees),
+            compiled,
         };
         if system.observed == Observed::Velocities {
             training.start_as_unit_masses();
@@ -211,8 +259,8 @@ impl<'a> Training<'a> {
     }
 
     /// The dynamics of some terms, and their theta at the present model.
-    fn compile(&self, terms: &[usize]) -> (Dynamics, Vec<f64>) {
-        let dynamics = Dynamics::new(self.system, terms, Backend::default());
+    fn compile(&self, terms: &[usize]) -> (Arc<Dynamics>, Vec<f64>) {
+        let dynamics = self.compiled.of(self.system, terms);
         let theta = self.theta(&dynamics);
         (dynamics, theta)
     }
@@ -235,12 +283,24 @@ impl<'a> Training<'a> {
         let everything: Vec<usize> = (0..self.system.terms.len()).collect();
         let (whole, theta) = self.compile(&everything);
         let (present, present_theta) = self.compile(&self.support);
+        let mut states = std::mem::take(&mut self.states);
+        let settled = std::mem::take(&mut self.reweigh) && self.stream.is_none();
+        if settled {
+            let weights = self.weights();
+            let sums = settle(&self.problem(&weights), &present, &present_theta, &mut states);
+            self.noise = self.noise_estimate(&sums, present_theta.len());
+        }
+        let noise = self.noise.clone();
         let weights = self.weights();
-        let mut states = self.states.clone();
         let (folds, rows) = {
             let problem = self.problem(&weights);
-            let (present, whole) = ((&present, &*present_theta), (&whole, &*theta));
-            let linearised = settle_and_linearise(&problem, present, whole, &mut states);
+            let (present, whole) = ((&*present, &*present_theta), (&*whole, &*theta));
+            // What new weights change of the states, the elimination of the states makes good.
+            let linearised = if settled {
+                linearise(&problem, whole.0, whole.1, &states)
+            } else {
+                settle_and_linearise(&problem, present, whole, &mut states)
+            };
             (linearised.folds, linearised.sums.rows)
         };
         self.states = states;
@@ -263,14 +323,12 @@ impl<'a> Training<'a> {
                 fold
             })
             .collect();
-        let mut merged = Factor::new(theta.len());
-        for fold in &folds {
-            merged.merge(fold);
-        }
-        let mut search = match (self.options.sparse, self.near) {
-            (true, false) => search(&merged, &columns, criterion),
-            (true, true) => super::support::near(&merged, &columns, criterion, &self.support),
-            (false, _) => super::support::whole(&merged, &columns, criterion),
+        let merged = Factor::together(theta.len(), folds.iter().map(|fold| (fold, 1)));
+        let mut search = match self.extent {
+            _ if !self.options.sparse => support::whole(&merged, &columns, criterion),
+            Extent::Whole => support::search(&merged, &columns, criterion),
+            Extent::Rough => support::rough(&merged, &columns, criterion),
+            Extent::Near => support::near(&merged, &columns, criterion, &self.support),
         };
         if self.options.selection == super::options::Selection::Unseen {
             super::unseen::prefer_unseen(&mut search.candidates, &folds, &columns);
@@ -280,7 +338,8 @@ impl<'a> Training<'a> {
         })?;
         let refit = self.adopt(&best, &whole, monitor);
         self.rounds += 1;
-        Ok(Round { search, refit, folds, merged, columns, criterion })
+        let foretold = criterion.agree(best.squares, refit.sums.loss, refit.sums.rows);
+        Ok(Round { search, refit, folds, merged, columns, criterion, foretold, noise })
     }
 
     /// Makes a candidate the present model and refits it.
@@ -297,18 +356,23 @@ impl<'a> Training<'a> {
             }
         }
         self.support.clone_from(&candidate.support);
-        let refit = self.refit(monitor);
+        let states = std::mem::take(&mut self.states);
+        let refit = self.refit_from(states, monitor);
         self.take(&refit);
         refit
     }
 
     /// Refits the present support from the present values.
     pub fn refit(&self, monitor: &dyn Monitor) -> Refit {
+        self.refit_from(self.states.clone(), monitor)
+    }
+
+    fn refit_from(&self, states: States, monitor: &dyn Monitor) -> Refit {
         let (dynamics, theta) = self.compile(&self.support);
         let weights = self.weights();
         let problem = self.problem(&weights);
         let bounds = self.bounds(&dynamics);
-        refit(&problem, &dynamics, &bounds, &theta, self.states.clone(), monitor)
+        refit(&problem, &dynamics, &bounds, &theta, states, monitor)
     }
 
     /// Makes the result of a refit the present model, and estimates the noise anew.
@@ -378,20 +442,28 @@ impl<'a> Training<'a> {
     pub fn rounds(&mut self, monitor: &dyn Monitor) -> Result<Round> {
         let mut seen: Vec<Vec<usize>> = Vec::new();
         loop {
-            let before = (self.support.clone(), self.noise.clone());
+            let before = self.support.clone();
             let stepping = self.integrator.stepping;
             let mut round = self.round(monitor)?;
-            self.sharpen();
+            let same = self.support == before;
+            let known = same || round.foretold;
+            let steady = |(a, b): (&f64, &f64)| (a / b).ln().abs() < QUIET.ln();
+            let chosen = self.integrator.error.iter().all(|error| error.is_finite());
+            let still = same && self.noise.iter().zip(&round.noise).all(steady);
+            if !(chosen && still) {
+                self.sharpen();
+            }
             let quiet = self
                 .noise
                 .iter()
-                .zip(&before.1)
+                .zip(&round.noise)
                 .zip(&self.integrator.resolution)
-                .all(|((a, b), floor)| a.max(3.0 * floor) < 1.05 * b.max(3.0 * floor));
-            let same = self.support == before.0;
+                .all(|((a, b), floor)| a.max(3.0 * floor) < QUIET * b.max(3.0 * floor));
             // A support that comes back in a circle is settled by the criterion of the round.
             let circling = seen.len() + 1 >= ROUNDS || (!same && seen.contains(&self.support));
-            let done = same && quiet && stepping == self.integrator.stepping;
+            // Rounds that others follow need not confirm what they found.
+            let known = known || self.extent == Extent::Rough;
+            let done = known && quiet && stepping == self.integrator.stepping;
             let interrupted = round.refit.stop == StopReason::Interrupted;
             if done || circling || interrupted {
                 return Ok(round);
@@ -449,7 +521,7 @@ impl<'a> Training<'a> {
 fn measured_share(dataset: &Dataset, observables: usize) -> f64 {
     let samples: usize = dataset.runs.iter().map(|run| run.times.len()).sum();
     let columns = dataset.runs.iter().flat_map(|run| run.values.iter().take(observables));
-    let measured = columns.flatten().filter(|x| x.is_finite()).count();
+    let measured: usize = columns.map(|c| c.iter().filter(|x| x.is_finite()).count()).sum();
     measured.max(1) as f64 / (samples * observables).max(1) as f64
 }
 
@@ -457,16 +529,16 @@ fn measured_share(dataset: &Dataset, observables: usize) -> f64 {
 fn spreads(dataset: &Dataset, observables: usize) -> Vec<Option<f64>> {
     (0..observables)
         .map(|row| {
-            let values = || {
-                let cells = dataset.runs.iter().filter_map(move |run| run.values.get(row));
-                cells.flatten().copied().filter(|x| x.is_finite())
-            };
-            let count = values().count();
-            if count == 0 {
+            let mut values = Vec::with_capacity(dataset.samples());
+            for cells in dataset.runs.iter().filter_map(|run| run.values.get(row)) {
+                values.extend(cells.iter().filter(|x| x.is_finite()));
+            }
+            if values.is_empty() {
                 return None;
             }
-            let mean = values().sum::<f64>() / count as f64;
-            let variance = values().map(|x| (x - mean).powi(2)).sum::<f64>() / count as f64;
+            let count = values.len() as f64;
+            let mean = values.iter().sum::<f64>() / count;
+            let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
             Some(if variance > 0.0 { variance.sqrt() } else { mean.abs().max(1.0) })
         })
         .collect()

@@ -51,9 +51,13 @@ pub fn inclusion(
 ) -> Vec<f64> {
     const DRAWS: usize = 40;
     const POOL: usize = 40;
+    /// Worse ones do not win on any draw: this is odds of e^30.
+    const LEADING: f64 = 60.0;
     let mut frequency = vec![0.0; columns.terms];
     let mut pool: Vec<usize> = Vec::new();
-    for &term in candidates.iter().flat_map(|c| &c.support) {
+    let best = candidates.first().map_or(f64::NAN, |c| c.criterion);
+    let leading = candidates.iter().take_while(|c| c.criterion - best < LEADING);
+    for &term in leading.flat_map(|c| &c.support) {
         if pool.len() < POOL && !pool.contains(&term) {
             pool.push(term);
         }
@@ -71,12 +75,7 @@ pub fn inclusion(
         for _ in 0..folds.len() {
             times[generator.random_range(0..folds.len())] += 1;
         }
-        let mut drawn = Factor::new(chosen.len());
-        for (fold, &count) in folds.iter().zip(&times) {
-            if count > 0 {
-                drawn.merge(&fold.repeated(count));
-            }
-        }
+        let drawn = Factor::together(chosen.len(), folds.iter().zip(times.iter().copied()));
         for k in quick_search(&drawn, &narrowed, criterion).support {
             frequency[pool[k]] += 1.0;
         }

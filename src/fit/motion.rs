@@ -1,0 +1,109 @@
+//! Trajectories of a block of segments with their derivatives.
+//!
+//! Residuals are as accurate as the measurements ask for. Their derivatives need not be: an
+//! error of theirs only slows Gauss-Newton's convergence. So a method of high order moves the
+//! states alone, and one of order four the states and their many tangents, for as long as both
+//! agree.
+
+use super::pass::Problem;
+use crate::dynamics::{Batch, Dynamics, Kind, Method, Scratch, advance};
+
+/// The cheaper trajectory may differ by this part of the motion.
+const APART: f64 = 1e-5;
+/// Order from which on a cheaper method is tried.
+const DEAR: u32 = 4;
+/// From this many half steps of order four on, the method of the states is tried instead.
+const MOST_HALVES: usize = 3;
+
+/// A block of trajectories under way.
+pub(super) struct Motion<'a> {
+    /// States and tangents now.
+    pub(super) batch: Batch,
+    problem: &'a Problem<'a>,
+    dynamics: &'a Dynamics,
+    theta: &'a [f64],
+    /// For the tangents, where it is not the method of the states.
+    cheaper: Option<Cheaper>,
+}
+
+/// A method for tangents, with half as many steps as the states take at first.
+#[derive(Clone, Copy)]
+struct Cheaper {
+    method: Method,
+    halves: usize,
+}
+
+impl<'a> Motion<'a> {
+    /// Trajectories with tangents by their initial states and by `unknowns` numbers.
+    pub(super) fn new(
+        problem: &'a Problem,
+        dynamics: &'a Dynamics,
+        theta: &'a [f64],
+        unknowns: usize,
+        lanes: usize,
+    ) -> Motion<'a> {
+        let row = problem.stepping.method.row();
+        let dear = matches!(row.kind, Kind::Splitting(_)) && row.order > DEAR;
+        Motion {
+            batch: Batch::with_tangents(dynamics.degrees(), lanes, unknowns),
+            problem,
+            dynamics,
+            theta,
+            cheaper: Method::by_name("forest-ruth")
+                .filter(|_| dear)
+                .map(|method| Cheaper { method, halves: 1 }),
+        }
+    }
+
+    /// Sets the time and the initial state of one trajectory.
+    pub(super) fn set(&mut self, lane: usize, time: f64, state: &[f64]) {
+        self.batch.set(lane, time, state);
+    }
+
+    /// Goes on by `span[lane]`.
+    pub(super) fn advance(&mut self, span: &[f64], scratch: &mut Scratch) {
+        let stepping = self.problem.stepping;
+        let longest = span.iter().fold(0.0f64, |m, s| m.max(s.abs()));
+        let steps = (longest / stepping.longest * (1.0 - 1e-9)).ceil().max(1.0) as usize;
+        let (dynamics, theta) = (self.dynamics, self.theta);
+        if self.cheaper.is_none() {
+            advance(dynamics, stepping.method, &mut self.batch, span, steps, theta, scratch);
+            return;
+        }
+        let mut exact = Batch::new(dynamics.degrees(), self.batch.lanes);
+        exact.state.clone_from(&self.batch.state);
+        exact.time.clone_from(&self.batch.time);
+        advance(dynamics, stepping.method, &mut exact, span, steps, theta, scratch);
+        while let Some(Cheaper { method, halves }) = self.cheaper {
+            let fewer = (halves * steps).div_ceil(2);
+            let mut trial = Batch::new(dynamics.degrees(), self.batch.lanes);
+            trial.state.clone_from(&self.batch.state);
+            trial.time.clone_from(&self.batch.time);
+            advance(dynamics, method, &mut trial, span, fewer, theta, scratch);
+            if agree(&self.batch.state, &exact.state, &trial.state, self.batch.lanes) {
+                advance(dynamics, method, &mut self.batch, span, fewer, theta, scratch);
+                self.batch.state = exact.state;
+                return;
+            }
+            let next = Cheaper { method, halves: 3 * halves };
+            self.cheaper = Some(next).filter(|_| halves < MOST_HALVES);
+        }
+        advance(dynamics, stepping.method, &mut self.batch, span, steps, theta, scratch);
+    }
+}
+
+/// Whether in every row of the state the largest difference of two trajectories is a small part
+/// of the largest change. Lanes that left the finite numbers do not count.
+fn agree(before: &[f64], exact: &[f64], cheaper: &[f64], lanes: usize) -> bool {
+    let rows = before.chunks_exact(lanes).zip(exact.chunks_exact(lanes));
+    rows.zip(cheaper.chunks_exact(lanes)).all(|((before, exact), cheaper)| {
+        let (mut change, mut apart) = (0.0f64, 0.0f64);
+        for ((b, e), c) in before.iter().zip(exact).zip(cheaper) {
+            if e.is_finite() {
+                change = change.max((e - b).abs());
+                apart = apart.max(if c.is_finite() { (c - e).abs() } else { f64::INFINITY });
+            }
+        }
+        apart <= APART * change
+    })
+}
