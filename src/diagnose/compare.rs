@@ -9,6 +9,7 @@ use crate::dynamics::{Batch, Dynamics, Scratch, advance};
 use crate::error::Result;
 use crate::eval::Backend;
 use crate::expr::{Expr, Symbol, System, Term};
+use crate::fit::pass::Sums;
 use crate::fit::segments::{cut, longest_run, typical_step};
 
 /// A model held against measurements.
@@ -97,7 +98,11 @@ pub fn compare(training: &Context, unseen: Option<&Context>) -> Result<Compariso
 /// Error in units of the noise over segments of `window` samples, and segments that exploded;
 /// NaN where too few are left to say.
 pub fn error(context: &Context, window: usize) -> (f64, usize) {
-    let (_, _, sums) = context.settle(window);
+    error_of(&context.settle(window).2)
+}
+
+/// The same of sums that are at hand.
+pub(super) fn error_of(sums: &Sums) -> (f64, usize) {
     let freedom: f64 = sums.freedom.iter().sum();
     let squares: f64 = sums.squares.iter().sum();
     let error = if freedom < 1.0 { f64::NAN } else { (squares / freedom).sqrt() };

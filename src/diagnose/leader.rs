@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::candidates::{Candidate, Origin};
-use super::compare::error;
+use super::compare::error_of;
 use super::context::{Context, Settled};
 use super::scan::Scored;
 use crate::expr::{Bounds, System};
@@ -53,6 +53,8 @@ pub struct Refitted {
     pub fall: f64,
     /// What is left of them for each independent residual.
     pub variance: f64,
+    /// Fall of the weighted squares of unseen runs.
+    unseen_fall: f64,
     /// What the unknowns cost, and the choice among the grid's points (as in the trainer's
     /// criterion).
     pub price: f64,
@@ -69,6 +71,11 @@ impl Refitted {
     /// Deviance less price, when the weighted residuals have this variance.
     pub fn merit(&self, variance: f64) -> f64 {
         self.fall / variance - self.price
+    }
+
+    /// The same with what unseen runs say. They cost nothing: no number was fitted to them.
+    pub fn evidence(&self, variance: f64) -> f64 {
+        self.merit(variance) + self.unseen_fall / variance
     }
 
     /// The model with the effect, as the start of further questions.
@@ -180,8 +187,11 @@ impl Refitted {
         let unknowns = self.leader.coefficient.len() as f64;
         self.price = unknowns * (sums.rows.max(1) as f64).ln() + self.choice;
         let (before, lost) = unseen.1;
-        let (after, more) = error(&self.context(unseen.0), context.window);
+        let (_, _, far) = self.context(unseen.0).settle(context.window);
+        let (after, more) = error_of(&far);
         self.leader.unseen_error_before = before;
+        let fall = (before.powi(2) - after.powi(2)) * far.freedom.iter().sum::<f64>();
+        self.unseen_fall = if fall.is_finite() && more <= lost { fall } else { 0.0 };
         // Runs that it does not follow any more are no gain.
         self.leader.unseen_error_after = if more > lost { f64::INFINITY } else { after };
     }
@@ -238,6 +248,7 @@ fn fit(settled: &Settled, candidate: &Candidate, start: Start) -> Option<Refitte
         stepping: integrator.stepping,
         fall: 0.0,
         variance,
+        unseen_fall: 0.0,
         price: 0.0,
         choice: 2.0 * (candidate.grid.len().max(1) as f64).ln(),
         finished: false,

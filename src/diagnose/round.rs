@@ -162,10 +162,10 @@ impl Field<'_, '_> {
             leaders.retain(|l| !l.pinned);
         }
         leaders.iter_mut().for_each(|l| l.leader.deviance = l.fall / variance);
-        leaders.sort_by(|a, b| b.merit(variance).total_cmp(&a.merit(variance)));
-        let best = leaders.first().map_or(0.0, |l| l.merit(variance));
+        leaders.sort_by(|a, b| b.evidence(variance).total_cmp(&a.evidence(variance)));
+        let best = leaders.first().map_or(0.0, |l| l.evidence(variance));
         // Of those that explain equally well the one with the fewest unknowns comes first.
-        let close = leaders.iter().take_while(|l| best - l.merit(variance) < CLOSE).count();
+        let close = leaders.iter().take_while(|l| best - l.evidence(variance) < CLOSE).count();
         leaders[..close].sort_by_key(|l| l.leader.coefficient.len());
         let (window, before) = (self.settled.context.window, self.before.0);
         Round { leaders, close, variance, window, before, tried }
