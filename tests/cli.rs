@@ -116,7 +116,8 @@ fn fit_learns_prints_and_keeps_the_model() {
     let folder = pendulum();
     let path = folder.path();
     let done = good(path, &["fit", "swings.ham"]);
-    for part in ["H = p_theta^2/2 - 1.", "cos(theta)", "included", "noise of", "forest-ruth", "->"]
+    for part in
+        ["H = p_theta^2/2 - 1.", "cos(theta)", "included", "noise of", "Integrated with", "->"]
     {
         assert!(done.out.contains(part), "{part} is not in\n{}", done.out);
     }

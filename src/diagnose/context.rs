@@ -9,7 +9,8 @@ use crate::expr::{System, Term};
 use crate::fit::factor::Factor;
 use crate::fit::pass::{Problem, States, Stepping, Sums, linearise, residuals, settle};
 use crate::fit::segments::{Segments, cut, first_state};
-use crate::fit::{Loss, Model};
+use crate::fit::train::Training;
+use crate::fit::{Loss, Model, Options, Silent};
 
 /// Scores of probes, and what they cost.
 pub struct Probed {
@@ -160,6 +161,29 @@ impl<'a> Context<'a> {
         let theta = self.theta(&dynamics);
         let weights = self.weights();
         residuals(&self.problem(&segments, &weights), &dynamics, &theta, &states)
+    }
+
+    /// The same terms with their numbers fitted again, over short segments first: numbers that
+    /// were taken from another model may be far off. `None` where they cannot be fitted.
+    pub fn refitted(&self) -> Option<Context<'a>> {
+        let mut context = self.with_data(self.dataset);
+        for window in [FIRST_LOOK.min(self.window), self.window] {
+            let options = Options { window: Some(window), ..Options::default() };
+            let mut training = Training::new(self.system, self.dataset, &options).ok()?;
+            training.noise.clone_from(&self.noise);
+            training.support.clone_from(&self.support);
+            training.parameters.clone_from(&context.parameters);
+            training.coefficients.fill(0.0);
+            for (&k, &value) in self.support.iter().zip(&context.coefficients) {
+                training.coefficients[k] = value;
+            }
+            training.integrator.stepping = self.stepping;
+            let refit = training.refit(&Silent);
+            training.take(&refit);
+            context.coefficients = self.support.iter().map(|&k| training.coefficients[k]).collect();
+            context.parameters = training.parameters;
+        }
+        Some(context)
     }
 
     /// The model with the best states of all its segments.

@@ -134,8 +134,10 @@ pub fn discover(
         for (step, rivals) in steps.iter_mut().zip(&rivals) {
             let found = Found { name, text: &text, compiled: &compiled, model: &model };
             let mut alike = found.alike(step, rivals, training, unseen, monitor)?;
+            // One that now explains more takes the step's place, and so does a simpler one.
+            let beaten = !alike.iter().any(|leader| leader.effect == step.effect);
             let simpler = |rival: &&Leader| rival.coefficient.len() < step.coefficient.len();
-            if let Some(rival) = alike.first().filter(simpler).cloned()
+            if let Some(rival) = alike.first().filter(|rival| beaten || simpler(rival)).cloned()
                 && let Some(swapped) = found.swapped(step, &rival, training, options, monitor)
             {
                 step.replace(&rival);
@@ -201,6 +203,8 @@ impl Found<'_> {
             parameters: known.parameters,
             ..own
         };
+        // What the effect stood for, the other terms take over as well as they can.
+        let Some(context) = context.refitted() else { return Ok(Vec::new()) };
         let asked =
             |label: &str| label == step.effect || rivals.iter().any(|rival| rival.effect == label);
         let mut all = candidates(self.name, &text, &base, training);
