@@ -4,6 +4,7 @@
 mod common;
 
 use std::fs;
+use std::path::Path;
 
 use common::program::{good, json};
 use serde_json::Value;
@@ -107,4 +108,49 @@ fn a_double_pendulum_is_fitted_and_told_where_it_fails() {
     assert!(value("c").powi(2) < value("r"), "{parameters:?}");
     let shown = good(folder.path(), &["compare", "s.ham"]).out;
     assert!(shown.contains("the error grows from"), "{shown}");
+}
+
+/// What is known of a pendulum before one looks at it.
+const BARE: &str = "system \"filmed pendulum\"
+coordinates theta [rad]
+momenta omega [rad/s]
+data \"data.csv\" { time t  run trial }
+T = omega^2/2
+V = span{ cos(theta) }
+";
+
+/// Error on unseen runs of predictions over about ten seconds, in radians.
+fn ten_seconds(folder: &Path) -> f64 {
+    let compared = json(folder, &["compare", "s.ham"], "leverrier.compare/1");
+    let horizons = compared["horizons"].as_array().expect("horizons");
+    let long = |h: &&Value| h["duration"].as_f64().expect("a duration") > 9.0;
+    let error = horizons.iter().find(long).expect("ten seconds")["unseen"].as_f64();
+    let noise = compared["noise_floor"][0][1].as_f64().expect("the noise of theta");
+    error.expect("unseen runs") * noise
+}
+
+#[test]
+fn the_loop_finds_what_the_filmed_pendulum_loses_and_where_it_hangs() {
+    let Some(folder) = rig("real_pendulum.csv", 4, 600, BARE) else { return };
+    good(folder.path(), &["fit", "s.ham"]);
+    let before = ten_seconds(folder.path());
+    let found = json(folder.path(), &["discover", "s.ham"], "leverrier.discover/1");
+    let steps = found["steps"].as_array().expect("steps");
+    let names = |step: &Value| -> Vec<String> {
+        let others = step["indistinguishable"].as_array().expect("others").iter();
+        let all = std::iter::once(&step["effect"]).chain(others);
+        all.filter_map(|name| name.as_str().map(str::to_string)).collect()
+    };
+    let found: Vec<Vec<String>> = steps.iter().map(names).collect();
+    let has = |wanted: &[&str]| {
+        found.iter().flatten().any(|name| wanted.iter().any(|w| name == &format!("{w}(theta)")))
+    };
+    assert!(has(&["viscous_drag"]), "{found:?}");
+    assert!(has(&["constant_force", "tilt", "sensor_offset"]), "{found:?}");
+    // The published velocities are a little too small, and nothing else is missing.
+    assert!(found.len() <= 4, "{found:?}");
+    // A sine of twice the angle, which gaps taken for intervals would bring in.
+    assert!(!has(&["periodic_substrate", "parametric_drive"]), "{found:?}");
+    let after = ten_seconds(folder.path());
+    assert!(after < 0.5 * before, "{before} {after}");
 }
