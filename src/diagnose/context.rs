@@ -127,30 +127,39 @@ impl<'a> Context<'a> {
             .iter()
             .map(|&segment| first_state(self.dataset, segment, self.system.degrees()))
             .collect();
+        // Over many periods the misfit has many minima, and what was measured first need not
+        // lie near the lowest: the first samples of each segment bring its state there.
         let dynamics = Dynamics::new(self.system, &self.support, Backend::default());
         let theta = self.theta(&dynamics);
         let weights = self.weights();
-        // Over many periods the misfit has many minima, and what was measured first need not
-        // lie near the lowest: the first samples of each segment bring its state there.
         let mut look = FIRST_LOOK;
         while look < window {
             let short = segments.shortened(look);
             settle(&self.problem(&short, &weights), &dynamics, &theta, &mut states);
             look *= FURTHER;
         }
-        let problem = self.problem(&segments, &weights);
-        let mut sums = settle(&problem, &dynamics, &theta, &mut states);
+        let sums = self.settle_from(&segments, &mut states);
+        (segments, states, sums)
+    }
+
+    /// Improves the states of some segments until they are settled, and sums up what is left.
+    pub(super) fn settle_from(&self, segments: &Segments, states: &mut States) -> Sums {
+        let dynamics = Dynamics::new(self.system, &self.support, Backend::default());
+        let theta = self.theta(&dynamics);
+        let weights = self.weights();
+        let problem = self.problem(segments, &weights);
+        let mut sums = settle(&problem, &dynamics, &theta, states);
         // Long segments of a rough model take their time: what has not settled would look like
         // something missing.
         for _ in 0..PATIENCE {
-            let further = settle(&problem, &dynamics, &theta, &mut states);
+            let further = settle(&problem, &dynamics, &theta, states);
             let settled = further.loss >= sums.loss * (1.0 - SETTLED);
             sums = further;
             if settled {
                 break;
             }
         }
-        (segments, states, sums)
+        sums
     }
 
     /// Residuals in units of the noise over segments of at most `window` samples, each from its

@@ -7,7 +7,7 @@ use super::compare::error_of;
 use super::context::{Context, Settled};
 use super::scan::Scored;
 use crate::expr::{Bounds, System};
-use crate::fit::pass::Stepping;
+use crate::fit::pass::{Stepping, Sums};
 use crate::fit::train::Training;
 use crate::fit::{Options, Silent};
 use crate::spec::effects::ScanBy;
@@ -146,14 +146,13 @@ impl From<Refitted> for Start {
 /// [`Refitted::finish`] then takes them all.
 ///
 /// `few` is the model before that part, where there is one; `unseen` the model before unseen
-/// runs, with its error there and the segments that it loses. `None` where the candidate cannot
-/// be fitted.
+/// runs. `None` where the candidate cannot be fitted.
 pub fn refit(
     settled: &Settled,
     few: Option<&Settled>,
     candidate: &Candidate,
     start: Start,
-    unseen: (&Context, (f64, usize)),
+    unseen: &Settled,
 ) -> Option<Refitted> {
     let mut refitted = fit(few.unwrap_or(settled), candidate, start)?;
     refitted.finished = few.is_none();
@@ -167,7 +166,7 @@ impl Refitted {
         self,
         settled: &Settled,
         candidate: &Candidate,
-        unseen: (&Context, (f64, usize)),
+        unseen: &Settled,
     ) -> Option<Refitted> {
         if self.finished {
             return Some(self);
@@ -179,21 +178,29 @@ impl Refitted {
     }
 
     /// What it leaves of the misfit, and of the error on unseen runs.
-    fn judge(&mut self, settled: &Settled, unseen: (&Context, (f64, usize))) {
-        let context = &settled.context;
-        let (_, _, sums) = self.context(context).settle(context.window);
+    fn judge(&mut self, settled: &Settled, unseen: &Settled) {
+        let sums = self.before(settled);
         self.fall = settled.sums.loss - sums.loss;
         self.variance = (sums.loss / sums.rows.max(1) as f64).max(1e-12);
         let unknowns = self.leader.coefficient.len() as f64;
         self.price = unknowns * (sums.rows.max(1) as f64).ln() + self.choice;
-        let (before, lost) = unseen.1;
-        let (_, _, far) = self.context(unseen.0).settle(context.window);
-        let (after, more) = error_of(&far);
+        let far = self.before(unseen);
+        let ((before, lost), (after, more)) = (error_of(&unseen.sums), error_of(&far));
         self.leader.unseen_error_before = before;
         let fall = (before.powi(2) - after.powi(2)) * far.freedom.iter().sum::<f64>();
         self.unseen_fall = if fall.is_finite() && more <= lost { fall } else { 0.0 };
         // Runs that it does not follow any more are no gain.
         self.leader.unseen_error_after = if more > lost { f64::INFINITY } else { after };
+    }
+
+    /// What it leaves before some data. The states of the model without it are a near start;
+    /// where nothing is gained from there, it starts from what was measured.
+    fn before(&self, settled: &Settled) -> Sums {
+        let context = self.context(&settled.context);
+        let mut states = settled.states.clone();
+        let sums = context.settle_from(&settled.segments, &mut states);
+        let gained = sums.loss < settled.sums.loss && sums.exploded <= settled.sums.exploded;
+        if gained { sums } else { context.settle(settled.context.window).2 }
     }
 }
 

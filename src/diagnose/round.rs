@@ -1,7 +1,7 @@
 //! One round of asking: every candidate is scored, the best are refitted in full and ranked.
 
 use super::candidates::Candidate;
-use super::compare::error;
+use super::compare::{error, error_of};
 use super::context::{Context, Settled};
 use super::leader::{Refitted, Start, refit};
 use super::scan::{FEW, scan};
@@ -46,9 +46,7 @@ pub struct Round {
 struct Field<'a, 'b> {
     settled: &'b Settled<'a>,
     few: Option<&'b Settled<'a>>,
-    unseen: Context<'a>,
-    /// Error on unseen runs, and segments that are lost there.
-    before: (f64, usize),
+    unseen: &'b Settled<'a>,
     variance: f64,
     all: &'b [Candidate],
 }
@@ -84,7 +82,7 @@ pub fn round(
         found.map(|s| (s.candidate, Start::scored(&context, &all[s.candidate], s))).collect();
     loop {
         let far = Context { dataset: unseen, ..context.with_data(context.dataset) };
-        let before = error(&far, context.window);
+        let far = far.settled();
         let variance = scores.variance;
         let (settled, few) = match settled.context.window == context.window {
             true => (&settled, few.as_ref()),
@@ -93,7 +91,7 @@ pub fn round(
                 (&settled, few.as_ref())
             }
         };
-        let field = Field { settled, few, unseen: far, before, variance, all };
+        let field = Field { settled, few, unseen: &far, variance, all };
         let leaders = field.refit(starts, monitor);
         let window =
             leaders.first().map_or(context.window, |(_, best)| grown(&best.context(&context)));
@@ -115,7 +113,6 @@ impl Field<'_, '_> {
     /// Refits from some starts; the best of them on all the data. Best first.
     fn refit(&self, starts: Vec<(usize, Start)>, monitor: &dyn Monitor) -> Vec<(usize, Refitted)> {
         let usable = |l: &Refitted| l.fall.is_finite() && l.fall > 0.0;
-        let before = (&self.unseen, self.before);
         let count = starts.len().max(1) as f64;
         let mut leaders: Vec<(usize, Refitted)> = starts
             .into_iter()
@@ -123,7 +120,7 @@ impl Field<'_, '_> {
             .filter_map(|(i, (candidate, start))| {
                 monitor.stage("refitting the leaders", 0.3 + 0.5 * i as f64 / count);
                 let of = &self.all[candidate];
-                let refitted = refit(self.settled, self.few, of, start, before)?;
+                let refitted = refit(self.settled, self.few, of, start, self.unseen)?;
                 refitted.fall.is_finite().then_some((candidate, refitted))
             })
             .collect();
@@ -140,7 +137,7 @@ impl Field<'_, '_> {
                 if place > 0 && (place >= FINISHED || !near) {
                     return usable(&l).then_some((candidate, l));
                 }
-                let l = l.finish(self.settled, &self.all[candidate], before)?;
+                let l = l.finish(self.settled, &self.all[candidate], self.unseen)?;
                 usable(&l).then_some((candidate, l))
             })
             .collect()
@@ -155,9 +152,10 @@ impl Field<'_, '_> {
     fn rank(&self, leaders: Vec<(usize, Refitted)>, tried: usize) -> Round {
         let mut leaders: Vec<Refitted> = leaders.into_iter().map(|(_, leader)| leader).collect();
         let variance = self.yardstick(leaders.iter());
+        let (before, _) = error_of(&self.unseen.sums);
         // What a full fit does not keep, or unseen runs do not thank for, is not missing.
         let pays = |l: &Refitted| l.leader.unseen_error_after < l.leader.unseen_error_before;
-        leaders.retain(|l| l.merit(variance) > 0.0 && (pays(l) || self.before.0.is_nan()));
+        leaders.retain(|l| l.merit(variance) > 0.0 && (pays(l) || before.is_nan()));
         if leaders.iter().any(|l| !l.pinned) {
             leaders.retain(|l| !l.pinned);
         }
@@ -167,7 +165,7 @@ impl Field<'_, '_> {
         // Of those that explain equally well the one with the fewest unknowns comes first.
         let close = leaders.iter().take_while(|l| best - l.evidence(variance) < CLOSE).count();
         leaders[..close].sort_by_key(|l| l.leader.coefficient.len());
-        let (window, before) = (self.settled.context.window, self.before.0);
+        let window = self.settled.context.window;
         Round { leaders, close, variance, window, before, tried }
     }
 }

@@ -12,7 +12,7 @@ const COLUMNS: usize = 240;
 /// not believed of probes that were not fitted.
 const LEAST: f64 = 0.1;
 /// Samples on which grids of inner parameters are looked through.
-pub(super) const FEW: usize = 2_000;
+pub(super) const FEW: usize = 1_200;
 
 /// The best grid point of one candidate.
 #[derive(Debug, Clone)]
