@@ -143,21 +143,19 @@ impl From<Refitted> for Start {
 }
 
 /// The model with a candidate in it, refitted: on a part of the data where there are many;
-/// [`Refitted::finish`] then takes them all.
+/// [`Refitted::finish`] then takes them all. Its fall is that on what it was fitted to, until
+/// [`Refitted::judge`] looks at everything.
 ///
-/// `few` is the model before that part, where there is one; `unseen` the model before unseen
-/// runs. `None` where the candidate cannot be fitted.
+/// `few` is the model before that part, where there is one. `None` where the candidate cannot be
+/// fitted.
 pub fn refit(
     settled: &Settled,
     few: Option<&Settled>,
     candidate: &Candidate,
     start: Start,
-    unseen: &Settled,
 ) -> Option<Refitted> {
-    let mut refitted = fit(few.unwrap_or(settled), candidate, start)?;
-    refitted.finished = few.is_none();
-    refitted.judge(settled, unseen);
-    Some(refitted)
+    let refitted = fit(few.unwrap_or(settled), candidate, start)?;
+    Some(Refitted { finished: few.is_none(), ..refitted })
 }
 
 impl Refitted {
@@ -178,7 +176,7 @@ impl Refitted {
     }
 
     /// What it leaves of the misfit, and of the error on unseen runs.
-    fn judge(&mut self, settled: &Settled, unseen: &Settled) {
+    pub fn judge(&mut self, settled: &Settled, unseen: &Settled) {
         let sums = self.before(settled);
         self.fall = settled.sums.loss - sums.loss;
         self.variance = (sums.loss / sums.rows.max(1) as f64).max(1e-12);
@@ -204,8 +202,7 @@ impl Refitted {
     }
 }
 
-/// Gauss-Newton on the segments of a context. What [`Refitted::judge`] says is left to the
-/// caller.
+/// Gauss-Newton on the segments of a context.
 fn fit(settled: &Settled, candidate: &Candidate, start: Start) -> Option<Refitted> {
     let context = &settled.context;
     let options = Options { window: Some(context.window), ..Options::default() };
@@ -224,6 +221,7 @@ fn fit(settled: &Settled, candidate: &Candidate, start: Start) -> Option<Refitte
     let refit = training.refit(&Silent);
     let count = training.support.len();
     let rows = refit.sums.rows.max(1) as f64;
+    let fall = settled.sums.loss - refit.sums.loss;
     let variance = (refit.sums.loss / rows).max(1e-12);
     let covariance =
         crate::fit::uncertainty::covariance(&refit.linearised.merged(), variance.min(1.0));
@@ -253,7 +251,7 @@ fn fit(settled: &Settled, candidate: &Candidate, start: Start) -> Option<Refitte
         coefficients,
         parameters,
         stepping: integrator.stepping,
-        fall: 0.0,
+        fall,
         variance,
         unseen_fall: 0.0,
         price: 0.0,

@@ -92,7 +92,20 @@ pub fn round(
             }
         };
         let field = Field { settled, few, unseen: &far, variance, all };
-        let leaders = field.refit(starts, monitor);
+        let fitted = field.fitted(starts, monitor);
+        if let Some(few) = few {
+            // A part of the data tells whether longer segments are followed.
+            let merit = |l: &Refitted| l.merit(l.variance);
+            let best = fitted.iter().max_by(|(_, a), (_, b)| merit(a).total_cmp(&merit(b)));
+            let window =
+                best.map_or(context.window, |(_, best)| grown(&best.context(&few.context)));
+            if window > context.window && !monitor.stopped() {
+                starts = fitted.into_iter().map(|(c, l)| (c, Start::from(l))).collect();
+                context.window = window;
+                continue;
+            }
+        }
+        let leaders = field.judged(fitted);
         let window =
             leaders.first().map_or(context.window, |(_, best)| grown(&best.context(&context)));
         if window == context.window || monitor.stopped() {
@@ -110,20 +123,22 @@ fn on_part_and_all<'a>(context: &Context<'a>) -> (Settled<'a>, Option<Settled<'a
 }
 
 impl Field<'_, '_> {
-    /// Refits from some starts; the best of them on all the data. Best first.
-    fn refit(&self, starts: Vec<(usize, Start)>, monitor: &dyn Monitor) -> Vec<(usize, Refitted)> {
-        let usable = |l: &Refitted| l.fall.is_finite() && l.fall > 0.0;
+    /// Refits from some starts.
+    fn fitted(&self, starts: Vec<(usize, Start)>, monitor: &dyn Monitor) -> Vec<(usize, Refitted)> {
         let count = starts.len().max(1) as f64;
-        let mut leaders: Vec<(usize, Refitted)> = starts
-            .into_iter()
-            .enumerate()
-            .filter_map(|(i, (candidate, start))| {
-                monitor.stage("refitting the leaders", 0.3 + 0.5 * i as f64 / count);
-                let of = &self.all[candidate];
-                let refitted = refit(self.settled, self.few, of, start, self.unseen)?;
-                refitted.fall.is_finite().then_some((candidate, refitted))
-            })
-            .collect();
+        let fitted = starts.into_iter().enumerate().filter_map(|(i, (candidate, start))| {
+            monitor.stage("refitting the leaders", 0.3 + 0.5 * i as f64 / count);
+            let refitted = refit(self.settled, self.few, &self.all[candidate], start)?;
+            Some((candidate, refitted))
+        });
+        fitted.collect()
+    }
+
+    /// What they leave of all the data; the best of them are fitted to these. Best first.
+    fn judged(&self, mut leaders: Vec<(usize, Refitted)>) -> Vec<(usize, Refitted)> {
+        let usable = |l: &Refitted| l.fall.is_finite() && l.fall > 0.0;
+        leaders.iter_mut().for_each(|(_, leader)| leader.judge(self.settled, self.unseen));
+        leaders.retain(|(_, leader)| leader.fall.is_finite());
         let variance = self.yardstick(leaders.iter().map(|(_, l)| l));
         leaders.sort_by(|(_, a), (_, b)| b.merit(variance).total_cmp(&a.merit(variance)));
         let best = leaders.first().map_or(0.0, |(_, l)| l.merit(variance));
