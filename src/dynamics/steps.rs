@@ -50,7 +50,7 @@ pub fn choose_steps(
         .filter(|method| match method.row().kind {
             Kind::Splitting(_) => dynamics.separable(),
             Kind::Implicit(_) => !dynamics.separable(),
-            Kind::Explicit(_) => !dynamics.separable() && !(keep && dynamics.is_hamiltonian()),
+            Kind::Explicit(_) => !(dynamics.separable() || keep && dynamics.is_hamiltonian()),
         })
         .collect();
     // The highest order first: it bounds what the others may cost.
