@@ -10,6 +10,7 @@
 //! their own below `target/peers` (`--folder` names another place, `--python` another
 //! interpreter). What cannot be installed is left out, and the page says why.
 
+mod by_hand;
 mod gradient;
 mod learning;
 mod page;

@@ -12,6 +12,7 @@ use leverrier::report::present;
 use leverrier::simplify::Fitted;
 
 use crate::Asked;
+use crate::by_hand::by_hand;
 use crate::page::{Section, ratio, time};
 use crate::python::{HEYOKA, Peer, Python, number};
 use crate::turns::{Turn, clocked, fastest, of_children};
@@ -24,31 +25,6 @@ const START: [f64; 4] = [0.1, 0.2, 0.35, 0.1];
 fn system() -> Result<System, String> {
     let row = SYSTEMS.iter().find(|row| row.name == "Henon-Heiles");
     row.map(|row| (row.build)()).ok_or_else(|| "Hénon-Heiles is not in the table".to_string())
-}
-
-/// Forest and Ruth's method as one writes it.
-fn by_hand(state: &mut [f64; 4], steps: usize) {
-    let outer = 1.0 / (2.0 - 2.0_f64.cbrt());
-    let weights = [outer, 1.0 - 2.0 * outer, outer];
-    let drifts = [
-        0.5 * weights[0] * STEP,
-        0.5 * (weights[0] + weights[1]) * STEP,
-        0.5 * (weights[1] + weights[2]) * STEP,
-        0.5 * weights[2] * STEP,
-    ];
-    let [mut x, mut y, mut u, mut v] = *state;
-    for _ in 0..steps {
-        for (drift, weight) in drifts.iter().zip(weights) {
-            x += drift * u;
-            y += drift * v;
-            let kick = weight * STEP;
-            u -= kick * (x + 2.0 * x * y);
-            v -= kick * (y + x * x - y * y);
-        }
-        x += drifts[3] * u;
-        y += drifts[3] * v;
-    }
-    *state = [x, y, u, v];
 }
 
 /// Writes and builds the simulator that `export rust` makes; the path of its program.
@@ -118,7 +94,7 @@ pub fn steps(asked: &Asked) -> Result<Section, String> {
     let mut turns: Vec<Turn> = vec![
         Box::new(|| {
             hand = START;
-            Ok(clocked(|| by_hand(&mut hand, std::hint::black_box(steps))).1)
+            Ok(clocked(|| by_hand(&mut hand, STEP, std::hint::black_box(steps))).1)
         }),
         Box::new(|| {
             let mut batch = Batch::new(2, 1);

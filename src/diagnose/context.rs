@@ -138,7 +138,8 @@ impl<'a> Context<'a> {
             settle(&self.problem(&short, &weights), &dynamics, &theta, &mut states);
             look *= FURTHER;
         }
-        let sums = self.settle_from(&segments, &mut states);
+        let problem = self.problem(&segments, &weights);
+        let sums = patiently(&problem, &dynamics, &theta, &mut states);
         (segments, states, sums)
     }
 
@@ -147,19 +148,7 @@ impl<'a> Context<'a> {
         let dynamics = Dynamics::new(self.system, &self.support, Backend::default());
         let theta = self.theta(&dynamics);
         let weights = self.weights();
-        let problem = self.problem(segments, &weights);
-        let mut sums = settle(&problem, &dynamics, &theta, states);
-        // Long segments of a rough model take their time: what has not settled would look like
-        // something missing.
-        for _ in 0..PATIENCE {
-            let further = settle(&problem, &dynamics, &theta, states);
-            let settled = further.loss >= sums.loss * (1.0 - SETTLED);
-            sums = further;
-            if settled {
-                break;
-            }
-        }
-        sums
+        patiently(&self.problem(segments, &weights), &dynamics, &theta, states)
     }
 
     /// Residuals in units of the noise over segments of at most `window` samples, each from its
@@ -255,6 +244,21 @@ impl Settled<'_> {
         let exploded = linearised.sums.exploded;
         Ok(Probed { scores: Scores::new(&factor, base, variance), exploded })
     }
+}
+
+/// Long segments of a rough model take their time: what has not settled would look like something
+/// missing.
+fn patiently(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mut States) -> Sums {
+    let mut sums = settle(problem, dynamics, theta, states);
+    for _ in 0..PATIENCE {
+        let further = settle(problem, dynamics, theta, states);
+        let settled = further.loss >= sums.loss * (1.0 - SETTLED);
+        sums = further;
+        if settled {
+            break;
+        }
+    }
+    sums
 }
 
 /// Variance of the weighted residuals with everything that was probed taken out, or of the

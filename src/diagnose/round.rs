@@ -8,6 +8,7 @@ use super::scan::{FEW, scan};
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::fit::Monitor;
+use crate::fit::course::{FOLLOWS, LONGEST};
 use crate::fit::segments::longest_run;
 
 /// Chance below which an effect is there, all tries paid for.
@@ -19,12 +20,8 @@ pub(super) const CLOSE: f64 = 6.0;
 const NEAR: f64 = 0.01;
 const MARGIN: f64 = 50.0;
 const FINISHED: usize = 4;
-/// Segments may grow while the error grows by less than this.
-const FOLLOWS: f64 = 1.5;
 /// Errors in units of the noise at which a model is no first approximation any more.
 const STRAYS: f64 = 10.0;
-/// Longest segment, in samples.
-const LONGEST: usize = 256;
 
 /// What one round found.
 pub struct Round {
@@ -46,7 +43,6 @@ pub struct Round {
 struct Field<'a, 'b> {
     settled: &'b Settled<'a>,
     few: Option<&'b Settled<'a>>,
-    unseen: &'b Settled<'a>,
     variance: f64,
     all: &'b [Candidate],
 }
@@ -81,19 +77,12 @@ pub fn round(
     let mut starts: Vec<(usize, Start)> =
         found.map(|s| (s.candidate, Start::scored(&context, &all[s.candidate], s))).collect();
     loop {
-        let far = Context { dataset: unseen, ..context.with_data(context.dataset) };
-        let far = far.settled();
-        let variance = scores.variance;
-        let (settled, few) = match settled.context.window == context.window {
-            true => (&settled, few.as_ref()),
-            false => {
-                (settled, few) = on_part_and_all(&context);
-                (&settled, few.as_ref())
-            }
-        };
-        let field = Field { settled, few, unseen: &far, variance, all };
+        if settled.context.window != context.window {
+            (settled, few) = on_part_and_all(&context);
+        }
+        let field = Field { settled: &settled, few: few.as_ref(), variance: scores.variance, all };
         let fitted = field.fitted(starts, monitor);
-        if let Some(few) = few {
+        if let Some(few) = field.few {
             // A part of the data tells whether longer segments are followed.
             let merit = |l: &Refitted| l.merit(l.variance);
             let best = fitted.iter().max_by(|(_, a), (_, b)| merit(a).total_cmp(&merit(b)));
@@ -105,11 +94,12 @@ pub fn round(
                 continue;
             }
         }
-        let leaders = field.judged(fitted);
+        let unseen = Context { dataset: unseen, ..context.with_data(context.dataset) }.settled();
+        let leaders = field.judged(fitted, &unseen);
         let window =
             leaders.first().map_or(context.window, |(_, best)| grown(&best.context(&context)));
         if window == context.window || monitor.stopped() {
-            return Ok(field.rank(leaders, tried));
+            return Ok(field.rank(leaders, &unseen, tried));
         }
         starts = leaders.into_iter().map(|(c, leader)| (c, Start::from(leader))).collect();
         context.window = window;
@@ -135,9 +125,13 @@ impl Field<'_, '_> {
     }
 
     /// What they leave of all the data; the best of them are fitted to these. Best first.
-    fn judged(&self, mut leaders: Vec<(usize, Refitted)>) -> Vec<(usize, Refitted)> {
+    fn judged(
+        &self,
+        mut leaders: Vec<(usize, Refitted)>,
+        unseen: &Settled,
+    ) -> Vec<(usize, Refitted)> {
         let usable = |l: &Refitted| l.fall.is_finite() && l.fall > 0.0;
-        leaders.iter_mut().for_each(|(_, leader)| leader.judge(self.settled, self.unseen));
+        leaders.iter_mut().for_each(|(_, leader)| leader.judge(self.settled, unseen));
         leaders.retain(|(_, leader)| leader.fall.is_finite());
         let variance = self.yardstick(leaders.iter().map(|(_, l)| l));
         leaders.sort_by(|(_, a), (_, b)| b.merit(variance).total_cmp(&a.merit(variance)));
@@ -152,7 +146,7 @@ impl Field<'_, '_> {
                 if place > 0 && (place >= FINISHED || !near) {
                     return usable(&l).then_some((candidate, l));
                 }
-                let l = l.finish(self.settled, &self.all[candidate], self.unseen)?;
+                let l = l.finish(self.settled, &self.all[candidate], unseen)?;
                 usable(&l).then_some((candidate, l))
             })
             .collect()
@@ -164,10 +158,10 @@ impl Field<'_, '_> {
         if least.is_finite() { least.max(f64::MIN_POSITIVE) } else { self.variance }
     }
 
-    fn rank(&self, leaders: Vec<(usize, Refitted)>, tried: usize) -> Round {
+    fn rank(&self, leaders: Vec<(usize, Refitted)>, unseen: &Settled, tried: usize) -> Round {
         let mut leaders: Vec<Refitted> = leaders.into_iter().map(|(_, leader)| leader).collect();
         let variance = self.yardstick(leaders.iter());
-        let (before, _) = error_of(&self.unseen.sums);
+        let (before, _) = error_of(&unseen.sums);
         // What a full fit does not keep, or unseen runs do not thank for, is not missing.
         let pays = |l: &Refitted| l.leader.unseen_error_after < l.leader.unseen_error_before;
         leaders.retain(|l| l.merit(variance) > 0.0 && (pays(l) || before.is_nan()));
@@ -189,9 +183,12 @@ impl Field<'_, '_> {
 /// there are none.
 pub(super) fn beyond(context: &Context) -> Option<usize> {
     let window = (2 * context.window).min(longest_run(context.dataset).min(LONGEST));
+    if window <= context.window {
+        return None;
+    }
     let (_, lost) = error(context, context.window);
     let (far, more) = error(context, window);
-    (window > context.window && more <= lost && far < STRAYS).then_some(window)
+    (more <= lost && far < STRAYS).then_some(window)
 }
 
 /// The longest segments, in samples, that a model follows as well as those half as long.

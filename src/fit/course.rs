@@ -11,10 +11,11 @@ use crate::data::Dataset;
 use crate::error::Result;
 use crate::expr::System;
 
-/// Segments may grow while the noise estimate grows by less than this.
-const FOLLOWS: f64 = 1.5;
+/// Segments may grow while what is left, in a training the noise estimate, grows by less than
+/// this factor.
+pub const FOLLOWS: f64 = 1.5;
 /// Longest segment, in samples.
-const LONGEST: usize = 256;
+pub const LONGEST: usize = 256;
 /// Segments that the tries of different starts are made on.
 const TRIAL_SEGMENTS: usize = 400;
 /// Segments that the first rounds take, where there are at least twice as many.

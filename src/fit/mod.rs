@@ -7,7 +7,7 @@
 
 pub mod bounded;
 mod conclude;
-mod course;
+pub(crate) mod course;
 pub mod criterion;
 pub mod elimination;
 pub mod factor;

@@ -261,15 +261,10 @@ impl<'a> Simulator<'a> {
         let few: Vec<Vec<f64>> = starts.iter().take(PILOT_STATES).cloned().collect();
         let sample = self.batch(&few, time);
         let span = vec![interval; few.len()];
-        let rough = choose_steps(
-            &self.dynamics,
-            &self.theta,
-            &sample,
-            &span,
-            &tolerance,
-            true,
-            &mut scratch,
-        );
+        let chosen = |sample: &Batch, span: &[f64], scratch: &mut Scratch| {
+            choose_steps(&self.dynamics, &self.theta, sample, span, &tolerance, true, scratch)
+        };
+        let rough = chosen(&sample, &span, &mut scratch);
         if intervals < 2 {
             return rough;
         }
@@ -300,15 +295,7 @@ impl<'a> Simulator<'a> {
             sample.set(lane, *time, state);
         }
         let span = vec![interval; met.len()];
-        let fine = choose_steps(
-            &self.dynamics,
-            &self.theta,
-            &sample,
-            &span,
-            &tolerance,
-            true,
-            &mut scratch,
-        );
+        let fine = chosen(&sample, &span, &mut scratch);
         if fine.cost >= rough.cost { fine } else { rough }
     }
 }

@@ -218,18 +218,18 @@ fn ending(format: &str) -> &str {
     }
 }
 
-fn report(studio: &Studio, _: &str, _: &[u8]) -> Result<Answer> {
+/// What is made of the plots that are held; `what` one wants of them.
+fn drawn<T>(studio: &Studio, what: &str, tell: impl FnOnce(&html::Page) -> T) -> Result<T> {
     let held = studio.held().ok_or_else(|| {
-        Error::usage("there is nothing to report yet", "wait until the plots are drawn")
+        let nothing = format!("there is nothing to {what} yet");
+        Error::usage(nothing, "wait until the plots are drawn")
     })?;
-    let seen = held.seen()?;
-    let drawn = with_page(
-        &held.bench,
-        (&held.training, held.terms),
-        seen,
-        held.diagnosis.as_deref(),
-        html::page,
-    )?;
+    let model = (&*held.training, held.terms);
+    with_page(&held.bench, model, held.seen()?, held.diagnosis.as_deref(), tell)
+}
+
+fn report(studio: &Studio, _: &str, _: &[u8]) -> Result<Answer> {
+    let drawn = drawn(studio, "report", html::page)?;
     let save_as = Some(format!("{}.report.html", stem(studio)));
     Ok(Answer { save_as, ..Answer::new(HTML, drawn.html) })
 }
@@ -245,17 +245,7 @@ fn plots(studio: &Studio, query: &str, _: &[u8]) -> Result<Answer> {
         _ => Paper::Light,
     });
     let look = Look { paper, ..Look::default() };
-    let held = studio.held().ok_or_else(|| {
-        Error::usage("there is nothing to draw yet", "wait until the plots are drawn")
-    })?;
-    let seen = held.seen()?;
-    let drawn = with_page(
-        &held.bench,
-        (&held.training, held.terms),
-        seen,
-        held.diagnosis.as_deref(),
-        |page| html::figures(&page.material),
-    )?;
+    let drawn = drawn(studio, "draw", |page| html::figures(&page.material))?;
     let file = |figure: &Figure, kind: &Image| escaped_id(&figure.id) + "." + kind.name;
     let Some(name) = value(query, "plot") else {
         let figures = drawn.iter().flat_map(|(_, figures)| figures);
