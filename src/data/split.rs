@@ -3,8 +3,8 @@
 
 use std::collections::HashSet;
 
-use rand::SeedableRng;
 use rand::seq::SliceRandom;
+use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use super::header::counted;
@@ -22,8 +22,11 @@ pub struct Split {
     pub how: String,
 }
 
-/// A run is cut into at most so many blocks when blocks are put aside.
-const BLOCKS: usize = 10;
+/// Samples of a block that is put aside out of a run, where the run is long enough: small effects
+/// take time to show, and a prediction is judged over no more than the block that it begins in.
+const BLOCK: usize = 256;
+/// The least samples that show motion.
+const LEAST: usize = 2;
 
 impl Dataset {
     /// How many samples there are in all runs.
@@ -46,9 +49,10 @@ impl Dataset {
     }
 
     /// Puts about a `fraction` of the samples aside: whole runs where there are enough of
-    /// them, otherwise blocks of consecutive samples of every run, cut at random times. The
-    /// stretches that a run is cut into become runs of their own (`1, part 2`), so that
-    /// nothing integrates across what is unseen. The same seed gives the same split.
+    /// them, otherwise blocks of consecutive samples of every run, at random times: one, or
+    /// as many of 256 samples as the run has room for. The stretches that a run is cut into
+    /// become runs of their own (`1, part 2`), so that nothing integrates across what is
+    /// unseen. The same seed gives the same split.
     ///
     /// A fraction outside 0 to 0.9 is brought into it.
     pub fn split_unseen(&self, fraction: f64, seed: u64) -> Split {
@@ -96,37 +100,33 @@ impl Dataset {
         let mut blocks_aside = 0;
         for run in &self.runs {
             let samples = run.times.len();
-            // Two samples are the least that show motion.
-            let blocks = BLOCKS.min(samples / 2);
-            let aside = if fraction > 0.0 && blocks >= 2 {
-                ((fraction * blocks as f64).round() as usize).clamp(1, blocks - 1)
-            } else {
-                0
-            };
-            if aside == 0 {
+            if fraction <= 0.0 || samples < 2 * LEAST {
                 training.push(run.clone());
                 continue;
             }
-            blocks_aside += aside;
-            let mut order: Vec<usize> = (0..blocks).collect();
-            order.shuffle(generator);
-            let chosen: HashSet<usize> = order.into_iter().take(aside).collect();
-            let start = |block: usize| block * samples / blocks;
-            let mut block = 0;
+            let wanted = (fraction * samples as f64).round() as usize;
+            let aside = wanted.clamp(LEAST, samples - LEAST);
+            let blocks = (aside / BLOCK).max(1);
+            blocks_aside += blocks;
+            let mut seen = 0;
             let mut parts = 0;
-            while block < blocks {
-                let hidden = chosen.contains(&block);
-                let end =
-                    (block..blocks).find(|next| chosen.contains(next) != hidden).unwrap_or(blocks);
+            let mut part = |from: usize, to: usize| {
                 parts += 1;
-                let name = format!("{}, part {parts}", run.name);
-                let part = run.part(name, start(block), start(end));
-                if hidden {
-                    unseen.push(part);
-                } else {
-                    training.push(part);
+                run.part(format!("{}, part {parts}", run.name), from, to)
+            };
+            for block in 0..blocks {
+                // One block in each of as many equal stretches of the run.
+                let (from, to) = (block * samples / blocks, (block + 1) * samples / blocks);
+                let length = (block + 1) * aside / blocks - block * aside / blocks;
+                let start = from + place(to - from - length, generator);
+                if start > seen {
+                    training.push(part(seen, start));
                 }
-                block = end;
+                unseen.push(part(start, start + length));
+                seen = start + length;
+            }
+            if seen < samples {
+                training.push(part(seen, samples));
             }
         }
         let (training, unseen) = (self.with(training), self.with(unseen));
@@ -148,6 +148,17 @@ impl Dataset {
 
     fn with(&self, runs: Vec<Run>) -> Dataset {
         Dataset { observables: self.observables.clone(), runs }
+    }
+}
+
+/// How many of the `free` samples beside a block come before it: any number, so that on neither
+/// side too few are left to show motion.
+fn place(free: usize, generator: &mut Pcg64) -> usize {
+    let before = generator.random_range(0..=free);
+    match (before, free - before) {
+        (1..LEAST, _) => 0,
+        (_, 1..LEAST) => free,
+        _ => before,
     }
 }
 
