@@ -208,9 +208,12 @@ struct Chain {
 }
 
 /// Squares a residual in excess of the noise; zero for a model at the noise, which leaves one
-/// square for each independent residual.
+/// square for each independent residual. What cannot be predicted is not explained.
 fn excess(context: &Context, window: usize) -> f64 {
     let (_, _, sums) = context.settle(window);
+    if sums.rows == 0 {
+        return f64::INFINITY;
+    }
     let rows = sums.rows.max(1) as f64;
     let excess = sums.loss / rows - 1.0;
     if excess < AT_NOISE * (2.0 / rows).sqrt() { 0.0 } else { excess }
@@ -288,8 +291,10 @@ impl Asked<'_, '_> {
             let compiled = build(self.name, &text)?;
             let present = Context { system: &compiled.system, ..present };
             let more = candidates(self.name, &text, &compiled, self.context.dataset);
-            let next = round(&present, self.unseen, &more, LATER, self.monitor)?;
+            let next = round(&present, self.unseen, &more, LATER, self.monitor);
             links.push(last);
+            // A model that loses the motion answers no further question.
+            let Ok(next) = next else { break true };
             let open = !next.leaders.is_empty();
             let best = next.leaders.into_iter().next();
             match best.filter(|l| l.merit(next.variance) > 0.0) {
@@ -315,7 +320,9 @@ impl Asked<'_, '_> {
     /// The best term without a name, and by how much it explains more than a chain, prices paid.
     fn unnamed(&self, chain: &Chain) -> Result<Option<(Refitted, f64)>> {
         let all = generic(self.name, self.text, self.base, self.context.dataset);
-        let found = round(self.context, self.unseen, &all, LATER, self.monitor)?;
+        let Ok(found) = round(self.context, self.unseen, &all, LATER, self.monitor) else {
+            return Ok(None);
+        };
         let Some(best) = found.leaders.into_iter().next() else { return Ok(None) };
         let window = found.window.min(chain.window);
         let (of_best, least) = squares(&best.context(self.context), window);

@@ -87,7 +87,7 @@ fn score(
             width += queue[end].2.len();
             end += 1;
         }
-        probe_range(settled, &system, &queue[start..end], &mut probed)?;
+        probe_range(settled, &system, &queue[start..end], settled.sums.exploded, &mut probed)?;
         start = end;
     }
     // One yardstick for all: what is left where the most is explained.
@@ -101,24 +101,25 @@ fn score(
     Ok((best.into_iter().flatten().collect(), variance))
 }
 
-/// Probes some tries together. Where one of them loses segments that the model itself does not
-/// (it divides by zero, say), the tries are taken apart, and that one is left out.
+/// Probes some tries together. Where they lose more segments than the model itself, which loses
+/// `lost`, they are taken apart, and the try that does (it divides by zero, say) is left out.
 fn probe_range<'t>(
     settled: &Settled,
     system: &System,
     tries: &'t [Try],
+    lost: usize,
     probed: &mut Vec<(&'t [Try], Scores)>,
 ) -> Result<()> {
     let terms: Vec<Term> = tries.iter().flat_map(|(_, _, terms)| terms.clone()).collect();
-    let lost = settled.sums.exploded;
     match settled.probe(system, &terms) {
         Ok(found) if found.exploded <= lost => probed.push((tries, found.scores)),
-        Err(error) if tries.len() == 1 && lost > 0 => return Err(error),
         _ if tries.len() == 1 => {}
         _ => {
+            // How the model's own unknowns act may be lost too.
+            let lost = lost.max(settled.probe(system, &[])?.exploded);
             let (first, second) = tries.split_at(tries.len() / 2);
-            probe_range(settled, system, first, probed)?;
-            probe_range(settled, system, second, probed)?;
+            probe_range(settled, system, first, lost, probed)?;
+            probe_range(settled, system, second, lost, probed)?;
         }
     }
     Ok(())

@@ -358,6 +358,17 @@ impl<'a> Expander<'a, '_> {
                 );
                 return None;
             };
+            if scan.by.is_scale() && not_positive(&setting.value) {
+                self.report(
+                    Diagnostic::error(
+                        setting.value.site.0,
+                        format!("the {} of `{}` is larger than zero", scan.name, row.name),
+                    )
+                    .label("not a size")
+                    .hint(format!("write for example `{}`", row.statement(arguments, &[]))),
+                );
+                return None;
+            }
             let site = Site(asked.span);
             let text = scan.by.unit_text(q.as_deref(), p.as_deref(), time.as_deref());
             // A bare number is in the units of the variables.
@@ -372,10 +383,34 @@ impl<'a> Expander<'a, '_> {
                 _ => setting.value.clone(),
             };
             let name = Word { text: row.parameter_name(scan.name, arguments), site };
-            let kind = StatementKind::Parameter { name, starts: vec![start], bounds: None };
+            let bounds = scan.by.is_scale().then(|| around(&start));
+            let kind = StatementKind::Parameter { name, starts: vec![start], bounds };
             out.push(Statement { kind, site, effect: None });
         }
         Some(out)
+    }
+}
+
+/// Bounds of a scale: it may leave its start by this factor, and never becomes zero.
+const AROUND: f64 = 100.0;
+
+fn around(start: &Expression) -> Limits {
+    let site = start.site;
+    let times = |inverse: bool| {
+        let factor = Expression { kind: ExpressionKind::Number(AROUND), site };
+        let parts = vec![(false, start.clone()), (inverse, factor)];
+        Expression { kind: ExpressionKind::Product(parts), site }
+    };
+    Limits { lower: Some(times(true)), upper: Some(times(false)), site }
+}
+
+/// Whether an expression is a number that is negative or zero, as it is written.
+fn not_positive(expression: &Expression) -> bool {
+    match &expression.kind {
+        ExpressionKind::Number(number) => *number <= 0.0,
+        ExpressionKind::Quantity(number, _) => not_positive(number),
+        ExpressionKind::Negate(inner) => !not_positive(inner),
+        _ => false,
     }
 }
 

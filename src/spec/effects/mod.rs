@@ -116,6 +116,15 @@ pub enum ScanBy {
 }
 
 impl ScanBy {
+    /// Whether it is what something is divided by, or the like: positive, and never zero.
+    pub fn is_scale(self) -> bool {
+        match self {
+            ScanBy::Length | ScanBy::WaveNumber | ScanBy::Duration | ScanBy::Momentum => true,
+            ScanBy::Frequency | ScanBy::Position | ScanBy::Instant => false,
+            ScanBy::Exponent | ScanBy::Rate => false,
+        }
+    }
+
     /// The unit as a text in which `{q}`, `{p}` and `{t}` stand for those of the coordinate,
     /// its momentum and time; empty for a pure number.
     fn unit(self) -> &'static str {
