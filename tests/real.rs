@@ -78,6 +78,43 @@ fn two_carts_have_three_springs_and_friction() {
     assert!(rounded.iter().all(|d| (d["size"].as_f64().expect("a step") - 1.0).abs() < 1e-6));
 }
 
+/// Names of the effects that the loop adds, each with what it could also be.
+fn discovered(folder: &Path) -> Vec<Vec<String>> {
+    let found = json(folder, &["discover", "s.ham"], "leverrier.discover/1");
+    let names = |step: &Value| -> Vec<String> {
+        let others = step["indistinguishable"].as_array().expect("others").iter();
+        let all = std::iter::once(&step["effect"]).chain(others);
+        all.filter_map(|name| name.as_str().map(str::to_string)).collect()
+    };
+    found["steps"].as_array().expect("steps").iter().map(names).collect()
+}
+
+#[test]
+fn the_loop_finds_the_spring_between_two_carts_and_their_friction() {
+    // The masses weighed, no spring between the carts.
+    let apart = CARTS.split("force").next().expect("a spec").replace("(x2 - x1)^2, ", "");
+    let apart = apart.replace("span{ p2^2 }", "0.204*p2^2");
+    let Some(folder) = rig("real_double_oscillator.csv", 4, 500, &apart) else { return };
+    good(folder.path(), &["fit", "s.ham"]);
+    let asked = json(folder.path(), &["diagnose", "s.ham"], "leverrier.diagnose/1");
+    let first = &asked["ranking"][0];
+    assert_eq!(first["effect"], "coupling_spring(x1, x2)", "{asked}");
+    let spring = first["coefficient"][0].as_f64().expect("a number");
+    // c/2 (x1 - x2)^2, of which the fit with all springs finds 38.9.
+    assert!((72.0..84.0).contains(&spring), "{spring}");
+
+    let together = CARTS.split("force").next().expect("a spec");
+    fs::write(folder.path().join("s.ham"), together).expect("written");
+    let found = discovered(folder.path());
+    let first = found.first().expect("something is found");
+    assert!(first.contains(&"viscous_drag(x1)".to_string()), "{found:?}");
+    // Somebody touches the carts at the end, and the camera looks at them from one side.
+    assert!(found.len() <= 4, "{found:?}");
+    let compared = json(folder.path(), &["compare", "s.ham"], "leverrier.compare/1");
+    let last = compared["horizons"].as_array().expect("horizons").last().expect("one");
+    assert!(last["unseen"].as_f64().expect("an error") < 1.6, "{last}");
+}
+
 /// T of two arms, with masses and lengths in two numbers: H does not separate.
 const ARMS: &str = "system \"double pendulum\"
 coordinates a, b
@@ -134,14 +171,7 @@ fn the_loop_finds_what_the_filmed_pendulum_loses_and_where_it_hangs() {
     let Some(folder) = rig("real_pendulum.csv", 4, 600, BARE) else { return };
     good(folder.path(), &["fit", "s.ham"]);
     let before = ten_seconds(folder.path());
-    let found = json(folder.path(), &["discover", "s.ham"], "leverrier.discover/1");
-    let steps = found["steps"].as_array().expect("steps");
-    let names = |step: &Value| -> Vec<String> {
-        let others = step["indistinguishable"].as_array().expect("others").iter();
-        let all = std::iter::once(&step["effect"]).chain(others);
-        all.filter_map(|name| name.as_str().map(str::to_string)).collect()
-    };
-    let found: Vec<Vec<String>> = steps.iter().map(names).collect();
+    let found = discovered(folder.path());
     let has = |wanted: &[&str]| {
         found.iter().flatten().any(|name| wanted.iter().any(|w| name == &format!("{w}(theta)")))
     };

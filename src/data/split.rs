@@ -22,9 +22,11 @@ pub struct Split {
     pub how: String,
 }
 
-/// Samples of a block that is put aside out of a run, where the run is long enough: small effects
-/// take time to show, and a prediction is judged over no more than the block that it begins in.
-const BLOCK: usize = 256;
+/// Turns of the slowest motion that a block holds, at least, where so much is put aside: small
+/// effects take time to show, and a prediction ends with the block it begins in.
+const TURNS: f64 = 1.5;
+/// Blocks that are put aside out of a run, at most: each sees another part of the motion.
+const BLOCKS: usize = 3;
 /// The least samples that show motion.
 const LEAST: usize = 2;
 
@@ -49,10 +51,10 @@ impl Dataset {
     }
 
     /// Puts about a `fraction` of the samples aside: whole runs where there are enough of
-    /// them, otherwise blocks of consecutive samples of every run, at random times: one, or
-    /// as many of 256 samples as the run has room for. The stretches that a run is cut into
-    /// become runs of their own (`1, part 2`), so that nothing integrates across what is
-    /// unseen. The same seed gives the same split.
+    /// them, otherwise blocks of consecutive samples of every run, at random times:
+    /// three, or fewer where each would see less than a turn and a half of the slowest motion.
+    /// The stretches that a run is cut into become runs of their own (`1, part 2`), so that
+    /// nothing integrates across what is unseen. The same seed gives the same split.
     ///
     /// A fraction outside 0 to 0.9 is brought into it.
     pub fn split_unseen(&self, fraction: f64, seed: u64) -> Split {
@@ -106,7 +108,8 @@ impl Dataset {
             }
             let wanted = (fraction * samples as f64).round() as usize;
             let aside = wanted.clamp(LEAST, samples - LEAST);
-            let blocks = (aside / BLOCK).max(1);
+            let turns = run.turns() * aside as f64 / samples as f64;
+            let blocks = ((turns / TURNS).round() as usize).clamp(1, BLOCKS).min(aside / LEAST);
             blocks_aside += blocks;
             let mut seen = 0;
             let mut parts = 0;
@@ -163,6 +166,22 @@ fn place(free: usize, generator: &mut Pcg64) -> usize {
 }
 
 impl Run {
+    /// How often the slowest observable goes to and fro around its mean. Changes of less than
+    /// its standard deviation are not counted: noise makes them too.
+    fn turns(&self) -> f64 {
+        let swings = |column: &Vec<f64>| {
+            let known = || column.iter().filter(|x| x.is_finite());
+            let count = known().count().max(1) as f64;
+            let mean = known().sum::<f64>() / count;
+            let half = 0.5 * (known().map(|x| (x - mean).powi(2)).sum::<f64>() / count).sqrt();
+            let mut sides: Vec<bool> =
+                known().filter(|x| (*x - mean).abs() > half).map(|x| *x > mean).collect();
+            sides.dedup();
+            (half > 0.0).then(|| 0.5 * sides.len().saturating_sub(1) as f64)
+        };
+        self.values.iter().filter_map(swings).reduce(f64::min).unwrap_or(0.0)
+    }
+
     /// The samples from number `start` up to, but not including, number `end`.
     fn part(&self, name: String, start: usize, end: usize) -> Run {
         fn cut<T: Copy>(all: &[T], start: usize, end: usize) -> Vec<T> {
@@ -273,6 +292,23 @@ mod tests {
         assert_ne!(split.unseen, all.split_unseen(0.2, 2).unseen);
         let single = data(&[1000]).split_unseen(0.3, 1);
         assert_eq!(single.unseen.samples(), 300);
+    }
+
+    #[test]
+    fn a_block_sees_a_turn_and_a_half_at_least() {
+        // (turns of the slow column in the whole run, blocks that are put aside)
+        for (turns, blocks) in [(1.0, 1), (6.0, 1), (12.0, 2), (18.0, 3), (80.0, 3)] {
+            let mut all = data(&[1000]);
+            let wave = |turns: f64| -> Vec<f64> {
+                let angle = |i: usize| std::f64::consts::TAU * turns * i as f64 / 1000.0;
+                (0..1000).map(|i| angle(i).sin()).collect()
+            };
+            all.observables.push("fast".to_string());
+            all.runs[0].values = vec![wave(turns), wave(100.0)];
+            let split = all.split_unseen(0.25, 3);
+            assert_eq!(split.unseen.runs.len(), blocks, "{turns}: {}", split.how);
+            assert_eq!(split.unseen.samples(), 250);
+        }
     }
 
     #[test]

@@ -55,6 +55,9 @@ pub struct Step {
 const MOST: usize = 8;
 /// An addition pays when the unseen deviance falls by more than this (odds of 1,000 to 1).
 const PAYS: f64 = 14.0;
+/// Where the catalogue does not explain the misfit, each effect of it a little of what another
+/// law does: an addition then takes away at least this part of the squares above the noise.
+const PART: f64 = 0.25;
 
 /// Adds named effects to a spec until what is left is noise, or nothing of the catalogue helps.
 ///
@@ -92,9 +95,12 @@ pub fn discover(
         }
         let context = Context::new(&compiled.system, &model, unseen)?;
         let (_, _, sums) = context.settle(context.window);
+        let partial = diagnosis.verdict == Verdict::Unexplained;
         let pays = |leader: &&Leader| {
-            let fall = leader.unseen_error_before.powi(2) - leader.unseen_error_after.powi(2);
-            fall * sums.rows as f64 > PAYS * leader.unseen_error_after.powi(2)
+            let before = leader.unseen_error_before.powi(2);
+            let after = leader.unseen_error_after.powi(2);
+            (before - after) * sums.rows as f64 > PAYS * after
+                && (!partial || before - after > PART * (before - 1.0))
         };
         let mut kept = None;
         let mut lost = None;
@@ -118,6 +124,11 @@ pub fn discover(
         let Some((step, longer, next, fitted)) = kept else {
             let sentence = match lost {
                 Some(effect) => format!("{effect} looked missing, but a full fit does not keep it"),
+                None if partial => {
+                    "what is left is no effect of the catalogue, and none takes away \
+                                    a quarter of it on unseen runs"
+                        .to_string()
+                }
                 None => "what looks missing does not lower the error on unseen runs".to_string(),
             };
             let verdict = match diagnosis.verdict {

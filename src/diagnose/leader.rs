@@ -261,10 +261,18 @@ fn fit(settled: &Settled, candidate: &Candidate, start: Start) -> Option<Refitte
     })
 }
 
-/// Whether an inner parameter that gives an effect its shape is at one of its bounds.
+/// Whether an inner parameter that gives an effect its shape is at one of its bounds: a contact
+/// that all the motion is in touch with is a spring.
 fn is_pinned(candidate: &Candidate, system: &System, values: &[f64]) -> bool {
     let Origin::Catalogue(row) = &candidate.origin else { return false };
-    let shapes = [ScanBy::Rate, ScanBy::Exponent, ScanBy::Momentum, ScanBy::Frequency];
+    let shapes = [
+        ScanBy::Rate,
+        ScanBy::Exponent,
+        ScanBy::Momentum,
+        ScanBy::Frequency,
+        ScanBy::WaveNumber,
+        ScanBy::Position,
+    ];
     row.parameters.iter().zip(&candidate.parameters).zip(values).any(|((scan, &j), &value)| {
         let Bounds { lower, upper } = system.parameters[j].bounds;
         let close = 1e-6 * (upper - lower);
@@ -274,7 +282,8 @@ fn is_pinned(candidate: &Candidate, system: &System, values: &[f64]) -> bool {
 
 /// The candidate's system with its inner parameters at a grid point. Outside the grid the data
 /// say nothing about a parameter: it may leave the grid by half of its length, but for places
-/// and instants, which are looked for where there are data.
+/// and instants, which are looked for where there are data, and for waves, of which the data
+/// show half a length or more.
 fn bounded(candidate: &Candidate, values: &[f64]) -> System {
     let mut system = candidate.system.clone();
     for (place, (&j, &value)) in candidate.parameters.iter().zip(values).enumerate() {
@@ -286,9 +295,9 @@ fn bounded(candidate: &Candidate, values: &[f64]) -> System {
             Origin::Catalogue(row) => row.parameters.get(place).map(|scan| scan.by),
             _ => None,
         };
-        let inside = matches!(by, Some(ScanBy::Position | ScanBy::Instant));
+        let inside = matches!(by, Some(ScanBy::Position | ScanBy::Instant | ScanBy::WaveNumber));
         let margin = if inside { 0.0 } else { 0.5 * (upper - lower) };
-        let smallest = if lower > 0.0 { 0.5 * lower } else { lower - margin };
+        let smallest = if lower > 0.0 && !inside { 0.5 * lower } else { lower - margin };
         // One start of the user's is no grid.
         if lower < upper {
             parameter.bounds.lower = parameter.bounds.lower.max(smallest);
