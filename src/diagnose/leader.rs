@@ -220,9 +220,9 @@ fn fit(settled: &Settled, candidate: &Candidate, start: Start) -> Option<Refitte
     training.choose_integrator();
     let refit = training.refit(&Silent);
     let count = training.support.len();
-    let rows = refit.sums.rows.max(1) as f64;
-    let fall = settled.sums.loss - refit.sums.loss;
-    let variance = (refit.sums.loss / rows).max(1e-12);
+    let rows = refit.sums().rows.max(1) as f64;
+    let fall = settled.sums.loss - refit.sums().loss;
+    let variance = (refit.sums().loss / rows).max(1e-12);
     let covariance =
         crate::fit::uncertainty::covariance(&refit.linearised.merged(), variance.min(1.0));
     let inner = refit.theta.len() - candidate.parameters.len().min(refit.theta.len() - count);

@@ -11,7 +11,7 @@ use crate::eval::Backend;
 use crate::expr::{Bounds, Observed, System, build};
 use crate::fit::factor::Factor;
 use crate::fit::gauss_newton::refit;
-use crate::fit::pass::{Linearised, Problem, States, Stepping, Sums, linearise, settle};
+use crate::fit::pass::{Linearised, Problem, States, Stepping, Sums, settle_and_linearise};
 use crate::fit::segments::{Segments, cut, first_state, typical_step};
 use crate::fit::train::Training;
 use crate::fit::{Loss, Options, Silent};
@@ -170,14 +170,15 @@ impl<'a> Known<'a> {
         let stepping = explicit(rival.stepping);
         let problem = problem(rival, stepping, dataset, &segments, &weights);
         let best = refit(&problem, &dynamics, &bounds, &theta, states, &Silent);
-        if !best.sums.loss.is_finite() || best.sums.rows <= best.theta.len() {
+        if !best.sums().loss.is_finite() || best.sums().rows <= best.theta.len() {
             return Err(Error::fit(
                 format!("{} cannot be fitted to the measurements so far", rival.label),
                 "measure longer runs, or leave it out",
             ));
         }
         let factor = best.linearised.merged();
-        let (theta, states, sums) = (best.theta, best.states, best.sums);
+        let sums = best.sums().clone();
+        let (theta, states) = (best.theta, best.states);
         Ok(Known {
             rival,
             stepping,
@@ -242,14 +243,14 @@ impl<'a> Known<'a> {
     /// factor for each fold of the segments.
     pub fn before(&self, dataset: &Dataset, segments: &Segments, mut states: States) -> Linearised {
         let problem = problem(self.rival, self.stepping, dataset, segments, &self.weights);
-        settle(&problem, &self.dynamics, &self.theta, &mut states);
-        linearise(&problem, &self.dynamics, &self.theta, &states)
+        let law = (&self.dynamics, &self.theta[..]);
+        settle_and_linearise(&problem, law, law, &mut states)
     }
 
     /// The loss after a full refit to other measurements.
     pub fn refitted(&self, dataset: &Dataset, segments: &Segments, states: States) -> f64 {
         let problem = problem(self.rival, self.stepping, dataset, segments, &self.weights);
-        refit(&problem, &self.dynamics, &self.bounds, &self.theta, states, &Silent).sums.loss
+        refit(&problem, &self.dynamics, &self.bounds, &self.theta, states, &Silent).sums().loss
     }
 
     /// Deviance so far, with a price of log(residuals) for every unknown.

@@ -127,13 +127,25 @@ pub struct Scratch {
     pub(super) workspace: Vec<f64>,
     /// The same for the kicks and the drifts of one advance, which begins with both empty.
     pub(super) again: [Vec<f64>; 2],
-    /// Memory that callers lend and take back between advances.
-    pub(crate) spare: Vec<f64>,
+    /// Memory that nobody uses at present.
+    spare: Vec<Vec<f64>>,
 }
 
 impl Scratch {
     /// Empty scratch memory.
     pub fn new() -> Scratch {
         Scratch::default()
+    }
+
+    /// Memory for so many numbers, whatever they are.
+    pub(crate) fn lend(&mut self, size: usize) -> Vec<f64> {
+        let mut memory = self.spare.pop().unwrap_or_default();
+        memory.resize(size, 0.0);
+        memory
+    }
+
+    /// Takes memory back that was lent, the last first.
+    pub(crate) fn take_back(&mut self, memory: Vec<f64>) {
+        self.spare.push(memory);
     }
 }

@@ -25,11 +25,11 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
     let system = training.system;
     let refit = &round.refit;
     let learned = refit.theta.len();
-    let residuals = refit.sums.rows;
+    let residuals = refit.sums().rows;
     let freedom = residuals.saturating_sub(learned).max(1);
     let final_factor = refit.linearised.merged();
     // The weights are those of the round before; what is left of them is the last correction.
-    let variance = refit.sums.loss / freedom as f64;
+    let variance = refit.sums().loss / freedom as f64;
     let spread = covariance(&final_factor, variance);
     let error = |k: usize| spread[(k, k)].sqrt();
 
@@ -93,8 +93,8 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
             searched_first: training.stream.map(|_| training.dataset.samples()),
             window: training.window,
             residuals,
-            exploded: refit.sums.exploded,
-            error: (refit.sums.loss / freedom as f64).sqrt(),
+            exploded: refit.sums().exploded,
+            error: (refit.sums().loss / freedom as f64).sqrt(),
             function_space: system.terms.len(),
             learned,
             criterion: chosen,

@@ -118,7 +118,7 @@ fn grow<'a>(
             .iter()
             .zip(training.noise.iter().zip(&longer.integrator.resolution))
             .all(|(new, (old, floor))| *new <= FOLLOWS * old.max(2.0 * floor));
-        if !follows || next.refit.sums.exploded > round.refit.sums.exploded {
+        if !follows || next.refit.sums().exploded > round.refit.sums().exploded {
             break;
         }
         training = longer;
@@ -143,7 +143,7 @@ fn best_start<'a>(first: Training<'a>, monitor: &dyn Monitor) -> Result<Training
         let unknowns = round.refit.theta.len();
         let choice = trial.support.iter().map(|&k| round.columns.costs[k]).sum();
         // The criterion in absolute units: every try has its own estimate of the noise.
-        let rows = round.refit.sums.rows;
+        let rows = round.refit.sums().rows;
         let noise: f64 = trial.noise.iter().map(|s| s.ln()).sum::<f64>();
         let scale = 2.0 * noise / trial.noise.len() as f64;
         let value =

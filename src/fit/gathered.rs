@@ -28,8 +28,9 @@ impl Gathered {
         let (width, lanes) = (self.stacked.ncols(), rows.lanes);
         let end = self.rows + kept * lanes;
         if self.stacked.nrows() < end {
-            let old = std::mem::replace(&mut self.stacked, DMatrix::zeros(0, 0));
-            self.stacked = old.resize_vertically(end.max(enough(width) + kept * lanes), 0.0);
+            let mut larger = DMatrix::zeros(end.max(enough(width) + kept * lanes), width);
+            larger.rows_mut(0, self.rows).copy_from(&self.stacked.rows(0, self.rows));
+            self.stacked = larger;
         }
         for (column, mut stacked) in (rows.state..rows.columns).zip(self.stacked.column_iter_mut())
         {

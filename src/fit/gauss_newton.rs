@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::bounded::solve_bounded;
 use super::factor::Factor;
 use super::monitor::Monitor;
-use super::pass::{Linearised, Problem, States, Sums, linearise, settle};
+use super::pass::{Linearised, Problem, States, Sums, settle_and_linearise};
 use crate::dynamics::Dynamics;
 use crate::expr::Bounds;
 
@@ -44,14 +44,19 @@ pub struct Refit {
     pub theta: Vec<f64>,
     /// Initial states of the segments, settled at `theta`.
     pub states: States,
-    /// Sums over all segments at `theta`.
-    pub sums: Sums,
     /// The problem linearised at `theta`.
     pub linearised: Linearised,
     /// Gauss-Newton iterations that were taken.
     pub iterations: usize,
     /// Why they ended.
     pub stop: StopReason,
+}
+
+impl Refit {
+    /// Sums over all segments at `theta`.
+    pub fn sums(&self) -> &Sums {
+        &self.linearised.sums
+    }
 }
 
 const ITERATIONS: usize = 40;
@@ -72,13 +77,15 @@ pub fn refit(
     monitor: &dyn Monitor,
 ) -> Refit {
     let mut theta: Vec<f64> = start.iter().zip(bounds).map(|(&x, bound)| bound.clamp(x)).collect();
-    let mut sums = settle(problem, dynamics, &theta, &mut states);
+    let at = |theta: &[f64], states: &mut States| {
+        settle_and_linearise(problem, (dynamics, theta), (dynamics, theta), states)
+    };
+    let mut linearised = at(&theta, &mut states);
     let coefficients = dynamics.active().len();
     let mut trial_states = States::new();
     let mut damping = 0.0;
     let mut iterations = 0;
     loop {
-        let linearised = linearise(problem, dynamics, &theta, &states);
         let stopped = monitor.stopped();
         if stopped || iterations == ITERATIONS || theta.is_empty() {
             let stop = match (stopped, theta.is_empty()) {
@@ -86,7 +93,7 @@ pub fn refit(
                 (_, true) => StopReason::Converged,
                 _ => StopReason::IterationLimit,
             };
-            return Refit { theta, states, sums, linearised, iterations, stop };
+            return Refit { theta, states, linearised, iterations, stop };
         }
         iterations += 1;
         let factor = linearised.merged();
@@ -98,19 +105,21 @@ pub fn refit(
                 })
                 .collect();
             let step = step(&factor, &theta, &near, damping);
+            let sums = &linearised.sums;
             let rounding = problem.floor.powi(2) * sums.rows as f64;
             if step.promise <= PROMISE * sums.loss + 1e-3 * rounding {
                 break Some(StopReason::Converged);
             }
             let trial: Vec<f64> = theta.iter().zip(&step.change).map(|(x, d)| x + d).collect();
             trial_states.clone_from(&states);
-            let trial_sums = settle(problem, dynamics, &trial, &mut trial_states);
+            let next = at(&trial, &mut trial_states);
+            let (sums, trial_sums) = (&linearised.sums, &next.sums);
             let sane = trial_sums.exploded <= sums.exploded && trial_sums.loss.is_finite();
             let fewer = trial_sums.exploded < sums.exploded;
             if sane && (fewer || trial_sums.loss < sums.loss) {
                 theta = trial;
                 std::mem::swap(&mut states, &mut trial_states);
-                sums = trial_sums;
+                linearised = next;
                 damping = if damping > 1e-6 { damping * 0.1 } else { 0.0 };
                 break None;
             }
@@ -123,7 +132,7 @@ pub fn refit(
             }
         };
         if let Some(stop) = outcome {
-            return Refit { theta, states, sums, linearised, iterations, stop };
+            return Refit { theta, states, linearised, iterations, stop };
         }
     }
 }

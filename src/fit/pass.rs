@@ -104,16 +104,21 @@ pub type States = Vec<Vec<f64>>;
 /// Gauss-Newton for each segment by itself; a step that does not pay is shortened.
 pub fn settle(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mut States) -> Sums {
     if let Some(stream) = problem.stream {
-        return stream.settle(problem, dynamics, theta);
+        let law = (dynamics, theta);
+        return stream.pass(problem, law, law).sums;
     }
-    let width = width(problem, 2 * dynamics.degrees() + dynamics.unknowns() + 1);
+    let width = width(problem, 2 * dynamics.degrees() + 1);
     let parts: Vec<Sums> = problem
         .segments
         .list
         .par_chunks(width)
         .zip(states.par_chunks_mut(width))
         .map_init(Scratch::new, |scratch, (segments, states)| {
-            settle_block(problem, dynamics, theta, segments, states, scratch)
+            let (rows, _) = settled(problem, (dynamics, theta), None, segments, states, scratch);
+            let mut sums = Sums::new(problem.weights.len());
+            rows.sum_up(&mut sums);
+            rows.recycle(scratch);
+            sums
         })
         .collect();
     let mut total = Sums::new(problem.weights.len());
@@ -121,24 +126,34 @@ pub fn settle(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mu
     total
 }
 
-pub(super) fn settle_block(
+/// A dynamics with the theta that it moves by.
+type Law<'a> = (&'a Dynamics, &'a [f64]);
+
+/// Rows of a block at settled states, freed of these: without columns for theta, or with those of
+/// `by`. Also gives the number of steps that the states took.
+///
+/// Rows by theta are dear. They are computed where `by` expects the states to be settled; if that
+/// was too soon, once more at the end.
+fn settled(
     problem: &Problem,
-    dynamics: &Dynamics,
-    theta: &[f64],
+    present: Law,
+    by: Option<(Law, usize)>,
     segments: &[Segment],
     states: &mut [Vec<f64>],
     scratch: &mut Scratch,
-) -> Sums {
-    let size = 2 * dynamics.degrees();
+) -> (Rows, usize) {
+    let size = 2 * present.0.degrees();
     let lanes = segments.len();
     let mut trial: Vec<Vec<f64>> = states.to_vec();
     let mut best = vec![f64::INFINITY; lanes];
     let mut step = vec![0.0; size * lanes];
     let mut length = vec![1.0; lanes];
-    let mut sums = Sums::new(problem.weights.len());
     let mut settled = vec![false; lanes];
-    for _ in 0..STATE_STEPS {
-        let mut rows = Rows::integrate(problem, dynamics, theta, segments, &trial, false, scratch);
+    let mut taken = 0;
+    while taken < STATE_STEPS {
+        let here = by.filter(|&(_, expected)| expected == taken).map(|(law, _)| law);
+        let law = here.unwrap_or(present);
+        let mut rows = Rows::integrate(problem, law, segments, &trial, here.is_some(), scratch);
         rows.eliminate_states();
         let mut improved = 0;
         for lane in 0..lanes {
@@ -163,17 +178,19 @@ pub(super) fn settle_block(
         }
         if settled.iter().all(|&done| done) && improved == lanes {
             // The rows at hand are those of the settled states.
-            rows.sum_up(&mut sums);
+            if by.is_none() || here.is_some() {
+                return (rows, taken);
+            }
             rows.recycle(scratch);
-            return sums;
+            break;
         }
         rows.recycle(scratch);
+        taken += 1;
     }
-    let mut rows = Rows::integrate(problem, dynamics, theta, segments, states, false, scratch);
+    let law = by.map_or(present, |(law, _)| law);
+    let mut rows = Rows::integrate(problem, law, segments, states, by.is_some(), scratch);
     rows.eliminate_states();
-    rows.sum_up(&mut sums);
-    rows.recycle(scratch);
-    sums
+    (rows, taken)
 }
 
 /// Weighted residuals of every segment at settled states, `[segment][observable][sample]`; not a
@@ -189,7 +206,8 @@ pub fn residuals(
         .into_par_iter()
         .map_init(Scratch::new, |scratch, range| {
             let (segments, states) = (&problem.segments.list[range.clone()], &states[range]);
-            let rows = Rows::integrate(problem, dynamics, theta, segments, states, false, scratch);
+            let law = (dynamics, theta);
+            let rows = Rows::integrate(problem, law, segments, states, false, scratch);
             let of = |(lane, segment): (usize, &Segment)| {
                 let mut values = rows.residuals(lane, segment.samples());
                 let run = &problem.dataset.runs[segment.run];
@@ -248,27 +266,17 @@ pub fn linearise(
     theta: &[f64],
     states: &States,
 ) -> Linearised {
+    let law = (dynamics, theta);
     if let Some(stream) = problem.stream {
-        return stream.linearise(problem, dynamics, theta);
+        return stream.pass(problem, law, law);
     }
-    let unknowns = dynamics.unknowns();
-    let width = width(problem, 2 * dynamics.degrees() + unknowns + 1);
-    let folds = &problem.segments.folds;
-    let parts: Vec<(Factor, Sums)> = folds
-        .par_iter()
-        .map_init(Scratch::new, |scratch, fold| {
-            let mut part = FoldPass::new(unknowns, problem.weights.len());
-            for range in blocks(fold.clone(), width) {
-                let segments = &problem.segments.list[range.clone()];
-                part.take(problem, dynamics, theta, segments, &states[range], scratch);
-            }
-            part.finish()
-        })
-        .collect();
-    Linearised::of(parts, problem.weights.len())
+    let starts = problem.segments.folds.iter().map(|fold| &states[fold.clone()]).collect();
+    each_fold(problem, dynamics, starts, |part, segments, starts, range, scratch| {
+        part.take(problem, law, &segments[range.clone()], &starts[range], scratch);
+    })
 }
 
-/// Settles the states for the present model, then linearises by `whole`, in which the present
+/// Settles the states for the present model and linearises by `whole`, in which the present
 /// model is one of many: its theta has zeros for all other terms.
 pub fn settle_and_linearise(
     problem: &Problem,
@@ -279,8 +287,39 @@ pub fn settle_and_linearise(
     if let Some(stream) = problem.stream {
         return stream.pass(problem, present, whole);
     }
-    settle(problem, present.0, present.1, states);
-    linearise(problem, whole.0, whole.1, states)
+    let mut rest = &mut states[..];
+    let split = |fold: &std::ops::Range<usize>| rest.split_off_mut(..fold.len());
+    let starts = problem.segments.folds.iter().filter_map(split).collect();
+    each_fold(problem, whole.0, starts, |part, segments, starts, range, scratch| {
+        let (segments, states) = (&segments[range.clone()], &mut starts[range]);
+        part.settle_and_take(problem, present, whole, segments, states, scratch);
+    })
+}
+
+/// One pass over every fold, block after block, each with what it needs of the states.
+fn each_fold<S: Send>(
+    problem: &Problem,
+    dynamics: &Dynamics,
+    starts: Vec<S>,
+    take: impl Fn(&mut FoldPass, &[Segment], &mut S, std::ops::Range<usize>, &mut Scratch) + Sync,
+) -> Linearised {
+    let (unknowns, observables) = (dynamics.unknowns(), problem.weights.len());
+    let width = width(problem, 2 * dynamics.degrees() + unknowns + 1);
+    let parts: Vec<(Factor, Sums)> = problem
+        .segments
+        .folds
+        .par_iter()
+        .zip(starts)
+        .map_init(Scratch::new, |scratch, (fold, mut starts)| {
+            let segments = &problem.segments.list[fold.clone()];
+            let mut part = FoldPass::new(unknowns, observables);
+            for range in blocks(0..segments.len(), width) {
+                take(&mut part, segments, &mut starts, range, scratch);
+            }
+            part.finish()
+        })
+        .collect();
+    Linearised::of(parts, observables)
 }
 
 /// What one fold of the data leaves, while its segments go by.
@@ -289,6 +328,8 @@ pub(super) struct FoldPass {
     sums: Sums,
     gathered: Gathered,
     touched: Vec<f64>,
+    /// Steps that the states of the last block took: those of the next may take as many.
+    steps: usize,
 }
 
 impl FoldPass {
@@ -298,21 +339,42 @@ impl FoldPass {
             sums: Sums::new(observables),
             gathered: Gathered::new(unknowns + 1),
             touched: vec![0.0; unknowns],
+            steps: 1,
         }
     }
 
     /// Takes a block of segments in, at states that are settled.
-    pub(super) fn take(
+    fn take(
         &mut self,
         problem: &Problem,
-        dynamics: &Dynamics,
-        theta: &[f64],
+        law: Law,
         segments: &[Segment],
         states: &[Vec<f64>],
         scratch: &mut Scratch,
     ) {
-        let mut rows = Rows::integrate(problem, dynamics, theta, segments, states, true, scratch);
+        let mut rows = Rows::integrate(problem, law, segments, states, true, scratch);
         rows.eliminate_states();
+        self.take_rows(rows, scratch);
+    }
+
+    /// Settles a block of segments for the present model and takes it in, linearised by another
+    /// model of the same motion.
+    pub(super) fn settle_and_take(
+        &mut self,
+        problem: &Problem,
+        present: Law,
+        by: Law,
+        segments: &[Segment],
+        states: &mut [Vec<f64>],
+        scratch: &mut Scratch,
+    ) {
+        let by = Some((by, self.steps));
+        let (rows, steps) = settled(problem, present, by, segments, states, scratch);
+        self.steps = steps;
+        self.take_rows(rows, scratch);
+    }
+
+    fn take_rows(&mut self, rows: Rows, scratch: &mut Scratch) {
         rows.sum_up(&mut self.sums);
         self.gathered.take(&rows, &mut self.factor);
         self.touched.iter_mut().zip(&rows.touched).for_each(|(all, part)| *all += part);

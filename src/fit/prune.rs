@@ -21,7 +21,7 @@ pub fn prune(training: &mut Training, round: &mut Round, monitor: &dyn Monitor) 
         fewer.support.retain(|&k| k != weakest);
         fewer.coefficients[weakest] = 0.0;
         let refit = fewer.refit(monitor);
-        if refit.sums.exploded > round.refit.sums.exploded {
+        if refit.sums().exploded > round.refit.sums().exploded {
             break;
         }
         fewer.take(&refit);
@@ -42,7 +42,7 @@ fn superfluous(training: &Training, round: &Round) -> Option<usize> {
     let refit = &round.refit;
     let floor = training.floor().max(round.criterion.floor);
     let criterion = Criterion { floor };
-    let rows = refit.sums.rows;
+    let rows = refit.sums().rows;
     let factor = refit.linearised.merged();
     let open = undetermined(&factor);
     // What the data leave open stays as it is: it must not hide what the others do.
@@ -54,11 +54,11 @@ fn superfluous(training: &Training, round: &Round) -> Option<usize> {
     };
     let value = |squares: f64, unknowns: usize| criterion.value(squares, rows, unknowns, 0.0);
     let unknowns = refit.theta.len();
-    let present = value(refit.sums.loss, unknowns);
+    let present = value(refit.sums().loss, unknowns);
     let change = |(place, &k): (usize, &usize)| {
         // What the sum of squares grows by when the others take over as well as they can.
         let growth = training.coefficients[k].powi(2) / variance(place);
-        let without = value(refit.sums.loss + growth, unknowns.saturating_sub(1));
+        let without = value(refit.sums().loss + growth, unknowns.saturating_sub(1));
         (k, without - present - round.columns.costs[k])
     };
     training

@@ -22,8 +22,10 @@ pub(super) struct Rows {
     /// Measured values of each lane.
     pub(super) measured: Vec<usize>,
     observables: usize,
-    /// State columns and residuals before elimination, `[row][state + 1][lane]`.
+    /// State columns before elimination, `[row][state][lane]`.
     original: Vec<f64>,
+    /// What each row was multiplied by, `[row][lane]`; zero where nothing was measured.
+    weights: Vec<f64>,
     /// What each residual adds to the estimate of the variance, `[row][lane]`.
     scales: Vec<f64>,
     /// Squared norm of each column of theta before elimination.
@@ -33,8 +35,7 @@ pub(super) struct Rows {
 impl Rows {
     pub(super) fn integrate(
         problem: &Problem,
-        dynamics: &Dynamics,
-        theta: &[f64],
+        (dynamics, theta): (&Dynamics, &[f64]),
         segments: &[Segment],
         states: &[Vec<f64>],
         by_theta: bool,
@@ -46,20 +47,20 @@ impl Rows {
         let kept = if by_theta { dynamics.unknowns() } else { 0 };
         let columns = state + kept + 1;
         let samples = segments.iter().map(|s| s.samples()).max().unwrap_or(0);
-        // Every number is written by `take`.
-        let mut values = std::mem::take(&mut scratch.spare);
-        values.resize(samples * observables * columns * lanes, 0.0);
+        let size = samples * observables;
+        // Every number is written by `take` and `eliminate_states`.
         let mut rows = Rows {
-            values,
-            rows: samples * observables,
+            values: scratch.lend(size * columns * lanes),
+            rows: size,
             columns,
             lanes,
             state,
             losses: vec![0.0; lanes],
             measured: vec![0; lanes],
             observables,
-            original: Vec::new(),
-            scales: vec![0.0; samples * observables * lanes],
+            original: scratch.lend(size * state * lanes),
+            weights: scratch.lend(size * lanes),
+            scales: scratch.lend(size * lanes),
             touched: vec![0.0; kept],
         };
         let mut motion = Motion::new(problem, dynamics, theta, kept, lanes);
@@ -94,7 +95,9 @@ impl Rows {
 
     /// Gives the memory back, for other rows.
     pub(super) fn recycle(self, scratch: &mut Scratch) {
-        scratch.spare = self.values;
+        for memory in [self.scales, self.weights, self.original, self.values] {
+            scratch.take_back(memory);
+        }
     }
 
     /// Takes one sample of every lane in.
@@ -108,14 +111,18 @@ impl Rows {
     ) {
         let lanes = self.lanes;
         let set = InstructionSet::widest();
-        let mut scale = vec![0.0; lanes];
+        let (loss, squares) = (problem.loss.row(), problem.loss.is_squares());
         for observable in 0..self.observables {
             let row = sample * self.observables + observable;
-            let base = row * self.columns * lanes;
-            let last = base + (self.columns - 1) * lanes;
-            self.values[last..last + lanes].fill(0.0);
+            let weight = problem.weights[observable];
+            let predicted = &out[observable * lanes..][..lanes];
+            let values = &mut self.values[row * self.columns * lanes..][..self.columns * lanes];
+            let (derivatives, residuals) = values.split_at_mut((self.columns - 1) * lanes);
+            let weights = &mut self.weights[row * lanes..][..lanes];
+            let scales = &mut self.scales[row * lanes..][..lanes];
+            residuals.fill(0.0);
+            weights.fill(0.0);
             for (lane, segment) in segments.iter().enumerate() {
-                scale[lane] = 0.0;
                 let at = segment.first + sample;
                 if at > segment.last {
                     continue;
@@ -124,25 +131,22 @@ impl Rows {
                 if !measured.is_finite() {
                     continue;
                 }
-                let weight = problem.weights[observable];
-                let residual = weight * (measured - out[observable * lanes + lane]);
+                let residual = weight * (measured - predicted[lane]);
                 self.measured[lane] += 1;
                 if !residual.is_finite() {
                     self.losses[lane] = f64::INFINITY;
                     continue;
                 }
-                let squares = problem.loss.is_squares();
-                let robust =
-                    if squares { 1.0 } else { (problem.loss.row().weight)(residual).sqrt() };
-                self.losses[lane] += (problem.loss.row().value)(residual);
-                scale[lane] = weight * robust;
-                self.scales[row * lanes + lane] = problem.loss.scale(residual);
-                self.values[last + lane] = residual * robust;
+                let robust = if squares { 1.0 } else { (loss.weight)(residual).sqrt() };
+                self.losses[lane] +=
+                    if squares { residual * residual } else { (loss.value)(residual) };
+                scales[lane] = problem.loss.scale(residual);
+                weights[lane] = weight * robust;
+                residuals[lane] = residual * robust;
             }
-            let width = (self.columns - 1) * lanes;
-            let from = &tangent[observable * width..][..width];
+            let from = &tangent[observable * derivatives.len()..][..derivatives.len()];
             // An exploded lane has NaN derivatives; its weight is zero.
-            weigh(set, &mut self.values[base..base + width], from, &scale);
+            weigh(set, derivatives, from, weights);
         }
     }
 
@@ -176,10 +180,10 @@ impl Rows {
         self.silence();
         let (lanes, columns) = (self.lanes, self.columns);
         let set = InstructionSet::widest();
-        self.original.reserve(self.rows * (self.state + 1) * lanes);
-        for row in self.values.chunks_exact(columns * lanes) {
-            self.original.extend_from_slice(&row[..self.state * lanes]);
-            self.original.extend_from_slice(&row[(columns - 1) * lanes..]);
+        let width = self.state * lanes;
+        let rows = self.values.chunks_exact(columns * lanes);
+        for (row, original) in rows.zip(self.original.chunks_exact_mut(width)) {
+            original.copy_from_slice(&row[..width]);
             add_squares(set, &mut self.touched, &row[self.state * lanes..], lanes);
         }
         let mut norm = vec![0.0; lanes];
@@ -252,19 +256,14 @@ impl Rows {
         let inverse = self.inverse_pivots();
         let mut solved = vec![0.0; state * lanes];
         let mut leverage = vec![0.0; lanes];
-        let mut measured = vec![false; lanes];
-        for (row, values) in self.original.chunks_exact((state + 1) * lanes).enumerate() {
-            let (derivatives, residuals) = values.split_at(state * lanes);
+        for (row, derivatives) in self.original.chunks_exact(state * lanes).enumerate() {
             let determined = &derivatives[..inverse.len()];
             leverages(set, &mut leverage, &mut solved, determined, &self.values, &inverse, columns);
-            for (lane, m) in measured.iter_mut().enumerate() {
-                let moves = || determined.iter().skip(lane).step_by(lanes).any(|x| *x != 0.0);
-                *m = residuals[lane] != 0.0 || moves();
-            }
             let observable = row % self.observables;
             let scales = &self.scales[row * lanes..][..lanes];
+            let weights = &self.weights[row * lanes..][..lanes];
             for lane in 0..lanes {
-                if measured[lane] && self.losses[lane].is_finite() {
+                if weights[lane] != 0.0 && self.losses[lane].is_finite() {
                     sums.squares[observable] += scales[lane];
                     sums.freedom[observable] += 1.0 - leverage[lane];
                 }

@@ -11,7 +11,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use super::monitor::Monitor;
-use super::pass::{FoldPass, Linearised, Problem, Sums, block_width, settle_block};
+use super::pass::{FoldPass, Linearised, Problem, block_width};
 use super::segments::{FOLDS, Segment, Segments, blocks, cut_run, first_state, sort_into_folds};
 use crate::data::{Chunk, Dataset, Run, Source, Survey};
 use crate::dynamics::{Dynamics, Scratch};
@@ -34,17 +34,9 @@ pub struct Stream<'a> {
 
 #[derive(Default)]
 struct Kept {
-    /// The last linearisation by the terms of a model, which a refit asks for after settling.
-    last: Option<Last>,
     failure: Option<Error>,
     passes: usize,
     segments: usize,
-}
-
-struct Last {
-    active: Vec<usize>,
-    theta: Vec<f64>,
-    linearised: Linearised,
 }
 
 impl<'a> Stream<'a> {
@@ -85,31 +77,6 @@ impl<'a> Stream<'a> {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Settles the states for a theta and sums up; keeps the linearisation for [`Stream::linearise`].
-    pub(super) fn settle(&self, problem: &Problem, dynamics: &Dynamics, theta: &[f64]) -> Sums {
-        let linearised = self.pass(problem, (dynamics, theta), (dynamics, theta));
-        let sums = linearised.sums.clone();
-        self.kept().last =
-            Some(Last { active: dynamics.active().to_vec(), theta: theta.to_vec(), linearised });
-        sums
-    }
-
-    /// Linearises by theta, at the states that are settled for it.
-    pub(super) fn linearise(
-        &self,
-        problem: &Problem,
-        dynamics: &Dynamics,
-        theta: &[f64],
-    ) -> Linearised {
-        let last = self.kept().last.take();
-        match last {
-            Some(last) if last.active == dynamics.active() && last.theta == theta => {
-                last.linearised
-            }
-            _ => self.pass(problem, (dynamics, theta), (dynamics, theta)),
-        }
-    }
-
     /// One pass: states settled by one dynamics, residuals linearised by another of the same law.
     ///
     /// Stopped or failed, it gives no rows and an infinite loss.
@@ -143,7 +110,6 @@ impl<'a> Stream<'a> {
         let number = {
             let mut kept = self.kept();
             kept.passes += 1;
-            kept.last = None;
             kept.passes
         };
         // What is left over at the end of a run may make a segment one longer.
@@ -206,8 +172,7 @@ fn work(
         let segments = &problem.segments.list[part];
         let mut states: Vec<Vec<f64>> =
             segments.iter().map(|&s| first_state(problem.dataset, s, degrees)).collect();
-        settle_block(problem, present.0, present.1, segments, &mut states, scratch);
-        fold.take(problem, by.0, by.1, segments, &states, scratch);
+        fold.settle_and_take(problem, present, by, segments, &mut states, scratch);
     }
     fold.flush();
 }

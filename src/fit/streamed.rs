@@ -67,7 +67,7 @@ fn on_all(
         return Err(failure);
     }
     match outcome {
-        Ok(round) if round.refit.sums.loss.is_finite() => Ok(conclude(&training, &round)),
+        Ok(round) if round.refit.sums().loss.is_finite() => Ok(conclude(&training, &round)),
         // Stopped before all data were seen once: the model of the sample is the best so far.
         _ if monitor.stopped() => {
             first.refit.stop = StopReason::Interrupted;

@@ -13,7 +13,7 @@ use super::factor::Factor;
 use super::gauss_newton::{Refit, StopReason, refit};
 use super::monitor::Monitor;
 use super::options::Options;
-use super::pass::{Problem, States, Sums, linearise, settle, settle_and_linearise};
+use super::pass::{Problem, States, Sums, settle, settle_and_linearise};
 use super::segments::{Segment, Segments, cut, first_state, longest_run, typical_step};
 use super::stepping::{self, Choice};
 use super::stream::Stream;
@@ -29,6 +29,8 @@ const ROUNDS: usize = 8;
 /// The noise stands still when it grows by less than this factor: weights that are wrong by a
 /// part x cost the estimate a part x^2 / 4 of its efficiency.
 const QUIET: f64 = 1.05;
+/// Segments that tell the noise better than the next round needs to know it.
+const ENOUGH_FOR_NOISE: usize = 2048;
 
 /// A model under training, with everything that the next round starts from.
 #[derive(Clone)]
@@ -65,8 +67,8 @@ pub struct Training<'a> {
     pub extent: Extent,
     /// All data, where they are larger than memory; `dataset` is then a sample of them.
     pub stream: Option<&'a Stream<'a>>,
-    /// Whether the next round first learns the noise from all its segments: what is known of it
-    /// comes from few.
+    /// Whether the next round first learns the noise from many of its segments: what is known of
+    /// it comes from few.
     pub(super) reweigh: bool,
     /// What rounding does to each observable.
     pub(super) rounding: Vec<f64>,
@@ -284,23 +286,15 @@ impl<'a> Training<'a> {
         let (whole, theta) = self.compile(&everything);
         let (present, present_theta) = self.compile(&self.support);
         let mut states = std::mem::take(&mut self.states);
-        let settled = std::mem::take(&mut self.reweigh) && self.stream.is_none();
-        if settled {
-            let weights = self.weights();
-            let sums = settle(&self.problem(&weights), &present, &present_theta, &mut states);
-            self.noise = self.noise_estimate(&sums, present_theta.len());
+        if std::mem::take(&mut self.reweigh) && self.stream.is_none() {
+            self.noise = self.noise_of_a_part(&present, &present_theta);
         }
         let noise = self.noise.clone();
         let weights = self.weights();
         let (folds, rows) = {
             let problem = self.problem(&weights);
             let (present, whole) = ((&*present, &*present_theta), (&*whole, &*theta));
-            // What new weights change of the states, the elimination of the states makes good.
-            let linearised = if settled {
-                linearise(&problem, whole.0, whole.1, &states)
-            } else {
-                settle_and_linearise(&problem, present, whole, &mut states)
-            };
+            let linearised = settle_and_linearise(&problem, present, whole, &mut states);
             (linearised.folds, linearised.sums.rows)
         };
         self.states = states;
@@ -338,7 +332,7 @@ impl<'a> Training<'a> {
         })?;
         let refit = self.adopt(&best, &whole, monitor);
         self.rounds += 1;
-        let foretold = criterion.agree(best.squares, refit.sums.loss, refit.sums.rows);
+        let foretold = criterion.agree(best.squares, refit.sums().loss, refit.sums().rows);
         Ok(Round { search, refit, folds, merged, columns, criterion, foretold, noise })
     }
 
@@ -386,7 +380,19 @@ impl<'a> Training<'a> {
             self.parameters[j] = value;
         }
         self.states.clone_from(&refit.states);
-        self.noise = self.noise_estimate(&refit.sums, refit.theta.len());
+        self.noise = self.noise_estimate(refit.sums(), refit.theta.len());
+    }
+
+    /// The noise at the present model as many segments from all over the data show it.
+    fn noise_of_a_part(&self, dynamics: &Dynamics, theta: &[f64]) -> Vec<f64> {
+        let mean = self.samples() / self.segments.list.len().max(1);
+        let segments = self.segments.spread(ENOUGH_FOR_NOISE * mean);
+        let first = |&segment: &Segment| first_state(self.dataset, segment, self.system.degrees());
+        let mut states = segments.list.iter().map(first).collect();
+        let weights = self.weights();
+        let problem = Problem { segments: &segments, ..self.problem(&weights) };
+        let sums = settle(&problem, dynamics, theta, &mut states);
+        self.noise_estimate(&sums, theta.len())
     }
 
     /// Residual spread of each observable, degrees of freedom of states and theta paid for
