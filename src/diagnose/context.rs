@@ -176,8 +176,8 @@ impl<'a> Context<'a> {
                 training.coefficients[k] = value;
             }
             training.integrator.stepping = self.stepping;
-            let refit = training.refit(&Silent);
-            training.take(&refit);
+            let mut refit = training.refit(&Silent);
+            training.take(&mut refit);
             context.coefficients = self.support.iter().map(|&k| training.coefficients[k]).collect();
             context.parameters = training.parameters;
         }

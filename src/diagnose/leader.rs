@@ -218,7 +218,7 @@ fn fit(settled: &Settled, candidate: &Candidate, start: Start) -> Option<Refitte
     training.support.clone_from(&start.support);
     training.parameters.clone_from(&start.parameters);
     training.choose_integrator();
-    let refit = training.refit(&Silent);
+    let mut refit = training.refit(&Silent);
     let count = training.support.len();
     let rows = refit.sums().rows.max(1) as f64;
     let fall = settled.sums.loss - refit.sums().loss;
@@ -229,7 +229,7 @@ fn fit(settled: &Settled, candidate: &Candidate, start: Start) -> Option<Refitte
     let own = (count - candidate.terms.len()..count).chain(inner..refit.theta.len());
     let (coefficient, standard_error): (Vec<f64>, Vec<f64>) =
         own.map(|i| (refit.theta[i], covariance[(i, i)].sqrt())).unzip();
-    training.take(&refit);
+    training.take(&mut refit);
     let coefficients = training.support.iter().map(|&k| training.coefficients[k]).collect();
     let values: Vec<f64> = candidate.parameters.iter().map(|&j| training.parameters[j]).collect();
     let Training { support, parameters, integrator, .. } = training;

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::eval::Backend;
 use crate::expr::{Bounds, Observed, System, build};
 use crate::fit::factor::Factor;
-use crate::fit::gauss_newton::refit;
+use crate::fit::gauss_newton::{CONVERGED, refit};
 use crate::fit::pass::{Linearised, Problem, States, Stepping, Sums, settle_and_linearise};
 use crate::fit::segments::{Segments, cut, first_state, typical_step};
 use crate::fit::train::Training;
@@ -92,8 +92,8 @@ impl Rival {
         }
         training.support = known.into_iter().chain(new).collect();
         training.choose_integrator();
-        let fitted = training.refit(&Silent);
-        training.take(&fitted);
+        let mut fitted = training.refit(&Silent);
+        training.take(&mut fitted);
         let coefficients = training.support.iter().map(|&k| training.coefficients[k]).collect();
         let Training { support, parameters, noise, integrator, .. } = training;
         let mut stepping = integrator.stepping;
@@ -169,7 +169,7 @@ impl<'a> Known<'a> {
         let weights: Vec<f64> = noise.iter().map(|s| 1.0 / s.max(f64::MIN_POSITIVE)).collect();
         let stepping = explicit(rival.stepping);
         let problem = problem(rival, stepping, dataset, &segments, &weights);
-        let best = refit(&problem, &dynamics, &bounds, &theta, states, &Silent);
+        let best = refit(&problem, &dynamics, &bounds, &theta, states, CONVERGED, &Silent);
         if !best.sums().loss.is_finite() || best.sums().rows <= best.theta.len() {
             return Err(Error::fit(
                 format!("{} cannot be fitted to the measurements so far", rival.label),
@@ -250,7 +250,8 @@ impl<'a> Known<'a> {
     /// The loss after a full refit to other measurements.
     pub fn refitted(&self, dataset: &Dataset, segments: &Segments, states: States) -> f64 {
         let problem = problem(self.rival, self.stepping, dataset, segments, &self.weights);
-        refit(&problem, &self.dynamics, &self.bounds, &self.theta, states, &Silent).sums().loss
+        let bounds = &self.bounds;
+        refit(&problem, &self.dynamics, bounds, &self.theta, states, CONVERGED, &Silent).sums().loss
     }
 
     /// Deviance so far, with a price of log(residuals) for every unknown.

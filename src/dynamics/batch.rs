@@ -1,6 +1,6 @@
 //! Trajectories side by side, and the memory that moving them takes.
 
-use crate::eval::{InstructionSet, mark_broken};
+use crate::eval::{Aligned, InstructionSet, mark_broken};
 
 /// Structure of arrays over `lanes` trajectories.
 #[derive(Debug, Clone, PartialEq)]
@@ -12,7 +12,7 @@ pub struct Batch {
     /// `[lanes]`.
     pub time: Vec<f64>,
     /// d state / d (initial state, theta), `[2n][2n + P][lanes]`; empty when not wanted.
-    pub tangent: Vec<f64>,
+    pub tangent: Aligned,
     degrees: usize,
     unknowns: usize,
 }
@@ -24,7 +24,7 @@ impl Batch {
             lanes,
             state: vec![0.0; 2 * degrees * lanes],
             time: vec![0.0; lanes],
-            tangent: Vec::new(),
+            tangent: Aligned::default(),
             degrees,
             unknowns: 0,
         }
@@ -32,9 +32,19 @@ impl Batch {
 
     /// The same with tangents by the initial state (the identity) and `unknowns` numbers (zero).
     pub fn with_tangents(degrees: usize, lanes: usize, unknowns: usize) -> Batch {
+        Batch::with_tangents_in(&mut Scratch::new(), degrees, lanes, unknowns)
+    }
+
+    /// The same in memory that `scratch` lends.
+    pub(crate) fn with_tangents_in(
+        scratch: &mut Scratch,
+        degrees: usize,
+        lanes: usize,
+        unknowns: usize,
+    ) -> Batch {
         let mut batch = Batch::new(degrees, lanes);
         batch.unknowns = unknowns;
-        batch.tangent = vec![0.0; 2 * degrees * batch.columns() * lanes];
+        batch.tangent = scratch.lend(2 * degrees * batch.columns() * lanes);
         batch.reset_tangents();
         batch
     }
@@ -112,7 +122,7 @@ impl Batch {
 #[derive(Debug, Default)]
 pub struct Scratch {
     /// Outputs of the last evaluation.
-    pub(super) out: Vec<f64>,
+    pub(super) out: Aligned,
     /// Inputs that had to be copied together.
     pub(super) points: Vec<f64>,
     /// Times of the present stage, `[lanes]`.
@@ -128,7 +138,7 @@ pub struct Scratch {
     /// The same for the kicks and the drifts of one advance, which begins with both empty.
     pub(super) again: [Vec<f64>; 2],
     /// Memory that nobody uses at present.
-    spare: Vec<Vec<f64>>,
+    spare: Vec<Aligned>,
 }
 
 impl Scratch {
@@ -138,14 +148,14 @@ impl Scratch {
     }
 
     /// Memory for so many numbers, whatever they are.
-    pub(crate) fn lend(&mut self, size: usize) -> Vec<f64> {
+    pub(crate) fn lend(&mut self, size: usize) -> Aligned {
         let mut memory = self.spare.pop().unwrap_or_default();
-        memory.resize(size, 0.0);
+        memory.reshape(size);
         memory
     }
 
     /// Takes memory back that was lent, the last first.
-    pub(crate) fn take_back(&mut self, memory: Vec<f64>) {
+    pub(crate) fn take_back(&mut self, memory: Aligned) {
         self.spare.push(memory);
     }
 }

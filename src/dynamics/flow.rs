@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::batch::Scratch;
-use crate::eval::{Backend, Evaluator, Inputs, InstructionSet, add_weighted, compile};
+use crate::eval::{Backend, Evaluator, Inputs, InstructionSet, add, add_weighted, compile};
 use crate::expr::{Expr, Graph, Symbol};
 
 /// Functions of some rows of the state, time and theta, with their derivatives.
@@ -120,7 +120,7 @@ impl Flow {
         let evaluator = if derivatives { &self.tangent } else { &self.value };
         let size = evaluator.outputs() * lanes;
         if out.len() < size {
-            out.resize(size, 0.0);
+            out.reshape(size);
         }
         evaluator.evaluate_again(points, theta, lanes, &mut out[..size], workspace);
     }
@@ -156,9 +156,7 @@ impl Flow {
         let weights = entries.chunks_exact(lanes).skip(self.jacobian.len());
         for (&(row, unknown), weight) in self.mixed.iter().zip(weights) {
             let into = (row * columns + first + unknown) * lanes;
-            for (t, w) in target[into..into + lanes].iter_mut().zip(weight) {
-                *t += w;
-            }
+            add(set, &mut target[into..into + lanes], weight);
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::batch::{Batch, Scratch};
 use super::equations::Dynamics;
-use crate::eval::{InstructionSet, Pace, add_carrying};
+use crate::eval::{InstructionSet, Pace, add_carrying, add_multiple};
 
 /// Sees the states before every stage or step.
 pub type Recorder<'a> = &'a mut dyn FnMut(&[f64]);
@@ -23,23 +23,24 @@ pub struct Stage {
 /// momenta and the time are the same. Time stands still during drift and kick and moves on
 /// between them, which keeps every leapfrog step symmetric and so the order of the composition.
 pub fn stages(gammas: &[f64], steps: usize) -> impl Iterator<Item = Stage> {
-    let substeps = (0..steps).flat_map(move |step| {
-        let mut start = 0.0;
-        gammas.iter().enumerate().flat_map(move |(i, &gamma)| {
-            let before = match i.checked_sub(1) {
-                Some(previous) => gammas[previous],
-                None if step == 0 => 0.0,
-                None => gammas[gammas.len() - 1],
-            };
-            let [time, middle] = [start, start + 0.5 * gamma].map(|part| step as f64 + part);
-            start += gamma;
-            [
-                Stage { drift: true, coefficient: 0.5 * (before + gamma), time },
-                Stage { drift: false, coefficient: gamma, time: middle },
-            ]
-        })
-    });
-    substeps.chain(last(gammas, steps))
+    let mut start = 0.0;
+    let mut before = 0.0;
+    let mut first = Vec::with_capacity(2 * gammas.len());
+    for &gamma in gammas {
+        let coefficient = 0.5 * (before + gamma);
+        first.push(Stage { drift: true, coefficient, time: start });
+        first.push(Stage { drift: false, coefficient: gamma, time: start + 0.5 * gamma });
+        start += gamma;
+        before = gamma;
+    }
+    let joint = 0.5 * (before + gammas.first().copied().unwrap_or(0.0));
+    let stage = move |at: usize| {
+        let step = at / first.len();
+        let stage = first[at % first.len()];
+        let coefficient = if step > 0 && at % first.len() == 0 { joint } else { stage.coefficient };
+        Stage { coefficient, time: step as f64 + stage.time, ..stage }
+    };
+    (0..2 * gammas.len() * steps).map(stage).chain(last(gammas, steps))
 }
 
 /// The drift that ends the last step.
@@ -183,11 +184,15 @@ impl Stage {
     /// Sets the times of evaluation and the factors of the change from the step of each lane.
     pub fn prepare(self, start: &[f64], scratch: &mut Scratch) {
         let Scratch { time, scale, step, .. } = scratch;
-        time.clear();
-        time.extend(start.iter().zip(&*step).map(|(t, h)| t + self.time * h));
+        let set = InstructionSet::widest();
+        let lanes = step.len();
+        time.resize(lanes, 0.0);
+        time.copy_from_slice(&start[..lanes]);
+        add_multiple(set, time, step, self.time);
         let sign = if self.drift { 1.0 } else { -1.0 };
-        scale.clear();
-        scale.extend(step.iter().map(|h| sign * self.coefficient * h));
+        scale.resize(lanes, 0.0);
+        scale.fill(0.0);
+        add_multiple(set, scale, step, sign * self.coefficient);
     }
 }
 

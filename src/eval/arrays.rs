@@ -1,5 +1,7 @@
 //! Arithmetic over rows of numbers, in the widest registers and fused as in the evaluators.
 
+use std::ops::Range;
+
 use super::processor::dispatched;
 
 dispatched! {
@@ -11,6 +13,30 @@ dispatched! {
 fn add_products_body(target: &mut [f64], a: &[f64], b: &[f64]) {
     for ((t, a), b) in target.iter_mut().zip(a).zip(b) {
         *t = a.mul_add(*b, *t);
+    }
+}
+
+dispatched! {
+    /// target += a, number by number.
+    pub fn add(target: &mut [f64], a: &[f64]) = add_body;
+}
+
+#[inline(always)]
+fn add_body(target: &mut [f64], a: &[f64]) {
+    for (t, a) in target.iter_mut().zip(a) {
+        *t += a;
+    }
+}
+
+dispatched! {
+    /// target += factor * a, number by number, both operations rounded.
+    pub fn add_multiple(target: &mut [f64], a: &[f64], factor: f64) = add_multiple_body;
+}
+
+#[inline(always)]
+fn add_multiple_body(target: &mut [f64], a: &[f64], factor: f64) {
+    for (t, a) in target.iter_mut().zip(a) {
+        *t += factor * a;
     }
 }
 
@@ -77,7 +103,7 @@ fn add_squares_body(sums: &mut [f64], rows: &[f64], lanes: usize) {
         let mut parts = [0.0; PARTS];
         let mut chunks = row.chunks_exact(PARTS);
         for chunk in &mut chunks {
-            add(&mut parts, chunk, chunk);
+            add_parts(&mut parts, chunk, chunk);
         }
         *sum += parts.iter().sum::<f64>();
         *sum += chunks.remainder().iter().map(|x| x * x).sum::<f64>();
@@ -131,9 +157,9 @@ fn reflect_body(v: &[f64], tau: f64, heads: &mut [f64], columns: &mut [f64], str
         let mut sums = [[0.0; PARTS]; 2];
         let mut parts = v[..whole].chunks_exact(PARTS).zip(column.chunks_exact(PARTS));
         while let Some((a, b)) = parts.next() {
-            add(&mut sums[0], a, b);
+            add_parts(&mut sums[0], a, b);
             let Some((a, b)) = parts.next() else { break };
-            add(&mut sums[1], a, b);
+            add_parts(&mut sums[1], a, b);
         }
         let mut sum = *head;
         let [even, odd] = sums;
@@ -150,7 +176,7 @@ fn reflect_body(v: &[f64], tau: f64, heads: &mut [f64], columns: &mut [f64], str
 }
 
 #[inline(always)]
-fn add(sums: &mut [f64; PARTS], a: &[f64], b: &[f64]) {
+fn add_parts(sums: &mut [f64; PARTS], a: &[f64], b: &[f64]) {
     for i in 0..PARTS {
         sums[i] = a[i].mul_add(b[i], sums[i]);
     }
@@ -158,33 +184,47 @@ fn add(sums: &mut [f64; PARTS], a: &[f64], b: &[f64]) {
 
 dispatched! {
     /// Householder reflections, each lane with its own. `values` is `[row][columns][lane]` with
-    /// the vectors v in its first column; x -= factor (v x) v for the `others` columns after it.
-    pub fn reflect_lanes(values: &mut [f64], factor: &[f64], columns: usize, others: usize)
-        = reflect_lanes_body;
+    /// the vector v of the k-th reflection in its column k, from row k on; `factors` is
+    /// `[reflection][lane]`. x -= factor (v x) v for the columns `targets`, one reflection after
+    /// the other while a column is in the nearest cache.
+    pub fn reflect_lanes(
+        values: &mut [f64],
+        factors: &[f64],
+        lanes: usize,
+        columns: usize,
+        targets: Range<usize>,
+    ) = reflect_lanes_body;
 }
 
 /// Lanes whose sums stay in the nearest cache.
 const SIDE_BY_SIDE: usize = 64;
 
 #[inline(always)]
-fn reflect_lanes_body(values: &mut [f64], factor: &[f64], columns: usize, others: usize) {
-    let lanes = factor.len();
+fn reflect_lanes_body(
+    values: &mut [f64],
+    factors: &[f64],
+    lanes: usize,
+    columns: usize,
+    targets: Range<usize>,
+) {
     let mut sums = [0.0; SIDE_BY_SIDE];
     for start in (0..lanes).step_by(SIDE_BY_SIDE) {
         let width = SIDE_BY_SIDE.min(lanes - start);
-        let (sums, factor) = (&mut sums[..width], &factor[start..][..width]);
-        for column in 1..=others {
-            sums.fill(0.0);
-            for row in values.chunks(columns * lanes) {
-                let (v, x) = (&row[start..][..width], &row[column * lanes + start..][..width]);
-                add_products_body(sums, v, x);
-            }
-            for (sum, factor) in sums.iter_mut().zip(factor) {
-                *sum *= -factor;
-            }
-            for row in values.chunks_mut(columns * lanes) {
-                let (left, right) = row.split_at_mut(column * lanes);
-                add_products_body(&mut right[start..][..width], &left[start..][..width], sums);
+        let sums = &mut sums[..width];
+        for column in targets.clone() {
+            for (k, factor) in factors.chunks_exact(lanes).enumerate() {
+                let (v, x) = (k * lanes + start, column * lanes + start);
+                sums.fill(0.0);
+                for row in values.chunks(columns * lanes).skip(k) {
+                    add_products_body(sums, &row[v..][..width], &row[x..][..width]);
+                }
+                for (sum, factor) in sums.iter_mut().zip(&factor[start..]) {
+                    *sum *= -factor;
+                }
+                for row in values.chunks_mut(columns * lanes).skip(k) {
+                    let (left, right) = row.split_at_mut(x);
+                    add_products_body(&mut right[..width], &left[v..][..width], sums);
+                }
             }
         }
     }

@@ -1,5 +1,6 @@
 //! Evaluators: expressions compiled to functions that run over many points at once.
 
+mod aligned;
 mod arrays;
 mod elementary;
 mod instruction;
@@ -13,8 +14,9 @@ mod steps;
 mod tape;
 mod uniform;
 
+pub use aligned::Aligned;
 pub(crate) use arrays::{
-    add_carrying, add_products, add_squares, add_weighted, leverages, mark_broken, reflect,
+    add, add_carrying, add_multiple, add_products, add_squares, add_weighted, leverages, mark_broken, reflect,
     reflect_lanes, rescale, weigh,
 };
 pub(crate) use instruction::{Instruction, Slot, Value};

@@ -19,7 +19,7 @@ pub const LONGEST: usize = 256;
 /// Segments that the tries of different starts are made on.
 const TRIAL_SEGMENTS: usize = 400;
 /// Segments that the first rounds take, where there are at least twice as many.
-const FIRST_SEGMENTS: usize = 384;
+const FIRST_SEGMENTS: usize = 256;
 
 /// Trains from the spec's start, or from the best of several starts, on growing segments.
 pub fn train<'a>(
@@ -43,7 +43,8 @@ fn come_near(training: &mut Training, monitor: &dyn Monitor) -> Result<()> {
     if training.stream.is_some() || training.segments.list.len() < 2 * part {
         return Ok(());
     }
-    let (segments, states) = (training.segments.clone(), training.states.clone());
+    let states = std::mem::take(&mut training.states);
+    let segments = training.segments.clone();
     training.thin(part);
     training.extent = Extent::Rough;
     let rough = training.rounds(monitor);
@@ -88,8 +89,8 @@ pub fn train_on<'a>(
     training.sharpen();
     monitor.stage("going on from the model", 0.2);
     // A number inside a new term can move only once the term has a coefficient.
-    let refit = training.refit(monitor);
-    training.take(&refit);
+    let mut refit = training.refit(monitor);
+    training.take(&mut refit);
     let round = training.rounds(monitor)?;
     lengthen(training, round, monitor)
 }

@@ -61,9 +61,10 @@ impl Refit {
 
 const ITERATIONS: usize = 40;
 /// Converged when a step promises less than this part of the loss.
-const PROMISE: f64 = 1e-9;
+pub const CONVERGED: f64 = 1e-9;
 
-/// Minimises the loss over theta within `bounds` (one for each of theta), from `start`.
+/// Minimises the loss over theta within `bounds` (one for each of theta), from `start`, until a
+/// step promises less than the part `promise` of it.
 ///
 /// Levenberg's damping is added only after a full step has failed, and grows until one pays. An
 /// inner parameter moves by no more than its own size at a step: far from there the linearised
@@ -74,6 +75,7 @@ pub fn refit(
     bounds: &[Bounds],
     start: &[f64],
     mut states: States,
+    promise: f64,
     monitor: &dyn Monitor,
 ) -> Refit {
     let mut theta: Vec<f64> = start.iter().zip(bounds).map(|(&x, bound)| bound.clamp(x)).collect();
@@ -107,7 +109,7 @@ pub fn refit(
             let step = step(&factor, &theta, &near, damping);
             let sums = &linearised.sums;
             let rounding = problem.floor.powi(2) * sums.rows as f64;
-            if step.promise <= PROMISE * sums.loss + 1e-3 * rounding {
+            if step.promise <= promise * sums.loss + 1e-3 * rounding {
                 break Some(StopReason::Converged);
             }
             let trial: Vec<f64> = theta.iter().zip(&step.change).map(|(x, d)| x + d).collect();

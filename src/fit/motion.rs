@@ -41,11 +41,12 @@ impl<'a> Motion<'a> {
         theta: &'a [f64],
         unknowns: usize,
         lanes: usize,
+        scratch: &mut Scratch,
     ) -> Motion<'a> {
         let row = problem.stepping.method.row();
         let dear = matches!(row.kind, Kind::Splitting(_)) && row.order > DEAR;
         Motion {
-            batch: Batch::with_tangents(dynamics.degrees(), lanes, unknowns),
+            batch: Batch::with_tangents_in(scratch, dynamics.degrees(), lanes, unknowns),
             problem,
             dynamics,
             theta,
@@ -53,6 +54,11 @@ impl<'a> Motion<'a> {
                 .filter(|_| dear)
                 .map(|method| Cheaper { method, halves: 1 }),
         }
+    }
+
+    /// Gives the memory back, for other trajectories.
+    pub(super) fn recycle(self, scratch: &mut Scratch) {
+        scratch.take_back(self.batch.tangent);
     }
 
     /// Sets the time and the initial state of one trajectory.

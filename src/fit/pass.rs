@@ -12,7 +12,7 @@ use super::factor::Factor;
 use super::gathered::Gathered;
 use super::loss::Loss;
 use super::rows::Rows;
-use super::segments::{Segment, Segments, blocks};
+use super::segments::{LANES, Segment, Segments, blocks};
 use super::stream::Stream;
 use crate::data::Dataset;
 use crate::dynamics::{Dynamics, Method, Scratch};
@@ -50,8 +50,6 @@ pub struct Problem<'a> {
     pub window: usize,
 }
 
-/// Segments side by side in one block, at most.
-const LANES: usize = 64;
 /// Bytes that the rows of one block may take.
 const BLOCK_BYTES: usize = 12 << 20;
 /// Steps of the inner search for the states.
@@ -144,7 +142,7 @@ fn settled(
 ) -> (Rows, usize) {
     let size = 2 * present.0.degrees();
     let lanes = segments.len();
-    let mut trial: Vec<Vec<f64>> = states.to_vec();
+    let mut trial = states.concat();
     let mut best = vec![f64::INFINITY; lanes];
     let mut step = vec![0.0; size * lanes];
     let mut length = vec![1.0; lanes];
@@ -155,14 +153,16 @@ fn settled(
         let law = here.unwrap_or(present);
         let mut rows = Rows::integrate(problem, law, segments, &trial, here.is_some(), scratch);
         rows.eliminate_states();
+        let steps = rows.state_steps();
         let mut improved = 0;
         for lane in 0..lanes {
             let loss = rows.losses[lane];
             if loss < best[lane] || settled[lane] {
                 improved += 1;
-                states[lane].clone_from(&trial[lane]);
+                states[lane].copy_from_slice(&trial[lane * size..][..size]);
                 best[lane] = loss;
-                rows.state_step(lane, &mut step[lane * size..][..size]);
+                let taken = step.chunks_exact_mut(lanes).zip(steps.chunks_exact(lanes));
+                taken.for_each(|(step, taken)| step[lane] = taken[lane]);
                 length[lane] = 1.0;
                 let rounding = problem.floor.powi(2) * rows.measured[lane] as f64;
                 settled[lane] = rows.promised(lane) <= SETTLED * loss + ROUNDING * rounding;
@@ -173,7 +173,7 @@ fn settled(
             }
             for i in 0..size {
                 let part = if settled[lane] { 0.0 } else { length[lane] };
-                trial[lane][i] = states[lane][i] + part * step[lane * size + i];
+                trial[lane * size + i] = states[lane][i] + part * step[i * lanes + lane];
             }
         }
         if settled.iter().all(|&done| done) && improved == lanes {
@@ -188,7 +188,8 @@ fn settled(
         taken += 1;
     }
     let law = by.map_or(present, |(law, _)| law);
-    let mut rows = Rows::integrate(problem, law, segments, states, by.is_some(), scratch);
+    let starts = states.concat();
+    let mut rows = Rows::integrate(problem, law, segments, &starts, by.is_some(), scratch);
     rows.eliminate_states();
     (rows, taken)
 }
@@ -205,9 +206,9 @@ pub fn residuals(
     blocks(0..problem.segments.list.len(), width)
         .into_par_iter()
         .map_init(Scratch::new, |scratch, range| {
-            let (segments, states) = (&problem.segments.list[range.clone()], &states[range]);
+            let (segments, states) = (&problem.segments.list[range.clone()], states[range].concat());
             let law = (dynamics, theta);
-            let rows = Rows::integrate(problem, law, segments, states, false, scratch);
+            let rows = Rows::integrate(problem, law, segments, &states, false, scratch);
             let of = |(lane, segment): (usize, &Segment)| {
                 let mut values = rows.residuals(lane, segment.samples());
                 let run = &problem.dataset.runs[segment.run];
@@ -352,7 +353,8 @@ impl FoldPass {
         states: &[Vec<f64>],
         scratch: &mut Scratch,
     ) {
-        let mut rows = Rows::integrate(problem, law, segments, states, true, scratch);
+        let starts = states.concat();
+        let mut rows = Rows::integrate(problem, law, segments, &starts, true, scratch);
         rows.eliminate_states();
         self.take_rows(rows, scratch);
     }

@@ -20,11 +20,11 @@ pub fn prune(training: &mut Training, round: &mut Round, monitor: &dyn Monitor) 
         let mut fewer = training.clone();
         fewer.support.retain(|&k| k != weakest);
         fewer.coefficients[weakest] = 0.0;
-        let refit = fewer.refit(monitor);
+        let mut refit = fewer.refit(monitor);
         if refit.sums().exploded > round.refit.sums().exploded {
             break;
         }
-        fewer.take(&refit);
+        fewer.take(&mut refit);
         *training = fewer;
         round.refit = refit;
     }

@@ -4,14 +4,14 @@ use super::motion::Motion;
 use super::pass::{Problem, Sums};
 use super::segments::Segment;
 use crate::dynamics::{Dynamics, Scratch, observe};
-use crate::eval::{InstructionSet, add_products, add_squares, leverages, reflect_lanes, weigh};
+use crate::eval::{Aligned, InstructionSet, add_products, add_squares, leverages, reflect_lanes, weigh};
 
 /// Weighted residuals and derivatives of a block of segments, `[row][column][lane]`.
 ///
 /// Rows are (sample, observable); columns are the initial state, then theta, then the
 /// residual "measured - predicted". What was not measured is a row of zeros.
 pub(super) struct Rows {
-    pub(super) values: Vec<f64>,
+    pub(super) values: Aligned,
     pub(super) rows: usize,
     pub(super) columns: usize,
     pub(super) lanes: usize,
@@ -23,21 +23,25 @@ pub(super) struct Rows {
     pub(super) measured: Vec<usize>,
     observables: usize,
     /// State columns before elimination, `[row][state][lane]`.
-    original: Vec<f64>,
+    original: Aligned,
     /// What each row was multiplied by, `[row][lane]`; zero where nothing was measured.
-    weights: Vec<f64>,
+    weights: Aligned,
     /// What each residual adds to the estimate of the variance, `[row][lane]`.
-    scales: Vec<f64>,
+    scales: Aligned,
+    /// One over the diagonal of R_s after elimination, zero where a state is not determined,
+    /// `[state][lane]`.
+    inverse: Vec<f64>,
     /// Squared norm of each column of theta before elimination.
     pub(super) touched: Vec<f64>,
 }
 
 impl Rows {
+    /// Follows the segments from `states`, `[lane][state]`.
     pub(super) fn integrate(
         problem: &Problem,
         (dynamics, theta): (&Dynamics, &[f64]),
         segments: &[Segment],
-        states: &[Vec<f64>],
+        states: &[f64],
         by_theta: bool,
         scratch: &mut Scratch,
     ) -> Rows {
@@ -61,10 +65,11 @@ impl Rows {
             original: scratch.lend(size * state * lanes),
             weights: scratch.lend(size * lanes),
             scales: scratch.lend(size * lanes),
+            inverse: Vec::new(),
             touched: vec![0.0; kept],
         };
-        let mut motion = Motion::new(problem, dynamics, theta, kept, lanes);
-        for (lane, (segment, start)) in segments.iter().zip(states).enumerate() {
+        let mut motion = Motion::new(problem, dynamics, theta, kept, lanes, scratch);
+        for (lane, (segment, start)) in segments.iter().zip(states.chunks_exact(state)).enumerate() {
             motion.set(lane, problem.dataset.runs[segment.run].times[segment.first], start);
         }
         let mut span = vec![0.0; lanes];
@@ -90,6 +95,7 @@ impl Rows {
             observe(dynamics, observed, batch, theta, &mut out, Some(&mut tangent), scratch);
             rows.take(problem, segments, sample, &out, &tangent);
         }
+        motion.recycle(scratch);
         rows
     }
 
@@ -150,8 +156,12 @@ impl Rows {
         }
     }
 
+    fn row(&self, row: usize, column: usize) -> &[f64] {
+        &self.values[(row * self.columns + column) * self.lanes..][..self.lanes]
+    }
+
     fn at(&self, row: usize, column: usize, lane: usize) -> f64 {
-        self.values[(row * self.columns + column) * self.lanes + lane]
+        self.row(row, column)[lane]
     }
 
     /// Weighted residuals of a lane before elimination, `[observable][sample]`; zero where nothing
@@ -186,10 +196,12 @@ impl Rows {
             original.copy_from_slice(&row[..width]);
             add_squares(set, &mut self.touched, &row[self.state * lanes..], lanes);
         }
+        let pivots = self.state.min(self.rows);
+        let at = |row: usize, column: usize| (row * columns + column) * lanes;
         let mut norm = vec![0.0; lanes];
-        let mut factor = vec![0.0; lanes];
-        for pivot in 0..self.state.min(self.rows) {
-            let at = |row: usize, column: usize| (row * columns + column) * lanes;
+        let mut diagonal = vec![0.0; pivots * lanes];
+        let mut factors = vec![0.0; pivots * lanes];
+        for pivot in 0..pivots {
             norm.fill(0.0);
             for row in pivot..self.rows {
                 let column = &self.values[at(row, pivot)..][..lanes];
@@ -197,35 +209,63 @@ impl Rows {
             }
             // v = (alpha - beta, rest); I - v v' / (norm^2 - alpha beta).
             let head = at(pivot, pivot);
-            let mut beta = vec![0.0; lanes];
+            let factor = &mut factors[pivot * lanes..][..lanes];
             for lane in 0..lanes {
                 let alpha = self.values[head + lane];
-                beta[lane] = -norm[lane].sqrt().copysign(alpha);
-                let size = norm[lane] - alpha * beta[lane];
+                let beta = -norm[lane].sqrt().copysign(alpha);
+                let size = norm[lane] - alpha * beta;
                 factor[lane] = if size > 0.0 { 1.0 / size } else { 0.0 };
-                self.values[head + lane] = alpha - beta[lane];
+                self.values[head + lane] = alpha - beta;
+                diagonal[pivot * lanes + lane] = beta;
             }
-            reflect_lanes(set, &mut self.values[head..], &factor, columns, columns - pivot - 1);
+            let further = 1..self.state - pivot;
+            reflect_lanes(set, &mut self.values[head..], factor, lanes, columns, further);
+        }
+        reflect_lanes(set, &mut self.values, &factors, lanes, columns, self.state..columns);
+        for (pivot, diagonal) in diagonal.chunks_exact(lanes).enumerate() {
+            self.values[at(pivot, pivot)..][..lanes].copy_from_slice(diagonal);
             for row in pivot + 1..self.rows {
                 self.values[at(row, pivot)..][..lanes].fill(0.0);
             }
-            self.values[head..head + lanes].copy_from_slice(&beta);
         }
+        self.inverse = self.inverse_pivots();
     }
 
-    /// The Gauss-Newton step of a lane's state, after elimination, theta held.
-    pub(super) fn state_step(&self, lane: usize, step: &mut [f64]) {
-        let last = self.columns - 1;
-        step.fill(0.0);
-        for i in (0..self.state.min(self.rows)).rev() {
-            let pivot = self.at(i, i, lane);
-            let norm = (0..=i).map(|row| self.at(row, i, lane).powi(2)).sum::<f64>().sqrt();
-            if pivot.abs() <= 1e-12 * norm {
-                continue;
+    /// One over the diagonal of R_s, zero where a state is not determined, `[column][lane]`.
+    fn inverse_pivots(&self) -> Vec<f64> {
+        let (lanes, set) = (self.lanes, InstructionSet::widest());
+        let mut inverse = Vec::with_capacity(self.state * lanes);
+        let mut squares = vec![0.0; lanes];
+        for c in 0..self.state.min(self.rows) {
+            squares.fill(0.0);
+            for r in 0..=c {
+                let row = self.row(r, c);
+                add_products(set, &mut squares, row, row);
             }
-            let known: f64 = (i + 1..self.state).map(|j| self.at(i, j, lane) * step[j]).sum();
-            step[i] = (self.at(i, last, lane) - known) / pivot;
+            let determined = |(&pivot, &squares): (&f64, &f64)| {
+                if pivot * pivot > 1e-24 * squares { 1.0 / pivot } else { 0.0 }
+            };
+            inverse.extend(self.row(c, c).iter().zip(&squares).map(determined));
         }
+        inverse
+    }
+
+    /// The Gauss-Newton steps of the states, `[state][lane]`, after elimination, theta held.
+    pub(super) fn state_steps(&self) -> Vec<f64> {
+        let (lanes, set) = (self.lanes, InstructionSet::widest());
+        let mut steps = vec![0.0; self.state * lanes];
+        for (i, inverse) in self.inverse.chunks_exact(lanes).enumerate().rev() {
+            let (left, known) = steps.split_at_mut((i + 1) * lanes);
+            let step = &mut left[i * lanes..];
+            for (j, known) in (i + 1..).zip(known.chunks_exact(lanes)) {
+                add_products(set, step, self.row(i, j), known);
+            }
+            let target = self.row(i, self.columns - 1);
+            for ((step, target), inverse) in step.iter_mut().zip(target).zip(inverse) {
+                *step = (target - *step) * inverse;
+            }
+        }
+        steps
     }
 
     /// By how much the squares of a lane fall if its state takes the step.
@@ -253,12 +293,12 @@ impl Rows {
                 sums.exploded += 1;
             }
         }
-        let inverse = self.inverse_pivots();
+        let inverse = &self.inverse;
         let mut solved = vec![0.0; state * lanes];
         let mut leverage = vec![0.0; lanes];
         for (row, derivatives) in self.original.chunks_exact(state * lanes).enumerate() {
             let determined = &derivatives[..inverse.len()];
-            leverages(set, &mut leverage, &mut solved, determined, &self.values, &inverse, columns);
+            leverages(set, &mut leverage, &mut solved, determined, &self.values, inverse, columns);
             let observable = row % self.observables;
             let scales = &self.scales[row * lanes..][..lanes];
             let weights = &self.weights[row * lanes..][..lanes];
@@ -269,18 +309,5 @@ impl Rows {
                 }
             }
         }
-    }
-
-    /// One over the diagonal of R_s, zero where a state is not determined, `[column][lane]`.
-    fn inverse_pivots(&self) -> Vec<f64> {
-        let mut inverse = Vec::with_capacity(self.state * self.lanes);
-        for c in 0..self.state.min(self.rows) {
-            for lane in 0..self.lanes {
-                let norm = (0..=c).map(|r| self.at(r, c, lane).powi(2)).sum::<f64>().sqrt();
-                let pivot = self.at(c, c, lane);
-                inverse.push(if pivot.abs() > 1e-12 * norm { 1.0 / pivot } else { 0.0 });
-            }
-        }
-        inverse
     }
 }

@@ -38,13 +38,18 @@ impl Segments {
         self.list.iter().map(|s| s.samples()).max().unwrap_or(1)
     }
 
-    /// Only the first segments of each fold, at most `most` in all.
+    /// Only the first segments of each fold, at most `most` in all. Where these are few,
+    /// neighbouring folds become one: narrow blocks are slow.
     pub fn thinned(&self, most: usize) -> Segments {
         let each = (most / self.folds.len().max(1)).max(1);
         let mut thin = Segments::default();
-        for fold in &self.folds {
+        for neighbours in self.folds.chunks((LANES / each).max(1)) {
             let start = thin.list.len();
-            thin.list.extend_from_slice(&self.list[fold.start..fold.end.min(fold.start + each)]);
+            for fold in neighbours {
+                let end = fold.end.min(fold.start + each);
+                thin.list.extend_from_slice(&self.list[fold.start..end]);
+            }
+            thin.list[start..].sort_by_key(|segment| segment.samples());
             thin.folds.push(start..thin.list.len());
         }
         thin
@@ -75,6 +80,9 @@ impl Segments {
         spread
     }
 }
+
+/// Segments side by side in one block, at most.
+pub(super) const LANES: usize = 64;
 
 /// Folds that the data are kept in.
 pub(super) const FOLDS: usize = 16;

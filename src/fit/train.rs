@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::criterion::{Criterion, choice_costs, complexity};
 use super::factor::Factor;
-use super::gauss_newton::{Refit, StopReason, refit};
+use super::gauss_newton::{CONVERGED, Refit, StopReason, refit};
 use super::monitor::Monitor;
 use super::options::Options;
 use super::pass::{Problem, States, Sums, settle, settle_and_linearise};
@@ -29,6 +29,9 @@ const ROUNDS: usize = 8;
 /// The noise stands still when it grows by less than this factor: weights that are wrong by a
 /// part x cost the estimate a part x^2 / 4 of its efficiency.
 const QUIET: f64 = 1.05;
+/// In a round that others follow a refit ends when a step promises less than this part of the
+/// loss.
+const NEAR: f64 = 1e-3;
 /// Segments that tell the noise better than the next round needs to know it.
 const ENOUGH_FOR_NOISE: usize = 2048;
 
@@ -204,8 +207,8 @@ impl<'a> Training<'a> {
         // Over many periods the misfit has many minima: what a state was before is a nearer start
         // than what was measured first.
         let place = |segment: &Segment| (segment.run, segment.first);
-        let known: HashMap<_, _> = before.list.iter().map(place).zip(&self.states).collect();
         let mut states = self.first_states();
+        let known: HashMap<_, _> = before.list.iter().map(place).zip(&self.states).collect();
         for (segment, state) in self.segments.list.iter().zip(&mut states) {
             if let Some(settled) =
                 known.get(&place(segment)).filter(|s| s.iter().all(|x| x.is_finite()))
@@ -351,8 +354,8 @@ impl<'a> Training<'a> {
         }
         self.support.clone_from(&candidate.support);
         let states = std::mem::take(&mut self.states);
-        let refit = self.refit_from(states, monitor);
-        self.take(&refit);
+        let mut refit = self.refit_from(states, monitor);
+        self.take(&mut refit);
         refit
     }
 
@@ -366,11 +369,13 @@ impl<'a> Training<'a> {
         let weights = self.weights();
         let problem = self.problem(&weights);
         let bounds = self.bounds(&dynamics);
-        refit(&problem, &dynamics, &bounds, &theta, states, monitor)
+        let promise = if self.extent == Extent::Rough { NEAR } else { CONVERGED };
+        refit(&problem, &dynamics, &bounds, &theta, states, promise, monitor)
     }
 
-    /// Makes the result of a refit the present model, and estimates the noise anew.
-    pub fn take(&mut self, refit: &Refit) {
+    /// Makes the result of a refit the present model, moves its states here, and estimates the
+    /// noise anew.
+    pub fn take(&mut self, refit: &mut Refit) {
         let (dynamics, _) = self.compile(&self.support);
         let size = dynamics.active().len();
         for (&k, &value) in dynamics.active().iter().zip(&refit.theta) {
@@ -379,7 +384,7 @@ impl<'a> Training<'a> {
         for (&j, &value) in dynamics.parameters().iter().zip(&refit.theta[size..]) {
             self.parameters[j] = value;
         }
-        self.states.clone_from(&refit.states);
+        self.states = std::mem::take(&mut refit.states);
         self.noise = self.noise_estimate(refit.sums(), refit.theta.len());
     }
 
@@ -492,8 +497,7 @@ impl<'a> Training<'a> {
         if unfit && self.options.method.is_none() {
             self.integrator = stepping::choose(self, &dynamics, &theta, true);
             round.refit = self.refit(monitor);
-            let refit = &round.refit;
-            self.take(refit);
+            self.take(&mut round.refit);
         }
     }
 
