@@ -16,8 +16,8 @@ mod uniform;
 
 pub use aligned::Aligned;
 pub(crate) use arrays::{
-    add, add_carrying, add_multiple, add_products, add_squares, add_weighted, leverages, mark_broken, reflect,
-    reflect_lanes, rescale, weigh,
+    add, add_carrying, add_multiple, add_products, add_squares, add_weighted, leverages,
+    mark_broken, reflect, reflect_lanes, rescale, weigh,
 };
 pub(crate) use instruction::{Instruction, Slot, Value};
 pub(crate) use lower::Lowered;

@@ -135,7 +135,7 @@ type Law<'a> = (&'a Dynamics, &'a [f64]);
 fn settled(
     problem: &Problem,
     present: Law,
-    by: Option<(Law, usize)>,
+    by: Option<(Law, Option<usize>)>,
     segments: &[Segment],
     states: &mut [Vec<f64>],
     scratch: &mut Scratch,
@@ -149,7 +149,7 @@ fn settled(
     let mut settled = vec![false; lanes];
     let mut taken = 0;
     while taken < STATE_STEPS {
-        let here = by.filter(|&(_, expected)| expected == taken).map(|(law, _)| law);
+        let here = by.filter(|&(_, expected)| expected == Some(taken)).map(|(law, _)| law);
         let law = here.unwrap_or(present);
         let mut rows = Rows::integrate(problem, law, segments, &trial, here.is_some(), scratch);
         rows.eliminate_states();
@@ -206,7 +206,8 @@ pub fn residuals(
     blocks(0..problem.segments.list.len(), width)
         .into_par_iter()
         .map_init(Scratch::new, |scratch, range| {
-            let (segments, states) = (&problem.segments.list[range.clone()], states[range].concat());
+            let (segments, states) =
+                (&problem.segments.list[range.clone()], states[range].concat());
             let law = (dynamics, theta);
             let rows = Rows::integrate(problem, law, segments, &states, false, scratch);
             let of = |(lane, segment): (usize, &Segment)| {
@@ -329,8 +330,8 @@ pub(super) struct FoldPass {
     sums: Sums,
     gathered: Gathered,
     touched: Vec<f64>,
-    /// Steps that the states of the last block took: those of the next may take as many.
-    steps: usize,
+    /// Most steps that the states of a block took so far: those of the next may take as many.
+    steps: Option<usize>,
 }
 
 impl FoldPass {
@@ -340,7 +341,7 @@ impl FoldPass {
             sums: Sums::new(observables),
             gathered: Gathered::new(unknowns + 1),
             touched: vec![0.0; unknowns],
-            steps: 1,
+            steps: None,
         }
     }
 
@@ -370,9 +371,12 @@ impl FoldPass {
         states: &mut [Vec<f64>],
         scratch: &mut Scratch,
     ) {
-        let by = Some((by, self.steps));
-        let (rows, steps) = settled(problem, present, by, segments, states, scratch);
-        self.steps = steps;
+        // Of few columns a needless try costs little.
+        let few = by.0.unknowns() <= 4 * by.0.degrees();
+        let expected = self.steps.or(few.then_some(1));
+        let (rows, steps) =
+            settled(problem, present, Some((by, expected)), segments, states, scratch);
+        self.steps = self.steps.max(Some(steps));
         self.take_rows(rows, scratch);
     }
 

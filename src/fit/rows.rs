@@ -4,7 +4,9 @@ use super::motion::Motion;
 use super::pass::{Problem, Sums};
 use super::segments::Segment;
 use crate::dynamics::{Dynamics, Scratch, observe};
-use crate::eval::{Aligned, InstructionSet, add_products, add_squares, leverages, reflect_lanes, weigh};
+use crate::eval::{
+    Aligned, InstructionSet, add_products, add_squares, leverages, reflect_lanes, weigh,
+};
 
 /// Weighted residuals and derivatives of a block of segments, `[row][column][lane]`.
 ///
@@ -69,7 +71,8 @@ impl Rows {
             touched: vec![0.0; kept],
         };
         let mut motion = Motion::new(problem, dynamics, theta, kept, lanes, scratch);
-        for (lane, (segment, start)) in segments.iter().zip(states.chunks_exact(state)).enumerate() {
+        for (lane, (segment, start)) in segments.iter().zip(states.chunks_exact(state)).enumerate()
+        {
             motion.set(lane, problem.dataset.runs[segment.run].times[segment.first], start);
         }
         let mut span = vec![0.0; lanes];

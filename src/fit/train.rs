@@ -289,7 +289,9 @@ impl<'a> Training<'a> {
         let (whole, theta) = self.compile(&everything);
         let (present, present_theta) = self.compile(&self.support);
         let mut states = std::mem::take(&mut self.states);
-        if std::mem::take(&mut self.reweigh) && self.stream.is_none() {
+        let finest =
+            self.noise.iter().zip(&self.integrator.resolution).all(|(s, floor)| s <= floor);
+        if std::mem::take(&mut self.reweigh) && self.stream.is_none() && !finest {
             self.noise = self.noise_of_a_part(&present, &present_theta);
         }
         let noise = self.noise.clone();
