@@ -21,32 +21,25 @@ impl Gathered {
 
     /// Takes the rows below the eliminated states.
     pub(super) fn take(&mut self, rows: &Rows, factor: &mut Factor) {
-        let kept = rows.rows.saturating_sub(rows.state);
-        if kept == 0 {
-            return;
-        }
         let (width, lanes) = (self.stacked.ncols(), rows.lanes);
-        let end = self.rows + kept * lanes;
-        if self.stacked.nrows() < end {
-            let mut larger = DMatrix::zeros(end.max(enough(width) + kept * lanes), width);
-            larger.rows_mut(0, self.rows).copy_from(&self.stacked.rows(0, self.rows));
-            self.stacked = larger;
+        let enough = enough(width);
+        if self.stacked.nrows() < enough + lanes {
+            self.flush(factor);
+            self.stacked = DMatrix::zeros(enough + lanes, width);
         }
-        for (column, mut stacked) in (rows.state..rows.columns).zip(self.stacked.column_iter_mut())
-        {
-            let into = &mut stacked.as_mut_slice()[self.rows..end];
-            for (row, into) in (rows.state..rows.rows).zip(into.chunks_exact_mut(lanes)) {
-                let at = (row * rows.columns + column) * lanes;
-                into.copy_from_slice(&rows.values[at..at + lanes]);
-            }
-        }
-        self.rows = end;
         self.count += (0..lanes)
             .filter(|&lane| rows.losses[lane].is_finite())
             .map(|lane| rows.independent(lane))
             .sum::<usize>();
-        if self.rows >= enough(width) {
-            self.flush(factor);
+        for row in rows.state..rows.rows {
+            let columns = rows.row_from(row, rows.state).chunks_exact(lanes);
+            for (from, mut into) in columns.zip(self.stacked.column_iter_mut()) {
+                into.as_mut_slice()[self.rows..][..lanes].copy_from_slice(from);
+            }
+            self.rows += lanes;
+            if self.rows >= enough {
+                self.flush(factor);
+            }
         }
     }
 
@@ -60,7 +53,7 @@ impl Gathered {
     }
 }
 
-/// Rows that are worth a product.
+/// Rows that are worth a product, and few enough for the nearest cache where columns are few.
 fn enough(width: usize) -> usize {
-    (4 * width).max(256)
+    (4 * width).max(128)
 }

@@ -160,7 +160,13 @@ impl Rows {
     }
 
     fn row(&self, row: usize, column: usize) -> &[f64] {
-        &self.values[(row * self.columns + column) * self.lanes..][..self.lanes]
+        &self.row_from(row, column)[..self.lanes]
+    }
+
+    /// A row from a column on, `[column][lane]`.
+    pub(super) fn row_from(&self, row: usize, column: usize) -> &[f64] {
+        let at = row * self.columns;
+        &self.values[(at + column) * self.lanes..(at + self.columns) * self.lanes]
     }
 
     fn at(&self, row: usize, column: usize, lane: usize) -> f64 {

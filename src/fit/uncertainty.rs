@@ -4,6 +4,7 @@
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use rayon::prelude::*;
 
 use super::criterion::Criterion;
 use super::factor::Factor;
@@ -70,15 +71,21 @@ pub fn inclusion(
     let narrowed = columns.narrow(&pool, &chosen);
     let folds: Vec<Factor> = folds.iter().map(|fold| fold.select(&chosen)).collect();
     let mut generator = Pcg64::seed_from_u64(seed);
-    for _ in 0..DRAWS {
+    let mut draw = || {
         let mut times = vec![0u32; folds.len()];
         for _ in 0..folds.len() {
             times[generator.random_range(0..folds.len())] += 1;
         }
+        times
+    };
+    let draws: Vec<Vec<u32>> = (0..DRAWS).map(|_| draw()).collect();
+    let search = |times: &Vec<u32>| {
         let drawn = Factor::together(chosen.len(), folds.iter().zip(times.iter().copied()));
-        for k in quick_search(&drawn, &narrowed, criterion).support {
-            frequency[pool[k]] += 1.0;
-        }
+        quick_search(&drawn, &narrowed, criterion).support
+    };
+    let supports: Vec<Vec<usize>> = draws.par_iter().map(search).collect();
+    for k in supports.into_iter().flatten() {
+        frequency[pool[k]] += 1.0;
     }
     frequency.iter_mut().for_each(|count| *count /= DRAWS as f64);
     frequency
