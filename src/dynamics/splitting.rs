@@ -35,9 +35,9 @@ pub fn stages(gammas: &[f64], steps: usize) -> impl Iterator<Item = Stage> {
     }
     let joint = 0.5 * (before + gammas.first().copied().unwrap_or(0.0));
     let stage = move |at: usize| {
-        let step = at / first.len();
-        let stage = first[at % first.len()];
-        let coefficient = if step > 0 && at % first.len() == 0 { joint } else { stage.coefficient };
+        let (step, place) = (at / first.len(), at % first.len());
+        let stage = first[place];
+        let coefficient = if step > 0 && place == 0 { joint } else { stage.coefficient };
         Stage { coefficient, time: step as f64 + stage.time, ..stage }
     };
     (0..2 * gammas.len() * steps).map(stage).chain(last(gammas, steps))

@@ -82,7 +82,7 @@ mod tests {
         for length in [0, 1, 7, 100, 3, 1000] {
             numbers.reshape(length);
             assert_eq!(numbers.len(), length);
-            assert!(length == 0 || numbers.as_ptr() as usize % LINE == 0);
+            assert!(length == 0 || (numbers.as_ptr() as usize).is_multiple_of(LINE));
             numbers.fill(length as f64);
             assert_eq!(numbers.clone(), numbers);
         }

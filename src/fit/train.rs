@@ -8,6 +8,8 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use rayon::prelude::*;
+
 use super::criterion::{Criterion, choice_costs, complexity};
 use super::factor::Factor;
 use super::gauss_newton::{CONVERGED, Refit, StopReason, refit};
@@ -224,7 +226,7 @@ impl<'a> Training<'a> {
     pub(super) fn first_states(&self) -> Vec<Vec<f64>> {
         let degrees = self.system.degrees();
         let first = |&segment: &Segment| first_state(self.dataset, segment, degrees);
-        self.segments.list.iter().map(first).collect()
+        self.segments.list.par_iter().map(first).collect()
     }
 
     /// Works on a part of the segments from now on.
@@ -540,6 +542,7 @@ fn measured_share(dataset: &Dataset, observables: usize) -> f64 {
 /// Standard deviation of every observable, `None` where nothing was measured.
 fn spreads(dataset: &Dataset, observables: usize) -> Vec<Option<f64>> {
     (0..observables)
+        .into_par_iter()
         .map(|row| {
             let mut values = Vec::with_capacity(dataset.samples());
             for cells in dataset.runs.iter().filter_map(|run| run.values.get(row)) {
