@@ -388,11 +388,24 @@ impl Unrolled {
     /// Coefficient k + 1 of what has the rate `rate`.
     fn next(&mut self, rate: usize, k: usize) -> Coefficient {
         let factor = 1.0 / (k + 1) as f64;
+        let whole = k + 1 == 3;
         if let Part::Linear(slots, terms) = self.parts[rate].clone() {
-            return self.linear(factor, slots, terms, k);
+            let total = self.linear(if whole { 1.0 } else { factor }, slots, terms, k);
+            return if whole { self.third(total) } else { total };
         }
         let rate = self.series[rate][k].clone();
-        self.scaled(factor, rate)
+        if whole { self.third(rate) } else { self.scaled(factor, rate) }
+    }
+
+    /// A third, rounded once. The number nearest to 1/3 is too small: over many steps that error,
+    /// always to the same side, would be the largest of all. Thirds are divided out early, where
+    /// the series is still large; what 1/5 and 1/7 do is lost among the errors of chance.
+    fn third(&mut self, coefficient: Coefficient) -> Coefficient {
+        let Coefficient::Value(b) = coefficient else { return self.scaled(1.0 / 3.0, coefficient) };
+        let rest = self.slot(Slot::number(f64::EPSILON / 12.0));
+        let slot = self.slot(Slot::number(1.0 / 3.0));
+        let a = self.emit(Instruction::Scale { a: b, slot: rest });
+        Coefficient::Value(self.emit(Instruction::AddScaled { a, b, slot }))
     }
 
     /// Coefficient k of factor times a sum; what is known last comes last.
