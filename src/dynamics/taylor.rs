@@ -42,8 +42,10 @@ pub fn taylor(
     tolerance: f64,
 ) -> Option<TaylorRun> {
     let tolerance = tolerance.clamp(f64::EPSILON, 1e-2);
-    // The optimal order for the step below.
+    // The order that costs least; a step is then e^-2 of the radius of convergence, or a little
+    // more where the order was rounded up.
     let order = (-0.5 * tolerance.ln() + 1.0).ceil().max(2.0) as usize;
+    let part = tolerance.ln() / (order - 1) as f64;
     let size = 2 * dynamics.degrees();
     let series = dynamics.series(order)?;
     let mut series = series.at(theta);
@@ -78,7 +80,7 @@ pub fn taylor(
                 None => {
                     point[..size].copy_from_slice(&state);
                     point[size] = time;
-                    let step = longest(series.evaluate(&point), &state, order);
+                    let step = longest(series.evaluate(&point), &state, order, part);
                     reach = Some(step);
                     step
                 }
@@ -121,8 +123,9 @@ pub fn taylor(
     Some(TaylorRun { trajectory, steps, order })
 }
 
-/// The longest step that keeps the tolerance, from the last two coefficients.
-fn longest(coefficients: &[f64], state: &[f64], order: usize) -> f64 {
+/// The longest step that keeps the tolerance, from the last two coefficients; `part` is the
+/// logarithm of its share of the radius of convergence.
+fn longest(coefficients: &[f64], state: &[f64], order: usize, part: f64) -> f64 {
     let size = state.len();
     let largest = |row: &[f64]| {
         // NaN must not be lost on the way.
@@ -138,7 +141,7 @@ fn longest(coefficients: &[f64], state: &[f64], order: usize) -> f64 {
     if a.is_nan() || b.is_nan() {
         return f64::NAN;
     }
-    (a.min(b) - 2.0 - 0.7 / (order - 1) as f64).exp()
+    (a.min(b) + part - 0.7 / (order - 1) as f64).exp()
 }
 
 /// Adds the series at `step` to the state, and carries what rounding takes.
