@@ -8,7 +8,7 @@ use super::context::{Context, Settled};
 use super::scan::Scored;
 use crate::expr::{Bounds, System};
 use crate::fit::pass::{Stepping, Sums};
-use crate::fit::train::Training;
+use crate::fit::train::{Extent, Training};
 use crate::fit::{Options, Silent};
 use crate::spec::effects::ScanBy;
 
@@ -154,7 +154,7 @@ pub fn refit(
     candidate: &Candidate,
     start: Start,
 ) -> Option<Refitted> {
-    let refitted = fit(few.unwrap_or(settled), candidate, start)?;
+    let refitted = fit(few.unwrap_or(settled), candidate, start, few.is_some())?;
     Some(Refitted { finished: few.is_none(), ..refitted })
 }
 
@@ -169,7 +169,7 @@ impl Refitted {
         if self.finished {
             return Some(self);
         }
-        let mut refitted = fit(settled, candidate, self.into())?;
+        let mut refitted = fit(settled, candidate, self.into(), false)?;
         refitted.finished = true;
         refitted.judge(settled, unseen);
         Some(refitted)
@@ -191,6 +191,32 @@ impl Refitted {
         self.leader.unseen_error_after = if more > lost { f64::INFINITY } else { after };
     }
 
+    /// Whether it was fitted to all the data.
+    pub fn is_finished(&self) -> bool {
+        self.finished
+    }
+
+    /// The same, from a part of both.
+    pub fn judge_by(
+        &mut self,
+        few: &Settled,
+        few_unseen: &Settled,
+        settled: &Settled,
+        unseen: &Settled,
+    ) {
+        self.judge(few, few_unseen);
+        let times =
+            |all: &Settled, part: &Settled| all.sums.rows as f64 / part.sums.rows.max(1) as f64;
+        self.fall *= times(settled, few);
+        self.unseen_fall *= times(unseen, few_unseen);
+        let unknowns = self.leader.coefficient.len() as f64;
+        self.price = unknowns * (settled.sums.rows.max(1) as f64).ln() + self.choice;
+        // The part has an error of its own; what the effect does to it is what counts.
+        let (before, _) = error_of(&unseen.sums);
+        self.leader.unseen_error_after *= before / self.leader.unseen_error_before;
+        self.leader.unseen_error_before = before;
+    }
+
     /// What it leaves before some data. The states of the model without it are a near start;
     /// where nothing is gained from there, it starts from what was measured.
     fn before(&self, settled: &Settled) -> Sums {
@@ -202,8 +228,8 @@ impl Refitted {
     }
 }
 
-/// Gauss-Newton on the segments of a context.
-fn fit(settled: &Settled, candidate: &Candidate, start: Start) -> Option<Refitted> {
+/// Gauss-Newton on the segments of a context; a rough one where another follows.
+fn fit(settled: &Settled, candidate: &Candidate, start: Start, rough: bool) -> Option<Refitted> {
     let context = &settled.context;
     let options = Options { window: Some(context.window), ..Options::default() };
     let mut training = Training::new(&start.system, context.dataset, &options).ok()?;
@@ -218,6 +244,9 @@ fn fit(settled: &Settled, candidate: &Candidate, start: Start) -> Option<Refitte
     training.support.clone_from(&start.support);
     training.parameters.clone_from(&start.parameters);
     training.choose_integrator();
+    if rough {
+        training.extent = Extent::Rough;
+    }
     let mut refit = training.refit(&Silent);
     let count = training.support.len();
     let rows = refit.sums().rows.max(1) as f64;

@@ -20,6 +20,9 @@ pub(super) const CLOSE: f64 = 6.0;
 const NEAR: f64 = 0.01;
 const MARGIN: f64 = 50.0;
 const FINISHED: usize = 4;
+/// Leaders that explain this part of what the best does are refitted when the segments grow; what
+/// the others are worth is clear.
+const FOLLOWED: f64 = 0.75;
 /// Errors in units of the noise at which a model is no first approximation any more.
 const STRAYS: f64 = 10.0;
 
@@ -76,12 +79,14 @@ pub fn round(
     let found = scores.scored.iter().filter(|s| lengths * s.p_value < SIGNIFICANT).take(most);
     let mut starts: Vec<(usize, Start)> =
         found.map(|s| (s.candidate, Start::scored(&context, &all[s.candidate], s))).collect();
+    let mut behind = Vec::new();
     loop {
         if settled.context.window != context.window {
             (settled, few) = on_part_and_all(&context);
         }
         let field = Field { settled: &settled, few: few.as_ref(), variance: scores.variance, all };
-        let fitted = field.fitted(starts, monitor);
+        let mut fitted = field.fitted(starts, monitor);
+        fitted.append(&mut behind);
         if let Some(few) = field.few {
             // A part of the data tells whether longer segments are followed.
             let merit = |l: &Refitted| l.merit(l.variance);
@@ -89,13 +94,18 @@ pub fn round(
             let window =
                 best.map_or(context.window, |(_, best)| grown(&best.context(&few.context)));
             if window > context.window && !monitor.stopped() {
-                starts = fitted.into_iter().map(|(c, l)| (c, Start::from(l))).collect();
+                let enough = FOLLOWED * best.map_or(0.0, |(_, best)| merit(best));
+                let (near, far) = fitted.into_iter().partition(|(_, l)| merit(l) >= enough);
+                behind = far;
+                let near: Vec<(usize, Refitted)> = near;
+                starts = near.into_iter().map(|(c, l)| (c, Start::from(l))).collect();
                 context.window = window;
                 continue;
             }
         }
-        let unseen = Context { dataset: unseen, ..context.with_data(context.dataset) }.settled();
-        let leaders = field.judged(fitted, &unseen);
+        let unseen = Context { dataset: unseen, ..context.with_data(context.dataset) };
+        let (unseen, few_unseen) = on_part_and_all(&unseen);
+        let leaders = field.judged(fitted, &unseen, few_unseen.as_ref());
         let window =
             leaders.first().map_or(context.window, |(_, best)| grown(&best.context(&context)));
         if window == context.window || monitor.stopped() {
@@ -124,14 +134,23 @@ impl Field<'_, '_> {
         fitted.collect()
     }
 
-    /// What they leave of all the data; the best of them are fitted to these. Best first.
+    /// What they leave of the data, or of a part of them; the best are fitted to all, and judged
+    /// by all. Best first.
     fn judged(
         &self,
         mut leaders: Vec<(usize, Refitted)>,
         unseen: &Settled,
+        few_unseen: Option<&Settled>,
     ) -> Vec<(usize, Refitted)> {
         let usable = |l: &Refitted| l.fall.is_finite() && l.fall > 0.0;
-        leaders.iter_mut().for_each(|(_, leader)| leader.judge(self.settled, unseen));
+        for (_, leader) in &mut leaders {
+            match self.few {
+                Some(few) if !leader.is_finished() => {
+                    leader.judge_by(few, few_unseen.unwrap_or(unseen), self.settled, unseen);
+                }
+                _ => leader.judge(self.settled, unseen),
+            }
+        }
         leaders.retain(|(_, leader)| leader.fall.is_finite());
         let variance = self.yardstick(leaders.iter().map(|(_, l)| l));
         leaders.sort_by(|(_, a), (_, b)| b.merit(variance).total_cmp(&a.merit(variance)));

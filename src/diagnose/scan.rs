@@ -6,8 +6,10 @@ use super::score::{Score, Scores};
 use crate::error::Result;
 use crate::expr::{System, Term};
 
-/// Columns that one linearisation carries, at most.
-const COLUMNS: usize = 240;
+/// Columns that one linearisation carries, at most: where what all probes together leave is asked
+/// for, and where each is asked by itself, for then most of the work is in telling them apart.
+const TOGETHER: usize = 240;
+const APART: usize = 32;
 /// Noise is known to this factor of its variance before anything is added; less than that is
 /// not believed of probes that were not fitted.
 const LEAST: f64 = 0.1;
@@ -52,24 +54,25 @@ pub fn scan(settled: &Settled, few: Option<&Settled>, all: &[Candidate]) -> Resu
         all.iter().map(|candidate| candidate.grid.clone()).enumerate().collect();
     let points = if let Some(few) = few {
         let (grids, plain): (Vec<_>, Vec<_>) = every.into_iter().partition(|(_, g)| g.len() > 1);
-        let (found, _) = score(few, all, &grids, tried)?;
+        let (found, _) = score(few, all, &grids, tried, APART)?;
         let best = found.into_iter().map(|scored| (scored.candidate, vec![scored.values]));
         plain.into_iter().chain(best).collect()
     } else {
         every
     };
-    let (mut scored, variance) = score(settled, all, &points, tried)?;
+    let (mut scored, variance) = score(settled, all, &points, tried, TOGETHER)?;
     scored.sort_by(|a, b| b.merit.total_cmp(&a.merit).then(a.candidate.cmp(&b.candidate)));
     Ok(Scan { scored, tried, variance })
 }
 
-/// Scores candidates at some points of their grids; the best point of each, and the variance of
-/// the weighted residuals where the most is explained.
+/// Scores candidates at some points of their grids, so many `columns` at a time; the best point of
+/// each, and the variance of the weighted residuals where the most is explained.
 fn score(
     settled: &Settled,
     all: &[Candidate],
     points: &[(usize, Vec<Vec<f64>>)],
     tried: usize,
+    columns: usize,
 ) -> Result<(Vec<Scored>, f64)> {
     let mut system = settled.context.system.clone();
     let mut queue: Vec<Try> = Vec::new();
@@ -83,7 +86,7 @@ fn score(
     while start < queue.len() {
         let mut end = start;
         let mut width = 0;
-        while end < queue.len() && (end == start || width + queue[end].2.len() <= COLUMNS) {
+        while end < queue.len() && (end == start || width + queue[end].2.len() <= columns) {
             width += queue[end].2.len();
             end += 1;
         }

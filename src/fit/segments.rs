@@ -43,16 +43,25 @@ impl Segments {
     pub fn thinned(&self, most: usize) -> Segments {
         let each = (most / self.folds.len().max(1)).max(1);
         let mut thin = Segments::default();
-        for neighbours in self.folds.chunks((LANES / each).max(1)) {
+        for fold in &self.folds {
             let start = thin.list.len();
-            for fold in neighbours {
-                let end = fold.end.min(fold.start + each);
-                thin.list.extend_from_slice(&self.list[fold.start..end]);
-            }
-            thin.list[start..].sort_by_key(|segment| segment.samples());
+            let end = fold.end.min(fold.start + each);
+            thin.list.extend_from_slice(&self.list[fold.start..end]);
             thin.folds.push(start..thin.list.len());
         }
-        thin
+        thin.joined(LANES)
+    }
+
+    /// The same segments, neighbouring folds put together until each has about `least` of them.
+    fn joined(mut self, least: usize) -> Segments {
+        let each = (self.list.len() / self.folds.len().max(1)).max(1);
+        let chunks = self.folds.chunks(least.div_ceil(each));
+        let ends = |fold: &[Range<usize>]| Some(fold.first()?.start..fold.last()?.end);
+        let folds: Vec<Range<usize>> = chunks.filter_map(ends).collect();
+        for fold in &folds {
+            self.list[fold.clone()].sort_by_key(|segment| segment.samples());
+        }
+        Segments { folds, ..self }
     }
 }
 
@@ -67,7 +76,7 @@ impl Segments {
     }
 
     /// Segments of at most about `samples` samples in all, taken evenly from every fold; all
-    /// of them where there are no more.
+    /// of them where there are no more. Folds with few segments are put together.
     pub fn spread(&self, samples: usize) -> Segments {
         let all: usize = self.list.iter().map(|segment| segment.samples()).sum();
         let stride = all.div_ceil(samples.max(1)).max(1);
@@ -77,7 +86,7 @@ impl Segments {
             spread.list.extend(self.list[fold.clone()].iter().step_by(stride));
             spread.folds.push(start..spread.list.len());
         }
-        spread
+        spread.joined(LANES / 2)
     }
 }
 
