@@ -95,9 +95,9 @@ pub fn round(
                 best.map_or(context.window, |(_, best)| grown(&best.context(&few.context)));
             if window > context.window && !monitor.stopped() {
                 let enough = FOLLOWED * best.map_or(0.0, |(_, best)| merit(best));
-                let (near, far) = fitted.into_iter().partition(|(_, l)| merit(l) >= enough);
+                let (near, far): (Vec<_>, Vec<_>) =
+                    fitted.into_iter().partition(|(_, l)| merit(l) >= enough);
                 behind = far;
-                let near: Vec<(usize, Refitted)> = near;
                 starts = near.into_iter().map(|(c, l)| (c, Start::from(l))).collect();
                 context.window = window;
                 continue;
@@ -116,7 +116,7 @@ pub fn round(
     }
 }
 
-/// The model before all its data, and before a part of them where there are many.
+/// The model before all of some data, and before a part of them where there are many.
 fn on_part_and_all<'a>(context: &Context<'a>) -> (Settled<'a>, Option<Settled<'a>>) {
     let many = context.dataset.samples().min(context.most) > FEW;
     (context.settled(), many.then(|| context.thinned(FEW).settled()))

@@ -151,7 +151,9 @@ impl<'a> Trainer<'a> {
         let everything: Vec<usize> = (0..system.terms.len()).collect();
         let dynamics = Dynamics::new(system, &everything, Backend::default());
         let typical = typical_step(dataset);
-        let integrator = stepping::coarse(system, dataset, options, dynamics.separable(), typical)?;
+        let rounding = stepping::rounding(dataset, 2 * system.degrees());
+        let separable = dynamics.separable();
+        let integrator = stepping::coarse(system, options, separable, typical, &rounding)?;
         let segments = cut(dataset, options.window.unwrap_or(2)).list;
         let (held_back, training): (Vec<_>, Vec<_>) =
             segments.into_iter().enumerate().partition(|(i, _)| i % HELD_BACK == HELD_BACK - 1);

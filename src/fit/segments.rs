@@ -2,7 +2,9 @@
 
 use std::ops::Range;
 
-use crate::data::Dataset;
+use rayon::prelude::*;
+
+use crate::data::{Dataset, Run};
 
 /// Samples `first ..= last` of one run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -99,6 +101,9 @@ pub(super) const FOLDS: usize = 16;
 /// An interval this many times the typical one is a hole that no segment bridges.
 const HOLE: f64 = 10.0;
 
+/// Runs that are cut by one thread at a time.
+const SIDE_BY_SIDE: usize = 1024;
+
 /// Cuts every run into segments of at most `window` samples that share no sample.
 ///
 /// A hole ends a segment, and so does twice the usual duration of a window. What is left over
@@ -106,13 +111,18 @@ const HOLE: f64 = 10.0;
 /// segments are sorted by length, so that blocks of them are nearly rectangular.
 pub fn cut(dataset: &Dataset, window: usize) -> Segments {
     let typical = typical_step(dataset);
-    let mut segments = Vec::new();
-    for (run, record) in dataset.runs.iter().enumerate() {
-        let pair = record.times.len() == 2;
-        cut_run(&record.times, window, typical, pair, true, |first, last| {
-            segments.push(Segment { run, first, last });
-        });
-    }
+    let of_runs = |(chunk, runs): (usize, &[Run])| {
+        let mut segments = Vec::new();
+        for (run, record) in (SIDE_BY_SIDE * chunk..).zip(runs) {
+            let pair = record.times.len() == 2;
+            cut_run(&record.times, window, typical, pair, true, |first, last| {
+                segments.push(Segment { run, first, last });
+            });
+        }
+        segments
+    };
+    let chunks = dataset.runs.par_chunks(SIDE_BY_SIDE).enumerate();
+    let segments: Vec<Segment> = chunks.flat_map_iter(of_runs).collect();
     let count = FOLDS.min(segments.len()).max(1);
     let runs = dataset.runs.len();
     let total = segments.len().max(1);
@@ -165,7 +175,7 @@ pub(super) fn cut_run(
 
 /// Brings the segments of each of `count` folds together, short ones first.
 pub(super) fn sort_into_folds(mut folded: Vec<(usize, Segment)>, count: usize) -> Segments {
-    folded.sort_by_key(|&(fold, s)| (fold, s.samples(), s.run, s.first));
+    folded.par_sort_unstable_by_key(|&(fold, s)| (fold, s.samples(), s.run, s.first));
     let mut folds = Vec::with_capacity(count);
     let mut start = 0;
     for fold in 0..count {

@@ -1,5 +1,7 @@
 //! How accurately to integrate: as the noise asks for, and no more.
 
+use rayon::prelude::*;
+
 use super::options::Options;
 use super::pass::Stepping;
 use super::segments::{Segment, first_state};
@@ -43,6 +45,7 @@ const MARGIN: f64 = 3.0;
 /// Rounding of each observable: a few units in the last place of its largest value.
 pub fn rounding(dataset: &Dataset, observables: usize) -> Vec<f64> {
     (0..observables)
+        .into_par_iter()
         .map(|row| {
             let columns = dataset.runs.iter().filter_map(|run| run.values.get(row));
             let finite = |m: f64, x: &f64| if x.is_finite() { m.max(x.abs()) } else { m };
@@ -59,10 +62,10 @@ pub fn rounding(dataset: &Dataset, observables: usize) -> Vec<f64> {
 /// When a method for separable systems was asked for and the system is not separable.
 pub fn coarse(
     system: &System,
-    dataset: &Dataset,
     options: &Options,
     separable: bool,
     typical: f64,
+    rounding: &[f64],
 ) -> Result<Choice> {
     let usual = if separable { "forest-ruth" } else { "gauss-legendre-4" };
     let method = options.method.or(Method::by_name(usual)).expect("a row of METHODS");
@@ -78,7 +81,7 @@ pub fn coarse(
     Ok(Choice {
         stepping: Stepping { method, longest: options.longest_step.unwrap_or(typical) },
         error: vec![f64::INFINITY; 2 * system.degrees()],
-        resolution: rounding(dataset, 2 * system.degrees()),
+        resolution: rounding.to_vec(),
         reason: "the first guess".to_string(),
     })
 }

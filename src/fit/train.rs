@@ -153,6 +153,7 @@ impl<'a> Training<'a> {
         let everything: Vec<usize> = (0..system.terms.len()).collect();
         let compiled = Compiled::default();
         let separable = compiled.of(system, &everything).separable();
+        let rounding = stepping::rounding(dataset, 2 * degrees);
         let mut training = Training {
             system,
             dataset,
@@ -165,13 +166,13 @@ impl<'a> Training<'a> {
             support: Vec::new(),
             noise: spread.clone(),
             spread,
-            integrator: stepping::coarse(system, dataset, options, separable, typical)?,
+            integrator: stepping::coarse(system, options, separable, typical, &rounding)?,
             separable,
             rounds: 0,
             extent: Extent::Whole,
             stream: None,
             reweigh: false,
-            rounding: stepping::rounding(dataset, 2 * degrees),
+            rounding,
             compiled,
         };
         if system.observed == Observed::Velocities {
@@ -534,7 +535,7 @@ impl<'a> Training<'a> {
 /// The part of all cells that were measured.
 fn measured_share(dataset: &Dataset, observables: usize) -> f64 {
     let samples: usize = dataset.runs.iter().map(|run| run.times.len()).sum();
-    let columns = dataset.runs.iter().flat_map(|run| run.values.iter().take(observables));
+    let columns = dataset.runs.par_iter().flat_map_iter(|run| run.values.iter().take(observables));
     let measured: usize = columns.map(|c| c.iter().filter(|x| x.is_finite()).count()).sum();
     measured.max(1) as f64 / (samples * observables).max(1) as f64
 }
