@@ -5,6 +5,7 @@
 //! left there is the instrument's.
 
 use super::context::Context;
+use crate::data::Dataset;
 use crate::fit::Model;
 
 /// Rounds of weights and variances; each brings them nearer to their fixed point
@@ -17,8 +18,13 @@ const FEW: f64 = 20.0;
 /// smaller of two estimates of the same noise would be too small.
 const BELOW: f64 = 3.0;
 
+/// Where even the shortest predictions stray so much further than a column is rough, they stray for
+/// lack of a force. Columns that somebody smoothed before stay below.
+const STRAYS: f64 = 100.0;
+
 /// Noise of every observable over the shortest predictions that the data allow; the model's own
-/// estimate where that is not clearly larger, or where there are too few residuals. Never less
+/// estimate where that is not clearly larger, or where there are too few residuals. Where the data
+/// are far smoother than these predictions are good, what is not smooth in the data. Never less
 /// than what the integrator resolves.
 pub fn noise_floor(context: &Context, model: &Model) -> Vec<f64> {
     let window = shortest(context);
@@ -42,13 +48,61 @@ pub fn noise_floor(context: &Context, model: &Model) -> Vec<f64> {
         }
     }
     let resolutions = model.noise.iter().map(|noise| noise.resolution);
-    let of_model = judge.noise.iter().zip(&context.noise).zip(known).zip(resolutions);
+    let of_model = judge.noise.iter().zip(&context.noise).zip(known).zip(resolutions).enumerate();
     of_model
-        .map(|(((&short, &own), error), resolution)| match error {
-            Some(error) if short < own * (1.0 - BELOW * error) => short.max(resolution),
-            _ => own,
+        .map(|(row, (((&short, &own), error), resolution))| {
+            let Some(error) = error else { return own };
+            let rough = roughness(context.dataset, row);
+            match rough.filter(|rough| STRAYS * rough < short) {
+                Some(rough) => rough.max(resolution),
+                None if short < own * (1.0 - BELOW * error) => short.max(resolution),
+                None => own,
+            }
         })
         .collect()
+}
+
+/// What is not smooth in a column: the median of its differences of some order, of the order where
+/// that is smallest, in units of what the order makes of white noise. `None` without stretches
+/// that were sampled evenly.
+fn roughness(dataset: &Dataset, row: usize) -> Option<f64> {
+    // (order, root of the sum of squares of its binomial coefficients)
+    const ORDERS: [(usize, f64); 4] =
+        [(4, 8.366_600_265), (6, 30.397_368_307), (8, 113.446_022_4), (10, 429.832_525_5)];
+    // Intervals that differ by less than this part are equal.
+    const EVEN: f64 = 1e-6;
+    // The median of the absolute value of a normal number.
+    const MEDIAN: f64 = 0.674_489_75;
+    let mut found: [Vec<f64>; ORDERS.len()] = Default::default();
+    for run in &dataset.runs {
+        let Some(column) = run.values.get(row) else { continue };
+        // For each interval, how many up to it are as long as it is.
+        let mut alike: Vec<usize> = Vec::with_capacity(run.times.len());
+        let mut before = f64::NAN;
+        for pair in run.times.windows(2) {
+            let step = pair[1] - pair[0];
+            let same = (step / before - 1.0).abs() < EVEN;
+            alike.push(if same { alike.last().map_or(1, |n| n + 1) } else { 1 });
+            before = step;
+        }
+        let mut differences = column.clone();
+        for order in 1..=ORDERS[ORDERS.len() - 1].0 {
+            for i in 1..differences.len() {
+                differences[i - 1] = differences[i] - differences[i - 1];
+            }
+            differences.pop();
+            let Some(at) = ORDERS.iter().position(|row| row.0 == order) else { continue };
+            let even = alike.iter().skip(order - 1).map(|&n| n >= order);
+            let sizes = differences.iter().zip(even).filter(|(x, even)| *even && x.is_finite());
+            found[at].extend(sizes.map(|(x, _)| x.abs()));
+        }
+    }
+    let of_order = |(sizes, (_, scale)): (&mut Vec<f64>, (usize, f64))| {
+        let middle = sizes.len() / 2;
+        (sizes.len() as f64 > FEW)
+            .then(|| *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / (MEDIAN * scale))
+    };
+    found.iter_mut().zip(ORDERS).filter_map(of_order).reduce(f64::min)
 }
 
 /// Samples that hold twice as many measured values as a state has components.
@@ -61,4 +115,35 @@ fn shortest(context: &Context) -> usize {
     }
     let share = measured.max(1) as f64 / cells.max(1) as f64;
     (2.0 / share - 0.5).ceil() as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::data::Run;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+    use rand_pcg::Pcg64;
+
+    /// Ten turns of a sine, sampled at `times`, with white noise.
+    fn sine(times: &[f64], sigma: f64) -> Dataset {
+        let mut generator = Pcg64::seed_from_u64(3);
+        let mut noise = || -> f64 { StandardNormal.sample(&mut generator) };
+        let values = vec![times.iter().map(|t| t.sin() + sigma * noise()).collect()];
+        let lines = vec![0; times.len()];
+        let run = Run { name: String::new(), times: times.to_vec(), values, lines };
+        Dataset { observables: vec!["x".to_string()], runs: vec![run] }
+    }
+
+    #[test]
+    fn what_is_rough_is_the_noise_and_not_the_motion() {
+        let even: Vec<f64> = (0..1000).map(|i| 0.0628 * i as f64).collect();
+        for sigma in [1e-2, 1e-4] {
+            let found = roughness(&sine(&even, sigma), 0).expect("an estimate");
+            assert!((found / sigma - 1.0).abs() < 0.2, "{found} {sigma}");
+        }
+        assert!(roughness(&sine(&even, 0.0), 0).expect("an estimate") < 1e-10);
+        let uneven: Vec<f64> = even.iter().map(|t| t + 0.01 * t.cos()).collect();
+        assert_eq!(roughness(&sine(&uneven, 0.0), 0), None);
+    }
 }
