@@ -109,7 +109,9 @@ impl Dataset {
             let wanted = (fraction * samples as f64).round() as usize;
             let aside = wanted.clamp(LEAST, samples - LEAST);
             let turns = run.turns() * aside as f64 / samples as f64;
-            let blocks = ((turns / TURNS).round() as usize).clamp(1, BLOCKS).min(aside / LEAST);
+            // Neither a block nor what is beside it in its stretch may be too short.
+            let room = (aside / LEAST).min((samples - aside) / (LEAST + 1)).max(1);
+            let blocks = ((turns / TURNS).round() as usize).clamp(1, BLOCKS).min(room);
             blocks_aside += blocks;
             let mut seen = 0;
             let mut parts = 0;
@@ -308,6 +310,22 @@ mod tests {
             let split = all.split_unseen(0.25, 3);
             assert_eq!(split.unseen.runs.len(), blocks, "{turns}: {}", split.how);
             assert_eq!(split.unseen.samples(), 250);
+        }
+    }
+
+    #[test]
+    fn no_part_of_a_fast_motion_is_too_short_to_show_it() {
+        for samples in 4..60 {
+            let mut all = data(&[samples]);
+            all.runs[0].values[0] = (0..samples).map(|i| (i % 2) as f64).collect();
+            for seed in 0..20 {
+                for fraction in [0.1, 0.25, 0.5, 0.9] {
+                    let split = all.split_unseen(fraction, seed);
+                    for run in split.training.runs.iter().chain(&split.unseen.runs) {
+                        assert!(run.times.len() >= 2, "{samples} {fraction}: {}", split.how);
+                    }
+                }
+            }
         }
     }
 

@@ -180,8 +180,7 @@ impl Refitted {
         let sums = self.before(settled);
         self.fall = settled.sums.loss - sums.loss;
         self.variance = (sums.loss / sums.rows.max(1) as f64).max(1e-12);
-        let unknowns = self.leader.coefficient.len() as f64;
-        self.price = unknowns * (sums.rows.max(1) as f64).ln() + self.choice;
+        self.price = self.price_beside(sums.rows);
         let far = self.before(unseen);
         let ((before, lost), (after, more)) = (error_of(&unseen.sums), error_of(&far));
         self.leader.unseen_error_before = before;
@@ -209,12 +208,16 @@ impl Refitted {
             |all: &Settled, part: &Settled| all.sums.rows as f64 / part.sums.rows.max(1) as f64;
         self.fall *= times(settled, few);
         self.unseen_fall *= times(unseen, few_unseen);
-        let unknowns = self.leader.coefficient.len() as f64;
-        self.price = unknowns * (settled.sums.rows.max(1) as f64).ln() + self.choice;
+        self.price = self.price_beside(settled.sums.rows);
         // The part has an error of its own; what the effect does to it is what counts.
         let (before, _) = error_of(&unseen.sums);
         self.leader.unseen_error_after *= before / self.leader.unseen_error_before;
         self.leader.unseen_error_before = before;
+    }
+
+    /// What its unknowns cost beside so many residuals.
+    fn price_beside(&self, rows: usize) -> f64 {
+        self.leader.coefficient.len() as f64 * (rows.max(1) as f64).ln() + self.choice
     }
 
     /// What it leaves before some data. The states of the model without it are a near start;
