@@ -7,8 +7,9 @@ use crate::error::{Error, Result};
 use crate::eval::Backend;
 use crate::expr::{System, Term};
 use crate::fit::factor::Factor;
-use crate::fit::pass::{Problem, States, Stepping, Sums, linearise, residuals, settle};
-use crate::fit::segments::{Segments, cut, first_state};
+use crate::fit::pass::{Problem, Stepping, Sums, linearise, residuals, settle};
+use crate::fit::segments::{Segments, cut};
+use crate::fit::states::States;
 use crate::fit::train::Training;
 use crate::fit::{Loss, Model, Options, Silent};
 
@@ -122,11 +123,8 @@ impl<'a> Context<'a> {
     /// Best states of all segments of at most `window` samples, and what is left then.
     pub fn settle(&self, window: usize) -> (Segments, States, Sums) {
         let segments = cut(self.dataset, window).spread(self.most);
-        let mut states: States = segments
-            .list
-            .iter()
-            .map(|&segment| first_state(self.dataset, segment, self.system.degrees()))
-            .collect();
+        let degrees = self.system.degrees();
+        let mut states = States::measured(self.dataset, &segments.list, degrees);
         // Over many periods the misfit has many minima, and what was measured first need not
         // lie near the lowest: the first samples of each segment bring its state there.
         let dynamics = Dynamics::new(self.system, &self.support, Backend::default());

@@ -213,7 +213,7 @@ fn reach(known: &Known, dataset: &Dataset) -> Vec<Box> {
         .list
         .iter()
         .zip(&known.states)
-        .map(|(s, state)| (state.as_slice(), &dataset.runs[s.run].times[s.first..=s.last]))
+        .map(|(s, state)| (state, &dataset.runs[s.run].times[s.first..=s.last]))
         .collect();
     let none = Box { lower: f64::INFINITY, upper: f64::NEG_INFINITY };
     let mut reach = vec![none; 2 * known.dynamics.degrees()];
@@ -288,7 +288,7 @@ fn samplings(dataset: &Dataset, allowed: &Allowed) -> Result<Vec<Sampling>> {
 fn repeated(jury: &Jury) -> Option<Vec<f64>> {
     let known = &jury.known[0];
     let runs = jury.dataset.runs.len();
-    let mut firsts: Vec<Option<(usize, &Vec<f64>)>> = vec![None; runs];
+    let mut firsts: Vec<Option<(usize, &[f64])>> = vec![None; runs];
     for (segment, state) in known.segments.list.iter().zip(&known.states) {
         let first = &mut firsts[segment.run];
         if first.is_none_or(|(sample, _)| segment.first < sample) {
@@ -303,7 +303,7 @@ fn repeated(jury: &Jury) -> Option<Vec<f64>> {
         .filter_map(|(run, first)| {
             let (sample, state) = first?;
             let times = jury.dataset.runs[run].times[sample..].to_vec();
-            Some((state.clone(), Sampling::beside(jury.dataset, times)))
+            Some((state.to_vec(), Sampling::beside(jury.dataset, times)))
         })
         .collect();
     let trials: Vec<Trial> =

@@ -64,7 +64,7 @@ pub fn predictions(context: &Context, unseen: bool) -> Vec<Prediction> {
     let mut scratch = Scratch::new();
     let mut follow = |window: usize, out: &mut [Prediction]| {
         let (segments, states, _) = context.settle(window);
-        let all: Vec<(Segment, &Vec<f64>)> =
+        let all: Vec<(Segment, &[f64])> =
             segments.list.iter().copied().zip(states.iter()).collect();
         for block in all.chunks(LANES) {
             law.follow(block, out, &mut scratch);
@@ -119,12 +119,7 @@ impl<'a> Law<'a> {
         out
     }
 
-    fn follow(
-        &self,
-        block: &[(Segment, &Vec<f64>)],
-        out: &mut [Prediction],
-        scratch: &mut Scratch,
-    ) {
+    fn follow(&self, block: &[(Segment, &[f64])], out: &mut [Prediction], scratch: &mut Scratch) {
         let context = self.context;
         let (degrees, lanes) = (context.system.degrees(), block.len());
         let rows = 2 * degrees;

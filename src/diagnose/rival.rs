@@ -11,8 +11,9 @@ use crate::eval::Backend;
 use crate::expr::{Bounds, Observed, System, build};
 use crate::fit::factor::Factor;
 use crate::fit::gauss_newton::{CONVERGED, refit};
-use crate::fit::pass::{Linearised, Problem, States, Stepping, Sums, settle_and_linearise};
-use crate::fit::segments::{Segments, cut, first_state, typical_step};
+use crate::fit::pass::{Linearised, Problem, Stepping, Sums, settle_and_linearise};
+use crate::fit::segments::{Segments, cut, typical_step};
+use crate::fit::states::States;
 use crate::fit::train::Training;
 use crate::fit::{Loss, Options, Silent};
 use crate::spec::edit::insert;
@@ -163,9 +164,7 @@ impl<'a> Known<'a> {
             .chain(dynamics.parameters().iter().map(|&j| system.parameters[j].bounds))
             .collect();
         let segments = cut(dataset, window);
-        let degrees = system.degrees();
-        let states: States =
-            segments.list.iter().map(|&s| first_state(dataset, s, degrees)).collect();
+        let states = States::measured(dataset, &segments.list, system.degrees());
         let weights: Vec<f64> = noise.iter().map(|s| 1.0 / s.max(f64::MIN_POSITIVE)).collect();
         let stepping = explicit(rival.stepping);
         let problem = problem(rival, stepping, dataset, &segments, &weights);

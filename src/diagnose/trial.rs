@@ -10,8 +10,8 @@
 
 use super::rival::{Known, Path};
 use crate::data::{Dataset, Run};
-use crate::fit::pass::States;
 use crate::fit::segments::{Segment, Segments, stretches, typical_step};
+use crate::fit::states::States;
 use crate::fit::uncertainty::covariance;
 use crate::simulate::Box;
 
@@ -133,7 +133,7 @@ impl Jury<'_> {
             segments.list.extend(added.list.iter().map(|s| Segment { run, ..*s }));
             segments.folds.push(before..segments.list.len());
             let new = starts(&added, &[0], &paths[a]);
-            let states: States = known.states.iter().cloned().chain(new).collect();
+            let states: States = known.states.iter().chain(&new).collect();
             values.push(known.refitted(&all, &segments, states) - known.sums.loss);
         }
         values.iter().all(|value| value.is_finite()).then_some(values)
@@ -189,6 +189,6 @@ impl Jury<'_> {
 
 /// Initial states of segments on the chosen paths.
 fn starts(segments: &Segments, chosen: &[usize], paths: &[Path]) -> States {
-    let state = |s: &Segment| paths[chosen[s.run]].states[s.first].clone();
+    let state = |s: &Segment| &paths[chosen[s.run]].states[s.first];
     segments.list.iter().map(state).collect()
 }

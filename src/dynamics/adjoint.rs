@@ -103,7 +103,7 @@ impl Recording {
         let all: Vec<_> = stages(gammas, self.steps).collect();
         for (stage, state) in all.iter().zip(&self.states).rev() {
             let flow = if stage.drift { dynamics.drift() } else { dynamics.kick() };
-            stage.prepare(&self.start, scratch);
+            stage.prepare(&self.start, true, scratch);
             flow.evaluate(state, lanes, theta, true, scratch);
             let entries = &mut scratch.out[flow.rows * lanes..flow.outputs() * lanes];
             rescale(entries, &scratch.scale);

@@ -3,7 +3,9 @@
 use std::ops::Range;
 
 use super::batch::Scratch;
-use crate::eval::{Backend, Evaluator, Inputs, InstructionSet, add, add_weighted, compile};
+use crate::eval::{
+    Backend, Evaluator, Inputs, InstructionSet, add, add_weighted, add_weighted_pair, compile,
+};
 use crate::expr::{Expr, Graph, Symbol};
 
 /// Functions of some rows of the state, time and theta, with their derivatives.
@@ -21,6 +23,9 @@ pub struct Flow {
     pub mixed: Vec<(usize, usize)>,
     timed: bool,
 }
+
+/// Products that are added at once.
+const PRODUCTS: usize = 2;
 
 /// What a flow is compiled from.
 pub struct FlowSource<'a> {
@@ -76,6 +81,11 @@ impl Flow {
     /// Where the compiled functions take the symbols' values from.
     pub fn sources(&self, state: &[Symbol], unknowns: &[Symbol]) -> Inputs {
         sources(state, self.inputs.clone(), self.timed, unknowns)
+    }
+
+    /// Whether the functions or their derivatives name the time.
+    pub fn timed(&self) -> bool {
+        self.timed
     }
 
     /// Number of values and derivatives together.
@@ -146,9 +156,20 @@ impl Flow {
         let start = self.inputs.start;
         let set = InstructionSet::widest();
         let width = columns * lanes;
-        for (&(row, from), weight) in self.jacobian.iter().zip(entries.chunks_exact(lanes)) {
-            let into = &mut target[row * width..][..width];
-            add_weighted(set, into, &source[(from - start) * width..][..width], weight);
+        let mut entry = 0;
+        for of_row in self.jacobian.chunk_by(|a, b| a.0 == b.0) {
+            let into = &mut target[of_row[0].0 * width..][..width];
+            for some in of_row.chunks(PRODUCTS) {
+                let part = |&(_, from): &(usize, usize)| &source[(from - start) * width..][..width];
+                let mut parts = some.iter().map(part);
+                let weights = &entries[entry * lanes..][..some.len() * lanes];
+                match std::array::from_fn(|_| parts.next()) {
+                    [Some(a), Some(b)] => add_weighted_pair(set, into, a, b, weights),
+                    [Some(a), None] => add_weighted(set, into, a, weights),
+                    _ => {}
+                }
+                entry += some.len();
+            }
         }
         if columns == first {
             return;

@@ -2,6 +2,7 @@
 
 use super::batch::{Batch, Scratch};
 use super::equations::Dynamics;
+use super::flow::Flow;
 use crate::eval::{InstructionSet, Pace, add_carrying, add_multiple};
 
 /// Sees the states before every stage or step.
@@ -141,7 +142,9 @@ fn apply(
     let (lanes, degrees, columns) = (batch.lanes, batch.degrees(), batch.columns());
     let tangents = batch.has_tangents();
     let flow = if stage.drift { dynamics.drift() } else { dynamics.kick() };
-    stage.prepare(&batch.time, scratch);
+    let probed = dynamics.probed(stage.drift).filter(|_| tangents);
+    let timed = flow.timed() || probed.is_some_and(Flow::timed);
+    stage.prepare(&batch.time, timed, scratch);
     let part = usize::from(stage.drift);
     std::mem::swap(&mut scratch.workspace, &mut scratch.again[part]);
     flow.evaluate_again(&batch.state, lanes, theta, tangents, scratch);
@@ -164,7 +167,7 @@ fn apply(
     let (target, source) = if stage.drift { (q, &*p) } else { (p, &*q) };
     flow.push(target, source, entries, 2 * degrees, columns, lanes);
 
-    let Some(probed) = dynamics.probed(stage.drift) else { return };
+    let Some(probed) = probed else { return };
     // In the middle of the change, which keeps the step symmetric.
     let mut middle = batch.state.clone();
     let changed = if stage.drift { 0 } else { degrees * lanes };
@@ -181,18 +184,18 @@ fn apply(
 }
 
 impl Stage {
-    /// Sets the times of evaluation and the factors of the change from the step of each lane.
-    pub fn prepare(self, start: &[f64], scratch: &mut Scratch) {
+    /// Sets the factors of the change from the step of each lane and, for what is `timed`, the
+    /// times of evaluation.
+    pub fn prepare(self, start: &[f64], timed: bool, scratch: &mut Scratch) {
         let Scratch { time, scale, step, .. } = scratch;
-        let set = InstructionSet::widest();
-        let lanes = step.len();
-        time.resize(lanes, 0.0);
-        time.copy_from_slice(&start[..lanes]);
-        add_multiple(set, time, step, self.time);
         let sign = if self.drift { 1.0 } else { -1.0 };
-        scale.resize(lanes, 0.0);
-        scale.fill(0.0);
-        add_multiple(set, scale, step, sign * self.coefficient);
+        scale.clear();
+        scale.extend(step.iter().map(|step| sign * self.coefficient * step));
+        if timed {
+            time.clear();
+            time.extend_from_slice(&start[..step.len()]);
+            add_multiple(InstructionSet::widest(), time, step, self.time);
+        }
     }
 }
 

@@ -57,6 +57,30 @@ fn add_weighted_body(target: &mut [f64], a: &[f64], weight: &[f64]) {
 }
 
 dispatched! {
+    /// The same for two rows at once, `target += a * weights[0] + b * weights[1]`; the weights
+    /// are `[2][lanes]`.
+    pub fn add_weighted_pair(target: &mut [f64], a: &[f64], b: &[f64], weights: &[f64])
+        = add_weighted_pair_body;
+}
+
+#[inline(always)]
+fn add_weighted_pair_body(target: &mut [f64], a: &[f64], b: &[f64], weights: &[f64]) {
+    if weights.is_empty() {
+        return;
+    }
+    let (first, second) = weights.split_at(weights.len() / 2);
+    let lanes = first.len();
+    let sources = a.chunks_exact(lanes).zip(b.chunks_exact(lanes));
+    for (target, (a, b)) in target.chunks_exact_mut(lanes).zip(sources) {
+        for ((t, (a, b)), (v, w)) in
+            target.iter_mut().zip(a.iter().zip(b)).zip(first.iter().zip(second))
+        {
+            *t = b.mul_add(*w, a.mul_add(*v, *t));
+        }
+    }
+}
+
+dispatched! {
     /// rows *= scale, row after row of lanes; zero where the scale is, whatever stands there.
     pub fn rescale(rows: &mut [f64], scale: &[f64]) = rescale_body;
 }
@@ -137,49 +161,27 @@ fn add_carrying_body(state: &mut [f64], carry: &mut [f64], change: &[f64], scale
     }
 }
 
-dispatched! {
-    /// The Householder reflection I - v v' / (v_0 |v_0 - beta|) of one column, taken to others:
-    /// `columns` holds `[column][height]` with `stride` between them, `heads` the entry of each
-    /// above its rows. For every column x: w = tau (head + v x), head -= w, x -= w v.
-    pub fn reflect(v: &[f64], tau: f64, heads: &mut [f64], columns: &mut [f64], stride: usize)
-        = reflect_body;
-}
-
 /// Numbers that are summed side by side.
 const PARTS: usize = 8;
-
-#[inline(always)]
-fn reflect_body(v: &[f64], tau: f64, heads: &mut [f64], columns: &mut [f64], stride: usize) {
-    let height = v.len();
-    let whole = height / PARTS * PARTS;
-    for (head, column) in heads.iter_mut().zip(columns.chunks_mut(stride)) {
-        let column = &mut column[..height];
-        let mut sums = [[0.0; PARTS]; 2];
-        let mut parts = v[..whole].chunks_exact(PARTS).zip(column.chunks_exact(PARTS));
-        while let Some((a, b)) = parts.next() {
-            add_parts(&mut sums[0], a, b);
-            let Some((a, b)) = parts.next() else { break };
-            add_parts(&mut sums[1], a, b);
-        }
-        let mut sum = *head;
-        let [even, odd] = sums;
-        sum += even.iter().zip(odd).map(|(a, b)| a + b).sum::<f64>();
-        for i in whole..height {
-            sum += v[i] * column[i];
-        }
-        let w = tau * sum;
-        *head -= w;
-        for (x, v) in column.iter_mut().zip(v) {
-            *x = v.mul_add(-w, *x);
-        }
-    }
-}
 
 #[inline(always)]
 fn add_parts(sums: &mut [f64; PARTS], a: &[f64], b: &[f64]) {
     for i in 0..PARTS {
         sums[i] = a[i].mul_add(b[i], sums[i]);
     }
+}
+
+/// a b + c, number by number, each rounded once.
+///
+/// Closures, and so `array::from_fn`, are compiled for the plain instruction set: without them
+/// a body stays in the registers that it is dispatched for.
+#[inline(always)]
+fn fused<const N: usize>(a: &[f64; N], b: &[f64; N], c: &[f64; N]) -> [f64; N] {
+    let mut sum = [0.0; N];
+    for i in 0..N {
+        sum[i] = a[i].mul_add(b[i], c[i]);
+    }
+    sum
 }
 
 dispatched! {
@@ -196,8 +198,11 @@ dispatched! {
     ) = reflect_lanes_body;
 }
 
-/// Lanes whose sums stay in the nearest cache.
-const SIDE_BY_SIDE: usize = 64;
+/// Lanes that fill the widest register.
+const REGISTER: usize = 8;
+/// Registers that are summed side by side: a sum need not wait for the one before.
+const PIECES: usize = 8;
+const WIDE: usize = PIECES * REGISTER;
 
 #[inline(always)]
 fn reflect_lanes_body(
@@ -207,27 +212,61 @@ fn reflect_lanes_body(
     columns: usize,
     targets: Range<usize>,
 ) {
-    let mut sums = [0.0; SIDE_BY_SIDE];
-    for start in (0..lanes).step_by(SIDE_BY_SIDE) {
-        let width = SIDE_BY_SIDE.min(lanes - start);
-        let sums = &mut sums[..width];
-        for column in targets.clone() {
-            for (k, factor) in factors.chunks_exact(lanes).enumerate() {
-                let (v, x) = (k * lanes + start, column * lanes + start);
-                sums.fill(0.0);
-                for row in values.chunks(columns * lanes).skip(k) {
-                    add_products_body(sums, &row[v..][..width], &row[x..][..width]);
-                }
-                for (sum, factor) in sums.iter_mut().zip(&factor[start..]) {
-                    *sum *= -factor;
-                }
-                for row in values.chunks_mut(columns * lanes).skip(k) {
-                    let (left, right) = row.split_at_mut(x);
-                    add_products_body(&mut right[..width], &left[v..][..width], sums);
-                }
+    let (wide, whole) = (lanes / WIDE * WIDE, lanes / REGISTER * REGISTER);
+    for column in targets {
+        for lane in (0..wide).step_by(WIDE) {
+            reflect_some::<REGISTER, PIECES>(values, factors, columns, lane, column, lanes);
+        }
+        for lane in (wide..whole).step_by(REGISTER) {
+            reflect_some::<REGISTER, 1>(values, factors, columns, lane, column, lanes);
+        }
+        for lane in whole..lanes {
+            reflect_some::<1, 1>(values, factors, columns, lane, column, lanes);
+        }
+    }
+}
+
+/// All reflections of one column in `COUNT` times `LANES` neighbouring lanes.
+#[inline(always)]
+fn reflect_some<const LANES: usize, const COUNT: usize>(
+    values: &mut [f64],
+    factors: &[f64],
+    columns: usize,
+    lane: usize,
+    column: usize,
+    lanes: usize,
+) {
+    let (stride, end) = (columns * lanes, values.len());
+    for k in 0..factors.len() / lanes {
+        let (v, x) = (k * lanes + lane, column * lanes + lane);
+        let mut sums = [[0.0; LANES]; COUNT];
+        for row in (k * stride..end).step_by(stride) {
+            for (piece, sum) in sums.iter_mut().enumerate() {
+                let v = load::<LANES>(values, row + v + piece * LANES);
+                *sum = fused(v, load(values, row + x + piece * LANES), sum);
+            }
+        }
+        for (piece, sum) in sums.iter_mut().enumerate() {
+            let factor = load::<LANES>(factors, k * lanes + lane + piece * LANES);
+            for i in 0..LANES {
+                sum[i] *= -factor[i];
+            }
+        }
+        for row in (k * stride..end).step_by(stride) {
+            for (piece, sum) in sums.iter().enumerate() {
+                let at = row + x + piece * LANES;
+                let v = load::<LANES>(values, row + v + piece * LANES);
+                let moved = fused(v, sum, load(values, at));
+                values[at..][..LANES].copy_from_slice(&moved);
             }
         }
     }
+}
+
+/// Neighbouring numbers from a place on; zeros where there are not so many.
+#[inline(always)]
+fn load<const LANES: usize>(values: &[f64], at: usize) -> &[f64; LANES] {
+    values[at..].first_chunk().unwrap_or(const { &[0.0; LANES] })
 }
 
 dispatched! {
@@ -271,6 +310,50 @@ fn leverages_body(
             *x *= inverse;
             *leverage = x.mul_add(*x, *leverage);
         }
+    }
+}
+
+dispatched! {
+    /// Weighted residuals `weight (measured - predicted)` of one row of lanes, their weights and
+    /// squares, which are added to the losses. Where nothing was measured (not a number) all
+    /// three are zero; where the prediction is not finite so are they, and the loss is infinite.
+    #[allow(clippy::too_many_arguments)]
+    pub fn compare(
+        measured: &[f64],
+        predicted: &[f64],
+        weight: f64,
+        residuals: &mut [f64],
+        weights: &mut [f64],
+        squares: &mut [f64],
+        losses: &mut [f64],
+    ) = compare_body;
+}
+
+#[inline(always)]
+#[allow(clippy::too_many_arguments)]
+fn compare_body(
+    measured: &[f64],
+    predicted: &[f64],
+    weight: f64,
+    residuals: &mut [f64],
+    weights: &mut [f64],
+    squares: &mut [f64],
+    losses: &mut [f64],
+) {
+    let lanes = measured.len();
+    let (predicted, residuals, weights) =
+        (&predicted[..lanes], &mut residuals[..lanes], &mut weights[..lanes]);
+    let (squares, losses) = (&mut squares[..lanes], &mut losses[..lanes]);
+    for lane in 0..lanes {
+        let residual = weight * (measured[lane] - predicted[lane]);
+        let seen = !measured[lane].is_nan();
+        let kept = seen && residual.abs() < f64::INFINITY;
+        let square = residual * residual;
+        residuals[lane] = if kept { residual } else { 0.0 };
+        weights[lane] = if kept { weight } else { 0.0 };
+        squares[lane] = if kept { square } else { 0.0 };
+        let lost = if seen { f64::INFINITY } else { 0.0 };
+        losses[lane] += if kept { square } else { lost };
     }
 }
 

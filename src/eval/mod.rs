@@ -9,6 +9,7 @@ mod jit;
 mod lower;
 mod processor;
 mod reference;
+mod reflect;
 mod series;
 mod steps;
 mod tape;
@@ -16,12 +17,13 @@ mod uniform;
 
 pub use aligned::Aligned;
 pub(crate) use arrays::{
-    add, add_carrying, add_multiple, add_products, add_squares, add_weighted, leverages,
-    mark_broken, reflect, reflect_lanes, rescale, weigh,
+    add, add_carrying, add_multiple, add_products, add_squares, add_weighted, add_weighted_pair,
+    compare, leverages, mark_broken, reflect_lanes, rescale, weigh,
 };
 pub(crate) use instruction::{Instruction, Slot, Value};
 pub(crate) use lower::Lowered;
 pub use processor::InstructionSet;
+pub(crate) use reflect::{GROUP, Reflections, product, reflect};
 pub(crate) use series::Series;
 pub(crate) use steps::{Pace, StepSource, Steps, compile_steps};
 

@@ -7,7 +7,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::eval::{InstructionSet, reflect};
+use crate::eval::{GROUP, InstructionSet, Reflections, product, reflect};
 
 /// Columns that one block reflector eliminates; the rest of the work is matrix products.
 const PANEL: usize = 32;
@@ -80,7 +80,8 @@ impl Factor {
     }
 
     /// Reflects the panel's rectangle to zero; leaves the reflectors in it and returns
-    /// the small triangle T of Q = I - V T V', if that is wanted for columns to the right.
+    /// the small triangle T of Q = I - V T V', whole only if that is `wanted` for columns to the
+    /// right of the panel.
     fn eliminate(
         &mut self,
         rows: &mut DMatrix<f64>,
@@ -88,48 +89,77 @@ impl Factor {
         heights: &[usize],
         wanted: bool,
     ) -> DMatrix<f64> {
-        let size = heights.len();
-        let stride = rows.nrows();
-        let values = rows.as_mut_slice();
+        let (size, width, stride) = (heights.len(), self.triangle.nrows(), rows.nrows());
         let set = InstructionSet::widest();
+        let values = rows.as_mut_slice();
         let mut t = DMatrix::zeros(size, size);
-        let mut heads = vec![0.0; size];
         let mut height = 0;
         for j in 0..size {
             let column = start + j;
             // Further columns of a triangle reach further down: no row is touched too early.
             height = heights[j].max(height);
-            let (done, others) = values.split_at_mut((column + 1) * stride);
-            let reflector = &mut done[column * stride..][..height];
-            let below = dot(reflector, reflector);
-            if below == 0.0 {
-                continue;
+            // The reflections of a group reach the columns to its right together.
+            let first = j / GROUP * GROUP;
+            let end = (first + GROUP).min(size);
+            t[(j, j)] = self.eliminate_column(values, stride, height, column..start + end);
+            let before = if wanted { 0 } else { first };
+            if t[(j, j)] != 0.0 {
+                let vector = |k: usize| &values[(start + k) * stride..][..height];
+                for l in before..j {
+                    let overlap = product(set, vector(l), vector(j));
+                    // T times the overlaps, column by column: T_il is zero for l < i.
+                    for i in before..=l {
+                        t[(i, j)] -= t[(i, l)] * overlap * t[(j, j)];
+                    }
+                }
             }
-            let alpha = self.triangle[(column, column)];
-            let beta = -(alpha * alpha + below).sqrt().copysign(alpha);
-            let tau = (beta - alpha) / beta;
-            let inverse = 1.0 / (alpha - beta);
-            reflector.iter_mut().for_each(|x| *x *= inverse);
-            self.triangle[(column, column)] = beta;
-            let right = column + 1..start + size;
-            let heads = &mut heads[..right.len()];
-            for (head, k) in heads.iter_mut().zip(right.clone()) {
-                *head = self.triangle[(column, k)];
-            }
-            reflect(set, reflector, tau, heads, others, stride);
-            for (head, k) in heads.iter().zip(right) {
-                self.triangle[(column, k)] = *head;
-            }
-            t[(j, j)] = tau;
-            if wanted && j > 0 {
-                let overlap = DVector::from_fn(j, |i, _| {
-                    dot(&done[(start + i) * stride..][..height], &done[column * stride..][..height])
-                });
-                let filled = t.view((0, 0), (j, j)) * overlap * -tau;
-                t.view_mut((0, j), (j, 1)).copy_from(&filled);
+            if j + 1 == end && end < size {
+                let (vectors, columns) = values.split_at_mut((column + 1) * stride);
+                let triangle = |m: usize| std::array::from_fn(|l| t[(first + l, first + m)]);
+                let by: Reflections<GROUP> = Reflections {
+                    vectors: &vectors[(start + first) * stride..],
+                    height,
+                    stride,
+                    triangle: std::array::from_fn(triangle),
+                };
+                let heads = (column + 1) * width + start + first;
+                let heads = &mut self.triangle.as_mut_slice()[heads..];
+                reflect(set, &by, heads, width, &mut columns[..(size - end) * stride]);
             }
         }
         t
+    }
+
+    /// Reflects the first of some columns to zero, below the triangle's own row, and takes the
+    /// reflection to the others. Returns tau of I - tau v v', zero where there was nothing.
+    fn eliminate_column(
+        &mut self,
+        values: &mut [f64],
+        stride: usize,
+        height: usize,
+        columns: std::ops::Range<usize>,
+    ) -> f64 {
+        let set = InstructionSet::widest();
+        let (column, width) = (columns.start, self.triangle.nrows());
+        let (done, others) = values.split_at_mut((column + 1) * stride);
+        let vector = &mut done[column * stride..][..height];
+        let below = product(set, vector, vector);
+        if below == 0.0 {
+            return 0.0;
+        }
+        let alpha = self.triangle[(column, column)];
+        let beta = -(alpha * alpha + below).sqrt().copysign(alpha);
+        let tau = (beta - alpha) / beta;
+        let inverse = 1.0 / (alpha - beta);
+        vector.iter_mut().for_each(|x| *x *= inverse);
+        self.triangle[(column, column)] = beta;
+        let count = columns.len() - 1;
+        if count > 0 {
+            let by = Reflections { vectors: vector, height, stride, triangle: [[tau]] };
+            let heads = &mut self.triangle.as_mut_slice()[(column + 1) * width + column..];
+            reflect(set, &by, heads, width, &mut others[..count * stride]);
+        }
+        tau
     }
 
     /// Factors of the same unknowns together, each taken so many times.
@@ -242,19 +272,6 @@ fn heights(rows: &DMatrix<f64>, filled: usize, columns: std::ops::Range<usize>) 
     let column = |k: usize| &rows.as_slice()[k * stride..][..filled];
     let last = |k: usize| column(k).iter().rposition(|x| *x != 0.0).map_or(0, |at| at + 1);
     columns.map(last).collect()
-}
-
-/// Inner product, in eight partial sums that processors work on side by side.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 8];
-    let (mut left, mut right) = (a.chunks_exact(8), b.chunks_exact(8));
-    for (x, y) in (&mut left).zip(&mut right) {
-        for i in 0..8 {
-            sums[i] += x[i] * y[i];
-        }
-    }
-    let rest = left.remainder().iter().zip(right.remainder()).map(|(x, y)| x * y);
-    sums.iter().sum::<f64>() + rest.sum::<f64>()
 }
 
 #[cfg(test)]

@@ -14,7 +14,8 @@ use rand_pcg::Pcg64;
 use super::monitor::Monitor;
 use super::options::Options;
 use super::path::soft_threshold;
-use super::segments::{Segment, cut, first_state, typical_step};
+use super::segments::{Segment, cut, typical_step};
+use super::states::States;
 use super::stepping;
 use crate::data::Dataset;
 use crate::dynamics::{
@@ -202,9 +203,10 @@ impl<'a> Trainer<'a> {
             Some(count) => Batch::with_tangents(degrees, segments.len(), count),
             None => Batch::new(degrees, segments.len()),
         };
-        for (lane, &segment) in segments.iter().enumerate() {
+        let states = States::measured(self.dataset, segments, degrees);
+        for (lane, (segment, state)) in segments.iter().zip(&states).enumerate() {
             let time = self.dataset.runs[segment.run].times[segment.first];
-            batch.set(lane, time, &first_state(self.dataset, segment, degrees));
+            batch.set(lane, time, state);
         }
         batch
     }

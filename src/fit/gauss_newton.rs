@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::bounded::solve_bounded;
 use super::factor::Factor;
 use super::monitor::Monitor;
-use super::pass::{Linearised, Problem, States, Sums, settle_and_linearise};
+use super::pass::{Linearised, Problem, Sums, settle_and_linearise};
+use super::states::States;
 use crate::dynamics::Dynamics;
 use crate::expr::Bounds;
 
@@ -84,7 +85,7 @@ pub fn refit(
     };
     let mut linearised = at(&theta, &mut states);
     let coefficients = dynamics.active().len();
-    let mut trial_states = States::new();
+    let mut trial_states = States::default();
     let mut damping = 0.0;
     let mut iterations = 0;
     loop {

@@ -5,6 +5,7 @@
 //! ([`pass`]), gathered in a triangular factor ([`factor`]) on which the support is searched
 //! ([`path`], [`support`]) and refitted ([`gauss_newton`]); rounds of this are [`train`].
 
+mod block;
 pub mod bounded;
 mod conclude;
 pub(crate) mod course;
@@ -29,6 +30,7 @@ mod rows;
 pub mod screening;
 pub mod segments;
 pub mod starts;
+pub mod states;
 pub mod stepping;
 pub mod stream;
 mod streamed;

@@ -6,13 +6,17 @@
 //! no longer know the state; they are what the factor takes in (variable projection:
 //! Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973, in Kaufman's form).
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
+use super::block::Block;
 use super::factor::Factor;
 use super::gathered::Gathered;
 use super::loss::Loss;
 use super::rows::Rows;
 use super::segments::{LANES, Segment, Segments, blocks};
+use super::states::States;
 use super::stream::Stream;
 use crate::data::Dataset;
 use crate::dynamics::{Dynamics, Method, Scratch};
@@ -56,6 +60,9 @@ const BLOCK_BYTES: usize = 12 << 20;
 const STATE_STEPS: usize = 8;
 /// States are settled when the next step promises less than this part of the loss.
 const SETTLED: f64 = 1e-7;
+/// Derivatives are approximate: where the next step promises nothing, the loss may be this part
+/// above the least that was seen.
+const NEARLY: f64 = 1e-4;
 /// A column that keeps less than this of itself is what the initial states do, but for rounding.
 const ABSORBED: f64 = 1e-12;
 /// ... or less than this part of what rounding makes of it.
@@ -94,9 +101,6 @@ impl Sums {
     }
 }
 
-/// The initial state of every segment, in the order of the segments, 2n numbers each.
-pub type States = Vec<Vec<f64>>;
-
 /// Improves the states for a theta that is held, and sums up what is left.
 ///
 /// Gauss-Newton for each segment by itself; a step that does not pay is shortened.
@@ -110,9 +114,10 @@ pub fn settle(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mu
         .segments
         .list
         .par_chunks(width)
-        .zip(states.par_chunks_mut(width))
+        .zip(states.all_mut().par_chunks_mut((width * 2 * dynamics.degrees()).max(1)))
         .map_init(Scratch::new, |scratch, (segments, states)| {
-            let (rows, _) = settled(problem, (dynamics, theta), None, segments, states, scratch);
+            let block = Block::gather(problem.dataset, segments, problem.weights.len());
+            let (rows, _) = settled(problem, (dynamics, theta), None, &block, states, scratch);
             let mut sums = Sums::new(problem.weights.len());
             rows.sum_up(&mut sums);
             rows.recycle(scratch);
@@ -136,13 +141,13 @@ fn settled(
     problem: &Problem,
     present: Law,
     by: Option<(Law, Option<usize>)>,
-    segments: &[Segment],
-    states: &mut [Vec<f64>],
+    block: &Block,
+    states: &mut [f64],
     scratch: &mut Scratch,
 ) -> (Rows, usize) {
     let size = 2 * present.0.degrees();
-    let lanes = segments.len();
-    let mut trial = states.concat();
+    let lanes = block.lanes();
+    let mut trial = states.to_vec();
     let mut best = vec![f64::INFINITY; lanes];
     let mut step = vec![0.0; size * lanes];
     let mut length = vec![1.0; lanes];
@@ -151,21 +156,24 @@ fn settled(
     while taken < STATE_STEPS {
         let here = by.filter(|&(_, expected)| expected == Some(taken)).map(|(law, _)| law);
         let law = here.unwrap_or(present);
-        let mut rows = Rows::integrate(problem, law, segments, &trial, here.is_some(), scratch);
+        let mut rows = Rows::integrate(problem, law, block, &trial, here.is_some(), scratch);
         rows.eliminate_states();
         let steps = rows.state_steps();
         let mut improved = 0;
         for lane in 0..lanes {
             let loss = rows.losses[lane];
-            if loss < best[lane] || settled[lane] {
+            let rounding = problem.floor.powi(2) * rows.measured[lane] as f64;
+            let still = rows.promised(lane) <= SETTLED * loss + ROUNDING * rounding;
+            let lower = loss < best[lane] || still && loss <= best[lane] * (1.0 + NEARLY);
+            if lower || settled[lane] {
                 improved += 1;
-                states[lane].copy_from_slice(&trial[lane * size..][..size]);
+                let own = lane * size..(lane + 1) * size;
+                states[own.clone()].copy_from_slice(&trial[own]);
                 best[lane] = loss;
                 let taken = step.chunks_exact_mut(lanes).zip(steps.chunks_exact(lanes));
                 taken.for_each(|(step, taken)| step[lane] = taken[lane]);
                 length[lane] = 1.0;
-                let rounding = problem.floor.powi(2) * rows.measured[lane] as f64;
-                settled[lane] = rows.promised(lane) <= SETTLED * loss + ROUNDING * rounding;
+                settled[lane] = still;
             } else {
                 // The last step overshot: a quarter of it.
                 length[lane] *= 0.25;
@@ -173,7 +181,7 @@ fn settled(
             }
             for i in 0..size {
                 let part = if settled[lane] { 0.0 } else { length[lane] };
-                trial[lane * size + i] = states[lane][i] + part * step[i * lanes + lane];
+                trial[lane * size + i] = states[lane * size + i] + part * step[i * lanes + lane];
             }
         }
         if settled.iter().all(|&done| done) && improved == lanes {
@@ -188,8 +196,7 @@ fn settled(
         taken += 1;
     }
     let law = by.map_or(present, |(law, _)| law);
-    let starts = states.concat();
-    let mut rows = Rows::integrate(problem, law, segments, &starts, by.is_some(), scratch);
+    let mut rows = Rows::integrate(problem, law, block, states, by.is_some(), scratch);
     rows.eliminate_states();
     (rows, taken)
 }
@@ -206,10 +213,10 @@ pub fn residuals(
     blocks(0..problem.segments.list.len(), width)
         .into_par_iter()
         .map_init(Scratch::new, |scratch, range| {
-            let (segments, states) =
-                (&problem.segments.list[range.clone()], states[range].concat());
-            let law = (dynamics, theta);
-            let rows = Rows::integrate(problem, law, segments, &states, false, scratch);
+            let segments = &problem.segments.list[range.clone()];
+            let block = Block::gather(problem.dataset, segments, problem.weights.len());
+            let (law, states) = ((dynamics, theta), states.part(range));
+            let rows = Rows::integrate(problem, law, &block, states, false, scratch);
             let of = |(lane, segment): (usize, &Segment)| {
                 let mut values = rows.residuals(lane, segment.samples());
                 let run = &problem.dataset.runs[segment.run];
@@ -272,9 +279,9 @@ pub fn linearise(
     if let Some(stream) = problem.stream {
         return stream.pass(problem, law, law);
     }
-    let starts = problem.segments.folds.iter().map(|fold| &states[fold.clone()]).collect();
+    let starts = problem.segments.folds.iter().map(|fold| states.part(fold.clone())).collect();
     each_fold(problem, dynamics, starts, |part, segments, starts, range, scratch| {
-        part.take(problem, law, &segments[range.clone()], &starts[range], scratch);
+        part.take(problem, law, segments, &starts[range], scratch);
     })
 }
 
@@ -289,24 +296,44 @@ pub fn settle_and_linearise(
     if let Some(stream) = problem.stream {
         return stream.pass(problem, present, whole);
     }
-    let mut rest = &mut states[..];
-    let split = |fold: &std::ops::Range<usize>| rest.split_off_mut(..fold.len());
+    let expected = expected_steps(problem, present, states);
+    let size = 2 * present.0.degrees();
+    let mut rest = states.all_mut();
+    let split = |fold: &Range<usize>| rest.split_off_mut(..fold.len() * size);
     let starts = problem.segments.folds.iter().filter_map(split).collect();
     each_fold(problem, whole.0, starts, |part, segments, starts, range, scratch| {
-        let (segments, states) = (&segments[range.clone()], &mut starts[range]);
+        let states = &mut starts[range];
+        part.steps = part.steps.or(expected);
         part.settle_and_take(problem, present, whole, segments, states, scratch);
     })
 }
 
-/// One pass over every fold, block after block, each with what it needs of the states.
+/// Steps that the states of a few segments take, for each block to know when rows by theta are
+/// worth while.
+fn expected_steps(problem: &Problem, present: Law, states: &States) -> Option<usize> {
+    const FEW: usize = 16;
+    let few = states.len().min(FEW);
+    if few == 0 {
+        return None;
+    }
+    let segments = &problem.segments.list[..few];
+    let block = Block::gather(problem.dataset, segments, problem.weights.len());
+    let mut tried = states.part(0..few).to_vec();
+    let (_, steps) = settled(problem, present, None, &block, &mut tried, &mut Scratch::new());
+    Some(steps)
+}
+
+/// One pass over every fold, block after block: `take` gets the segments of a block, the states
+/// of its fold and the range of the block's own among them.
 fn each_fold<S: Send>(
     problem: &Problem,
     dynamics: &Dynamics,
     starts: Vec<S>,
-    take: impl Fn(&mut FoldPass, &[Segment], &mut S, std::ops::Range<usize>, &mut Scratch) + Sync,
+    take: impl Fn(&mut FoldPass, &[Segment], &mut S, Range<usize>, &mut Scratch) + Sync,
 ) -> Linearised {
     let (unknowns, observables) = (dynamics.unknowns(), problem.weights.len());
-    let width = width(problem, 2 * dynamics.degrees() + unknowns + 1);
+    let size = 2 * dynamics.degrees();
+    let width = width(problem, size + unknowns + 1);
     let parts: Vec<(Factor, Sums)> = problem
         .segments
         .folds
@@ -316,7 +343,8 @@ fn each_fold<S: Send>(
             let segments = &problem.segments.list[fold.clone()];
             let mut part = FoldPass::new(unknowns, observables);
             for range in blocks(0..segments.len(), width) {
-                take(&mut part, segments, &mut starts, range, scratch);
+                let own = range.start * size..range.end * size;
+                take(&mut part, &segments[range], &mut starts, own, scratch);
             }
             part.finish()
         })
@@ -330,7 +358,8 @@ pub(super) struct FoldPass {
     sums: Sums,
     gathered: Gathered,
     touched: Vec<f64>,
-    /// Most steps that the states of a block took so far: those of the next may take as many.
+    /// Most steps that the states of a block took so far, or are expected to take: those of the
+    /// next may take as many.
     steps: Option<usize>,
 }
 
@@ -351,11 +380,11 @@ impl FoldPass {
         problem: &Problem,
         law: Law,
         segments: &[Segment],
-        states: &[Vec<f64>],
+        states: &[f64],
         scratch: &mut Scratch,
     ) {
-        let starts = states.concat();
-        let mut rows = Rows::integrate(problem, law, segments, &starts, true, scratch);
+        let block = Block::gather(problem.dataset, segments, problem.weights.len());
+        let mut rows = Rows::integrate(problem, law, &block, states, true, scratch);
         rows.eliminate_states();
         self.take_rows(rows, scratch);
     }
@@ -368,14 +397,15 @@ impl FoldPass {
         present: Law,
         by: Law,
         segments: &[Segment],
-        states: &mut [Vec<f64>],
+        states: &mut [f64],
         scratch: &mut Scratch,
     ) {
         // Of few columns a needless try costs little.
         let few = by.0.unknowns() <= 4 * by.0.degrees();
         let expected = self.steps.or(few.then_some(1));
+        let block = Block::gather(problem.dataset, segments, problem.weights.len());
         let (rows, steps) =
-            settled(problem, present, Some((by, expected)), segments, states, scratch);
+            settled(problem, present, Some((by, expected)), &block, states, scratch);
         self.steps = self.steps.max(Some(steps));
         self.take_rows(rows, scratch);
     }

@@ -17,6 +17,9 @@ pub struct Settings {
     pub points: usize,
     /// Smallest penalty over the largest.
     pub ratio: f64,
+    /// Smallest penalty over the noise of one residual: a smaller one holds nothing back that
+    /// noise has let in.
+    pub noise: f64,
     /// Sweeps at one penalty before the next is taken anyway.
     pub sweeps: usize,
     /// The path ends when this many terms have entered.
@@ -25,7 +28,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Settings { points: 60, ratio: 1e-7, sweeps: 60, most_terms: 80 }
+        Settings { points: 60, ratio: 1e-7, noise: 0.1, sweeps: 60, most_terms: 80 }
     }
 }
 
@@ -68,9 +71,14 @@ pub fn path(
         return Vec::new();
     }
     let step = settings.ratio.powf(1.0 / (settings.points.max(2) - 1) as f64);
+    let freedom = factor.rows().saturating_sub(factor.columns()).max(1) as f64;
+    let least = settings.noise * (factor.least() / freedom).sqrt();
     let mut points = Vec::new();
     let mut lambda = largest;
     for _ in 0..settings.points {
+        if lambda < least && !points.is_empty() {
+            break;
+        }
         descent.solve(lambda, settings.sweeps);
         let point = PathPoint { lambda, coefficients: descent.coefficients() };
         let full = point.coefficients.len() > settings.most_terms;

@@ -1,11 +1,12 @@
 //! Rows of a linearised block: weighted residuals and their derivatives, freed of the states.
 
+use super::block::Block;
+use super::loss::Loss;
 use super::motion::Motion;
 use super::pass::{Problem, Sums};
-use super::segments::Segment;
 use crate::dynamics::{Dynamics, Scratch, observe};
 use crate::eval::{
-    Aligned, InstructionSet, add_products, add_squares, leverages, reflect_lanes, weigh,
+    Aligned, InstructionSet, add_products, add_squares, compare, leverages, reflect_lanes, weigh,
 };
 
 /// Weighted residuals and derivatives of a block of segments, `[row][column][lane]`.
@@ -38,22 +39,21 @@ pub(super) struct Rows {
 }
 
 impl Rows {
-    /// Follows the segments from `states`, `[lane][state]`.
+    /// Follows a block of segments from `states`, `[lane][state]`.
     pub(super) fn integrate(
         problem: &Problem,
         (dynamics, theta): (&Dynamics, &[f64]),
-        segments: &[Segment],
+        block: &Block,
         states: &[f64],
         by_theta: bool,
         scratch: &mut Scratch,
     ) -> Rows {
-        let (degrees, lanes) = (dynamics.degrees(), segments.len());
+        let (degrees, lanes) = (dynamics.degrees(), block.lanes());
         let state = 2 * degrees;
         let observables = problem.weights.len();
         let kept = if by_theta { dynamics.unknowns() } else { 0 };
         let columns = state + kept + 1;
-        let samples = segments.iter().map(|s| s.samples()).max().unwrap_or(0);
-        let size = samples * observables;
+        let size = block.samples * observables;
         // Every number is written by `take` and `eliminate_states`.
         let mut rows = Rows {
             values: scratch.lend(size * columns * lanes),
@@ -62,7 +62,7 @@ impl Rows {
             lanes,
             state,
             losses: vec![0.0; lanes],
-            measured: vec![0; lanes],
+            measured: block.counts.clone(),
             observables,
             original: scratch.lend(size * state * lanes),
             weights: scratch.lend(size * lanes),
@@ -71,32 +71,27 @@ impl Rows {
             touched: vec![0.0; kept],
         };
         let mut motion = Motion::new(problem, dynamics, theta, kept, lanes, scratch);
-        for (lane, (segment, start)) in segments.iter().zip(states.chunks_exact(state)).enumerate()
+        for (lane, (&time, state)) in
+            block.starts.iter().zip(states.chunks_exact(state)).enumerate()
         {
-            motion.set(lane, problem.dataset.runs[segment.run].times[segment.first], start);
+            motion.set(lane, time, state);
         }
-        let mut span = vec![0.0; lanes];
         let shown = dynamics.shows_state(problem.observed);
         let size = if shown { 0 } else { state * lanes };
         let mut out = vec![0.0; size];
         let mut tangent = vec![0.0; size * (state + kept)];
-        for sample in 0..samples {
+        for sample in 0..block.samples {
             if sample > 0 {
-                for (lane, segment) in segments.iter().enumerate() {
-                    let times = &problem.dataset.runs[segment.run].times;
-                    let at = segment.first + sample;
-                    span[lane] = if at <= segment.last { times[at] - times[at - 1] } else { 0.0 };
-                }
-                motion.advance(&span, scratch);
+                motion.advance(block.span(sample), scratch);
             }
             let batch = &motion.batch;
             if shown {
-                rows.take(problem, segments, sample, &batch.state, &batch.tangent);
+                rows.take(problem, block, sample, &batch.state, &batch.tangent);
                 continue;
             }
             let observed = problem.observed;
             observe(dynamics, observed, batch, theta, &mut out, Some(&mut tangent), scratch);
-            rows.take(problem, segments, sample, &out, &tangent);
+            rows.take(problem, block, sample, &out, &tangent);
         }
         motion.recycle(scratch);
         rows
@@ -113,14 +108,13 @@ impl Rows {
     fn take(
         &mut self,
         problem: &Problem,
-        segments: &[Segment],
+        block: &Block,
         sample: usize,
         out: &[f64],
         tangent: &[f64],
     ) {
         let lanes = self.lanes;
         let set = InstructionSet::widest();
-        let (loss, squares) = (problem.loss.row(), problem.loss.is_squares());
         for observable in 0..self.observables {
             let row = sample * self.observables + observable;
             let weight = problem.weights[observable];
@@ -129,29 +123,14 @@ impl Rows {
             let (derivatives, residuals) = values.split_at_mut((self.columns - 1) * lanes);
             let weights = &mut self.weights[row * lanes..][..lanes];
             let scales = &mut self.scales[row * lanes..][..lanes];
-            residuals.fill(0.0);
-            weights.fill(0.0);
-            for (lane, segment) in segments.iter().enumerate() {
-                let at = segment.first + sample;
-                if at > segment.last {
-                    continue;
-                }
-                let measured = problem.dataset.runs[segment.run].values[observable][at];
-                if !measured.is_finite() {
-                    continue;
-                }
-                let residual = weight * (measured - predicted[lane]);
-                self.measured[lane] += 1;
-                if !residual.is_finite() {
-                    self.losses[lane] = f64::INFINITY;
-                    continue;
-                }
-                let robust = if squares { 1.0 } else { (loss.weight)(residual).sqrt() };
-                self.losses[lane] +=
-                    if squares { residual * residual } else { (loss.value)(residual) };
-                scales[lane] = problem.loss.scale(residual);
-                weights[lane] = weight * robust;
-                residuals[lane] = residual * robust;
+            let measured = block.measured(sample, observable);
+            let losses = &mut self.losses[..];
+            if problem.loss.is_squares() {
+                compare(set, measured, predicted, weight, residuals, weights, scales, losses);
+            } else {
+                let mut squares = vec![0.0; lanes];
+                compare(set, measured, predicted, weight, residuals, weights, scales, &mut squares);
+                add_robust(problem.loss, residuals, weights, scales, &squares, losses);
             }
             let from = &tangent[observable * derivatives.len()..][..derivatives.len()];
             // An exploded lane has NaN derivatives; its weight is zero.
@@ -318,5 +297,31 @@ impl Rows {
                 }
             }
         }
+    }
+}
+
+/// What a robust loss makes of squares: each residual and its weight shrink, and the residual
+/// costs less.
+fn add_robust(
+    loss: Loss,
+    residuals: &mut [f64],
+    weights: &mut [f64],
+    scales: &mut [f64],
+    squares: &[f64],
+    losses: &mut [f64],
+) {
+    let row = loss.row();
+    for lane in 0..losses.len() {
+        let residual = residuals[lane];
+        if weights[lane] == 0.0 {
+            // Nothing was measured, or the lane is lost.
+            losses[lane] += squares[lane];
+            continue;
+        }
+        let robust = (row.weight)(residual).sqrt();
+        losses[lane] += (row.value)(residual);
+        scales[lane] = loss.scale(residual);
+        weights[lane] *= robust;
+        residuals[lane] *= robust;
     }
 }

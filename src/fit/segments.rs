@@ -222,30 +222,6 @@ pub fn blocks(segments: Range<usize>, width: usize) -> Vec<Range<usize>> {
     segments.step_by(width).map(|start| start..(start + width).min(end)).collect()
 }
 
-/// A first guess of a segment's initial state, 2n numbers, from its own measurements.
-///
-/// A missing coordinate is taken from the nearest sample that has it. A missing momentum, and
-/// every momentum when velocities are observed, starts as the velocity: measured, or else the
-/// slope to the next sample. The trainer improves on all of it.
-pub fn first_state(dataset: &Dataset, segment: Segment, degrees: usize) -> Vec<f64> {
-    let run = &dataset.runs[segment.run];
-    let near = |row: usize| -> Option<f64> {
-        (segment.first..=segment.last).map(|j| run.values[row][j]).find(|x| x.is_finite())
-    };
-    let slope = |row: usize| -> f64 {
-        let mut seen = (segment.first..=segment.last).filter(|&j| run.values[row][j].is_finite());
-        match (seen.next(), seen.next()) {
-            (Some(a), Some(b)) => {
-                (run.values[row][b] - run.values[row][a]) / (run.times[b] - run.times[a])
-            }
-            _ => 0.0,
-        }
-    };
-    let coordinates = (0..degrees).map(|i| near(i).unwrap_or(0.0));
-    let momenta = (0..degrees).map(|i| near(degrees + i).unwrap_or_else(|| slope(i)));
-    coordinates.chain(momenta).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -287,13 +263,5 @@ mod tests {
             assert!(used.iter().all(|&count| count <= 1), "window {window}");
             assert!(used.iter().sum::<i32>() >= 30, "window {window}");
         }
-    }
-
-    #[test]
-    fn a_missing_momentum_starts_as_the_slope() {
-        let mut data = dataset(vec![run(&[0.0, 0.5, 1.0])]);
-        data.runs[0].values[1] = vec![f64::NAN; 3];
-        let segment = Segment { run: 0, first: 0, last: 2 };
-        assert_eq!(first_state(&data, segment, 1), vec![0.0, 1.0]);
     }
 }

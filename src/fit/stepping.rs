@@ -4,7 +4,8 @@ use rayon::prelude::*;
 
 use super::options::Options;
 use super::pass::Stepping;
-use super::segments::{Segment, first_state};
+use super::segments::Segment;
+use super::states::States;
 use super::train::Training;
 use crate::data::Dataset;
 use crate::dynamics::{Batch, Dynamics, Method, Scratch, choose_steps};
@@ -166,8 +167,11 @@ fn sample(training: &Training) -> (Batch, Vec<f64>) {
         let segment = segments[i];
         let times = &training.dataset.runs[segment.run].times;
         let start = match at == segment.first {
-            true => training.states[i].clone(),
-            false => first_state(training.dataset, Segment { first: at, ..segment }, degrees),
+            true => training.states.of(i).to_vec(),
+            false => {
+                let rest = Segment { first: at, ..segment };
+                States::measured(training.dataset, &[rest], degrees).of(0).to_vec()
+            }
         };
         batch.set(lane, times[at], &start);
         span.push(times[at + 1] - times[at]);

@@ -12,7 +12,8 @@ use rayon::prelude::*;
 
 use super::monitor::Monitor;
 use super::pass::{FoldPass, Linearised, Problem, block_width};
-use super::segments::{FOLDS, Segment, Segments, blocks, cut_run, first_state, sort_into_folds};
+use super::segments::{FOLDS, Segment, Segments, blocks, cut_run, sort_into_folds};
+use super::states::States;
 use crate::data::{Chunk, Dataset, Run, Source, Survey};
 use crate::dynamics::{Dynamics, Scratch};
 use crate::error::{Error, Result};
@@ -170,9 +171,8 @@ fn work(
     let width = block_width(problem, window, 2 * degrees + by.0.unknowns() + 1);
     for part in blocks(range, width) {
         let segments = &problem.segments.list[part];
-        let mut states: Vec<Vec<f64>> =
-            segments.iter().map(|&s| first_state(problem.dataset, s, degrees)).collect();
-        fold.settle_and_take(problem, present, by, segments, &mut states, scratch);
+        let mut states = States::measured(problem.dataset, segments, degrees);
+        fold.settle_and_take(problem, present, by, segments, states.all_mut(), scratch);
     }
     fold.flush();
 }

@@ -15,8 +15,9 @@ use super::factor::Factor;
 use super::gauss_newton::{CONVERGED, Refit, StopReason, refit};
 use super::monitor::Monitor;
 use super::options::Options;
-use super::pass::{Problem, States, Sums, settle, settle_and_linearise};
-use super::segments::{Segment, Segments, cut, first_state, longest_run, typical_step};
+use super::pass::{Problem, Sums, settle, settle_and_linearise};
+use super::segments::{Segment, Segments, cut, longest_run, typical_step};
+use super::states::States;
 use super::stepping::{self, Choice};
 use super::stream::Stream;
 use super::support::{self, Candidate, Columns, Search};
@@ -35,7 +36,7 @@ const QUIET: f64 = 1.05;
 /// loss.
 const NEAR: f64 = 1e-3;
 /// Segments that tell the noise better than the next round needs to know it.
-const ENOUGH_FOR_NOISE: usize = 2048;
+const ENOUGH_FOR_NOISE: usize = 1024;
 
 /// A model under training, with everything that the next round starts from.
 #[derive(Clone)]
@@ -160,7 +161,7 @@ impl<'a> Training<'a> {
             options,
             segments: Segments::default(),
             window,
-            states: Vec::new(),
+            states: States::default(),
             coefficients: vec![0.0; system.terms.len()],
             parameters: system.parameters.iter().map(|p| p.bounds.clamp(p.start)).collect(),
             support: Vec::new(),
@@ -210,13 +211,14 @@ impl<'a> Training<'a> {
         // Over many periods the misfit has many minima: what a state was before is a nearer start
         // than what was measured first.
         let place = |segment: &Segment| (segment.run, segment.first);
-        let mut states = self.first_states();
         let known: HashMap<_, _> = before.list.iter().map(place).zip(&self.states).collect();
-        for (segment, state) in self.segments.list.iter().zip(&mut states) {
-            if let Some(settled) =
-                known.get(&place(segment)).filter(|s| s.iter().all(|x| x.is_finite()))
-            {
-                state.clone_from(settled);
+        let mut states = self.first_states();
+        if !known.is_empty() {
+            for (at, segment) in self.segments.list.iter().enumerate() {
+                let settled = known.get(&place(segment));
+                if let Some(settled) = settled.filter(|s| s.iter().all(|x| x.is_finite())) {
+                    states.of_mut(at).copy_from_slice(settled);
+                }
             }
         }
         self.states = states;
@@ -224,10 +226,8 @@ impl<'a> Training<'a> {
     }
 
     /// The start of every segment as it was measured.
-    pub(super) fn first_states(&self) -> Vec<Vec<f64>> {
-        let degrees = self.system.degrees();
-        let first = |&segment: &Segment| first_state(self.dataset, segment, degrees);
-        self.segments.list.par_iter().map(first).collect()
+    pub(super) fn first_states(&self) -> States {
+        States::measured(self.dataset, &self.segments.list, self.system.degrees())
     }
 
     /// Works on a part of the segments from now on.
@@ -397,8 +397,8 @@ impl<'a> Training<'a> {
     fn noise_of_a_part(&self, dynamics: &Dynamics, theta: &[f64]) -> Vec<f64> {
         let mean = self.samples() / self.segments.list.len().max(1);
         let segments = self.segments.spread(ENOUGH_FOR_NOISE * mean);
-        let first = |&segment: &Segment| first_state(self.dataset, segment, self.system.degrees());
-        let mut states = segments.list.iter().map(first).collect();
+        let degrees = self.system.degrees();
+        let mut states = States::measured(self.dataset, &segments.list, degrees);
         let weights = self.weights();
         let problem = Problem { segments: &segments, ..self.problem(&weights) };
         let sums = settle(&problem, dynamics, theta, &mut states);

@@ -1,0 +1,76 @@
+//! A block: segments side by side, with what was measured of them.
+
+use super::segments::Segment;
+use crate::data::Dataset;
+
+/// Segments that are worked on side by side. Their measurements are gathered once: a block is
+/// integrated again and again until its states are settled.
+pub(super) struct Block<'a> {
+    /// One segment a lane.
+    pub(super) segments: &'a [Segment],
+    /// Samples of the longest segment.
+    pub(super) samples: usize,
+    /// Time of the first sample of each lane.
+    pub(super) starts: Vec<f64>,
+    /// Time to each sample from the one before, `[sample][lane]`; zero where a segment is over.
+    spans: Vec<f64>,
+    /// `[sample][observable][lane]`; not a number where nothing was measured.
+    measured: Vec<f64>,
+    /// Measured values of each lane.
+    pub(super) counts: Vec<usize>,
+    observables: usize,
+}
+
+impl<'a> Block<'a> {
+    /// Gathers the first `observables` observables of some segments.
+    pub(super) fn gather(
+        dataset: &Dataset,
+        segments: &'a [Segment],
+        observables: usize,
+    ) -> Block<'a> {
+        let lanes = segments.len();
+        let samples = segments.iter().map(|s| s.samples()).max().unwrap_or(0);
+        let mut block = Block {
+            segments,
+            samples,
+            starts: Vec::with_capacity(lanes),
+            spans: vec![0.0; samples * lanes],
+            measured: vec![f64::NAN; samples * observables * lanes],
+            counts: vec![0; lanes],
+            observables,
+        };
+        for (lane, segment) in segments.iter().enumerate() {
+            let run = &dataset.runs[segment.run];
+            let times = &run.times[segment.first..=segment.last];
+            block.starts.push(times[0]);
+            for (sample, pair) in times.windows(2).enumerate() {
+                block.spans[(sample + 1) * lanes + lane] = pair[1] - pair[0];
+            }
+            for (observable, values) in run.values.iter().enumerate().take(observables) {
+                let values = &values[segment.first..=segment.last];
+                for (sample, &x) in values.iter().enumerate().filter(|(_, x)| x.is_finite()) {
+                    block.measured[(sample * observables + observable) * lanes + lane] = x;
+                    block.counts[lane] += 1;
+                }
+            }
+        }
+        block
+    }
+
+    /// Number of segments.
+    pub(super) fn lanes(&self) -> usize {
+        self.segments.len()
+    }
+
+    /// Time of each lane to a sample from the one before.
+    pub(super) fn span(&self, sample: usize) -> &[f64] {
+        &self.spans[sample * self.lanes()..][..self.lanes()]
+    }
+
+    /// What was measured of an observable at a sample, one number a lane; not a number where
+    /// nothing was.
+    pub(super) fn measured(&self, sample: usize, observable: usize) -> &[f64] {
+        let row = sample * self.observables + observable;
+        &self.measured[row * self.lanes()..][..self.lanes()]
+    }
+}

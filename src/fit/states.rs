@@ -1,0 +1,136 @@
+//! Initial states of segments.
+
+use std::ops::Range;
+use std::slice::ChunksExact;
+
+use rayon::prelude::*;
+
+use super::segments::Segment;
+use crate::data::Dataset;
+
+/// The initial state of every segment, in the order of the segments: 2n numbers each, side by
+/// side in memory.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct States {
+    size: usize,
+    values: Vec<f64>,
+}
+
+/// Segments whose first states one thread looks up at a time.
+const SIDE_BY_SIDE: usize = 1024;
+
+impl States {
+    /// The start of every segment as it was measured: a first guess.
+    ///
+    /// A missing coordinate is taken from the nearest sample that has it. A missing momentum, and
+    /// every momentum when velocities are observed, starts as the velocity: measured, or else the
+    /// slope to the next sample. The trainer improves on all of it.
+    pub fn measured(dataset: &Dataset, segments: &[Segment], degrees: usize) -> States {
+        let size = 2 * degrees;
+        let mut values = vec![0.0; size * segments.len()];
+        let chunks = values.par_chunks_mut((size * SIDE_BY_SIDE).max(1));
+        chunks.zip(segments.par_chunks(SIDE_BY_SIDE)).for_each(|(values, segments)| {
+            for (state, &segment) in values.chunks_exact_mut(size).zip(segments) {
+                first_state(dataset, segment, state);
+            }
+        });
+        States { size, values }
+    }
+
+    /// Number of segments.
+    pub fn len(&self) -> usize {
+        self.values.len().checked_div(self.size).unwrap_or(0)
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.values.is_empty()
+    }
+
+    /// The state of one segment.
+    pub fn of(&self, segment: usize) -> &[f64] {
+        &self.values[segment * self.size..][..self.size]
+    }
+
+    /// Those of consecutive segments, `[segment][2n]`.
+    pub fn part(&self, segments: Range<usize>) -> &[f64] {
+        &self.values[segments.start * self.size..segments.end * self.size]
+    }
+
+    /// The state of one segment, to be changed.
+    pub fn of_mut(&mut self, segment: usize) -> &mut [f64] {
+        &mut self.values[segment * self.size..][..self.size]
+    }
+
+    /// All of them, `[segment][2n]`, to be changed.
+    pub fn all_mut(&mut self) -> &mut [f64] {
+        &mut self.values
+    }
+
+    /// One after the other, as in the list of segments.
+    pub fn iter(&self) -> ChunksExact<'_, f64> {
+        self.values.chunks_exact(self.size.max(1))
+    }
+}
+
+impl<S: AsRef<[f64]>> FromIterator<S> for States {
+    fn from_iter<I: IntoIterator<Item = S>>(states: I) -> States {
+        let mut all = States::default();
+        for state in states {
+            all.size = state.as_ref().len();
+            all.values.extend_from_slice(state.as_ref());
+        }
+        all
+    }
+}
+
+impl<'a> IntoIterator for &'a States {
+    type Item = &'a [f64];
+    type IntoIter = ChunksExact<'a, f64>;
+
+    fn into_iter(self) -> ChunksExact<'a, f64> {
+        self.iter()
+    }
+}
+
+/// A first guess of a segment's initial state from its own measurements.
+fn first_state(dataset: &Dataset, segment: Segment, state: &mut [f64]) {
+    let run = &dataset.runs[segment.run];
+    let degrees = state.len() / 2;
+    let near = |row: usize| -> Option<f64> {
+        run.values[row][segment.first..=segment.last].iter().copied().find(|x| x.is_finite())
+    };
+    let slope = |row: usize| -> f64 {
+        let mut seen = (segment.first..=segment.last).filter(|&j| run.values[row][j].is_finite());
+        match (seen.next(), seen.next()) {
+            (Some(a), Some(b)) => {
+                (run.values[row][b] - run.values[row][a]) / (run.times[b] - run.times[a])
+            }
+            _ => 0.0,
+        }
+    };
+    let (coordinates, momenta) = state.split_at_mut(degrees);
+    for (i, (coordinate, momentum)) in coordinates.iter_mut().zip(momenta).enumerate() {
+        *coordinate = near(i).unwrap_or(0.0);
+        *momentum = near(degrees + i).unwrap_or_else(|| slope(i));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::data::Run;
+
+    #[test]
+    fn a_missing_momentum_starts_as_the_slope() {
+        let run = Run {
+            name: "1".into(),
+            times: vec![0.0, 0.5, 1.0],
+            values: vec![vec![0.0, 0.5, 1.0], vec![f64::NAN; 3]],
+            lines: vec![0; 3],
+        };
+        let data = Dataset { observables: vec!["q".into(), "p".into()], runs: vec![run] };
+        let segment = Segment { run: 0, first: 0, last: 2 };
+        assert_eq!(States::measured(&data, &[segment; 2], 1).of(1), [0.0, 1.0]);
+    }
+}
