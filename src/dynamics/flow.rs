@@ -26,6 +26,8 @@ pub struct Flow {
 
 /// Products that are added at once.
 const PRODUCTS: usize = 2;
+/// Columns of a tangent that stay in the nearest cache from row to row.
+const TILE: usize = 12;
 
 /// What a flow is compiled from.
 pub struct FlowSource<'a> {
@@ -156,19 +158,22 @@ impl Flow {
         let start = self.inputs.start;
         let set = InstructionSet::widest();
         let width = columns * lanes;
-        let mut entry = 0;
-        for of_row in self.jacobian.chunk_by(|a, b| a.0 == b.0) {
-            let into = &mut target[of_row[0].0 * width..][..width];
-            for some in of_row.chunks(PRODUCTS) {
-                let part = |&(_, from): &(usize, usize)| &source[(from - start) * width..][..width];
-                let mut parts = some.iter().map(part);
-                let weights = &entries[entry * lanes..][..some.len() * lanes];
-                match std::array::from_fn(|_| parts.next()) {
-                    [Some(a), Some(b)] => add_weighted_pair(set, into, a, b, weights),
-                    [Some(a), None] => add_weighted(set, into, a, weights),
-                    _ => {}
+        // A few columns at a time: every row needs the same ones of the source.
+        for tile in (0..width).step_by(TILE * lanes) {
+            let size = (TILE * lanes).min(width - tile);
+            let part =
+                |&(_, from): &(usize, usize)| &source[(from - start) * width + tile..][..size];
+            let mut entry = 0;
+            for of_row in self.jacobian.chunk_by(|a, b| a.0 == b.0) {
+                let into = &mut target[of_row[0].0 * width + tile..][..size];
+                for some in of_row.chunks(PRODUCTS) {
+                    let weights = &entries[entry * lanes..][..some.len() * lanes];
+                    match some {
+                        [a, b] => add_weighted_pair(set, into, part(a), part(b), weights),
+                        _ => some.iter().for_each(|a| add_weighted(set, into, part(a), weights)),
+                    }
+                    entry += some.len();
                 }
-                entry += some.len();
             }
         }
         if columns == first {

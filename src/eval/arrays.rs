@@ -184,18 +184,27 @@ fn fused<const N: usize>(a: &[f64; N], b: &[f64; N], c: &[f64; N]) -> [f64; N] {
     sum
 }
 
+/// Householder reflections of rows of lanes, each lane with its own.
+#[derive(Clone, Copy)]
+pub struct LaneReflections<'a> {
+    /// `[reflection][lane]`: x becomes x + factor (v x) v.
+    pub factors: &'a [f64],
+    /// Number of lanes.
+    pub lanes: usize,
+    /// Columns of every row; the vector of the k-th reflection is column k, from row k on.
+    pub columns: usize,
+    /// Rows before this one that are not k are zero in the k-th vector.
+    pub dense: usize,
+    /// Whether row k of the columns takes part; where it is zero and nobody looks at what it
+    /// becomes, it need not.
+    pub heads: bool,
+}
+
 dispatched! {
-    /// Householder reflections, each lane with its own. `values` is `[row][columns][lane]` with
-    /// the vector v of the k-th reflection in its column k, from row k on; `factors` is
-    /// `[reflection][lane]`. x -= factor (v x) v for the columns `targets`, one reflection after
-    /// the other while a column is in the nearest cache.
-    pub fn reflect_lanes(
-        values: &mut [f64],
-        factors: &[f64],
-        lanes: usize,
-        columns: usize,
-        targets: Range<usize>,
-    ) = reflect_lanes_body;
+    /// Takes reflections to the columns `targets` of `values`, `[row][columns][lane]`, one
+    /// reflection after the other while a column is in the nearest cache.
+    pub fn reflect_lanes(values: &mut [f64], by: LaneReflections, targets: Range<usize>)
+        = reflect_lanes_body;
 }
 
 /// Lanes that fill the widest register.
@@ -205,23 +214,18 @@ const PIECES: usize = 8;
 const WIDE: usize = PIECES * REGISTER;
 
 #[inline(always)]
-fn reflect_lanes_body(
-    values: &mut [f64],
-    factors: &[f64],
-    lanes: usize,
-    columns: usize,
-    targets: Range<usize>,
-) {
+fn reflect_lanes_body(values: &mut [f64], by: LaneReflections, targets: Range<usize>) {
+    let lanes = by.lanes;
     let (wide, whole) = (lanes / WIDE * WIDE, lanes / REGISTER * REGISTER);
     for column in targets {
         for lane in (0..wide).step_by(WIDE) {
-            reflect_some::<REGISTER, PIECES>(values, factors, columns, lane, column, lanes);
+            reflect_some::<REGISTER, PIECES>(values, by, lane, column);
         }
         for lane in (wide..whole).step_by(REGISTER) {
-            reflect_some::<REGISTER, 1>(values, factors, columns, lane, column, lanes);
+            reflect_some::<REGISTER, 1>(values, by, lane, column);
         }
         for lane in whole..lanes {
-            reflect_some::<1, 1>(values, factors, columns, lane, column, lanes);
+            reflect_some::<1, 1>(values, by, lane, column);
         }
     }
 }
@@ -230,36 +234,63 @@ fn reflect_lanes_body(
 #[inline(always)]
 fn reflect_some<const LANES: usize, const COUNT: usize>(
     values: &mut [f64],
-    factors: &[f64],
-    columns: usize,
+    by: LaneReflections,
     lane: usize,
     column: usize,
-    lanes: usize,
 ) {
+    let LaneReflections { factors, lanes, columns, dense, heads } = by;
     let (stride, end) = (columns * lanes, values.len());
     for k in 0..factors.len() / lanes {
         let (v, x) = (k * lanes + lane, column * lanes + lane);
+        let below = dense.max(k + 1) * stride;
         let mut sums = [[0.0; LANES]; COUNT];
-        for row in (k * stride..end).step_by(stride) {
-            for (piece, sum) in sums.iter_mut().enumerate() {
-                let v = load::<LANES>(values, row + v + piece * LANES);
-                *sum = fused(v, load(values, row + x + piece * LANES), sum);
-            }
+        if heads {
+            add_row(&mut sums, values, k * stride + v, k * stride + x);
+        }
+        for row in (below..end).step_by(stride) {
+            add_row(&mut sums, values, row + v, row + x);
         }
         for (piece, sum) in sums.iter_mut().enumerate() {
             let factor = load::<LANES>(factors, k * lanes + lane + piece * LANES);
             for i in 0..LANES {
-                sum[i] *= -factor[i];
+                sum[i] *= factor[i];
             }
         }
-        for row in (k * stride..end).step_by(stride) {
-            for (piece, sum) in sums.iter().enumerate() {
-                let at = row + x + piece * LANES;
-                let v = load::<LANES>(values, row + v + piece * LANES);
-                let moved = fused(v, sum, load(values, at));
-                values[at..][..LANES].copy_from_slice(&moved);
-            }
+        if heads {
+            move_row(&sums, values, k * stride + v, k * stride + x);
         }
+        for row in (below..end).step_by(stride) {
+            move_row(&sums, values, row + v, row + x);
+        }
+    }
+}
+
+/// sums += v x, for the lanes from the places `v` and `x` on.
+#[inline(always)]
+fn add_row<const LANES: usize, const COUNT: usize>(
+    sums: &mut [[f64; LANES]; COUNT],
+    values: &[f64],
+    v: usize,
+    x: usize,
+) {
+    for (piece, sum) in sums.iter_mut().enumerate() {
+        let v = load::<LANES>(values, v + piece * LANES);
+        *sum = fused(v, load(values, x + piece * LANES), sum);
+    }
+}
+
+/// x += v sums, for the lanes from the places `v` and `x` on.
+#[inline(always)]
+fn move_row<const LANES: usize, const COUNT: usize>(
+    sums: &[[f64; LANES]; COUNT],
+    values: &mut [f64],
+    v: usize,
+    x: usize,
+) {
+    for (piece, sum) in sums.iter().enumerate() {
+        let at = x + piece * LANES;
+        let moved = fused(load(values, v + piece * LANES), sum, load(values, at));
+        values[at..][..LANES].copy_from_slice(&moved);
     }
 }
 

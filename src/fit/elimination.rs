@@ -5,15 +5,21 @@ use nalgebra::{DMatrix, DVector};
 use super::factor::Factor;
 use super::support::Columns;
 
-/// Backward elimination: the inverse triangle is updated with every column that leaves.
+/// Backward elimination: the inverse of the triangle is all that is kept.
+///
+/// The unknowns are `W t`, the covariance is `W W'`, for W the inverse of R and t the target. A
+/// reflection from the right leaves both as they are; the one that turns a row of W into its
+/// last entry alone takes that unknown out with the last column.
 pub struct Elimination {
     /// Terms that are left.
     pub support: Vec<usize>,
-    /// Factor columns in the order of the triangle.
-    columns: Vec<usize>,
-    triangle: DMatrix<f64>,
+    /// Factor columns of the rows of W, `None` once they have left.
+    columns: Vec<Option<usize>>,
+    /// W; columns that have left, the last first, are cut off.
     inverse: DMatrix<f64>,
     target: DVector<f64>,
+    /// W t.
+    solution: DVector<f64>,
     /// Sum of squares that the columns leave.
     pub squares: f64,
 }
@@ -32,27 +38,31 @@ impl Elimination {
             ridge[(k, k)] = 1e-13 * norm;
         }
         selected.push(&mut ridge, 0);
-        let triangle = selected.design();
         let size = chosen.len();
-        let inverse = triangle
+        let inverse = selected
+            .design()
             .solve_upper_triangular(&DMatrix::identity(size, size))
             .unwrap_or_else(|| DMatrix::identity(size, size));
         let support = support.into_iter().filter(|k| chosen.contains(k)).collect();
         let (target, squares) = (selected.target(), selected.least());
-        Elimination { support, columns: chosen, triangle, inverse, target, squares }
+        let solution = &inverse * &target;
+        let columns = chosen.into_iter().map(Some).collect();
+        Elimination { support, columns, inverse, target, solution, squares }
     }
 
     /// Removes the term whose loss raises the squares least.
     pub fn remove_weakest(&mut self, columns: &Columns) {
-        let solution = &self.inverse * &self.target;
-        let weakest = self
-            .columns
-            .iter()
-            .enumerate()
-            .filter(|&(_, &c)| c < columns.terms)
-            .map(|(i, &c)| {
-                let spread = self.inverse.row(i).norm_squared();
-                (i, c, solution[i] * solution[i] / spread)
+        let mut spreads = vec![0.0; self.columns.len()];
+        for column in self.inverse.column_iter() {
+            for (spread, x) in spreads.iter_mut().zip(column.iter()) {
+                *spread += x * x;
+            }
+        }
+        let rows = self.columns.iter().zip(self.solution.iter().zip(&spreads)).enumerate();
+        let weakest = rows
+            .filter_map(|(at, (column, (x, spread)))| {
+                let term = column.filter(|&c| c < columns.terms)?;
+                Some((at, term, x * x / spread))
             })
             .min_by(|a, b| a.2.total_cmp(&b.2));
         let Some((at, term, _)) = weakest else {
@@ -61,45 +71,79 @@ impl Elimination {
         };
         self.remove(at);
         self.support.retain(|&k| k != term);
+        if self.columns.iter().flatten().all(|&c| c < columns.terms) {
+            return;
+        }
         let keep = columns.of(&self.support);
-        while let Some(at) = self.columns.iter().position(|c| !keep.contains(c)) {
-            self.remove(at);
+        for at in 0..self.columns.len() {
+            if self.columns[at].is_some_and(|column| !keep.contains(&column)) {
+                self.remove(at);
+            }
         }
     }
 
-    /// Takes one column out and rotates the triangle back into shape.
+    /// Takes one unknown out.
     fn remove(&mut self, at: usize) {
-        let size = self.columns.len();
-        self.columns.remove(at);
-        let mut triangle = std::mem::replace(&mut self.triangle, DMatrix::zeros(0, 0));
-        triangle = triangle.remove_column(at);
-        for k in at..size - 1 {
-            let (a, b) = (triangle[(k, k)], triangle[(k + 1, k)]);
-            let length = a.hypot(b);
-            if length == 0.0 {
-                continue;
-            }
-            let (c, s) = (a / length, b / length);
-            for column in k..size - 1 {
-                let (x, y) = (triangle[(k, column)], triangle[(k + 1, column)]);
-                triangle[(k, column)] = c * x + s * y;
-                triangle[(k + 1, column)] = c * y - s * x;
-            }
-            let (x, y) = (self.target[k], self.target[k + 1]);
-            self.target[k] = c * x + s * y;
-            self.target[k + 1] = c * y - s * x;
-            let (mut left, mut right) = self.inverse.columns_range_pair_mut(k, k + 1);
-            for row in 0..size {
-                let (x, y) = (left[row], right[row]);
-                left[row] = c * x + s * y;
-                right[row] = c * y - s * x;
-            }
+        self.columns[at] = None;
+        let Some(last) = self.inverse.ncols().checked_sub(1) else { return };
+        // The reflection I - 2 v v' / v'v that turns the row into its last entry.
+        let mut v = self.inverse.row(at).transpose();
+        v[last] += v.norm().copysign(v[last]);
+        let squares = v.norm_squared();
+        if squares > 0.0 {
+            let factor = -2.0 / squares;
+            let along = &self.inverse * &v;
+            self.inverse.ger(factor, &along, &v, 1.0);
+            let along = self.target.dot(&v);
+            self.target.axpy(factor * along, &v, 1.0);
         }
-        self.triangle = triangle.remove_row(size - 1);
+        let lost = self.target[last];
+        self.solution.axpy(-lost, &self.inverse.column(last), 1.0);
+        self.solution[at] = 0.0;
+        self.squares += lost * lost;
         let inverse = std::mem::replace(&mut self.inverse, DMatrix::zeros(0, 0));
-        self.inverse = inverse.remove_row(at).remove_column(size - 1);
+        // The last column of a matrix that is stored by columns is cut off in place.
+        self.inverse = inverse.resize_horizontally(last, 0.0);
+        self.inverse.row_mut(at).fill(0.0);
         let target = std::mem::replace(&mut self.target, DVector::zeros(0));
-        self.squares += target[size - 1].powi(2);
-        self.target = target.remove_row(size - 1);
+        self.target = target.resize_vertically(last, 0.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::expr::Bounds;
+
+    #[test]
+    fn squares_are_those_of_a_fit_without_what_left() {
+        let mut rows = DMatrix::from_fn(40, 7, |i, j| (0.7 * ((i + 1) * (j + 1)) as f64).sin());
+        let mut factor = Factor::new(6);
+        factor.push(&mut rows, 40);
+        let columns = Columns {
+            terms: 6,
+            companions: vec![Vec::new(); 6],
+            forced: Vec::new(),
+            bounds: vec![Bounds::FREE; 6],
+            complexity: vec![1; 6],
+            costs: vec![0.0; 6],
+        };
+        let mut elimination = Elimination::new(&factor, &columns, (0..6).collect());
+        for left in (0..6).rev() {
+            let before = elimination.squares;
+            let dearer = |k: usize| {
+                let rest: Vec<usize> =
+                    elimination.support.iter().copied().filter(|&j| j != k).collect();
+                factor.select(&rest).least()
+            };
+            let cheapest =
+                elimination.support.iter().map(|&k| dearer(k)).fold(f64::INFINITY, f64::min);
+            elimination.remove_weakest(&columns);
+            assert_eq!(elimination.support.len(), left);
+            assert!(elimination.squares >= before);
+            assert!((elimination.squares - cheapest).abs() < 1e-10 * cheapest, "{left} left");
+            let exact = factor.select(&elimination.support).least();
+            assert!((elimination.squares - exact).abs() < 1e-10 * exact, "{left} left");
+        }
     }
 }

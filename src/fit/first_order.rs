@@ -14,6 +14,7 @@ use rand_pcg::Pcg64;
 use super::monitor::Monitor;
 use super::options::Options;
 use super::path::soft_threshold;
+use super::scales::scales;
 use super::segments::{Segment, cut, typical_step};
 use super::states::States;
 use super::stepping;
@@ -152,7 +153,8 @@ impl<'a> Trainer<'a> {
         let everything: Vec<usize> = (0..system.terms.len()).collect();
         let dynamics = Dynamics::new(system, &everything, Backend::default());
         let typical = typical_step(dataset);
-        let rounding = stepping::rounding(dataset, 2 * system.degrees());
+        let scales = scales(dataset, 2 * system.degrees());
+        let rounding: Vec<f64> = scales.iter().map(|scale| scale.rounding).collect();
         let separable = dynamics.separable();
         let integrator = stepping::coarse(system, options, separable, typical, &rounding)?;
         let segments = cut(dataset, options.window.unwrap_or(2)).list;

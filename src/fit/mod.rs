@@ -27,6 +27,7 @@ pub mod path;
 mod prune;
 pub mod resume;
 mod rows;
+pub mod scales;
 pub mod screening;
 pub mod segments;
 pub mod starts;

@@ -6,7 +6,8 @@ use super::motion::Motion;
 use super::pass::{Problem, Sums};
 use crate::dynamics::{Dynamics, Scratch, observe};
 use crate::eval::{
-    Aligned, InstructionSet, add_products, add_squares, compare, leverages, reflect_lanes, weigh,
+    Aligned, InstructionSet, LaneReflections, add_products, add_squares, compare, leverages,
+    reflect_lanes, weigh,
 };
 
 /// Weighted residuals and derivatives of a block of segments, `[row][column][lane]`.
@@ -180,12 +181,17 @@ impl Rows {
         let set = InstructionSet::widest();
         let width = self.state * lanes;
         let rows = self.values.chunks_exact(columns * lanes);
-        for (row, original) in rows.zip(self.original.chunks_exact_mut(width)) {
+        let mut untouched = true;
+        for (at, (row, original)) in rows.zip(self.original.chunks_exact_mut(width)).enumerate() {
             original.copy_from_slice(&row[..width]);
             add_squares(set, &mut self.touched, &row[self.state * lanes..], lanes);
+            untouched &= at >= self.observables || self.touched.iter().all(|sum| *sum == 0.0);
         }
         let pivots = self.state.min(self.rows);
         let at = |row: usize, column: usize| (row * columns + column) * lanes;
+        // Where a segment starts from what is measured there, theta has not moved it yet.
+        let alone = untouched && self.starts_alone();
+        let dense = if alone { self.observables } else { 0 };
         let mut norm = vec![0.0; lanes];
         let mut diagonal = vec![0.0; pivots * lanes];
         let mut factors = vec![0.0; pivots * lanes];
@@ -202,14 +208,18 @@ impl Rows {
                 let alpha = self.values[head + lane];
                 let beta = -norm[lane].sqrt().copysign(alpha);
                 let size = norm[lane] - alpha * beta;
-                factor[lane] = if size > 0.0 { 1.0 / size } else { 0.0 };
+                factor[lane] = if size > 0.0 { -1.0 / size } else { 0.0 };
                 self.values[head + lane] = alpha - beta;
                 diagonal[pivot * lanes + lane] = beta;
             }
-            let further = 1..self.state - pivot;
-            reflect_lanes(set, &mut self.values[head..], factor, lanes, columns, further);
+            let dense = dense.saturating_sub(pivot);
+            let by = LaneReflections { factors: factor, lanes, columns, dense, heads: true };
+            reflect_lanes(set, &mut self.values[head..], by, 1..self.state - pivot);
         }
-        reflect_lanes(set, &mut self.values, &factors, lanes, columns, self.state..columns);
+        let by = LaneReflections { factors: &factors, lanes, columns, dense, heads: true };
+        reflect_lanes(set, &mut self.values, by, columns - 1..columns);
+        let by = LaneReflections { heads: !alone, ..by };
+        reflect_lanes(set, &mut self.values, by, self.state..columns - 1);
         for (pivot, diagonal) in diagonal.chunks_exact(lanes).enumerate() {
             self.values[at(pivot, pivot)..][..lanes].copy_from_slice(diagonal);
             for row in pivot + 1..self.rows {
@@ -217,6 +227,18 @@ impl Rows {
             }
         }
         self.inverse = self.inverse_pivots();
+    }
+
+    /// Whether each of the first rows has its own component of the state alone, as it does where
+    /// the state is what is measured.
+    fn starts_alone(&self) -> bool {
+        let first = self.original.chunks_exact(self.state * self.lanes).take(self.observables);
+        self.observables == self.state
+            && first.enumerate().all(|(row, values)| {
+                let columns = values.chunks_exact(self.lanes).enumerate();
+                let mut others = columns.filter(|(column, _)| *column != row);
+                others.all(|(_, values)| values.iter().all(|x| *x == 0.0))
+            })
     }
 
     /// One over the diagonal of R_s, zero where a state is not determined, `[column][lane]`.

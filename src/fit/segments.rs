@@ -126,12 +126,12 @@ pub fn cut(dataset: &Dataset, window: usize) -> Segments {
     let count = FOLDS.min(segments.len()).max(1);
     let runs = dataset.runs.len();
     let total = segments.len().max(1);
-    let folded = segments
+    let folded: Vec<(usize, Segment)> = segments
         .into_iter()
         .enumerate()
         .map(|(i, s)| (if runs >= count { s.run % count } else { i * count / total }, s))
         .collect();
-    let mut segments = sort_into_folds(folded, count);
+    let mut segments = sort_into_folds(&folded, count);
     segments.folds.retain(|fold| !fold.is_empty());
     segments
 }
@@ -174,16 +174,18 @@ pub(super) fn cut_run(
 }
 
 /// Brings the segments of each of `count` folds together, short ones first.
-pub(super) fn sort_into_folds(mut folded: Vec<(usize, Segment)>, count: usize) -> Segments {
-    folded.par_sort_unstable_by_key(|&(fold, s)| (fold, s.samples(), s.run, s.first));
-    let mut folds = Vec::with_capacity(count);
-    let mut start = 0;
-    for fold in 0..count {
-        let end = start + folded[start..].partition_point(|(own, _)| *own <= fold);
-        folds.push(start..end);
-        start = end;
-    }
-    Segments { list: folded.into_iter().map(|(_, s)| s).collect(), folds }
+pub(super) fn sort_into_folds(folded: &[(usize, Segment)], count: usize) -> Segments {
+    let mut sizes = vec![0; count];
+    folded.iter().for_each(|&(fold, _)| sizes[fold] += 1);
+    let mut parts: Vec<Vec<Segment>> = sizes.iter().map(|&size| Vec::with_capacity(size)).collect();
+    folded.iter().for_each(|&(fold, segment)| parts[fold].push(segment));
+    // They came in the order of runs and times, which segments of the same length keep.
+    parts.par_iter_mut().for_each(|part| part.sort_by_key(|segment| segment.samples()));
+    let ends = sizes.iter().scan(0, |end, size| {
+        *end += size;
+        Some(*end - size..*end)
+    });
+    Segments { folds: ends.collect(), list: parts.concat() }
 }
 
 /// First and last samples of the segments of one run, in a data set whose usual interval

@@ -1,13 +1,10 @@
 //! How accurately to integrate: as the noise asks for, and no more.
 
-use rayon::prelude::*;
-
 use super::options::Options;
 use super::pass::Stepping;
 use super::segments::Segment;
 use super::states::States;
 use super::train::Training;
-use crate::data::Dataset;
 use crate::dynamics::{Batch, Dynamics, Method, Scratch, choose_steps};
 use crate::error::{Error, Result};
 use crate::expr::System;
@@ -42,19 +39,6 @@ const SUSPECT: f64 = 20.0;
 const FINEST: f64 = 1e-5;
 /// The error estimate is a maximum over a sample; others may be worse.
 const MARGIN: f64 = 3.0;
-
-/// Rounding of each observable: a few units in the last place of its largest value.
-pub fn rounding(dataset: &Dataset, observables: usize) -> Vec<f64> {
-    (0..observables)
-        .into_par_iter()
-        .map(|row| {
-            let columns = dataset.runs.iter().filter_map(|run| run.values.get(row));
-            let finite = |m: f64, x: &f64| if x.is_finite() { m.max(x.abs()) } else { m };
-            let largest = columns.fold(0.0, |m, cells| cells.iter().fold(m, finite));
-            (8.0 * f64::EPSILON * largest).max(1e-300)
-        })
-        .collect()
-}
 
 /// For the first round, whose model is rough anyway.
 ///

@@ -233,6 +233,6 @@ impl Cutter {
             lines: Vec::new(),
         };
         let dataset = Dataset { observables: observables.to_vec(), runs: vec![packed] };
-        (dataset, sort_into_folds(list, FOLDS))
+        (dataset, sort_into_folds(&list, FOLDS))
     }
 }

@@ -8,14 +8,13 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use rayon::prelude::*;
-
 use super::criterion::{Criterion, choice_costs, complexity};
 use super::factor::Factor;
-use super::gauss_newton::{CONVERGED, Refit, StopReason, refit};
+use super::gauss_newton::{CONVERGED, Refit, StopReason, refit, unseen};
 use super::monitor::Monitor;
 use super::options::Options;
-use super::pass::{Problem, Sums, settle, settle_and_linearise};
+use super::pass::{Linearised, Problem, Sums, settle, settle_and_linearise};
+use super::scales::scales;
 use super::segments::{Segment, Segments, cut, longest_run, typical_step};
 use super::states::States;
 use super::stepping::{self, Choice};
@@ -136,17 +135,18 @@ impl<'a> Training<'a> {
     /// Starts from nothing: no term, parameters at their start values.
     pub fn new(system: &'a System, dataset: &'a Dataset, options: &'a Options) -> Result<Self> {
         let degrees = system.degrees();
-        let spread = spreads(dataset, 2 * degrees);
-        let measured = |row: usize| spread[row].is_some();
-        if !(0..degrees).any(measured) {
+        let scales = scales(dataset, 2 * degrees);
+        if scales[..degrees].iter().all(|scale| scale.spread.is_none()) {
             return Err(Error::fit(
                 "no coordinate is measured",
                 "name the columns of the coordinates in the spec's data block",
             ));
         }
         let typical = typical_step(dataset);
-        let share = measured_share(dataset, 2 * degrees);
-        let spread: Vec<f64> = spread.iter().map(|s| s.unwrap_or(1.0)).collect();
+        let measured: usize = scales.iter().map(|scale| scale.measured).sum();
+        let cells = dataset.samples() * 2 * degrees;
+        let share = measured.max(1) as f64 / cells.max(1) as f64;
+        let spread: Vec<f64> = scales.iter().map(|scale| scale.spread.unwrap_or(1.0)).collect();
         let longest = longest_run(dataset);
         // Twice as many measured values as a state has components.
         let shortest = (2.0 / share - 0.5).ceil().min(longest as f64) as usize;
@@ -154,7 +154,7 @@ impl<'a> Training<'a> {
         let everything: Vec<usize> = (0..system.terms.len()).collect();
         let compiled = Compiled::default();
         let separable = compiled.of(system, &everything).separable();
-        let rounding = stepping::rounding(dataset, 2 * degrees);
+        let rounding: Vec<f64> = scales.iter().map(|scale| scale.rounding).collect();
         let mut training = Training {
             system,
             dataset,
@@ -299,14 +299,14 @@ impl<'a> Training<'a> {
         }
         let noise = self.noise.clone();
         let weights = self.weights();
-        let (folds, rows) = {
+        let (folds, sums) = {
             let problem = self.problem(&weights);
             let (present, whole) = ((&*present, &*present_theta), (&*whole, &*theta));
             let linearised = settle_and_linearise(&problem, present, whole, &mut states);
-            (linearised.folds, linearised.sums.rows)
+            (linearised.folds, linearised.sums)
         };
         self.states = states;
-        if rows == 0 {
+        if sums.rows == 0 {
             return Err(Error::fit(
                 "the measurements do not outnumber the unknown initial states",
                 "measure momenta or velocities too, or longer runs",
@@ -338,10 +338,55 @@ impl<'a> Training<'a> {
         let best = search.candidates.first().cloned().ok_or_else(|| {
             Error::fit("no model was found", "check that the function space is not empty")
         })?;
-        let refit = self.adopt(&best, &whole, monitor);
+        let refit = match self.confirmed(&best, &merged, &sums) {
+            true => self.settle_on(&best, &columns, &folds, sums),
+            false => self.adopt(&best, &whole, monitor),
+        };
         self.rounds += 1;
         let foretold = criterion.agree(best.squares, refit.sums().loss, refit.sums().rows);
         Ok(Round { search, refit, folds, merged, columns, criterion, foretold, noise })
+    }
+
+    /// Whether a candidate is the present model but for what the data cannot see.
+    fn confirmed(&self, candidate: &Candidate, merged: &Factor, sums: &Sums) -> bool {
+        if !self.system.parameters.is_empty() {
+            return false;
+        }
+        let mut change = -nalgebra::DVector::from_column_slice(&self.coefficients);
+        candidate.values.iter().for_each(|&(column, value)| change[column] += value);
+        let moved = (merged.design() * change).norm_squared();
+        unseen(moved, self.promise(), sums, self.floor())
+    }
+
+    /// Takes the coefficients of a candidate that is confirmed: what a refit would find is known.
+    fn settle_on(
+        &mut self,
+        candidate: &Candidate,
+        columns: &Columns,
+        folds: &[Factor],
+        sums: Sums,
+    ) -> Refit {
+        let chosen = columns.of(&candidate.support);
+        let theta: Vec<f64> = candidate.values.iter().map(|&(_, value)| value).collect();
+        let origin = nalgebra::DVector::from_column_slice(&theta);
+        let at_theta = |fold: &Factor| {
+            let mut own = fold.select(&chosen);
+            own.shift(&origin);
+            own
+        };
+        let linearised = Linearised { folds: folds.iter().map(at_theta).collect(), sums };
+        let states = std::mem::take(&mut self.states);
+        let stop = StopReason::Converged;
+        let mut refit = Refit { theta, states, linearised, iterations: 1, stop };
+        self.support.clone_from(&candidate.support);
+        self.coefficients.fill(0.0);
+        self.take(&mut refit);
+        refit
+    }
+
+    /// A step that promises less than this part of the loss ends a refit.
+    fn promise(&self) -> f64 {
+        if self.extent == Extent::Rough { NEAR } else { CONVERGED }
     }
 
     /// Makes a candidate the present model and refits it.
@@ -374,8 +419,7 @@ impl<'a> Training<'a> {
         let weights = self.weights();
         let problem = self.problem(&weights);
         let bounds = self.bounds(&dynamics);
-        let promise = if self.extent == Extent::Rough { NEAR } else { CONVERGED };
-        refit(&problem, &dynamics, &bounds, &theta, states, promise, monitor)
+        refit(&problem, &dynamics, &bounds, &theta, states, self.promise(), monitor)
     }
 
     /// Makes the result of a refit the present model, moves its states here, and estimates the
@@ -530,32 +574,4 @@ impl<'a> Training<'a> {
             *noise = noise.max(*floor);
         }
     }
-}
-
-/// The part of all cells that were measured.
-fn measured_share(dataset: &Dataset, observables: usize) -> f64 {
-    let samples: usize = dataset.runs.iter().map(|run| run.times.len()).sum();
-    let columns = dataset.runs.par_iter().flat_map_iter(|run| run.values.iter().take(observables));
-    let measured: usize = columns.map(|c| c.iter().filter(|x| x.is_finite()).count()).sum();
-    measured.max(1) as f64 / (samples * observables).max(1) as f64
-}
-
-/// Standard deviation of every observable, `None` where nothing was measured.
-fn spreads(dataset: &Dataset, observables: usize) -> Vec<Option<f64>> {
-    (0..observables)
-        .into_par_iter()
-        .map(|row| {
-            let mut values = Vec::with_capacity(dataset.samples());
-            for cells in dataset.runs.iter().filter_map(|run| run.values.get(row)) {
-                values.extend(cells.iter().filter(|x| x.is_finite()));
-            }
-            if values.is_empty() {
-                return None;
-            }
-            let count = values.len() as f64;
-            let mean = values.iter().sum::<f64>() / count;
-            let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
-            Some(if variance > 0.0 { variance.sqrt() } else { mean.abs().max(1.0) })
-        })
-        .collect()
 }

@@ -1,0 +1,39 @@
+//! The size of what was measured: spread, rounding, how much there is.
+
+use rayon::prelude::*;
+
+use crate::data::Dataset;
+
+/// One observable over all runs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scale {
+    /// Standard deviation; of a column that never changes its size, at least 1. `None` where
+    /// nothing was measured.
+    pub spread: Option<f64>,
+    /// What rounding does to it: a few units in the last place of its largest value.
+    pub rounding: f64,
+    /// Values that were measured.
+    pub measured: usize,
+}
+
+/// The scale of each of the first `observables` observables.
+pub fn scales(dataset: &Dataset, observables: usize) -> Vec<Scale> {
+    (0..observables).into_par_iter().map(|row| scale(dataset, row)).collect()
+}
+
+fn scale(dataset: &Dataset, row: usize) -> Scale {
+    let mut values: Vec<f64> = Vec::with_capacity(dataset.samples());
+    for cells in dataset.runs.iter().filter_map(|run| run.values.get(row)) {
+        values.extend(cells.iter().filter(|x| x.is_finite()));
+    }
+    let largest = values.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
+    let spread = if variance > 0.0 { variance.sqrt() } else { mean.abs().max(1.0) };
+    Scale {
+        spread: (!values.is_empty()).then_some(spread),
+        rounding: (8.0 * f64::EPSILON * largest).max(1e-300),
+        measured: values.len(),
+    }
+}
