@@ -54,8 +54,8 @@ pub struct Problem<'a> {
     pub window: usize,
 }
 
-/// Blocks of no more columns may be twice as wide: their tangents stay in the second cache.
-const FEW_COLUMNS: usize = 16;
+/// Rows of short segments by few columns: such blocks may be twice as wide.
+const SMALL_BYTES: usize = 128 << 10;
 /// Bytes that the rows of one block may take.
 const BLOCK_BYTES: usize = 12 << 20;
 /// Steps of the inner search for the states.
@@ -440,6 +440,6 @@ fn width(problem: &Problem, columns: usize) -> usize {
 /// Segments of at most `samples` samples that are worked on side by side.
 pub(super) fn block_width(problem: &Problem, samples: usize, columns: usize) -> usize {
     let lane_bytes = samples * problem.weights.len() * columns * 8;
-    let most = if columns <= FEW_COLUMNS { 2 * LANES } else { LANES };
+    let most = if 2 * LANES * lane_bytes <= SMALL_BYTES { 2 * LANES } else { LANES };
     (BLOCK_BYTES / lane_bytes.max(1)).clamp(4, most) / 4 * 4
 }
