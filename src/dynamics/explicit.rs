@@ -1,9 +1,12 @@
 //! Explicit Runge-Kutta steps and their exact tangents.
 
+use std::ops::Deref;
+
 use super::batch::{Batch, Scratch};
 use super::equations::Dynamics;
 use super::methods::Tableau;
 use super::splitting::rescale;
+use crate::eval::{Aligned, InstructionSet, add_multiple};
 
 /// Advances a batch; `scratch.step` holds the step of each lane. `record` sees the
 /// state before every step.
@@ -24,17 +27,19 @@ pub fn advance(
     let stages = tableau.weights.len();
     // Step times slope at each stage, and its tangent.
     let mut slopes = vec![vec![0.0; batch.state.len()]; stages];
-    let mut variations = vec![vec![0.0; batch.tangent.len()]; stages];
+    let mut variations: Vec<Aligned> =
+        (0..stages).map(|_| scratch.lend(batch.tangent.len())).collect();
     let mut state = Vec::with_capacity(batch.state.len());
     let mut tangent = Vec::with_capacity(batch.tangent.len());
     let start = batch.time.clone();
+    scratch.workspace.clear();
     for step in 0..steps {
         record(&batch.state);
         for stage in 0..stages {
             let row = &tableau.matrix[stage * stages..(stage + 1) * stages];
             combine(&mut state, &batch.state, row, &slopes[..stage]);
             set_stage(scratch, &start, step as f64 + tableau.nodes[stage]);
-            field.evaluate(&state, lanes, theta, tangents, scratch);
+            field.evaluate_again(&state, lanes, theta, tangents, scratch);
             let size = if tangents { field.outputs() } else { field.rows } * lanes;
             rescale(&mut scratch.out[..size], &scratch.scale);
             let (values, entries) = scratch.out[..size].split_at(field.rows * lanes);
@@ -53,6 +58,7 @@ pub fn advance(
             batch.tangent.copy_from_slice(&tangent);
         }
     }
+    variations.into_iter().rev().for_each(|memory| scratch.take_back(memory));
 }
 
 /// Times of a stage `at` steps from the start; the factor of what is evaluated is the step.
@@ -65,15 +71,18 @@ pub fn set_stage(scratch: &mut Scratch, start: &[f64], at: f64) {
 }
 
 /// out = base + sum of factor * part.
-pub fn combine(out: &mut Vec<f64>, base: &[f64], factors: &[f64], parts: &[Vec<f64>]) {
+pub fn combine<P: Deref<Target = [f64]>>(
+    out: &mut Vec<f64>,
+    base: &[f64],
+    factors: &[f64],
+    parts: &[P],
+) {
+    let set = InstructionSet::widest();
     out.clear();
     out.extend_from_slice(base);
     for (&factor, part) in factors.iter().zip(parts) {
-        if factor == 0.0 {
-            continue;
-        }
-        for (sum, value) in out.iter_mut().zip(part) {
-            *sum += factor * value;
+        if factor != 0.0 {
+            add_multiple(set, out, part, factor);
         }
     }
 }
