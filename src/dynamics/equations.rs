@@ -255,7 +255,7 @@ impl Dynamics {
             }
             let mut graph = self.graph.clone();
             let zeros = vec![graph.number(0.0); self.degrees];
-            Some(self.compile(&mut graph, &zeros, linear, 0..2 * self.degrees))
+            Some(self.compile(graph, &zeros, linear, 0..2 * self.degrees))
         });
         flow.as_ref()
     }
@@ -319,7 +319,7 @@ impl Dynamics {
             linear.extend(self.slope.linear.iter().map(|list| {
                 list.iter().map(|&(unknown, expr)| (unknown, graph.negate(expr))).collect()
             }));
-            self.compile(&mut graph, &rows, &linear, 0..2 * self.degrees)
+            self.compile(graph, &rows, &linear, 0..2 * self.degrees)
         })
     }
 
@@ -353,12 +353,12 @@ impl Dynamics {
         linear: &[Vec<(usize, Expr)>],
         inputs: std::ops::Range<usize>,
     ) -> Flow {
-        self.compile(&mut self.graph.clone(), rows, linear, inputs)
+        self.compile(self.graph.clone(), rows, linear, inputs)
     }
 
     fn compile(
         &self,
-        graph: &mut Graph,
+        graph: Graph,
         functions: &[Expr],
         linear: &[Vec<(usize, Expr)>],
         inputs: std::ops::Range<usize>,

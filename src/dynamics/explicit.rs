@@ -51,12 +51,8 @@ pub fn advance(
                 field.push(&mut variations[stage], &tangent, entries, first, columns, lanes);
             }
         }
-        combine(&mut state, &batch.state, tableau.weights, &slopes);
-        batch.state.copy_from_slice(&state);
-        if tangents {
-            combine(&mut tangent, &batch.tangent, tableau.weights, &variations);
-            batch.tangent.copy_from_slice(&tangent);
-        }
+        add_parts(&mut batch.state, tableau.weights, &slopes);
+        add_parts(&mut batch.tangent, tableau.weights, &variations);
     }
     variations.into_iter().rev().for_each(|memory| scratch.take_back(memory));
 }
@@ -77,9 +73,14 @@ pub fn combine<P: Deref<Target = [f64]>>(
     factors: &[f64],
     parts: &[P],
 ) {
-    let set = InstructionSet::widest();
     out.clear();
     out.extend_from_slice(base);
+    add_parts(out, factors, parts);
+}
+
+/// out += sum of factor * part.
+fn add_parts<P: Deref<Target = [f64]>>(out: &mut [f64], factors: &[f64], parts: &[P]) {
+    let set = InstructionSet::widest();
     for (&factor, part) in factors.iter().zip(parts) {
         if factor != 0.0 {
             add_multiple(set, out, part, factor);

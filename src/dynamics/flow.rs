@@ -1,6 +1,7 @@
 //! A part of the equations of motion as a compiled function, with its sparse Jacobian.
 
 use std::ops::Range;
+use std::sync::OnceLock;
 
 use super::batch::Scratch;
 use crate::eval::{
@@ -10,7 +11,9 @@ use crate::expr::{Expr, Graph, Symbol};
 
 /// Functions of some rows of the state, time and theta, with their derivatives.
 pub struct Flow {
-    value: Box<dyn Evaluator>,
+    /// Compiled when it is first asked for: a function space moves by its derivatives alone.
+    value: OnceLock<Box<dyn Evaluator>>,
+    source: (Graph, Inputs, Vec<Expr>, Backend),
     /// Values, then Jacobian entries, then mixed entries.
     tangent: Box<dyn Evaluator>,
     /// Rows of the state that the functions may depend on.
@@ -40,7 +43,7 @@ pub struct FlowSource<'a> {
 }
 
 impl Flow {
-    pub fn new(graph: &mut Graph, source: &FlowSource, backend: Backend) -> Flow {
+    pub fn new(mut graph: Graph, source: &FlowSource, backend: Backend) -> Flow {
         let rows = source.functions.len();
         let mut jacobian = Vec::new();
         for column in source.inputs.clone() {
@@ -70,8 +73,9 @@ impl Flow {
         let timed = graph.symbols(&outputs).contains(&Symbol::Time);
         let inputs = sources(source.state, source.inputs.clone(), timed, source.unknowns);
         Flow {
-            value: compile(graph, &inputs, source.functions, backend),
-            tangent: compile(graph, &inputs, &outputs, backend),
+            value: OnceLock::new(),
+            tangent: compile(&graph, &inputs, &outputs, backend),
+            source: (graph, inputs, source.functions.to_vec(), backend),
             inputs: source.inputs.clone(),
             rows,
             jacobian: jacobian.into_iter().map(|(row, column, _)| (row, column)).collect(),
@@ -83,6 +87,11 @@ impl Flow {
     /// Where the compiled functions take the symbols' values from.
     pub fn sources(&self, state: &[Symbol], unknowns: &[Symbol]) -> Inputs {
         sources(state, self.inputs.clone(), self.timed, unknowns)
+    }
+
+    fn value(&self) -> &dyn Evaluator {
+        let (graph, inputs, functions, backend) = &self.source;
+        &**self.value.get_or_init(|| compile(graph, inputs, functions, *backend))
     }
 
     /// Whether the functions or their derivatives name the time.
@@ -129,7 +138,7 @@ impl Flow {
         } else {
             rows
         };
-        let evaluator = if derivatives { &self.tangent } else { &self.value };
+        let evaluator = if derivatives { &*self.tangent } else { self.value() };
         let size = evaluator.outputs() * lanes;
         if out.len() < size {
             out.reshape(size);

@@ -5,8 +5,8 @@
 //! states alone, and one of order four the states and their many tangents, for as long as both
 //! agree.
 
-use super::pass::Problem;
-use crate::dynamics::{Batch, Dynamics, Kind, Method, Scratch, advance};
+use super::pass::{Laws, Problem};
+use crate::dynamics::{Batch, Kind, Method, Scratch, advance};
 
 /// The cheaper trajectory may differ by this part of the motion.
 const APART: f64 = 1e-5;
@@ -20,8 +20,7 @@ pub(super) struct Motion<'a> {
     /// States and tangents now.
     pub(super) batch: Batch,
     problem: &'a Problem<'a>,
-    dynamics: &'a Dynamics,
-    theta: &'a [f64],
+    laws: Laws<'a>,
     /// For the tangents, where it is not the method of the states.
     cheaper: Option<Cheaper>,
 }
@@ -37,8 +36,7 @@ impl<'a> Motion<'a> {
     /// Trajectories with tangents by their initial states and by `unknowns` numbers.
     pub(super) fn new(
         problem: &'a Problem,
-        dynamics: &'a Dynamics,
-        theta: &'a [f64],
+        laws: Laws<'a>,
         unknowns: usize,
         lanes: usize,
         scratch: &mut Scratch,
@@ -46,10 +44,9 @@ impl<'a> Motion<'a> {
         let row = problem.stepping.method.row();
         let dear = matches!(row.kind, Kind::Splitting(_)) && row.order > DEAR;
         Motion {
-            batch: Batch::with_tangents_in(scratch, dynamics.degrees(), lanes, unknowns),
+            batch: Batch::with_tangents_in(scratch, laws.present.0.degrees(), lanes, unknowns),
             problem,
-            dynamics,
-            theta,
+            laws,
             cheaper: Method::by_name("forest-ruth")
                 .filter(|_| dear)
                 .map(|method| Cheaper { method, halves: 1 }),
@@ -71,7 +68,9 @@ impl<'a> Motion<'a> {
         let stepping = self.problem.stepping;
         let longest = span.iter().fold(0.0f64, |m, s| m.max(s.abs()));
         let steps = (longest / stepping.longest * (1.0 - 1e-9)).ceil().max(1.0) as usize;
-        let (dynamics, theta) = (self.dynamics, self.theta);
+        // The states go by the present model alone, which has fewer terms.
+        let (present, held) = self.laws.present;
+        let (dynamics, theta) = self.laws.by.unwrap_or(self.laws.present);
         if self.cheaper.is_none() {
             advance(dynamics, stepping.method, &mut self.batch, span, steps, theta, scratch);
             return;
@@ -79,13 +78,13 @@ impl<'a> Motion<'a> {
         let mut exact = Batch::new(dynamics.degrees(), self.batch.lanes);
         exact.state.clone_from(&self.batch.state);
         exact.time.clone_from(&self.batch.time);
-        advance(dynamics, stepping.method, &mut exact, span, steps, theta, scratch);
+        advance(present, stepping.method, &mut exact, span, steps, held, scratch);
         while let Some(Cheaper { method, halves }) = self.cheaper {
             let fewer = (halves * steps).div_ceil(2);
             let mut trial = Batch::new(dynamics.degrees(), self.batch.lanes);
             trial.state.clone_from(&self.batch.state);
             trial.time.clone_from(&self.batch.time);
-            advance(dynamics, method, &mut trial, span, fewer, theta, scratch);
+            advance(present, method, &mut trial, span, fewer, held, scratch);
             if agree(&self.batch.state, &exact.state, &trial.state, self.batch.lanes) {
                 advance(dynamics, method, &mut self.batch, span, fewer, theta, scratch);
                 self.batch.state = exact.state;

@@ -132,7 +132,16 @@ pub fn settle(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mu
 }
 
 /// A dynamics with the theta that it moves by.
-type Law<'a> = (&'a Dynamics, &'a [f64]);
+pub(super) type Law<'a> = (&'a Dynamics, &'a [f64]);
+
+/// What a block moves by, and what its motion is derived by.
+#[derive(Clone, Copy)]
+pub(super) struct Laws<'a> {
+    /// The present model.
+    pub(super) present: Law<'a>,
+    /// The same motion as one of many, by whose theta there are to be derivatives.
+    pub(super) by: Option<Law<'a>>,
+}
 
 /// Rows of a block at settled states, freed of these: without columns for theta, or with those of
 /// `by`. Also gives the number of steps that the states took.
@@ -157,8 +166,8 @@ fn settled(
     let mut taken = 0;
     while taken < STATE_STEPS {
         let here = by.filter(|&(_, expected)| expected == Some(taken)).map(|(law, _)| law);
-        let law = here.unwrap_or(present);
-        let mut rows = Rows::integrate(problem, law, block, &trial, here.is_some(), scratch);
+        let laws = Laws { present, by: here };
+        let mut rows = Rows::integrate(problem, laws, block, &trial, scratch);
         rows.eliminate_states();
         let steps = rows.state_steps();
         let mut improved = 0;
@@ -197,8 +206,8 @@ fn settled(
         rows.recycle(scratch);
         taken += 1;
     }
-    let law = by.map_or(present, |(law, _)| law);
-    let mut rows = Rows::integrate(problem, law, block, states, by.is_some(), scratch);
+    let laws = Laws { present, by: by.map(|(law, _)| law) };
+    let mut rows = Rows::integrate(problem, laws, block, states, scratch);
     rows.eliminate_states();
     (rows, taken)
 }
@@ -217,8 +226,8 @@ pub fn residuals(
         .map_init(Scratch::new, |scratch, range| {
             let segments = &problem.segments.list[range.clone()];
             let block = Block::gather(problem.dataset, segments, problem.weights.len());
-            let (law, states) = ((dynamics, theta), states.part(range));
-            let rows = Rows::integrate(problem, law, &block, states, false, scratch);
+            let laws = Laws { present: (dynamics, theta), by: None };
+            let rows = Rows::integrate(problem, laws, &block, states.part(range), scratch);
             let of = |(lane, segment): (usize, &Segment)| {
                 let mut values = rows.residuals(lane, segment.samples());
                 let run = &problem.dataset.runs[segment.run];
@@ -386,7 +395,8 @@ impl FoldPass {
         scratch: &mut Scratch,
     ) {
         let block = Block::gather(problem.dataset, segments, problem.weights.len());
-        let mut rows = Rows::integrate(problem, law, &block, states, true, scratch);
+        let laws = Laws { present: law, by: Some(law) };
+        let mut rows = Rows::integrate(problem, laws, &block, states, scratch);
         rows.eliminate_states();
         self.take_rows(rows, scratch);
     }

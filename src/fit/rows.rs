@@ -3,8 +3,8 @@
 use super::block::Block;
 use super::loss::Loss;
 use super::motion::Motion;
-use super::pass::{Problem, Sums};
-use crate::dynamics::{Dynamics, Scratch, observe};
+use super::pass::{Laws, Problem, Sums};
+use crate::dynamics::{Scratch, observe};
 use crate::eval::{
     Aligned, InstructionSet, LaneReflections, add_products, add_squares, compare, leverages,
     reflect_lanes, weigh,
@@ -43,16 +43,16 @@ impl Rows {
     /// Follows a block of segments from `states`, `[lane][state]`.
     pub(super) fn integrate(
         problem: &Problem,
-        (dynamics, theta): (&Dynamics, &[f64]),
+        laws: Laws,
         block: &Block,
         states: &[f64],
-        by_theta: bool,
         scratch: &mut Scratch,
     ) -> Rows {
+        let (dynamics, theta) = laws.by.unwrap_or(laws.present);
         let (degrees, lanes) = (dynamics.degrees(), block.lanes());
         let state = 2 * degrees;
         let observables = problem.weights.len();
-        let kept = if by_theta { dynamics.unknowns() } else { 0 };
+        let kept = if laws.by.is_some() { dynamics.unknowns() } else { 0 };
         let columns = state + kept + 1;
         let size = block.samples * observables;
         // Every number is written by `take` and `eliminate_states`.
@@ -71,7 +71,7 @@ impl Rows {
             inverse: Vec::new(),
             touched: vec![0.0; kept],
         };
-        let mut motion = Motion::new(problem, dynamics, theta, kept, lanes, scratch);
+        let mut motion = Motion::new(problem, laws, kept, lanes, scratch);
         for (lane, (&time, state)) in
             block.starts.iter().zip(states.chunks_exact(state)).enumerate()
         {
@@ -80,7 +80,7 @@ impl Rows {
         let shown = dynamics.shows_state(problem.observed);
         let size = if shown { 0 } else { state * lanes };
         let mut out = vec![0.0; size];
-        let mut tangent = vec![0.0; size * (state + kept)];
+        let mut tangent = scratch.lend(size * (state + kept));
         for sample in 0..block.samples {
             if sample > 0 {
                 motion.advance(block.span(sample), scratch);
@@ -94,6 +94,7 @@ impl Rows {
             observe(dynamics, observed, batch, theta, &mut out, Some(&mut tangent), scratch);
             rows.take(problem, block, sample, &out, &tangent);
         }
+        scratch.take_back(tangent);
         motion.recycle(scratch);
         rows
     }

@@ -35,7 +35,7 @@ const QUIET: f64 = 1.05;
 /// loss.
 const NEAR: f64 = 1e-3;
 /// Segments that tell the noise better than the next round needs to know it.
-const ENOUGH_FOR_NOISE: usize = 1024;
+const ENOUGH_FOR_NOISE: usize = 1536;
 
 /// A model under training, with everything that the next round starts from.
 #[derive(Clone)]
