@@ -7,6 +7,7 @@
 use super::context::Context;
 use crate::data::Dataset;
 use crate::fit::Model;
+use crate::fit::scales::{fewest_samples, scales};
 
 /// Rounds of weights and variances; each brings them nearer to their fixed point
 /// (MINQUE, Rao, J. Multivar. Anal. 1, 1971).
@@ -27,7 +28,8 @@ const STRAYS: f64 = 100.0;
 /// are far smoother than these predictions are good, what is not smooth in the data. Never less
 /// than what the integrator resolves.
 pub fn noise_floor(context: &Context, model: &Model) -> Vec<f64> {
-    let window = shortest(context);
+    let scales = scales(context.dataset, 2 * context.system.degrees());
+    let window = fewest_samples(&scales, context.dataset.samples());
     let mut judge = context.with_data(context.dataset);
     // Relative standard error of each estimate; none where there is no estimate.
     let mut known = vec![None; judge.noise.len()];
@@ -103,18 +105,6 @@ fn roughness(dataset: &Dataset, row: usize) -> Option<f64> {
             .then(|| *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / (MEDIAN * scale))
     };
     found.iter_mut().zip(ORDERS).filter_map(of_order).reduce(f64::min)
-}
-
-/// Samples that hold twice as many measured values as a state has components.
-fn shortest(context: &Context) -> usize {
-    let columns = context.dataset.runs.iter().flat_map(|run| &run.values);
-    let (mut cells, mut measured) = (0usize, 0usize);
-    for column in columns {
-        cells += column.len();
-        measured += column.iter().filter(|x| x.is_finite()).count();
-    }
-    let share = measured.max(1) as f64 / cells.max(1) as f64;
-    (2.0 / share - 0.5).ceil() as usize
 }
 
 #[cfg(test)]

@@ -344,37 +344,38 @@ fn leverages_body(
     }
 }
 
+/// What a comparison of one row of lanes fills, one number for each.
+pub struct Compared<'a> {
+    /// `weight (measured - predicted)`.
+    pub residuals: &'a mut [f64],
+    /// What each residual was multiplied by.
+    pub weights: &'a mut [f64],
+    /// The squares of the residuals.
+    pub squares: &'a mut [f64],
+    /// The same added to what stands here.
+    pub losses: &'a mut [f64],
+}
+
+impl Compared<'_> {
+    /// The same places, lent on.
+    pub fn again(&mut self) -> Compared<'_> {
+        let Compared { residuals, weights, squares, losses } = self;
+        Compared { residuals, weights, squares, losses }
+    }
+}
+
 dispatched! {
-    /// Weighted residuals `weight (measured - predicted)` of one row of lanes, their weights and
-    /// squares, which are added to the losses. Where nothing was measured (not a number) all
-    /// three are zero; where the prediction is not finite so are they, and the loss is infinite.
-    #[allow(clippy::too_many_arguments)]
-    pub fn compare(
-        measured: &[f64],
-        predicted: &[f64],
-        weight: f64,
-        residuals: &mut [f64],
-        weights: &mut [f64],
-        squares: &mut [f64],
-        losses: &mut [f64],
-    ) = compare_body;
+    /// Weighted residuals of one row of lanes. Where nothing was measured (not a number) all is
+    /// zero; where the prediction is not finite so it is, and the loss is infinite.
+    pub fn compare(out: Compared, measured: &[f64], predicted: &[f64], weight: f64) = compare_body;
 }
 
 #[inline(always)]
-#[allow(clippy::too_many_arguments)]
-fn compare_body(
-    measured: &[f64],
-    predicted: &[f64],
-    weight: f64,
-    residuals: &mut [f64],
-    weights: &mut [f64],
-    squares: &mut [f64],
-    losses: &mut [f64],
-) {
+fn compare_body(out: Compared, measured: &[f64], predicted: &[f64], weight: f64) {
     let lanes = measured.len();
-    let (predicted, residuals, weights) =
-        (&predicted[..lanes], &mut residuals[..lanes], &mut weights[..lanes]);
-    let (squares, losses) = (&mut squares[..lanes], &mut losses[..lanes]);
+    let predicted = &predicted[..lanes];
+    let (residuals, weights) = (&mut out.residuals[..lanes], &mut out.weights[..lanes]);
+    let (squares, losses) = (&mut out.squares[..lanes], &mut out.losses[..lanes]);
     for lane in 0..lanes {
         let residual = weight * (measured[lane] - predicted[lane]);
         let seen = !measured[lane].is_nan();

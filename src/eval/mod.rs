@@ -17,8 +17,9 @@ mod uniform;
 
 pub use aligned::Aligned;
 pub(crate) use arrays::{
-    LaneReflections, add, add_carrying, add_multiple, add_products, add_squares, add_weighted,
-    add_weighted_pair, compare, leverages, mark_broken, reflect_lanes, rescale, weigh,
+    Compared, LaneReflections, add, add_carrying, add_multiple, add_products, add_squares,
+    add_weighted, add_weighted_pair, compare, leverages, mark_broken, reflect_lanes, rescale,
+    weigh,
 };
 pub(crate) use instruction::{Instruction, Slot, Value};
 pub(crate) use lower::Lowered;

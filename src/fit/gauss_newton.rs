@@ -109,7 +109,7 @@ pub fn refit(
                 .collect();
             let step = step(&factor, &theta, &near, damping);
             let sums = &linearised.sums;
-            if unseen(step.promise, promise, sums, problem.floor) {
+            if invisible(step.promise, promise, sums, problem.floor) {
                 break Some(StopReason::Converged);
             }
             let trial: Vec<f64> = theta.iter().zip(&step.change).map(|(x, d)| x + d).collect();
@@ -141,7 +141,7 @@ pub fn refit(
 
 /// Whether the data cannot see a step that promises to lower the loss by so much: it is less than
 /// the part `promise` of it, or less than rounding.
-pub(super) fn unseen(fall: f64, promise: f64, sums: &Sums, floor: f64) -> bool {
+pub(super) fn invisible(fall: f64, promise: f64, sums: &Sums, floor: f64) -> bool {
     fall <= promise * sums.loss + 1e-3 * floor.powi(2) * sums.rows as f64
 }
 

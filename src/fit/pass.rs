@@ -320,10 +320,11 @@ pub fn settle_and_linearise(
 }
 
 /// Steps that the states of a few segments take, for each block to know when rows by theta are
-/// worth while.
+/// worth while; of so few that they cost little beside all.
 fn expected_steps(problem: &Problem, present: Law, states: &States) -> Option<usize> {
     const FEW: usize = 16;
-    let few = states.len().min(FEW);
+    const PART: usize = 32;
+    let few = (states.len() / PART).min(FEW);
     if few == 0 {
         return None;
     }

@@ -6,8 +6,8 @@ use super::motion::Motion;
 use super::pass::{Laws, Problem, Sums};
 use crate::dynamics::{Scratch, observe};
 use crate::eval::{
-    Aligned, InstructionSet, LaneReflections, add_products, add_squares, compare, leverages,
-    reflect_lanes, weigh,
+    Aligned, Compared, InstructionSet, LaneReflections, add_products, add_squares, compare,
+    leverages, reflect_lanes, weigh,
 };
 
 /// Weighted residuals and derivatives of a block of segments, `[row][column][lane]`.
@@ -128,11 +128,13 @@ impl Rows {
             let measured = block.measured(sample, observable);
             let losses = &mut self.losses[..];
             if problem.loss.is_squares() {
-                compare(set, measured, predicted, weight, residuals, weights, scales, losses);
+                let out = Compared { residuals, weights, squares: scales, losses };
+                compare(set, out, measured, predicted, weight);
             } else {
-                let mut squares = vec![0.0; lanes];
-                compare(set, measured, predicted, weight, residuals, weights, scales, &mut squares);
-                add_robust(problem.loss, residuals, weights, scales, &squares, losses);
+                let lost = &mut vec![0.0; lanes][..];
+                let mut out = Compared { residuals, weights, squares: scales, losses: lost };
+                compare(set, out.again(), measured, predicted, weight);
+                add_robust(problem.loss, out, losses);
             }
             let from = &tangent[observable * derivatives.len()..][..derivatives.len()];
             // An exploded lane has NaN derivatives; its weight is zero.
@@ -325,20 +327,14 @@ impl Rows {
 
 /// What a robust loss makes of squares: each residual and its weight shrink, and the residual
 /// costs less.
-fn add_robust(
-    loss: Loss,
-    residuals: &mut [f64],
-    weights: &mut [f64],
-    scales: &mut [f64],
-    squares: &[f64],
-    losses: &mut [f64],
-) {
+fn add_robust(loss: Loss, compared: Compared, losses: &mut [f64]) {
     let row = loss.row();
+    let Compared { residuals, weights, squares: scales, losses: of_squares } = compared;
     for lane in 0..losses.len() {
         let residual = residuals[lane];
         if weights[lane] == 0.0 {
             // Nothing was measured, or the lane is lost.
-            losses[lane] += squares[lane];
+            losses[lane] += of_squares[lane];
             continue;
         }
         let robust = (row.weight)(residual).sqrt();

@@ -21,6 +21,14 @@ pub fn scales(dataset: &Dataset, observables: usize) -> Vec<Scale> {
     (0..observables).into_par_iter().map(|row| scale(dataset, row)).collect()
 }
 
+/// Samples of a segment that hold twice as many measured values as a state has components, where
+/// there are so many in all.
+pub fn fewest_samples(scales: &[Scale], samples: usize) -> usize {
+    let measured: usize = scales.iter().map(|scale| scale.measured).sum();
+    let share = measured.max(1) as f64 / (samples * scales.len()).max(1) as f64;
+    (2.0 / share - 0.5).ceil() as usize
+}
+
 fn scale(dataset: &Dataset, row: usize) -> Scale {
     let mut values: Vec<f64> = Vec::with_capacity(dataset.samples());
     for cells in dataset.runs.iter().filter_map(|run| run.values.get(row)) {

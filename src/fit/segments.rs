@@ -65,9 +65,7 @@ impl Segments {
         }
         Segments { folds, ..self }
     }
-}
 
-impl Segments {
     /// The same segments, none of which has more than its first `samples` samples.
     pub fn shortened(&self, samples: usize) -> Segments {
         let mut short = self.clone();

@@ -145,19 +145,17 @@ fn sample(training: &Training) -> (Batch, Vec<f64>) {
         before += count;
     }
     let degrees = training.system.degrees();
+    let from = |&(i, at): &(usize, usize)| Segment { first: at, ..segments[i] };
+    let rests: Vec<Segment> = picked.iter().map(from).collect();
+    let measured = States::measured(training.dataset, &rests, degrees);
     let mut batch = Batch::new(degrees, picked.len());
     let mut span = Vec::with_capacity(picked.len());
     for (lane, &(i, at)) in picked.iter().enumerate() {
         let segment = segments[i];
         let times = &training.dataset.runs[segment.run].times;
-        let start = match at == segment.first {
-            true => training.states.of(i).to_vec(),
-            false => {
-                let rest = Segment { first: at, ..segment };
-                States::measured(training.dataset, &[rest], degrees).of(0).to_vec()
-            }
-        };
-        batch.set(lane, times[at], &start);
+        let settled = at == segment.first;
+        let start = if settled { training.states.of(i) } else { measured.of(lane) };
+        batch.set(lane, times[at], start);
         span.push(times[at + 1] - times[at]);
     }
     (batch, span)

@@ -10,11 +10,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::criterion::{Criterion, choice_costs, complexity};
 use super::factor::Factor;
-use super::gauss_newton::{CONVERGED, Refit, StopReason, refit, unseen};
+use super::gauss_newton::{CONVERGED, Refit, StopReason, invisible, refit};
 use super::monitor::Monitor;
 use super::options::Options;
 use super::pass::{Linearised, Problem, Sums, settle, settle_and_linearise};
-use super::scales::scales;
+use super::scales::{fewest_samples, scales};
 use super::segments::{Segment, Segments, cut, longest_run, typical_step};
 use super::states::States;
 use super::stepping::{self, Choice};
@@ -143,13 +143,9 @@ impl<'a> Training<'a> {
             ));
         }
         let typical = typical_step(dataset);
-        let measured: usize = scales.iter().map(|scale| scale.measured).sum();
-        let cells = dataset.samples() * 2 * degrees;
-        let share = measured.max(1) as f64 / cells.max(1) as f64;
         let spread: Vec<f64> = scales.iter().map(|scale| scale.spread.unwrap_or(1.0)).collect();
         let longest = longest_run(dataset);
-        // Twice as many measured values as a state has components.
-        let shortest = (2.0 / share - 0.5).ceil().min(longest as f64) as usize;
+        let shortest = fewest_samples(&scales, dataset.samples()).min(longest);
         let window = options.window.unwrap_or(shortest).clamp(2, longest.max(2));
         let everything: Vec<usize> = (0..system.terms.len()).collect();
         let compiled = Compiled::default();
@@ -350,12 +346,13 @@ impl<'a> Training<'a> {
     /// Whether a candidate is the present model but for what the data cannot see.
     fn confirmed(&self, candidate: &Candidate, merged: &Factor, sums: &Sums) -> bool {
         if !self.system.parameters.is_empty() {
+            // The motion is bent in a number inside a term: a refit has to look.
             return false;
         }
         let mut change = -nalgebra::DVector::from_column_slice(&self.coefficients);
         candidate.values.iter().for_each(|&(column, value)| change[column] += value);
         let moved = (merged.design() * change).norm_squared();
-        unseen(moved, self.promise(), sums, self.floor())
+        invisible(moved, self.promise(), sums, self.floor())
     }
 
     /// Takes the coefficients of a candidate that is confirmed: what a refit would find is known.
