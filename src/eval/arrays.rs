@@ -217,6 +217,17 @@ const WIDE: usize = PIECES * REGISTER;
 fn reflect_lanes_body(values: &mut [f64], by: LaneReflections, targets: Range<usize>) {
     let lanes = by.lanes;
     let (wide, whole) = (lanes / WIDE * WIDE, lanes / REGISTER * REGISTER);
+    let rows = values.len() / (by.columns * lanes).max(1);
+    if !by.heads && by.dense >= by.factors.len() / lanes {
+        // What all vectors have is few rows: a column is read and written once.
+        match rows - by.dense.min(rows) {
+            2 => return reflect_held_columns::<2>(values, by, targets),
+            4 => return reflect_held_columns::<4>(values, by, targets),
+            6 => return reflect_held_columns::<6>(values, by, targets),
+            8 => return reflect_held_columns::<8>(values, by, targets),
+            _ => {}
+        }
+    }
     for column in targets {
         for lane in (0..wide).step_by(WIDE) {
             reflect_some::<REGISTER, PIECES>(values, by, lane, column);
@@ -227,6 +238,57 @@ fn reflect_lanes_body(values: &mut [f64], by: LaneReflections, targets: Range<us
         for lane in whole..lanes {
             reflect_some::<1, 1>(values, by, lane, column);
         }
+    }
+}
+
+#[inline(always)]
+fn reflect_held_columns<const ROWS: usize>(
+    values: &mut [f64],
+    by: LaneReflections,
+    targets: Range<usize>,
+) {
+    let lanes = by.lanes;
+    let whole = lanes / REGISTER * REGISTER;
+    for column in targets {
+        for lane in (0..whole).step_by(REGISTER) {
+            reflect_held::<REGISTER, ROWS>(values, by, lane, column);
+        }
+        for lane in whole..lanes {
+            reflect_held::<1, ROWS>(values, by, lane, column);
+        }
+    }
+}
+
+/// All reflections of one column in neighbouring lanes: its last rows alone, held in registers.
+#[inline(always)]
+fn reflect_held<const LANES: usize, const ROWS: usize>(
+    values: &mut [f64],
+    by: LaneReflections,
+    lane: usize,
+    column: usize,
+) {
+    let LaneReflections { factors, lanes, columns, dense, .. } = by;
+    let stride = columns * lanes;
+    let mut held = [[0.0; LANES]; ROWS];
+    for (row, held) in held.iter_mut().enumerate() {
+        *held = *load(values, (dense + row) * stride + column * lanes + lane);
+    }
+    for k in 0..factors.len() / lanes {
+        let mut sum = [0.0; LANES];
+        for (row, held) in held.iter().enumerate() {
+            sum = fused(load(values, (dense + row) * stride + k * lanes + lane), held, &sum);
+        }
+        let factor = load::<LANES>(factors, k * lanes + lane);
+        for i in 0..LANES {
+            sum[i] *= factor[i];
+        }
+        for (row, held) in held.iter_mut().enumerate() {
+            *held = fused(load(values, (dense + row) * stride + k * lanes + lane), &sum, held);
+        }
+    }
+    for (row, held) in held.iter().enumerate() {
+        let at = (dense + row) * stride + column * lanes + lane;
+        values[at..][..LANES].copy_from_slice(held);
     }
 }
 
@@ -404,6 +466,66 @@ fn weigh_body(target: &mut [f64], from: &[f64], scale: &[f64]) {
     for (target, from) in target.chunks_exact_mut(lanes).zip(from.chunks_exact(lanes)) {
         for ((t, x), s) in target.iter_mut().zip(from).zip(scale) {
             *t = if *s == 0.0 { 0.0 } else { x * s };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::eval::InstructionSet;
+
+    /// Rows of `[column][lane]`: vectors in the first columns, what they reflect in the last.
+    fn numbers(count: usize) -> Vec<f64> {
+        (0..count).map(|at| (0.7 * at as f64 + 0.3).sin()).collect()
+    }
+
+    #[test]
+    fn reflections_are_the_same_however_many_rows_and_lanes_there_are() {
+        let (vectors, columns) = (3, 5);
+        for lanes in [1, 8, 13, 64, 70] {
+            for below in 1..=9 {
+                let rows = vectors + below;
+                let stride = columns * lanes;
+                let mut start = numbers(rows * stride);
+                // Rows above those that all vectors have: nothing but zeros.
+                start[..vectors * stride].fill(0.0);
+                let factors: Vec<f64> = numbers(vectors * lanes).iter().map(|x| 0.2 * x).collect();
+                let mut expected = start.clone();
+                let place =
+                    |row: usize, column: usize, lane: usize| row * stride + column * lanes + lane;
+                for (column, lane) in
+                    (vectors..columns).flat_map(|c| (0..lanes).map(move |l| (c, l)))
+                {
+                    for k in 0..vectors {
+                        let mut sum = 0.0;
+                        for row in vectors..rows {
+                            let v = expected[place(row, k, lane)];
+                            sum = v.mul_add(expected[place(row, column, lane)], sum);
+                        }
+                        sum *= factors[k * lanes + lane];
+                        for row in vectors..rows {
+                            let v = expected[place(row, k, lane)];
+                            let x = &mut expected[place(row, column, lane)];
+                            *x = v.mul_add(sum, *x);
+                        }
+                    }
+                }
+                for set in InstructionSet::available() {
+                    for heads in [false, true] {
+                        let by = LaneReflections {
+                            factors: &factors,
+                            lanes,
+                            columns,
+                            dense: vectors,
+                            heads,
+                        };
+                        let mut found = start.clone();
+                        reflect_lanes(set, &mut found, by, vectors..columns);
+                        assert_eq!(found, expected, "{set:?}, {lanes} lanes, {below} rows");
+                    }
+                }
+            }
         }
     }
 }

@@ -5,6 +5,11 @@ use nalgebra::{DMatrix, DVector};
 use super::factor::Factor;
 use super::support::Columns;
 
+/// Of a column, what keeps it apart from those before it where they alone do not,
+const RIDGE: f64 = 1e-13;
+/// and what of it stands apart without.
+const ALONE: f64 = 1e-9;
+
 /// Backward elimination: the inverse of the triangle is all that is kept.
 ///
 /// The unknowns are `W t`, the covariance is `W W'`, for W the inverse of R and t the target. A
@@ -15,11 +20,13 @@ pub struct Elimination {
     pub support: Vec<usize>,
     /// Factor columns of the rows of W, `None` once they have left.
     columns: Vec<Option<usize>>,
-    /// W; columns that have left, the last first, are cut off.
-    inverse: DMatrix<f64>,
-    target: DVector<f64>,
+    /// W by columns; those that have left, the last first, are cut off.
+    inverse: Vec<f64>,
+    /// The squared length of each row of W.
+    spreads: Vec<f64>,
+    target: Vec<f64>,
     /// W t.
-    solution: DVector<f64>,
+    solution: Vec<f64>,
     /// Sum of squares that the columns leave.
     pub squares: f64,
 }
@@ -33,11 +40,14 @@ impl Elimination {
         let mut selected = factor.select(&chosen);
         // A trace of ridge keeps dependent columns apart; it is far below what is looked at.
         let norms = selected.norms();
-        let mut ridge = DMatrix::zeros(chosen.len(), chosen.len() + 1);
-        for (k, norm) in norms.iter().enumerate() {
-            ridge[(k, k)] = 1e-13 * norm;
+        let alone = |(k, norm): (usize, &f64)| selected.triangle()[(k, k)].abs() > ALONE * norm;
+        if !norms.iter().enumerate().all(alone) {
+            let mut ridge = DMatrix::zeros(chosen.len(), chosen.len() + 1);
+            for (k, norm) in norms.iter().enumerate() {
+                ridge[(k, k)] = RIDGE * norm;
+            }
+            selected.push(&mut ridge, 0);
         }
-        selected.push(&mut ridge, 0);
         let size = chosen.len();
         let inverse = selected
             .design()
@@ -45,20 +55,21 @@ impl Elimination {
             .unwrap_or_else(|| DMatrix::identity(size, size));
         let support = support.into_iter().filter(|k| chosen.contains(k)).collect();
         let (target, squares) = (selected.target(), selected.least());
-        let solution = &inverse * &target;
-        let columns = chosen.into_iter().map(Some).collect();
-        Elimination { support, columns, inverse, target, solution, squares }
+        let list = |values: DVector<f64>| values.as_slice().to_vec();
+        Elimination {
+            support,
+            columns: chosen.into_iter().map(Some).collect(),
+            spreads: inverse.row_iter().map(|row| row.norm_squared()).collect(),
+            solution: list(&inverse * &target),
+            inverse: inverse.as_slice().to_vec(),
+            target: list(target),
+            squares,
+        }
     }
 
     /// Removes the term whose loss raises the squares least.
     pub fn remove_weakest(&mut self, columns: &Columns) {
-        let mut spreads = vec![0.0; self.columns.len()];
-        for column in self.inverse.column_iter() {
-            for (spread, x) in spreads.iter_mut().zip(column.iter()) {
-                *spread += x * x;
-            }
-        }
-        let rows = self.columns.iter().zip(self.solution.iter().zip(&spreads)).enumerate();
+        let rows = self.columns.iter().zip(self.solution.iter().zip(&self.spreads)).enumerate();
         let weakest = rows
             .filter_map(|(at, (column, (x, spread)))| {
                 let term = column.filter(|&c| c < columns.terms)?;
@@ -85,28 +96,33 @@ impl Elimination {
     /// Takes one unknown out.
     fn remove(&mut self, at: usize) {
         self.columns[at] = None;
-        let Some(last) = self.inverse.ncols().checked_sub(1) else { return };
+        let Some(last) = self.target.len().checked_sub(1) else { return };
+        let size = self.columns.len();
         // The reflection I - 2 v v' / v'v that turns the row into its last entry.
-        let mut v = self.inverse.row(at).transpose();
-        v[last] += v.norm().copysign(v[last]);
-        let squares = v.norm_squared();
-        if squares > 0.0 {
-            let factor = -2.0 / squares;
-            let along = &self.inverse * &v;
-            self.inverse.ger(factor, &along, &v, 1.0);
-            let along = self.target.dot(&v);
-            self.target.axpy(factor * along, &v, 1.0);
+        let mut v: Vec<f64> = self.inverse.iter().skip(at).step_by(size).copied().collect();
+        v[last] += v.iter().map(|x| x * x).sum::<f64>().sqrt().copysign(v[last]);
+        let squares: f64 = v.iter().map(|x| x * x).sum();
+        let factor = if squares > 0.0 { -2.0 / squares } else { 0.0 };
+        let mut along = vec![0.0; size];
+        for (column, v) in self.inverse.chunks_exact(size).zip(&v) {
+            along.iter_mut().zip(column).for_each(|(sum, x)| *sum += v * x);
         }
-        let lost = self.target[last];
-        self.solution.axpy(-lost, &self.inverse.column(last), 1.0);
+        let onto: f64 = factor * self.target.iter().zip(&v).map(|(t, v)| t * v).sum::<f64>();
+        self.target.iter_mut().zip(&v).for_each(|(t, v)| *t += onto * v);
+        self.spreads.fill(0.0);
+        for (at_column, (column, v)) in self.inverse.chunks_exact_mut(size).zip(&v).enumerate() {
+            column.iter_mut().zip(&along).for_each(|(x, along)| *x += factor * v * along);
+            column[at] = 0.0;
+            if at_column < last {
+                self.spreads.iter_mut().zip(&*column).for_each(|(sum, x)| *sum += x * x);
+            }
+        }
+        let lost = self.target.pop().unwrap_or(0.0);
+        let column = &self.inverse[last * size..];
+        self.solution.iter_mut().zip(column).for_each(|(x, w)| *x -= lost * w);
         self.solution[at] = 0.0;
         self.squares += lost * lost;
-        let inverse = std::mem::replace(&mut self.inverse, DMatrix::zeros(0, 0));
-        // The last column of a matrix that is stored by columns is cut off in place.
-        self.inverse = inverse.resize_horizontally(last, 0.0);
-        self.inverse.row_mut(at).fill(0.0);
-        let target = std::mem::replace(&mut self.target, DVector::zeros(0));
-        self.target = target.resize_vertically(last, 0.0);
+        self.inverse.truncate(last * size);
     }
 }
 

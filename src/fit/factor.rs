@@ -196,6 +196,9 @@ impl Factor {
 
     /// The same problem with only some of the unknowns, in the order given; the others are zero.
     pub fn select(&self, unknowns: &[usize]) -> Factor {
+        if unknowns.iter().copied().eq(0..self.columns()) {
+            return self.clone();
+        }
         let mut selected = Factor::new(unknowns.len());
         let columns: Vec<usize> = unknowns.iter().copied().chain([self.columns()]).collect();
         let mut rows = self.triangle.select_columns(&columns);

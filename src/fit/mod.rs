@@ -30,6 +30,7 @@ mod rows;
 pub mod scales;
 pub mod screening;
 pub mod segments;
+pub mod selection;
 pub mod starts;
 pub mod states;
 pub mod stepping;

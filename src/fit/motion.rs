@@ -5,15 +5,18 @@
 //! states alone, and one of order four the states and their many tangents, for as long as both
 //! agree.
 
+use super::block::Block;
 use super::pass::{Laws, Problem};
 use crate::dynamics::{Batch, Kind, Method, Scratch, advance};
 
-/// The cheaper trajectory may differ by this part of the motion.
-const APART: f64 = 1e-5;
+/// The cheaper trajectory may differ by this part of the motion from end to end,
+const APART: f64 = 1e-4;
+/// and by no less than this from sample to sample.
+const LEAST_APART: f64 = 1e-5;
 /// Order from which on a cheaper method is tried.
 const DEAR: u32 = 4;
-/// From this many half steps of order four on, the method of the states is tried instead.
-const MOST_HALVES: usize = 3;
+/// Steps of order four that are tried, for one of the states' own method.
+const MOST_STEPS: usize = 2;
 
 /// A block of trajectories under way.
 pub(super) struct Motion<'a> {
@@ -23,13 +26,15 @@ pub(super) struct Motion<'a> {
     laws: Laws<'a>,
     /// For the tangents, where it is not the method of the states.
     cheaper: Option<Cheaper>,
+    /// It may differ by this part of the motion from sample to sample.
+    apart: f64,
 }
 
-/// A method for tangents, with half as many steps as the states take at first.
+/// A method for tangents, with so many steps from sample to sample.
 #[derive(Clone, Copy)]
 struct Cheaper {
     method: Method,
-    halves: usize,
+    steps: usize,
 }
 
 impl<'a> Motion<'a> {
@@ -38,9 +43,10 @@ impl<'a> Motion<'a> {
         problem: &'a Problem,
         laws: Laws<'a>,
         unknowns: usize,
-        lanes: usize,
+        block: &Block,
         scratch: &mut Scratch,
     ) -> Motion<'a> {
+        let (lanes, intervals) = (block.lanes(), block.samples.max(2) - 1);
         let row = problem.stepping.method.row();
         let dear = matches!(row.kind, Kind::Splitting(_)) && row.order > DEAR;
         Motion {
@@ -49,7 +55,8 @@ impl<'a> Motion<'a> {
             laws,
             cheaper: Method::by_name("forest-ruth")
                 .filter(|_| dear)
-                .map(|method| Cheaper { method, halves: 1 }),
+                .map(|method| Cheaper { method, steps: 1 }),
+            apart: (APART / intervals as f64).max(LEAST_APART),
         }
     }
 
@@ -79,19 +86,18 @@ impl<'a> Motion<'a> {
         exact.state.clone_from(&self.batch.state);
         exact.time.clone_from(&self.batch.time);
         advance(present, stepping.method, &mut exact, span, steps, held, scratch);
-        while let Some(Cheaper { method, halves }) = self.cheaper {
-            let fewer = (halves * steps).div_ceil(2);
+        while let Some(Cheaper { method, steps: fewer }) = self.cheaper {
             let mut trial = Batch::new(dynamics.degrees(), self.batch.lanes);
             trial.state.clone_from(&self.batch.state);
             trial.time.clone_from(&self.batch.time);
             advance(present, method, &mut trial, span, fewer, held, scratch);
-            if agree(&self.batch.state, &exact.state, &trial.state, self.batch.lanes) {
+            if agree(&self.batch.state, &exact.state, &trial.state, self.batch.lanes, self.apart) {
                 advance(dynamics, method, &mut self.batch, span, fewer, theta, scratch);
                 self.batch.state = exact.state;
                 return;
             }
-            let next = Cheaper { method, halves: 3 * halves };
-            self.cheaper = Some(next).filter(|_| halves < MOST_HALVES);
+            let next = Cheaper { method, steps: fewer + fewer.div_ceil(2) };
+            self.cheaper = Some(next).filter(|next| next.steps <= MOST_STEPS * steps);
         }
         advance(dynamics, stepping.method, &mut self.batch, span, steps, theta, scratch);
     }
@@ -99,7 +105,7 @@ impl<'a> Motion<'a> {
 
 /// Whether in every row of the state the largest difference of two trajectories is a small part
 /// of the largest change. Lanes that left the finite numbers do not count.
-fn agree(before: &[f64], exact: &[f64], cheaper: &[f64], lanes: usize) -> bool {
+fn agree(before: &[f64], exact: &[f64], cheaper: &[f64], lanes: usize, part: f64) -> bool {
     let rows = before.chunks_exact(lanes).zip(exact.chunks_exact(lanes));
     rows.zip(cheaper.chunks_exact(lanes)).all(|((before, exact), cheaper)| {
         let (mut change, mut apart) = (0.0f64, 0.0f64);
@@ -109,6 +115,6 @@ fn agree(before: &[f64], exact: &[f64], cheaper: &[f64], lanes: usize) -> bool {
                 apart = apart.max(if c.is_finite() { (c - e).abs() } else { f64::INFINITY });
             }
         }
-        apart <= APART * change
+        apart <= part * change
     })
 }

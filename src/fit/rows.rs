@@ -37,6 +37,9 @@ pub(super) struct Rows {
     inverse: Vec<f64>,
     /// Squared norm of each column of theta before elimination.
     pub(super) touched: Vec<f64>,
+    /// Whether the state itself is what is measured. Theta has not moved the first sample then,
+    /// and its rows have nothing by theta.
+    shown: bool,
 }
 
 impl Rows {
@@ -70,15 +73,15 @@ impl Rows {
             scales: scratch.lend(size * lanes),
             inverse: Vec::new(),
             touched: vec![0.0; kept],
+            shown: dynamics.shows_state(problem.observed),
         };
-        let mut motion = Motion::new(problem, laws, kept, lanes, scratch);
+        let mut motion = Motion::new(problem, laws, kept, block, scratch);
         for (lane, (&time, state)) in
             block.starts.iter().zip(states.chunks_exact(state)).enumerate()
         {
             motion.set(lane, time, state);
         }
-        let shown = dynamics.shows_state(problem.observed);
-        let size = if shown { 0 } else { state * lanes };
+        let size = if rows.shown { 0 } else { state * lanes };
         let mut out = vec![0.0; size];
         let mut tangent = scratch.lend(size * (state + kept));
         for sample in 0..block.samples {
@@ -86,7 +89,7 @@ impl Rows {
                 motion.advance(block.span(sample), scratch);
             }
             let batch = &motion.batch;
-            if shown {
+            if rows.shown {
                 rows.take(problem, block, sample, &batch.state, &batch.tangent);
                 continue;
             }
@@ -137,8 +140,9 @@ impl Rows {
                 add_robust(problem.loss, out, losses);
             }
             let from = &tangent[observable * derivatives.len()..][..derivatives.len()];
+            let known = if self.shown && sample == 0 { self.state * lanes } else { from.len() };
             // An exploded lane has NaN derivatives; its weight is zero.
-            weigh(set, derivatives, from, weights);
+            weigh(set, &mut derivatives[..known], &from[..known], weights);
         }
     }
 
@@ -184,17 +188,15 @@ impl Rows {
         let set = InstructionSet::widest();
         let width = self.state * lanes;
         let rows = self.values.chunks_exact(columns * lanes);
-        let mut untouched = true;
+        let first = if self.shown { self.observables } else { 0 };
         for (at, (row, original)) in rows.zip(self.original.chunks_exact_mut(width)).enumerate() {
             original.copy_from_slice(&row[..width]);
-            add_squares(set, &mut self.touched, &row[self.state * lanes..], lanes);
-            untouched &= at >= self.observables || self.touched.iter().all(|sum| *sum == 0.0);
+            if at >= first {
+                add_squares(set, &mut self.touched, &row[width..], lanes);
+            }
         }
         let pivots = self.state.min(self.rows);
         let at = |row: usize, column: usize| (row * columns + column) * lanes;
-        // Where a segment starts from what is measured there, theta has not moved it yet.
-        let alone = untouched && self.starts_alone();
-        let dense = if alone { self.observables } else { 0 };
         let mut norm = vec![0.0; lanes];
         let mut diagonal = vec![0.0; pivots * lanes];
         let mut factors = vec![0.0; pivots * lanes];
@@ -215,13 +217,13 @@ impl Rows {
                 self.values[head + lane] = alpha - beta;
                 diagonal[pivot * lanes + lane] = beta;
             }
-            let dense = dense.saturating_sub(pivot);
+            let dense = first.saturating_sub(pivot);
             let by = LaneReflections { factors: factor, lanes, columns, dense, heads: true };
             reflect_lanes(set, &mut self.values[head..], by, 1..self.state - pivot);
         }
-        let by = LaneReflections { factors: &factors, lanes, columns, dense, heads: true };
+        let by = LaneReflections { factors: &factors, lanes, columns, dense: first, heads: true };
         reflect_lanes(set, &mut self.values, by, columns - 1..columns);
-        let by = LaneReflections { heads: !alone, ..by };
+        let by = LaneReflections { heads: !self.shown, ..by };
         reflect_lanes(set, &mut self.values, by, self.state..columns - 1);
         for (pivot, diagonal) in diagonal.chunks_exact(lanes).enumerate() {
             self.values[at(pivot, pivot)..][..lanes].copy_from_slice(diagonal);
@@ -230,18 +232,6 @@ impl Rows {
             }
         }
         self.inverse = self.inverse_pivots();
-    }
-
-    /// Whether each of the first rows has its own component of the state alone, as it does where
-    /// the state is what is measured.
-    fn starts_alone(&self) -> bool {
-        let first = self.original.chunks_exact(self.state * self.lanes).take(self.observables);
-        self.observables == self.state
-            && first.enumerate().all(|(row, values)| {
-                let columns = values.chunks_exact(self.lanes).enumerate();
-                let mut others = columns.filter(|(column, _)| *column != row);
-                others.all(|(_, values)| values.iter().all(|x| *x == 0.0))
-            })
     }
 
     /// One over the diagonal of R_s, zero where a state is not determined, `[column][lane]`.

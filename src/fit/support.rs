@@ -14,6 +14,7 @@ use super::criterion::Criterion;
 use super::elimination::Elimination;
 use super::factor::Factor;
 use super::path::{PathPoint, Settings, path};
+use super::selection;
 use crate::expr::Bounds;
 
 /// What the columns of a factor mean to the search.
@@ -44,9 +45,12 @@ impl Columns {
         columns.extend(parameters);
         columns
     }
-}
 
-impl Columns {
+    /// Whether no value is out of bounds.
+    pub fn all_free(&self) -> bool {
+        self.bounds.iter().all(|bound| bound.is_free())
+    }
+
     /// The same for a factor that kept only the columns `kept`, which begin with `terms`.
     pub fn narrow(&self, terms: &[usize], kept: &[usize]) -> Columns {
         let place = |column: &usize| kept.iter().position(|c| c == column);
@@ -89,7 +93,7 @@ pub struct Search {
 }
 
 /// The largest support that is looked at closely.
-const LARGEST: usize = 80;
+pub(super) const LARGEST: usize = 80;
 /// Nested spaces that are searched, at most.
 const NESTED: usize = 8;
 /// Rounds of additions, removals and exchanges before the search gives up.
@@ -164,13 +168,17 @@ fn levels(complexity: &[u32]) -> Vec<u32> {
     levels
 }
 
-/// Backward elimination and forward selection alone: for resampling, where speed counts.
-pub fn quick_search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Candidate {
+/// The best support of backward elimination and forward selection alone: for resampling, where
+/// speed counts.
+pub fn quick_search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Vec<usize> {
+    if columns.all_free() {
+        return selection::quickest(factor, columns, criterion);
+    }
     let mut pool = Pool::new(factor, columns, criterion);
     pool.try_support(Vec::new());
     pool.eliminate_quickly();
     pool.grow();
-    pool.best(1).swap_remove(0)
+    pool.best(1).swap_remove(0).support
 }
 
 /// A term of the support, and one outside it that could stand in its place.
@@ -354,24 +362,11 @@ impl<'a> Pool<'a> {
     /// The same from the whole space; looks closely only at the best of the supports on the way.
     fn eliminate_quickly(&mut self) {
         const CLOSELY: usize = 3;
-        let all = (0..self.columns.terms).collect();
-        if !self.columns.bounds.iter().all(|bound| bound.is_free()) {
-            return self.eliminate(all);
+        if !self.columns.all_free() {
+            return self.eliminate((0..self.columns.terms).collect());
         }
-        let mut elimination = Elimination::new(self.factor, self.columns, all);
-        let rows = self.factor.rows();
-        let mut found: Vec<(f64, Vec<usize>)> = Vec::new();
-        while !elimination.support.is_empty() {
-            if elimination.support.len() <= LARGEST {
-                let support = elimination.support.clone();
-                let unknowns = self.columns.of(&support).len();
-                let choice = support.iter().map(|&k| self.columns.costs[k]).sum();
-                let value = self.criterion.value(elimination.squares, rows, unknowns, choice);
-                found.push((value, support));
-            }
-            elimination.remove_weakest(self.columns);
-        }
-        found.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
+        let mut found = selection::backward(self.factor, self.columns, self.criterion);
+        found.sort_by(selection::better);
         for (_, support) in found.into_iter().take(CLOSELY) {
             self.try_support(support);
         }
@@ -379,24 +374,10 @@ impl<'a> Pool<'a> {
 
     /// Adds the most useful term again and again, until three in a row do not pay.
     fn grow(&mut self) {
-        let mut forward = Forward::new(&self.design, &self.target);
-        self.columns.of(&[]).into_iter().for_each(|column| forward.take(column));
-        let mut current = self.try_support(Vec::new());
-        let mut best = current.criterion;
-        let mut idle = 0;
-        while idle < 3 && current.support.len() < LARGEST.min(self.columns.terms) {
-            let Some(add) = forward.best(self.columns.terms) else { return };
-            let mut support = current.support.clone();
-            support.push(add);
-            self.columns.of(&support).into_iter().for_each(|column| forward.take(column));
-            let next = self.try_support(support);
-            if next.support == current.support {
-                return;
-            }
-            current = next;
-            idle = if current.criterion < best { 0 } else { idle + 1 };
-            best = best.min(current.criterion);
-        }
+        selection::forward(self.factor, self.columns, |support, _| {
+            let Candidate { criterion, support, .. } = self.try_support(support);
+            (criterion, support)
+        });
     }
 
     /// What additions to a support and exchanges of one of its terms would do to the squares.
@@ -484,59 +465,6 @@ impl<'a> Pool<'a> {
                 _ => return,
             }
         }
-    }
-}
-
-/// Columns and target, freed of what a growing set of the columns spans.
-struct Forward {
-    columns: DMatrix<f64>,
-    target: DVector<f64>,
-    /// Squares of the columns as they were.
-    norms: Vec<f64>,
-    taken: Vec<bool>,
-}
-
-impl Forward {
-    fn new(design: &DMatrix<f64>, target: &DVector<f64>) -> Forward {
-        Forward {
-            columns: design.clone(),
-            target: target.clone(),
-            norms: design.column_iter().map(|column| column.norm_squared()).collect(),
-            taken: vec![false; design.ncols()],
-        }
-    }
-
-    /// What is left of a column; below rounding nothing is.
-    fn left(&self, column: usize) -> f64 {
-        let left = self.columns.column(column).norm_squared();
-        if left > 1e-22 * self.norms[column] { left } else { 0.0 }
-    }
-
-    /// Takes a column into the basis, once.
-    fn take(&mut self, column: usize) {
-        let left = self.left(column);
-        if std::mem::replace(&mut self.taken[column], true) || left == 0.0 {
-            return;
-        }
-        let unit = self.columns.column(column) / left.sqrt();
-        for (mut other, taken) in self.columns.column_iter_mut().zip(&self.taken) {
-            if !taken {
-                let shadow = unit.dot(&other);
-                other.axpy(-shadow, &unit, 1.0);
-            }
-        }
-        let shadow = unit.dot(&self.target);
-        self.target.axpy(-shadow, &unit, 1.0);
-    }
-
-    /// The term, of the first `terms` columns, that lowers the squares most.
-    fn best(&self, terms: usize) -> Option<usize> {
-        let fall = |k: usize| self.columns.column(k).dot(&self.target).powi(2) / self.left(k);
-        (0..terms)
-            .filter(|&k| !self.taken[k] && self.left(k) > 0.0)
-            .map(|k| (k, fall(k)))
-            .max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))
-            .map(|(k, _)| k)
     }
 }
 

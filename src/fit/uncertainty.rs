@@ -81,7 +81,7 @@ pub fn inclusion(
     let draws: Vec<Vec<u32>> = (0..DRAWS).map(|_| draw()).collect();
     let search = |times: &Vec<u32>| {
         let drawn = Factor::together(chosen.len(), folds.iter().zip(times.iter().copied()));
-        quick_search(&drawn, &narrowed, criterion).support
+        quick_search(&drawn, &narrowed, criterion)
     };
     let supports: Vec<Vec<usize>> = draws.par_iter().map(search).collect();
     for k in supports.into_iter().flatten() {

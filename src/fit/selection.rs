@@ -1,0 +1,182 @@
+//! Forward selection, and what a search can do without solving for a single coefficient.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::criterion::Criterion;
+use super::elimination::Elimination;
+use super::factor::Factor;
+use super::support::{Columns, LARGEST};
+
+/// A support with the value of the criterion; smaller is better.
+pub type Judged = (f64, Vec<usize>);
+
+/// Additions in a row that may not pay before forward selection ends.
+const IDLE: usize = 3;
+
+/// The supports that backward elimination of the whole space goes through, for free bounds.
+pub fn backward(factor: &Factor, columns: &Columns, criterion: Criterion) -> Vec<Judged> {
+    let mut elimination = Elimination::new(factor, columns, (0..columns.terms).collect());
+    let mut found = Vec::new();
+    while !elimination.support.is_empty() {
+        if elimination.support.len() <= LARGEST {
+            let support = elimination.support.clone();
+            let value = value(&support, elimination.squares, factor, columns, criterion);
+            found.push((value, support));
+        }
+        elimination.remove_weakest(columns);
+    }
+    found
+}
+
+/// Adds the most useful term again and again, until three in a row do not pay.
+///
+/// `judge` gets a support and the squares that it leaves where no bound holds; what it gives
+/// back is the support as it ended, and its criterion.
+pub fn forward(
+    factor: &Factor,
+    columns: &Columns,
+    mut judge: impl FnMut(Vec<usize>, f64) -> Judged,
+) {
+    let mut forward = Forward::new(factor.design(), factor.target());
+    columns.of(&[]).into_iter().for_each(|column| forward.take(column));
+    let least = factor.least();
+    let (mut best, mut current) = judge(Vec::new(), forward.squares() + least);
+    let mut idle = 0;
+    while idle < IDLE && current.len() < LARGEST.min(columns.terms) {
+        let Some(add) = forward.best(columns.terms) else { return };
+        let mut support = current.clone();
+        support.push(add);
+        support.sort_unstable();
+        columns.of(&support).into_iter().for_each(|column| forward.take(column));
+        let (value, next) = judge(support, forward.squares() + least);
+        if next == current {
+            return;
+        }
+        current = next;
+        idle = if value < best { 0 } else { idle + 1 };
+        best = best.min(value);
+    }
+}
+
+/// The better of backward elimination and forward selection, for free bounds.
+pub fn quickest(factor: &Factor, columns: &Columns, criterion: Criterion) -> Vec<usize> {
+    let mut found = backward(factor, columns, criterion);
+    forward(factor, columns, |support, squares| {
+        let judged = (value(&support, squares, factor, columns, criterion), support);
+        found.push(judged.clone());
+        judged
+    });
+    let least = found.into_iter().min_by(better);
+    least.map_or_else(Vec::new, |(_, support)| support)
+}
+
+/// The order of supports: ties are broken by the support itself.
+pub fn better(a: &Judged, b: &Judged) -> std::cmp::Ordering {
+    a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1))
+}
+
+fn value(
+    support: &[usize],
+    squares: f64,
+    factor: &Factor,
+    columns: &Columns,
+    criterion: Criterion,
+) -> f64 {
+    let choice = support.iter().map(|&k| columns.costs[k]).sum();
+    criterion.value(squares, factor.rows(), columns.of(support).len(), choice)
+}
+
+/// Columns and target, freed of what a growing set of the columns spans.
+struct Forward {
+    columns: DMatrix<f64>,
+    target: DVector<f64>,
+    /// Squares of the columns as they were.
+    norms: Vec<f64>,
+    taken: Vec<bool>,
+}
+
+impl Forward {
+    fn new(columns: DMatrix<f64>, target: DVector<f64>) -> Forward {
+        Forward {
+            norms: columns.column_iter().map(|column| column.norm_squared()).collect(),
+            taken: vec![false; columns.ncols()],
+            columns,
+            target,
+        }
+    }
+
+    /// What the taken columns leave of the target.
+    fn squares(&self) -> f64 {
+        self.target.norm_squared()
+    }
+
+    /// What is left of a column; below rounding nothing is.
+    fn left(&self, column: usize) -> f64 {
+        let left = self.columns.column(column).norm_squared();
+        if left > 1e-22 * self.norms[column] { left } else { 0.0 }
+    }
+
+    /// Takes a column into the basis, once.
+    fn take(&mut self, column: usize) {
+        if self.taken[column] {
+            return;
+        }
+        self.taken[column] = true;
+        let left = self.left(column);
+        if left == 0.0 {
+            return;
+        }
+        let unit = self.columns.column(column) / left.sqrt();
+        for (mut other, taken) in self.columns.column_iter_mut().zip(&self.taken) {
+            if !taken {
+                let shadow = unit.dot(&other);
+                other.axpy(-shadow, &unit, 1.0);
+            }
+        }
+        let shadow = unit.dot(&self.target);
+        self.target.axpy(-shadow, &unit, 1.0);
+    }
+
+    /// The term, of the first `terms` columns, that lowers the squares most.
+    fn best(&self, terms: usize) -> Option<usize> {
+        let fall = |k: usize| {
+            let left = self.left(k);
+            (left > 0.0).then(|| (k, self.columns.column(k).dot(&self.target).powi(2) / left))
+        };
+        (0..terms)
+            .filter(|&k| !self.taken[k])
+            .filter_map(fall)
+            .max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))
+            .map(|(k, _)| k)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::expr::Bounds;
+
+    #[test]
+    fn the_squares_of_every_support_are_those_of_a_fit() {
+        let mut rows = DMatrix::from_fn(40, 7, |i, j| (0.7 * ((i + 1) * (j + 1)) as f64).sin());
+        let mut factor = Factor::new(6);
+        factor.push(&mut rows, 40);
+        let columns = Columns {
+            terms: 6,
+            companions: vec![Vec::new(); 6],
+            forced: Vec::new(),
+            bounds: vec![Bounds::FREE; 6],
+            complexity: vec![1; 6],
+            costs: vec![0.0; 6],
+        };
+        let mut sizes = Vec::new();
+        forward(&factor, &columns, |support, squares| {
+            let fitted = factor.select(&support).least();
+            assert!((squares - fitted).abs() < 1e-12 * fitted, "{support:?}");
+            sizes.push(support.len());
+            // Every addition pays.
+            (-(support.len() as f64), support)
+        });
+        assert_eq!(sizes, (0..=6).collect::<Vec<_>>());
+    }
+}
