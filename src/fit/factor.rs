@@ -26,6 +26,11 @@ impl Factor {
         Factor { triangle: DMatrix::zeros(columns + 1, columns + 1), rows: 0 }
     }
 
+    /// The factor whose R is known: upper triangular, b last. `rows` residuals went into it.
+    pub(super) fn of_triangle(triangle: DMatrix<f64>, rows: usize) -> Self {
+        Factor { triangle, rows }
+    }
+
     /// Number of unknowns K.
     pub fn columns(&self) -> usize {
         self.triangle.ncols() - 1

@@ -307,7 +307,10 @@ pub fn settle_and_linearise(
     if let Some(stream) = problem.stream {
         return stream.pass(problem, present, whole);
     }
-    let expected = expected_steps(problem, present, states);
+    let expected = match is_few(whole.0) {
+        true => Some(1),
+        false => expected_steps(problem, present, states),
+    };
     let size = 2 * present.0.degrees();
     let mut rest = states.all_mut();
     let split = |fold: &Range<usize>| rest.split_off_mut(..fold.len() * size);
@@ -317,6 +320,11 @@ pub fn settle_and_linearise(
         part.steps = part.steps.or(expected);
         part.settle_and_take(problem, present, whole, segments, states, scratch);
     })
+}
+
+/// Of few columns a needless try costs less than to look how many steps the states take.
+fn is_few(dynamics: &Dynamics) -> bool {
+    dynamics.unknowns() <= 4 * dynamics.degrees()
 }
 
 /// Steps that the states of a few segments take, for each block to know when rows by theta are
@@ -413,9 +421,7 @@ impl FoldPass {
         states: &mut [f64],
         scratch: &mut Scratch,
     ) {
-        // Of few columns a needless try costs little.
-        let few = by.0.unknowns() <= 4 * by.0.degrees();
-        let expected = self.steps.or(few.then_some(1));
+        let expected = self.steps.or(is_few(by.0).then_some(1));
         let block = Block::gather(problem.dataset, segments, problem.weights.len());
         let (rows, steps) =
             settled(problem, present, Some((by, expected)), &block, states, scratch);

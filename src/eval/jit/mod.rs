@@ -218,10 +218,12 @@ impl Evaluator for Machinecode {
         let end = table + self.inputs + self.outputs + self.rows;
         let layout = Layout { slots, spills, rows, table, end };
         // Room to begin at a cache line.
-        let again = workspace.len() >= layout.end + 8;
-        workspace.resize(workspace.len().max(layout.end + 8), 0.0);
+        let last = (self.inputs + self.outputs) * width;
+        let size = layout.end + last + 8;
+        let again = workspace.len() >= size;
+        workspace.resize(workspace.len().max(size), 0.0);
         let offset = workspace.as_ptr().align_offset(64).min(8);
-        let memory = &mut workspace[offset..][..layout.end];
+        let (memory, last) = workspace[offset..][..layout.end + last].split_at_mut(layout.end);
         if !again {
             let (values, rest) = memory.split_at_mut(layout.slots);
             let slots = &mut rest[..count * width];
@@ -239,10 +241,10 @@ impl Evaluator for Machinecode {
         if whole < lanes {
             // The last points, filled up with zeros to a whole register.
             let left = lanes - whole;
-            let mut rows = vec![0.0; (self.inputs + self.outputs) * width];
-            let (from, to) = rows.split_at_mut(self.inputs * width);
+            let (from, to) = last.split_at_mut(self.inputs * width);
             for (input, row) in from.chunks_exact_mut(width).enumerate() {
                 row[..left].copy_from_slice(&points[input * lanes + whole..][..left]);
+                row[left..].fill(0.0);
             }
             self.run(memory, &layout, from, width, to, 0..width, block);
             for (output, row) in to.chunks_exact(width).enumerate() {
