@@ -249,6 +249,9 @@ impl Settled<'_> {
 fn patiently(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mut States) -> Sums {
     let mut sums = settle(problem, dynamics, theta, states);
     for _ in 0..PATIENCE {
+        if sums.restless == 0 {
+            break;
+        }
         let further = settle(problem, dynamics, theta, states);
         let settled = further.loss >= sums.loss * (1.0 - SETTLED);
         sums = further;

@@ -53,6 +53,11 @@ pub struct Refitted {
     pub fall: f64,
     /// What is left of them for each independent residual.
     pub variance: f64,
+    /// What it left of the segments that it was fitted to.
+    left: Sums,
+    /// Samples of such a segment, and how many there were; `None` where they were not weighed by
+    /// the noise alone.
+    fitted: Option<(usize, usize)>,
     /// Fall of the weighted squares of unseen runs.
     unseen_fall: f64,
     /// What the unknowns cost, and the choice among the grid's points (as in the trainer's
@@ -177,7 +182,7 @@ impl Refitted {
 
     /// What it leaves of the misfit, and of the error on unseen runs.
     pub fn judge(&mut self, settled: &Settled, unseen: &Settled) {
-        let sums = self.before(settled);
+        let sums = self.left(settled);
         self.fall = settled.sums.loss - sums.loss;
         self.variance = (sums.loss / sums.rows.max(1) as f64).max(1e-12);
         self.price = self.price_beside(sums.rows);
@@ -220,15 +225,28 @@ impl Refitted {
         self.leader.coefficient.len() as f64 * (rows.max(1) as f64).ln() + self.choice
     }
 
+    /// What it leaves of data that it may have been fitted to.
+    fn left(&self, settled: &Settled) -> Sums {
+        let here = Some((settled.context.window, settled.segments.list.len()));
+        match self.fitted == here && gained(&self.left, settled) {
+            true => self.left.clone(),
+            false => self.before(settled),
+        }
+    }
+
     /// What it leaves before some data. The states of the model without it are a near start;
     /// where nothing is gained from there, it starts from what was measured.
     fn before(&self, settled: &Settled) -> Sums {
         let context = self.context(&settled.context);
         let mut states = settled.states.clone();
         let sums = context.settle_from(&settled.segments, &mut states);
-        let gained = sums.loss < settled.sums.loss && sums.exploded <= settled.sums.exploded;
-        if gained { sums } else { context.settle(settled.context.window).2 }
+        if gained(&sums, settled) { sums } else { context.settle(settled.context.window).2 }
     }
+}
+
+/// Whether less is left than the model without the effect leaves, and no more segments are lost.
+fn gained(sums: &Sums, settled: &Settled) -> bool {
+    sums.loss < settled.sums.loss && sums.exploded <= settled.sums.exploded
 }
 
 /// Gauss-Newton on the segments of a context; a rough one where another follows.
@@ -265,6 +283,7 @@ fn fit(settled: &Settled, candidate: &Candidate, start: Start, rough: bool) -> O
     let coefficients = training.support.iter().map(|&k| training.coefficients[k]).collect();
     let values: Vec<f64> = candidate.parameters.iter().map(|&j| training.parameters[j]).collect();
     let Training { support, parameters, integrator, .. } = training;
+    let resolved = integrator.resolution.iter().zip(&context.noise).all(|(least, s)| least <= s);
     let pinned = is_pinned(candidate, &start.system, &values);
     Some(Refitted {
         leader: Leader {
@@ -285,6 +304,8 @@ fn fit(settled: &Settled, candidate: &Candidate, start: Start, rough: bool) -> O
         stepping: integrator.stepping,
         fall,
         variance,
+        left: refit.sums().clone(),
+        fitted: resolved.then_some((context.window, settled.segments.list.len())),
         unseen_fall: 0.0,
         price: 0.0,
         choice: 2.0 * (candidate.grid.len().max(1) as f64).ln(),

@@ -77,6 +77,8 @@ pub struct Sums {
     pub loss: f64,
     /// Segments whose trajectory left the finite numbers.
     pub exploded: usize,
+    /// Segments whose states were still moving when their steps were used up.
+    pub restless: usize,
     /// Measured values minus what the states take up: the number of independent residuals.
     pub rows: usize,
     /// For each observable, the sum of weighted squares (clipped for robust losses).
@@ -93,6 +95,7 @@ impl Sums {
     fn add(&mut self, other: &Sums) {
         self.loss += other.loss;
         self.exploded += other.exploded;
+        self.restless += other.restless;
         self.rows += other.rows;
         for (a, b) in self.squares.iter_mut().zip(&other.squares) {
             *a += b;
@@ -119,9 +122,10 @@ pub fn settle(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mu
         .zip(states.all_mut().par_chunks_mut((width * 2 * dynamics.degrees()).max(1)))
         .map_init(Scratch::new, |scratch, (segments, states)| {
             let block = Block::gather(problem.dataset, segments, problem.weights.len());
-            let (rows, _) = settled(problem, (dynamics, theta), None, &block, states, scratch);
+            let (rows, taken) = settled(problem, (dynamics, theta), None, &block, states, scratch);
             let mut sums = Sums::new(problem.weights.len());
             rows.sum_up(&mut sums);
+            sums.restless = taken.restless;
             rows.recycle(scratch);
             sums
         })
@@ -143,8 +147,15 @@ pub(super) struct Laws<'a> {
     pub(super) by: Option<Law<'a>>,
 }
 
+/// What it took to settle the states of a block.
+struct Taken {
+    steps: usize,
+    /// Lanes that were still moving at the end.
+    restless: usize,
+}
+
 /// Rows of a block at settled states, freed of these: without columns for theta, or with those of
-/// `by`. Also gives the number of steps that the states took.
+/// `by`.
 ///
 /// Rows by theta are dear. They are computed where `by` expects the states to be settled; if that
 /// was too soon, once more at the end.
@@ -155,7 +166,7 @@ fn settled(
     block: &Block,
     states: &mut [f64],
     scratch: &mut Scratch,
-) -> (Rows, usize) {
+) -> (Rows, Taken) {
     let size = 2 * present.0.degrees();
     let lanes = block.lanes();
     let mut trial = states.to_vec();
@@ -198,7 +209,7 @@ fn settled(
         if settled.iter().all(|&done| done) && improved == lanes {
             // The rows at hand are those of the settled states.
             if by.is_none() || here.is_some() {
-                return (rows, taken);
+                return (rows, Taken { steps: taken, restless: 0 });
             }
             rows.recycle(scratch);
             break;
@@ -209,7 +220,8 @@ fn settled(
     let laws = Laws { present, by: by.map(|(law, _)| law) };
     let mut rows = Rows::integrate(problem, laws, block, states, scratch);
     rows.eliminate_states();
-    (rows, taken)
+    let restless = settled.iter().filter(|&&done| !done).count();
+    (rows, Taken { steps: taken, restless })
 }
 
 /// Weighted residuals of every segment at settled states, `[segment][observable][sample]`; not a
@@ -339,8 +351,8 @@ fn expected_steps(problem: &Problem, present: Law, states: &States) -> Option<us
     let segments = &problem.segments.list[..few];
     let block = Block::gather(problem.dataset, segments, problem.weights.len());
     let mut tried = states.part(0..few).to_vec();
-    let (_, steps) = settled(problem, present, None, &block, &mut tried, &mut Scratch::new());
-    Some(steps)
+    let (_, taken) = settled(problem, present, None, &block, &mut tried, &mut Scratch::new());
+    Some(taken.steps)
 }
 
 /// One pass over every fold, block after block: `take` gets the segments of a block, the states
@@ -423,9 +435,10 @@ impl FoldPass {
     ) {
         let expected = self.steps.or(is_few(by.0).then_some(1));
         let block = Block::gather(problem.dataset, segments, problem.weights.len());
-        let (rows, steps) =
+        let (rows, taken) =
             settled(problem, present, Some((by, expected)), &block, states, scratch);
-        self.steps = self.steps.max(Some(steps));
+        self.steps = self.steps.max(Some(taken.steps));
+        self.sums.restless += taken.restless;
         self.take_rows(rows, scratch);
     }
 
