@@ -6,7 +6,7 @@ use super::batch::{Batch, Scratch};
 use super::equations::Dynamics;
 use super::methods::Tableau;
 use super::splitting::rescale;
-use crate::eval::{Aligned, InstructionSet, add_multiple};
+use crate::eval::{Aligned, InstructionSet, add_multiple, sum_with_multiple};
 
 /// Advances a batch; `scratch.step` holds the step of each lane. `record` sees the
 /// state before every step.
@@ -46,9 +46,8 @@ pub fn advance(
             slopes[stage].copy_from_slice(values);
             if tangents {
                 combine(&mut tangent, &batch.tangent, row, &variations[..stage]);
-                variations[stage].fill(0.0);
                 let first = 2 * batch.degrees();
-                field.push(&mut variations[stage], &tangent, entries, first, columns, lanes);
+                field.map(&mut variations[stage], &tangent, entries, first, columns, lanes);
             }
         }
         add_parts(&mut batch.state, tableau.weights, &slopes);
@@ -73,9 +72,16 @@ pub fn combine<P: Deref<Target = [f64]>>(
     factors: &[f64],
     parts: &[P],
 ) {
-    out.clear();
-    out.extend_from_slice(base);
-    add_parts(out, factors, parts);
+    let mut wanted = factors.iter().zip(parts).filter(|(factor, _)| **factor != 0.0);
+    let Some((&factor, part)) = wanted.next() else {
+        out.clear();
+        out.extend_from_slice(base);
+        return;
+    };
+    let set = InstructionSet::widest();
+    out.resize(base.len(), 0.0);
+    sum_with_multiple(set, out, base, part, factor);
+    wanted.for_each(|(&factor, part)| add_multiple(set, out, part, factor));
 }
 
 /// out += sum of factor * part.

@@ -6,6 +6,7 @@ use std::sync::OnceLock;
 use super::batch::Scratch;
 use crate::eval::{
     Backend, Evaluator, Inputs, InstructionSet, add, add_weighted, add_weighted_pair, compile,
+    set_weighted,
 };
 use crate::expr::{Expr, Graph, Symbol};
 
@@ -161,6 +162,35 @@ impl Flow {
         columns: usize,
         lanes: usize,
     ) {
+        self.move_tangents(target, source, entries, (first, columns), lanes, true);
+    }
+
+    /// The same with nothing in `target` before: target = entries * source, and the mixed entries.
+    pub fn map(
+        &self,
+        target: &mut [f64],
+        source: &[f64],
+        entries: &[f64],
+        first: usize,
+        columns: usize,
+        lanes: usize,
+    ) {
+        let width = columns * lanes;
+        for row in (0..self.rows).filter(|row| self.jacobian.iter().all(|(r, _)| r != row)) {
+            target[row * width..][..width].fill(0.0);
+        }
+        self.move_tangents(target, source, entries, (first, columns), lanes, false);
+    }
+
+    fn move_tangents(
+        &self,
+        target: &mut [f64],
+        source: &[f64],
+        entries: &[f64],
+        (first, columns): (usize, usize),
+        lanes: usize,
+        add_to: bool,
+    ) {
         if lanes == 0 {
             return;
         }
@@ -175,7 +205,12 @@ impl Flow {
             let mut entry = 0;
             for of_row in self.jacobian.chunk_by(|a, b| a.0 == b.0) {
                 let into = &mut target[of_row[0].0 * width + tile..][..size];
-                for some in of_row.chunks(PRODUCTS) {
+                let mut products = of_row;
+                if let (false, [alone, rest @ ..]) = (add_to, products) {
+                    set_weighted(set, into, part(alone), &entries[entry * lanes..][..lanes]);
+                    (products, entry) = (rest, entry + 1);
+                }
+                for some in products.chunks(PRODUCTS) {
                     let weights = &entries[entry * lanes..][..some.len() * lanes];
                     match some {
                         [a, b] => add_weighted_pair(set, into, part(a), part(b), weights),

@@ -41,6 +41,37 @@ fn add_multiple_body(target: &mut [f64], a: &[f64], factor: f64) {
 }
 
 dispatched! {
+    /// target = base + factor * a, number by number, both operations rounded.
+    pub fn sum_with_multiple(target: &mut [f64], base: &[f64], a: &[f64], factor: f64)
+        = sum_with_multiple_body;
+}
+
+#[inline(always)]
+fn sum_with_multiple_body(target: &mut [f64], base: &[f64], a: &[f64], factor: f64) {
+    for ((t, b), a) in target.iter_mut().zip(base).zip(a) {
+        *t = b + factor * a;
+    }
+}
+
+dispatched! {
+    /// target = a * weight, row after row of lanes.
+    pub fn set_weighted(target: &mut [f64], a: &[f64], weight: &[f64]) = set_weighted_body;
+}
+
+#[inline(always)]
+fn set_weighted_body(target: &mut [f64], a: &[f64], weight: &[f64]) {
+    if weight.is_empty() {
+        return;
+    }
+    let lanes = weight.len();
+    for (target, a) in target.chunks_exact_mut(lanes).zip(a.chunks_exact(lanes)) {
+        for ((t, a), w) in target.iter_mut().zip(a).zip(weight) {
+            *t = a * w;
+        }
+    }
+}
+
+dispatched! {
     /// target += a * weight, row after row of lanes, each number rounded once.
     pub fn add_weighted(target: &mut [f64], a: &[f64], weight: &[f64]) = add_weighted_body;
 }

@@ -19,7 +19,7 @@ pub use aligned::Aligned;
 pub(crate) use arrays::{
     Compared, LaneReflections, add, add_carrying, add_multiple, add_products, add_squares,
     add_weighted, add_weighted_pair, compare, leverages, mark_broken, reflect_lanes, rescale,
-    weigh,
+    set_weighted, sum_with_multiple, weigh,
 };
 pub(crate) use instruction::{Instruction, Slot, Value};
 pub(crate) use lower::Lowered;
