@@ -176,9 +176,13 @@ impl Flow {
         lanes: usize,
     ) {
         let width = columns * lanes;
-        for row in (0..self.rows).filter(|row| self.jacobian.iter().all(|(r, _)| r != row)) {
-            target[row * width..][..width].fill(0.0);
+        let mut rows = target.chunks_exact_mut(width.max(1)).enumerate().take(self.rows);
+        for of_row in self.jacobian.chunk_by(|a, b| a.0 == b.0) {
+            // Rows between those that depend on the state do not.
+            let constant = rows.by_ref().take_while(|(row, _)| *row != of_row[0].0);
+            constant.for_each(|(_, values)| values.fill(0.0));
         }
+        rows.for_each(|(_, values)| values.fill(0.0));
         self.move_tangents(target, source, entries, (first, columns), lanes, false);
     }
 

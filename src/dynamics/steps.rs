@@ -84,32 +84,22 @@ pub fn choose_steps(
             }
             let error = trial.error(method, steps);
             let reached = error.iter().zip(&trial.tolerance).all(|(e, t)| e <= t);
-            let excess = trial.excess(&error);
             let better = match &best {
                 None => true,
-                Some(best) => reached || excess < trial.excess(&best.error) && !best.reached,
+                Some(best) => {
+                    reached || trial.excess(&error) < trial.excess(&best.error) && !best.reached
+                }
             };
             if better {
-                let reason = reason(method, steps, reached, excess);
+                let reason = reason(method, steps, reached, trial.excess(&error));
                 best = Some(StepChoice { method, steps, error, cost, reached, reason });
             }
-            if reached || limit < least_steps(method, steps, excess) * method.cost() {
+            if reached {
                 break;
             }
         }
     }
     best.unwrap_or(fallback)
-}
-
-/// Steps below which a method that errs by `excess` tolerances with so many is not expected to
-/// reach it: half of what its order says, and one order more where steps are still long.
-fn least_steps(method: Method, steps: usize, excess: f64) -> usize {
-    if !excess.is_finite() {
-        // Shorter steps may stay where long ones explode.
-        return 0;
-    }
-    let needed = excess.powf(1.0 / f64::from(method.row().order + 1));
-    (0.5 * needed * steps as f64).min(1e9) as usize
 }
 
 /// 1, 2, 3, 4, 6, 8, 12, 16, ...
