@@ -17,6 +17,8 @@ use crate::python::{PYSINDY, Python, TORCH, number};
 use crate::turns::{Turn, clocked, fastest};
 
 const PAIRS: usize = 5_000;
+/// Turns of fits of milliseconds: on a shared machine few of them go undisturbed.
+const TURNS: usize = 50;
 /// Predictions one step ahead, and predictions of `LONG` steps.
 const SHORT: usize = 200;
 const STARTS: usize = 220;
@@ -222,7 +224,7 @@ pub fn paper(asked: &Asked, python: Result<&Python, &String>) -> Result<Section,
     );
     let section = Section::new("The paper's method", &about, &COLUMNS);
     let mut table = Table::new(section, Task::new(&asked.folder, 0.0)?);
-    let own = || fastest(10, &mut [Box::new(|| timed(&table.task)) as Turn]).remove(0);
+    let own = || fastest(TURNS, &mut [Box::new(|| timed(&table.task)) as Turn]).remove(0);
     let before = own()?;
     let peer = python.map_err(String::clone).and_then(|python| {
         let limit = asked.quick.map_or("0".to_string(), |seconds| seconds.to_string());
@@ -278,7 +280,7 @@ pub fn rivals(
         Err(why) => (Err(why), Value::Null),
     };
     let times = fastest(
-        10,
+        TURNS,
         &mut [
             Box::new(|| timed(&table.task)),
             Box::new(|| sindy.as_mut().map_err(|why| why.clone())?.seconds()),

@@ -77,7 +77,7 @@ pub fn two_cores(asked: &Asked) -> Result<Section, String> {
         let said = String::from_utf8_lossy(&done.stderr);
         text.trim().parse().map_err(|_| format!("the fit failed: {}", said.trim()))
     };
-    let rounds = if asked.quick.is_some() { 1 } else { 7 };
+    let rounds = if asked.quick.is_some() { 1 } else { 25 };
     let turns: [Turn; 2] = [Box::new(|| run(1)), Box::new(|| run(2))];
     let times = fastest(rounds, &mut turns.map(|turn| turn));
     match (&times[0], &times[1]) {
