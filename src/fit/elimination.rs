@@ -129,21 +129,13 @@ impl Elimination {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::expr::Bounds;
 
     #[test]
     fn squares_are_those_of_a_fit_without_what_left() {
         let mut rows = DMatrix::from_fn(40, 7, |i, j| (0.7 * ((i + 1) * (j + 1)) as f64).sin());
         let mut factor = Factor::new(6);
         factor.push(&mut rows, 40);
-        let columns = Columns {
-            terms: 6,
-            companions: vec![Vec::new(); 6],
-            forced: Vec::new(),
-            bounds: vec![Bounds::FREE; 6],
-            complexity: vec![1; 6],
-            costs: vec![0.0; 6],
-        };
+        let columns = Columns::plain(6);
         let mut elimination = Elimination::new(&factor, &columns, (0..6).collect());
         for left in (0..6).rev() {
             let before = elimination.squares;

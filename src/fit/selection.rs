@@ -154,21 +154,13 @@ impl Forward {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::expr::Bounds;
 
     #[test]
     fn the_squares_of_every_support_are_those_of_a_fit() {
         let mut rows = DMatrix::from_fn(40, 7, |i, j| (0.7 * ((i + 1) * (j + 1)) as f64).sin());
         let mut factor = Factor::new(6);
         factor.push(&mut rows, 40);
-        let columns = Columns {
-            terms: 6,
-            companions: vec![Vec::new(); 6],
-            forced: Vec::new(),
-            bounds: vec![Bounds::FREE; 6],
-            complexity: vec![1; 6],
-            costs: vec![0.0; 6],
-        };
+        let columns = Columns::plain(6);
         let mut sizes = Vec::new();
         forward(&factor, &columns, |support, squares| {
             let fitted = factor.select(&support).least();

@@ -46,6 +46,19 @@ impl Columns {
         columns
     }
 
+    /// So many plain terms, for tests: nothing is bounded, and all are equally simple.
+    #[cfg(test)]
+    pub(super) fn plain(terms: usize) -> Columns {
+        Columns {
+            terms,
+            companions: vec![Vec::new(); terms],
+            forced: Vec::new(),
+            bounds: vec![Bounds::FREE; terms],
+            complexity: vec![1; terms],
+            costs: vec![0.0; terms],
+        }
+    }
+
     /// Whether no value is out of bounds.
     pub fn all_free(&self) -> bool {
         self.bounds.iter().all(|bound| bound.is_free())
