@@ -51,23 +51,40 @@ fn row(
     fits: impl Fn(f64) -> bool,
     slow: fn(f64) -> f64,
 ) {
-    for (from, to) in from.chunks(CHUNK).zip(to.chunks_mut(CHUNK)) {
-        let mut x = [0.0; CHUNK];
-        x[..from.len()].copy_from_slice(from);
-        let mut y = [0.0; CHUNK];
+    let (from, last) = from.as_chunks::<CHUNK>();
+    let (to, last_to) = to.as_chunks_mut::<CHUNK>();
+    // Straight from row to row: a copy in between would be waited for.
+    for (from, to) in from.iter().zip(to) {
         let mut all = true;
         for i in 0..CHUNK {
-            y[i] = fast(x[i]);
-            all &= fits(x[i]);
+            to[i] = fast(from[i]);
+            all &= fits(from[i]);
         }
         if !all {
-            for i in 0..CHUNK {
-                if !fits(x[i]) {
-                    y[i] = slow(x[i]);
-                }
-            }
+            again(from, to, &fits, slow);
         }
-        to.copy_from_slice(&y[..from.len()]);
+    }
+    let (mut from, mut to) = ([0.0; CHUNK], [0.0; CHUNK]);
+    from[..last.len()].copy_from_slice(last);
+    for i in 0..CHUNK {
+        to[i] = fast(from[i]);
+    }
+    again(&from, &mut to, &fits, slow);
+    last_to.copy_from_slice(&to[..last.len()]);
+}
+
+/// `slow` on the numbers that `fits` refuses.
+#[inline(never)]
+fn again(
+    from: &[f64; CHUNK],
+    to: &mut [f64; CHUNK],
+    fits: impl Fn(f64) -> bool,
+    slow: fn(f64) -> f64,
+) {
+    for (to, &x) in to.iter_mut().zip(from) {
+        if !fits(x) {
+            *to = slow(x);
+        }
     }
 }
 
