@@ -175,12 +175,12 @@ fn reduced(x: f64) -> (f64, f64, u64) {
     let k = shifted - WHOLE;
     let first = (-k).mul_add(HALF_PI[0], x);
     // Of the second part nothing may be lost: near a multiple of pi/2 it is all that is left.
+    // `first` is a whole number of last places of `second`, so that `taken` is exact (Dekker,
+    // Numerische Mathematik 18, 1971) and one rounding is left.
     let second = k * HALF_PI[1];
-    let lost = k.mul_add(HALF_PI[1], -second);
     let high = first - second;
-    let back = first - high;
-    let rounding = (first - (high + back)) + (back - second);
-    let low = (-k).mul_add(HALF_PI[2], rounding - lost);
+    let taken = first - high;
+    let low = (-k).mul_add(HALF_PI[2], (-k).mul_add(HALF_PI[1], taken));
     (high, low, shifted.to_bits())
 }
 

@@ -7,14 +7,12 @@ use super::uniform::Uniforms;
 use super::{Backend, Evaluator, InstructionSet, elementary};
 use crate::expr::raise;
 
-/// Points that one arithmetic operation takes at a time; the compiler makes vectors of them.
-const CHUNK: usize = 16;
+/// Blocks are whole multiples of this many points: the compiler makes vectors of them.
+const CHUNK: usize = 32;
 /// Bytes of a block's registers: they share the first-level cache with rows that come and go.
 const BLOCK_BYTES: usize = 24 << 10;
-/// Most chunks of one block: more would not make the instructions' share any smaller.
-const MOST_CHUNKS: usize = 16;
-
-type Chunk = [f64; CHUNK];
+/// Most points of one block: more would not make the instructions' share any smaller.
+const MOST_POINTS: usize = 256;
 
 /// Registers are reused as soon as their value is no longer needed.
 pub struct Tape {
@@ -24,8 +22,8 @@ pub struct Tape {
     stores: Vec<(u32, u32)>,
     uniforms: Uniforms,
     registers: usize,
-    /// Chunks of one block.
-    chunks: usize,
+    /// Points of one block.
+    points: usize,
     outputs: usize,
     set: InstructionSet,
 }
@@ -33,10 +31,10 @@ pub struct Tape {
 impl Tape {
     pub fn new(lowered: &Lowered, uniforms: Uniforms, set: InstructionSet) -> Tape {
         let Allocated { code, stores, registers } = allocate(lowered);
-        let chunk_bytes = registers.max(1) * CHUNK * size_of::<f64>();
-        let chunks = (BLOCK_BYTES / chunk_bytes).clamp(2, MOST_CHUNKS);
+        let point_bytes = registers.max(1) * size_of::<f64>();
+        let points = (BLOCK_BYTES / point_bytes / CHUNK * CHUNK).clamp(CHUNK, MOST_POINTS);
         let outputs = lowered.outputs.len();
-        Tape { code, stores, uniforms, registers, chunks, outputs, set }
+        Tape { code, stores, uniforms, registers, points, outputs, set }
     }
 }
 
@@ -58,14 +56,17 @@ impl Evaluator for Tape {
         workspace: &mut Vec<f64>,
     ) {
         let (slots, steps) = (self.uniforms.len(), self.uniforms.scratch());
-        let registers = self.registers.max(1) * self.chunks * CHUNK;
-        workspace.resize(workspace.len().max(registers + slots + steps), 0.0);
-        let (registers, rest) = workspace.split_at_mut(registers);
+        let most = self.points.min(lanes.next_multiple_of(CHUNK));
+        let registers = self.registers.max(1) * most;
+        // Registers begin at a cache line: nothing is read from two of them.
+        const LINE: usize = 64;
+        let size = registers + slots + steps;
+        workspace.resize(workspace.len().max(size + LINE / size_of::<f64>()), 0.0);
+        let start = workspace.as_ptr().align_offset(LINE).min(LINE / size_of::<f64>());
+        let (registers, rest) = workspace[start..start + size].split_at_mut(registers);
         let (slots, steps) = rest.split_at_mut(slots);
         self.uniforms.evaluate(uniform, steps, |slot, value| slots[slot] = value);
-        let (registers, _) = registers.as_chunks_mut::<CHUNK>();
-        let most = self.chunks * CHUNK;
-        for start in (0..lanes).step_by(most) {
+        for start in (0..lanes).step_by(most.max(1)) {
             let width = most.min(lanes - start);
             let mut block = Block { points, slots, lanes, start, width, out: &mut *out };
             run(self.set, self, &mut block, registers);
@@ -85,128 +86,99 @@ struct Block<'a> {
 
 dispatched! {
     /// Runs one block.
-    fn run(tape: &Tape, block: &mut Block, registers: &mut [Chunk]) = run_block;
+    fn run(tape: &Tape, block: &mut Block, registers: &mut [f64]) = run_block;
 }
 
-/// `width` points of each row from `start` are real; the last chunk is padded.
+/// The registers that an instruction may read: all but the one that it writes to.
+struct Others<'a> {
+    before: &'a [f64],
+    after: &'a [f64],
+    width: usize,
+}
+
+impl<'a> Others<'a> {
+    #[inline(always)]
+    fn row(&self, register: Value) -> &'a [f64] {
+        let at = register as usize * self.width;
+        match self.before.get(at..at + self.width) {
+            Some(row) => row,
+            None => &self.after[at - self.before.len() - self.width..][..self.width],
+        }
+    }
+}
+
+/// `block.width` points of each row are real, what fills up the last chunk is not.
 #[inline(always)]
-fn run_block(tape: &Tape, block: &mut Block, registers: &mut [Chunk]) {
+fn run_block(tape: &Tape, block: &mut Block, registers: &mut [f64]) {
     let mut stores = tape.stores.iter().peekable();
-    let used = block.width.div_ceil(CHUNK);
+    let width = block.width.next_multiple_of(CHUNK);
     let slot = |slot: u32| block.slots[slot as usize];
     for (at, &(instruction, to)) in tape.code.iter().enumerate() {
-        let row = |r: Value| r as usize * tape.chunks;
-        let to = row(to);
+        let (before, rest) = registers.split_at_mut(to as usize * width);
+        let (to, after) = rest.split_at_mut(width);
+        let others = Others { before, after, width };
+        let row = |register: Value| others.row(register);
         match instruction {
             Instruction::Load { input } => {
                 let from = &block.points[input as usize * block.lanes + block.start..];
-                for (c, chunk) in from[..block.width].chunks(CHUNK).enumerate() {
-                    registers[to + c][..chunk.len()].copy_from_slice(chunk);
-                }
+                to[..block.width].copy_from_slice(&from[..block.width]);
             }
-            Instruction::Broadcast { slot: s } => {
-                registers[to..to + used].fill([slot(s); CHUNK]);
-            }
+            Instruction::Broadcast { slot: s } => to.fill(slot(s)),
             Instruction::Scale { a, slot: s } => {
                 let s = slot(s);
-                map(registers, used, to, row(a), |x| x * s);
+                map(to, row(a), |x| x * s);
             }
             Instruction::Shift { a, slot: s } => {
                 let s = slot(s);
-                map(registers, used, to, row(a), |x| x + s);
+                map(to, row(a), |x| x + s);
             }
             Instruction::ScaleShift { a, slot: s, shift } => {
                 let (s, shift) = (slot(s), slot(shift));
-                map(registers, used, to, row(a), |x| x.mul_add(s, shift));
+                map(to, row(a), |x| x.mul_add(s, shift));
             }
             Instruction::AddScaled { a, b, slot: s } => {
                 let s = slot(s);
-                zip(registers, used, to, row(a), row(b), |x, y| y.mul_add(s, x));
+                zip(to, row(a), row(b), |x, y| y.mul_add(s, x));
             }
-            Instruction::Add { a, b } => {
-                zip(registers, used, to, row(a), row(b), |x, y| x + y);
-            }
-            Instruction::Subtract { a, b } => {
-                zip(registers, used, to, row(a), row(b), |x, y| x - y);
-            }
-            Instruction::Multiply { a, b } => {
-                zip(registers, used, to, row(a), row(b), |x, y| x * y);
-            }
+            Instruction::Add { a, b } => zip(to, row(a), row(b), |x, y| x + y),
+            Instruction::Subtract { a, b } => zip(to, row(a), row(b), |x, y| x - y),
+            Instruction::Multiply { a, b } => zip(to, row(a), row(b), |x, y| x * y),
             Instruction::MultiplyShift { a, b, slot: s } => {
                 let s = slot(s);
-                zip(registers, used, to, row(a), row(b), |x, y| x.mul_add(y, s));
+                zip(to, row(a), row(b), |x, y| x.mul_add(y, s));
             }
             Instruction::MultiplyAdd { a, b, c } => {
-                let (a, b, c) = (row(a), row(b), row(c));
-                for i in 0..used {
-                    let (x, y, z) = (registers[a + i], registers[b + i], registers[c + i]);
-                    let mut result = [0.0; CHUNK];
-                    for i in 0..CHUNK {
-                        result[i] = x[i].mul_add(y[i], z[i]);
-                    }
-                    registers[to + i] = result;
+                for (((to, x), y), z) in to.iter_mut().zip(row(a)).zip(row(b)).zip(row(c)) {
+                    *to = x.mul_add(*y, *z);
                 }
             }
-            Instruction::Reciprocal { a } => map(registers, used, to, row(a), |x| 1.0 / x),
+            Instruction::Reciprocal { a } => map(to, row(a), |x| 1.0 / x),
             Instruction::Raise { a, slot: s } => {
                 let exponent = slot(s);
-                map(registers, used, to, row(a), |x| raise(x, exponent));
+                map(to, row(a), |x| raise(x, exponent));
             }
-            Instruction::Power { a, b } => {
-                zip(registers, used, to, row(a), row(b), |x, y| x.powf(y));
-            }
-            Instruction::Apply { a, function } => {
-                let a = row(a);
-                // A function never writes to the register that it reads.
-                let (from, to) = if a < to {
-                    let (left, right) = registers.split_at_mut(to);
-                    (&left[a..a + used], &mut right[..used])
-                } else {
-                    let (left, right) = registers.split_at_mut(a);
-                    (&right[..used], &mut left[to..to + used])
-                };
-                elementary::apply(tape.set, function, from.as_flattened(), to.as_flattened_mut());
-            }
+            Instruction::Power { a, b } => zip(to, row(a), row(b), |x, y| x.powf(y)),
+            Instruction::Apply { a, function } => elementary::apply(tape.set, function, row(a), to),
         }
         while let Some(&&(_, output)) = stores.peek().filter(|s| s.0 == at as u32) {
             stores.next();
             let into = &mut block.out[output as usize * block.lanes + block.start..];
-            for (c, chunk) in into[..block.width].chunks_mut(CHUNK).enumerate() {
-                chunk.copy_from_slice(&registers[to + c][..chunk.len()]);
-            }
+            into[..block.width].copy_from_slice(&to[..block.width]);
         }
     }
 }
 
-/// Operands are copied to locals first: the compiler then sees that nothing overlaps.
 #[inline(always)]
-fn map(registers: &mut [Chunk], used: usize, to: usize, a: usize, f: impl Fn(f64) -> f64) {
-    for c in 0..used {
-        let x = registers[a + c];
-        let mut result = [0.0; CHUNK];
-        for i in 0..CHUNK {
-            result[i] = f(x[i]);
-        }
-        registers[to + c] = result;
+fn map(to: &mut [f64], from: &[f64], f: impl Fn(f64) -> f64) {
+    for (to, &x) in to.iter_mut().zip(from) {
+        *to = f(x);
     }
 }
 
 #[inline(always)]
-fn zip(
-    registers: &mut [Chunk],
-    used: usize,
-    to: usize,
-    a: usize,
-    b: usize,
-    f: impl Fn(f64, f64) -> f64,
-) {
-    for c in 0..used {
-        let (x, y) = (registers[a + c], registers[b + c]);
-        let mut result = [0.0; CHUNK];
-        for i in 0..CHUNK {
-            result[i] = f(x[i], y[i]);
-        }
-        registers[to + c] = result;
+fn zip(to: &mut [f64], a: &[f64], b: &[f64], f: impl Fn(f64, f64) -> f64) {
+    for ((to, &x), &y) in to.iter_mut().zip(a).zip(b) {
+        *to = f(x, y);
     }
 }
 
@@ -247,14 +219,9 @@ fn allocate(lowered: &Lowered) -> Allocated {
                 registers - 1
             })
         };
-        let to = if matches!(instruction, Instruction::Apply { .. }) {
-            let to = take(&mut free);
-            free.append(&mut ended);
-            to
-        } else {
-            free.append(&mut ended);
-            take(&mut free)
-        };
+        // Never one that the instruction reads: the compiler then sees that nothing overlaps.
+        let to = take(&mut free);
+        free.append(&mut ended);
         register_of.push(to);
         if last_use[at] == at {
             free.push(to);

@@ -43,13 +43,31 @@ impl Width {
     }
 }
 
+/// A place in memory, as large as a register.
+#[derive(Debug, Clone, Copy)]
+pub struct Place {
+    /// That of the first copy.
+    pub first: MemoryOperand,
+    /// Bytes from one copy to the next; 0 if all copies share it.
+    pub apart: i64,
+}
+
+impl Place {
+    fn of(self, copy: u8) -> MemoryOperand {
+        let mut place = self.first;
+        place.displacement += i64::from(copy) * self.apart;
+        place.displ_size = 1;
+        place
+    }
+}
+
 /// The last operand of an instruction.
 #[derive(Debug, Clone, Copy)]
 pub enum Operand {
     /// A vector register by its number.
     Register(u8),
     /// A place in memory.
-    Memory(MemoryOperand),
+    Memory(Place),
 }
 
 /// Two operands and a result.
@@ -75,8 +93,12 @@ pub enum Fused {
 }
 
 /// Machine code as it grows.
+///
+/// Every instruction on vector registers can be written twice, for the next points too: the
+/// processor then has something to do while an instruction waits for the one before it.
 pub struct Assembler {
     pub width: Width,
+    copies: u8,
     encoder: Encoder,
     length: u64,
     /// Something could not be encoded: the code is of no use.
@@ -84,8 +106,31 @@ pub struct Assembler {
 }
 
 impl Assembler {
-    pub fn new(width: Width) -> Assembler {
-        Assembler { width, encoder: Encoder::new(64), length: 0, failed: false }
+    /// Writes every instruction on vector registers `copies` times, once or twice.
+    pub fn new(width: Width, copies: u8) -> Assembler {
+        Assembler { width, copies, encoder: Encoder::new(64), length: 0, failed: false }
+    }
+
+    /// How often an instruction is written.
+    pub fn copies(&self) -> usize {
+        usize::from(self.copies)
+    }
+
+    /// Numbers that a register and its copies hold.
+    pub fn lanes(&self) -> usize {
+        self.width.lanes() * self.copies()
+    }
+
+    /// Registers that each copy has to itself; one that they share is behind them.
+    pub fn registers(&self) -> usize {
+        match self.copies {
+            1 => self.width.registers(),
+            _ => self.width.registers() / 2 - 1,
+        }
+    }
+
+    fn register(&self, index: u8, copy: u8) -> Register {
+        self.width.register(index + copy * self.registers() as u8)
     }
 
     /// Bytes so far.
@@ -117,22 +162,26 @@ impl Assembler {
         }]
     }
 
-    pub fn load(&mut self, to: u8, from: MemoryOperand) {
+    pub fn load(&mut self, to: u8, from: Place) {
         let code = self.by_width([
             Code::VEX_Vmovsd_xmm_m64,
             Code::VEX_Vmovupd_ymm_ymmm256,
             Code::EVEX_Vmovupd_zmm_k1z_zmmm512,
         ]);
-        self.emit(Instruction::with2(code, self.width.register(to), from));
+        for copy in 0..self.copies {
+            self.emit(Instruction::with2(code, self.register(to, copy), from.of(copy)));
+        }
     }
 
-    pub fn store(&mut self, to: MemoryOperand, from: u8) {
+    pub fn store(&mut self, to: Place, from: u8) {
         let code = self.by_width([
             Code::VEX_Vmovsd_m64_xmm,
             Code::VEX_Vmovupd_ymmm256_ymm,
             Code::EVEX_Vmovupd_zmmm512_k1z_zmm,
         ]);
-        self.emit(Instruction::with2(code, to, self.width.register(from)));
+        for copy in 0..self.copies {
+            self.emit(Instruction::with2(code, to.of(copy), self.register(from, copy)));
+        }
     }
 
     pub fn copy(&mut self, to: u8, from: u8) {
@@ -141,7 +190,10 @@ impl Assembler {
             Code::VEX_Vmovapd_ymm_ymmm256,
             Code::EVEX_Vmovapd_zmm_k1z_zmmm512,
         ]);
-        self.emit(Instruction::with2(code, self.width.register(to), self.width.register(from)));
+        for copy in 0..self.copies {
+            let (to, from) = (self.register(to, copy), self.register(from, copy));
+            self.emit(Instruction::with2(code, to, from));
+        }
     }
 
     pub fn binary(&mut self, operation: Binary, to: u8, a: u8, b: Operand) {
@@ -197,20 +249,43 @@ impl Assembler {
     }
 
     pub fn square_root(&mut self, to: u8, from: u8) {
-        let (to, from) = (self.width.register(to), self.width.register(from));
-        self.emit(match self.width {
-            Width::One => Instruction::with3(Code::VEX_Vsqrtsd_xmm_xmm_xmmm64, to, from, from),
-            Width::Four => Instruction::with2(Code::VEX_Vsqrtpd_ymm_ymmm256, to, from),
-            Width::Eight => Instruction::with2(Code::EVEX_Vsqrtpd_zmm_k1z_zmmm512b64_er, to, from),
-        });
+        for copy in 0..self.copies {
+            let (to, from) = (self.register(to, copy), self.register(from, copy));
+            self.emit(match self.width {
+                Width::One => Instruction::with3(Code::VEX_Vsqrtsd_xmm_xmm_xmmm64, to, from, from),
+                Width::Four => Instruction::with2(Code::VEX_Vsqrtpd_ymm_ymmm256, to, from),
+                Width::Eight => {
+                    Instruction::with2(Code::EVEX_Vsqrtpd_zmm_k1z_zmmm512b64_er, to, from)
+                }
+            });
+        }
     }
 
     fn three(&mut self, code: Code, to: u8, a: u8, b: Operand) {
-        let (to, a) = (self.width.register(to), self.width.register(a));
-        self.emit(match b {
-            Operand::Register(b) => Instruction::with3(code, to, a, self.width.register(b)),
-            Operand::Memory(place) => Instruction::with3(code, to, a, place),
-        });
+        // What both copies read from memory is read once.
+        let shared = match b {
+            Operand::Memory(place) if self.copies > 1 && place.apart == 0 => {
+                let load = self.by_width([
+                    Code::VEX_Vmovsd_xmm_m64,
+                    Code::VEX_Vmovupd_ymm_ymmm256,
+                    Code::EVEX_Vmovupd_zmm_k1z_zmmm512,
+                ]);
+                let register = self.register(0, self.copies);
+                self.emit(Instruction::with2(load, register, place.first));
+                Some(register)
+            }
+            _ => None,
+        };
+        for copy in 0..self.copies {
+            let (to, a) = (self.register(to, copy), self.register(a, copy));
+            self.emit(match (b, shared) {
+                (_, Some(b)) => Instruction::with3(code, to, a, b),
+                (Operand::Register(b), _) => {
+                    Instruction::with3(code, to, a, self.register(b, copy))
+                }
+                (Operand::Memory(place), _) => Instruction::with3(code, to, a, place.of(copy)),
+            });
+        }
     }
 
     /// A jump back to `position` as long as the last comparison found less (unsigned).

@@ -12,7 +12,7 @@ mod straight;
 
 use std::io;
 
-use iced_x86::{Code, Instruction as Machine, Register};
+use iced_x86::{Code as Name, Instruction as Machine, Register};
 use memmap2::Mmap;
 
 use self::assembler::{Assembler, Width};
@@ -35,6 +35,8 @@ const BLOCK_BYTES: usize = 24 << 10;
 pub struct Machinecode {
     memory: Mmap,
     width: Width,
+    /// Points that the code does at once: those of a register, or of two.
+    at_once: usize,
     set: InstructionSet,
     /// Place of each phase's code, if it has any, and the calls after it.
     phases: Vec<Phase>,
@@ -58,6 +60,15 @@ struct Call {
     to: u32,
     /// Output rows that the result is copied to.
     outputs: Vec<u32>,
+}
+
+/// What a plan becomes.
+struct Code {
+    bytes: Vec<u8>,
+    at_once: usize,
+    phases: Vec<Phase>,
+    /// Registers that have to wait in memory.
+    spills: u32,
 }
 
 /// A phase in machine code: rows, slots, spills, first point, end, outputs of a single point.
@@ -114,22 +125,17 @@ impl Machinecode {
         map: Mapper,
     ) -> Option<Machinecode> {
         let plan = Plan::new(lowered)?;
-        let mut assembler = Assembler::new(width);
-        let slots = lowered.slots.len() as u32;
-        let constants = Constants { one: slots, magnitude: slots + 1 };
-        let mut phases = Vec::new();
-        let mut spills = 0;
-        for phase in 0..plan.phases {
-            let (back, entry, used) = plan.emit(lowered, phase as u32, assembler, constants);
-            assembler = back;
-            spills = spills.max(used);
-            phases.push(Phase { entry, calls: plan.calls(lowered, phase as u32) });
-        }
-        let bytes = assembler.finish()?;
+        // Two registers for each value hide what one instruction waits for the other, if all
+        // values have room in them.
+        let Code { bytes, at_once, phases, spills } = match width {
+            Width::One => plan.code(lowered, width, 1)?,
+            _ => plan.code(lowered, width, 2).or_else(|| plan.code(lowered, width, 1))?,
+        };
         let memory: io::Result<Mmap> = map(&bytes);
         Some(Machinecode {
             memory: memory.ok()?,
             width,
+            at_once,
             set,
             phases,
             uniforms,
@@ -193,7 +199,7 @@ impl Evaluator for Machinecode {
         out: &mut [f64],
         workspace: &mut Vec<f64>,
     ) {
-        let width = self.width.lanes();
+        let (width, at_once) = (self.width.lanes(), self.at_once);
         if self.width == Width::One && lanes > 1 {
             // The outputs of a point stand side by side there.
             let mut one = vec![0.0; self.outputs];
@@ -206,7 +212,7 @@ impl Evaluator for Machinecode {
         }
         let points = &points[..self.inputs * lanes];
         let out = &mut out[..self.outputs * lanes];
-        let block = self.block().min(lanes.next_multiple_of(width));
+        let block = self.block().min(lanes.next_multiple_of(at_once));
         let steps = self.uniforms.scratch();
         let count = self.uniforms.len() + 2;
         // Registers are stored whole: their places begin where a cache line does.
@@ -218,7 +224,7 @@ impl Evaluator for Machinecode {
         let end = table + self.inputs + self.outputs + self.rows;
         let layout = Layout { slots, spills, rows, table, end };
         // Room to begin at a cache line.
-        let last = (self.inputs + self.outputs) * width;
+        let last = (self.inputs + self.outputs) * at_once;
         let size = layout.end + last + 8;
         let again = workspace.len() >= size;
         workspace.resize(workspace.len().max(size), 0.0);
@@ -233,21 +239,21 @@ impl Evaluator for Machinecode {
             store(count - 1, f64::from_bits(!(1 << 63)));
         }
 
-        let whole = lanes / width * width;
+        let whole = lanes / at_once * at_once;
         for start in (0..whole).step_by(block.max(1)) {
             let end = whole.min(start + block);
             self.run(memory, &layout, points, lanes, out, start..end, block);
         }
         if whole < lanes {
-            // The last points, filled up with zeros to a whole register.
+            // The last points, filled up with zeros to as many as the code does at once.
             let left = lanes - whole;
-            let (from, to) = last.split_at_mut(self.inputs * width);
-            for (input, row) in from.chunks_exact_mut(width).enumerate() {
+            let (from, to) = last.split_at_mut(self.inputs * at_once);
+            for (input, row) in from.chunks_exact_mut(at_once).enumerate() {
                 row[..left].copy_from_slice(&points[input * lanes + whole..][..left]);
                 row[left..].fill(0.0);
             }
-            self.run(memory, &layout, from, width, to, 0..width, block);
-            for (output, row) in to.chunks_exact(width).enumerate() {
+            self.run(memory, &layout, from, at_once, to, 0..at_once, block);
+            for (output, row) in to.chunks_exact(at_once).enumerate() {
                 out[output * lanes + whole..][..left].copy_from_slice(&row[..left]);
             }
         }
@@ -255,7 +261,7 @@ impl Evaluator for Machinecode {
 }
 
 impl Machinecode {
-    /// All phases for the points `range`, whose length is a multiple of the width.
+    /// All phases for the points `range`, whose length is a multiple of those done at once.
     #[allow(clippy::too_many_arguments)]
     fn run(
         &self,
@@ -433,6 +439,27 @@ impl Plan {
         Some(Plan { phases, inputs, rows: taken.len(), phase, row })
     }
 
+    /// All phases in machine code. Two copies of each instruction are made only if nothing has
+    /// to wait in memory: `None` otherwise.
+    fn code(&self, lowered: &Lowered, width: Width, copies: u8) -> Option<Code> {
+        let mut assembler = Assembler::new(width, copies);
+        let at_once = assembler.lanes();
+        let slots = lowered.slots.len() as u32;
+        let constants = Constants { one: slots, magnitude: slots + 1 };
+        let mut phases = Vec::new();
+        let mut spills = 0;
+        for phase in 0..self.phases {
+            let (back, entry, used) = self.emit(lowered, phase as u32, assembler, constants);
+            assembler = back;
+            spills = spills.max(used);
+            if spills > 0 && copies > 1 {
+                return None;
+            }
+            phases.push(Phase { entry, calls: self.calls(lowered, phase as u32) });
+        }
+        Some(Code { bytes: assembler.finish()?, at_once, phases, spills })
+    }
+
     /// Writes a phase; returns the place of its code, if it has any, and its spills.
     fn emit(
         &self,
@@ -478,15 +505,19 @@ impl Plan {
             return (assembler, None, 0);
         }
         let entry = assembler.position();
+        let (lanes, copies) = (assembler.lanes(), assembler.copies());
         let mut straight = Straight::new(assembler, FRAME, constants, home, uses, &stores);
         for at in list {
             straight.instruction(at, at as Value, code[at]);
+            if straight.spills > 0 && copies > 1 {
+                break;
+            }
         }
         let spills = straight.spills;
         let mut assembler = straight.assembler;
-        let step = assembler.width.lanes() as i32;
-        assembler.emit(Machine::with2(Code::Add_rm64_imm32, Register::RCX, step));
-        assembler.emit(Machine::with2(Code::Cmp_r64_rm64, Register::RCX, Register::R8));
+        let step = lanes as i32;
+        assembler.emit(Machine::with2(Name::Add_rm64_imm32, Register::RCX, step));
+        assembler.emit(Machine::with2(Name::Cmp_r64_rm64, Register::RCX, Register::R8));
         assembler.jump_if_below(entry);
         assembler.leave();
         (assembler, Some(entry as usize), spills)

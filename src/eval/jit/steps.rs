@@ -212,7 +212,7 @@ impl Plan {
         self.last.iter().for_each(|&v| uses[v as usize].push(end));
         let stores = vec![Vec::new(); total];
 
-        let mut assembler = Assembler::new(Width::One);
+        let mut assembler = Assembler::new(Width::One, 1);
         for register in SAVED {
             assembler.emit(Machine::with1(Code::Push_r64, register));
         }
@@ -281,7 +281,7 @@ impl Plan {
             }
         }
         // A register that no value of the next step is in, to break circles.
-        let spare = straight.assembler.width.registers() as u8 - 1;
+        let spare = straight.assembler.registers() as u8 - 1;
         if moves.iter().any(|&(to, from)| to == spare || from == spare) {
             // It may hold one of them: that one goes through memory.
             for at in (0..moves.len()).rev() {

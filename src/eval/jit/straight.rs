@@ -6,7 +6,7 @@
 
 use iced_x86::{Code, Instruction as Machine, MemoryOperand, Register};
 
-use super::assembler::{Assembler, Binary, Fused, Operand};
+use super::assembler::{Assembler, Binary, Fused, Operand, Place};
 use crate::eval::instruction::{Instruction, Value};
 
 /// Where a value is in memory.
@@ -83,7 +83,7 @@ impl<'a> Straight<'a> {
         uses: Vec<Vec<usize>>,
         stores: &'a [Vec<Home>],
     ) -> Self {
-        let held = vec![None; assembler.width.registers()];
+        let held = vec![None; assembler.registers()];
         Straight {
             assembler,
             frame,
@@ -298,7 +298,7 @@ impl<'a> Straight<'a> {
         Operand::Memory(self.memory_of(source))
     }
 
-    pub fn memory_of(&mut self, source: Source) -> MemoryOperand {
+    pub fn memory_of(&mut self, source: Source) -> Place {
         let home = match source {
             Source::Slot(slot) => Home::Slot(slot),
             // Every value is somewhere: in a register, or where it was put from there.
@@ -308,12 +308,18 @@ impl<'a> Straight<'a> {
     }
 
     /// The address of a place; that of a row is first looked up in the table.
-    pub fn memory(&mut self, home: Home) -> MemoryOperand {
+    pub fn memory(&mut self, home: Home) -> Place {
         let bytes = self.assembler.width.bytes();
+        // Slots are the same at every point; other places have one for each copy.
+        let (copies, apart) = match home {
+            Home::Slot(_) => (1, 0),
+            _ => (self.assembler.copies() as i64, bytes),
+        };
         let at = |base: Register, index: u32, bytes: i64| {
             MemoryOperand::with_base_displ(base, i64::from(index) * bytes)
         };
-        match home {
+        let bytes = bytes * copies;
+        let first = match home {
             Home::Slot(slot) => at(self.frame.slots, slot, bytes),
             Home::Spill(place) => at(self.frame.spills, place, bytes),
             Home::State(component) => at(self.frame.state, component, bytes),
@@ -322,7 +328,8 @@ impl<'a> Straight<'a> {
                 self.assembler.emit(Machine::with2(Code::Mov_r64_rm64, Register::RAX, entry));
                 MemoryOperand::with_base_index_scale(Register::RAX, self.frame.index, 8)
             }
-        }
+        };
+        Place { first, apart }
     }
 
     /// A free register, if need be by sending a value away. Not one that is busy.
