@@ -24,7 +24,7 @@ pub(super) struct Block<'a> {
 impl<'a> Block<'a> {
     /// Gathers the first `observables` observables of some segments.
     pub(super) fn gather(
-        dataset: &Dataset,
+        dataset: &'a Dataset,
         segments: &'a [Segment],
         observables: usize,
     ) -> Block<'a> {
@@ -39,15 +39,26 @@ impl<'a> Block<'a> {
             counts: vec![0; lanes],
             observables,
         };
-        for (lane, segment) in segments.iter().enumerate() {
-            let run = &dataset.runs[segment.run];
-            let times = &run.times[segment.first..=segment.last];
+        // First where everything is, then what is there: runs lie far apart in memory, and so
+        // the processor waits for many of them at once.
+        let part = |values: &'a [f64], segment: &Segment| &values[segment.first..=segment.last];
+        let run = |segment: &Segment| &dataset.runs[segment.run];
+        let times: Vec<&[f64]> = segments.iter().map(|s| part(&run(s).times, s)).collect();
+        let row = |observable: usize, s: &Segment| -> &[f64] {
+            run(s).values.get(observable).map_or(&[], |values| part(values, s))
+        };
+        let rows: Vec<&[f64]> = (0..observables)
+            .flat_map(|observable| segments.iter().map(move |s| (observable, s)))
+            .map(|(observable, segment)| row(observable, segment))
+            .collect();
+        for (lane, times) in times.iter().enumerate() {
             block.starts.push(times[0]);
             for (sample, pair) in times.windows(2).enumerate() {
                 block.spans[(sample + 1) * lanes + lane] = pair[1] - pair[0];
             }
-            for (observable, values) in run.values.iter().enumerate().take(observables) {
-                let values = &values[segment.first..=segment.last];
+        }
+        for (observable, rows) in rows.chunks_exact(lanes.max(1)).enumerate() {
+            for (lane, values) in rows.iter().enumerate() {
                 for (sample, &x) in values.iter().enumerate().filter(|(_, x)| x.is_finite()) {
                     block.measured[(sample * observables + observable) * lanes + lane] = x;
                     block.counts[lane] += 1;
