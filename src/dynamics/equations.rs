@@ -90,20 +90,25 @@ impl Dynamics {
         let exists = |k: &usize| *k < system.terms.len();
         let mut active: Vec<usize> = active.iter().copied().filter(exists).collect();
         let mut probes: Vec<usize> = probes.iter().copied().filter(exists).collect();
-        if !probes.is_empty() && !Dynamics::new(system, &active, backend).separable() {
-            // Methods for such systems take every term in their stride.
-            active.append(&mut probes);
-        }
         let mut graph = system.graph.clone();
         let degrees = system.degrees();
         let state = system.state();
 
         let known = graph.sum(&[system.kinetic, system.potential, system.hamiltonian]);
-        let mut slope =
-            Gradient::conservative(&mut graph, system, &active, known, &state[..degrees]);
-        let velocity =
-            Gradient::conservative(&mut graph, system, &active, known, &state[degrees..]);
-        slope.subtract_forces(&mut graph, system, &active);
+        let rates = |graph: &mut Graph, active: &[usize]| {
+            let mut slope = Gradient::conservative(graph, system, active, known, &state[..degrees]);
+            slope.subtract_forces(graph, system, active);
+            let velocity = Gradient::conservative(graph, system, active, known, &state[degrees..]);
+            (slope, velocity)
+        };
+        let (mut slope, mut velocity) = rates(&mut graph, &active);
+        let mut separable = are_separable(&graph, &slope, &velocity);
+        if !probes.is_empty() && !separable {
+            // Methods for such systems take every term in their stride.
+            active.append(&mut probes);
+            (slope, velocity) = rates(&mut graph, &active);
+            separable = are_separable(&graph, &slope, &velocity);
+        }
         let hamiltonian = energy(&mut graph, system, &active, known);
         let instrument = instrument(&mut graph, system, &active, &probes);
         let zero = graph.number(0.0);
@@ -133,13 +138,9 @@ impl Dynamics {
                 _ => None,
             })
             .collect();
-        let of_slope = graph.symbols(&slope.rows);
-        let of_velocity = graph.symbols(&velocity.rows);
         let pushes =
             |&k: &usize| system.terms[k].parts().any(|(place, _)| matches!(place, Place::Force(_)));
         let forced = !system.forces.iter().all(|&f| graph.is_zero(f)) || active.iter().any(pushes);
-        let separable = !of_slope.iter().any(|s| matches!(s, Symbol::Momentum(_)))
-            && !of_velocity.iter().any(|s| matches!(s, Symbol::Coordinate(_)));
         active.append(&mut probes);
         let unknowns = active
             .iter()
@@ -425,6 +426,14 @@ impl Gradient {
             *row = graph.linear(0.0, &parts);
         }
     }
+}
+
+/// Whether g depends on q and t only and v on p and t only.
+fn are_separable(graph: &Graph, slope: &Gradient, velocity: &Gradient) -> bool {
+    let depends =
+        |on: fn(&Symbol) -> bool, gradient: &Gradient| graph.symbols(&gradient.rows).iter().any(on);
+    !depends(|s| matches!(s, Symbol::Momentum(_)), slope)
+        && !depends(|s| matches!(s, Symbol::Coordinate(_)), velocity)
 }
 
 /// H with the active terms.

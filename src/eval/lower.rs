@@ -6,7 +6,7 @@
 //! term, which shares products between sums, or nested as Horner does, which needs no
 //! powers at all; [`Lowered::new`] takes the one that costs less over all outputs.
 
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 use super::Inputs;
 use super::instruction::{Instruction, Slot, Value};
@@ -59,13 +59,13 @@ impl Lowered {
             graph,
             varying,
             form,
-            uniform: HashMap::new(),
+            uniform: FxHashMap::default(),
             code: Vec::new(),
-            numbered: HashMap::new(),
+            numbered: FxHashMap::default(),
             slots: Vec::new(),
-            slot_index: HashMap::new(),
-            values: HashMap::new(),
-            products: HashMap::new(),
+            slot_index: FxHashMap::default(),
+            values: FxHashMap::default(),
+            products: FxHashMap::default(),
         };
         for expr in graph.topological(outputs) {
             let uniform = match graph.node(expr) {
@@ -117,17 +117,17 @@ impl Lowered {
 
 struct Lowering<'a> {
     graph: &'a Graph,
-    varying: HashMap<Symbol, u32>,
+    varying: FxHashMap<Symbol, u32>,
     form: Form,
-    uniform: HashMap<Expr, bool>,
+    uniform: FxHashMap<Expr, bool>,
     code: Vec<Instruction>,
     /// Instructions that were emitted before: the same is not computed twice.
-    numbered: HashMap<Instruction, Value>,
+    numbered: FxHashMap<Instruction, Value>,
     slots: Vec<Slot>,
-    slot_index: HashMap<(u64, Vec<(Expr, u64)>), u32>,
-    values: HashMap<Expr, Value>,
+    slot_index: FxHashMap<(u64, Vec<(Expr, u64)>), u32>,
+    values: FxHashMap<Expr, Value>,
     /// Products by their leading factors.
-    products: HashMap<Vec<(Expr, u64)>, Value>,
+    products: FxHashMap<Vec<(Expr, u64)>, Value>,
 }
 
 /// A term of a sum: what is uniform, and the varying powers.
@@ -415,7 +415,7 @@ fn exponent(term: &Term, factor: Expr) -> f64 {
 /// The factor of most terms, if it stands in two at least; among equals the one that was
 /// taken out last, so that the terms of one power stay together.
 fn most_common(terms: &[Term], last: Option<Expr>) -> Option<Expr> {
-    let mut counts: HashMap<Expr, usize> = HashMap::new();
+    let mut counts: FxHashMap<Expr, usize> = FxHashMap::default();
     for term in terms {
         for &(factor, _) in &term.1 {
             if exponent(term, factor) > 0.0 {

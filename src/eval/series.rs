@@ -5,7 +5,7 @@
 //! in Jorba and Zou, Experimental Mathematics 14, 2005, section 2). Functions need no rule of
 //! their own: w = f(u) obeys w' = f'(u) u', and f' stands in the table of functions.
 
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 use super::instruction::{Instruction, Slot, Value};
 use super::lower::Lowered;
@@ -104,7 +104,7 @@ pub fn lower_series(
     rates: &[Expr],
     order: usize,
 ) -> Option<Lowered> {
-    let mut parts = Parts { graph, state, list: Vec::new(), known: HashMap::new(), open: 0 };
+    let mut parts = Parts { graph, state, list: Vec::new(), known: FxHashMap::default(), open: 0 };
     let rates: Vec<usize> = rates.iter().map(|&rate| parts.of(rate)).collect::<Option<_>>()?;
     let mut unrolled = Unrolled::new(parts.list);
     let mut outputs = Vec::new();
@@ -129,7 +129,7 @@ struct Parts<'a> {
     graph: &'a mut Graph,
     state: &'a [Symbol],
     list: Vec<Part>,
-    known: HashMap<(Expr, u64), usize>,
+    known: FxHashMap<(Expr, u64), usize>,
     /// Expressions that are being taken apart.
     open: usize,
 }
@@ -194,7 +194,7 @@ impl Parts<'_> {
                     slots.push(Slot::number(constant.value()));
                 }
                 let mut scaled = Vec::new();
-                for (term, factor) in terms {
+                for (term, factor) in terms.iter().copied() {
                     let (slot, product) = self.split(factor.value(), term)?;
                     match product {
                         Some(product) => scaled.push((slot, product)),
@@ -265,14 +265,20 @@ struct Unrolled {
     parts: Vec<Part>,
     series: Vec<Vec<Coefficient>>,
     code: Vec<Instruction>,
-    numbered: HashMap<Instruction, Value>,
+    numbered: FxHashMap<Instruction, Value>,
     slots: Vec<Slot>,
 }
 
 impl Unrolled {
     fn new(parts: Vec<Part>) -> Unrolled {
         let series = vec![Vec::new(); parts.len()];
-        Unrolled { parts, series, code: Vec::new(), numbered: HashMap::new(), slots: Vec::new() }
+        Unrolled {
+            parts,
+            series,
+            code: Vec::new(),
+            numbered: FxHashMap::default(),
+            slots: Vec::new(),
+        }
     }
 
     fn emit(&mut self, instruction: Instruction) -> Value {

@@ -1,6 +1,6 @@
 //! The numbers that are the same at every point, computed once a call.
 
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 use super::Inputs;
 use super::instruction::Slot;
@@ -30,9 +30,9 @@ impl Uniforms {
     pub fn new(graph: &Graph, inputs: &Inputs, slots: &[Slot]) -> Uniforms {
         let roots: Vec<Expr> =
             slots.iter().flat_map(|slot| slot.parts.iter().map(|&(e, _)| e)).collect();
-        let row_of: HashMap<Symbol, usize> =
+        let row_of: FxHashMap<Symbol, usize> =
             inputs.uniform.iter().enumerate().map(|(i, &s)| (s, i)).collect();
-        let mut place: HashMap<Expr, usize> = HashMap::new();
+        let mut place: FxHashMap<Expr, usize> = FxHashMap::default();
         let mut steps = Vec::new();
         for expr in graph.topological(&roots) {
             let pairs = |list: &[(Expr, Number)]| -> Vec<(usize, f64)> {

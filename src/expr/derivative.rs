@@ -1,6 +1,6 @@
 //! Exact partial derivatives, as expressions of the same graph.
 
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 use super::functions::Function;
 use super::graph::{Expr, Graph, Node, Symbol};
@@ -14,7 +14,7 @@ impl Graph {
     /// The partial derivatives of several expressions by one symbol; shared parts are derived once.
     pub fn derivatives(&mut self, exprs: &[Expr], symbol: Symbol) -> Vec<Expr> {
         let zero = self.number(0.0);
-        let mut known: HashMap<Expr, Expr> = HashMap::new();
+        let mut known: FxHashMap<Expr, Expr> = FxHashMap::default();
         for part in self.topological(exprs) {
             let derivative = match self.node(part).clone() {
                 Node::Number(_) => zero,
@@ -60,7 +60,7 @@ impl Graph {
         whole: Expr,
         base: Expr,
         exponent: Expr,
-        known: &HashMap<Expr, Expr>,
+        known: &FxHashMap<Expr, Expr>,
     ) -> Expr {
         let (of_base, of_exponent) = (known[&base], known[&exponent]);
         let mut sum = Vec::new();

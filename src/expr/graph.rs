@@ -5,6 +5,9 @@
 //! expression: sums are flat lists of scaled terms, products are flat lists of powers.
 
 use std::collections::HashMap;
+use std::sync::Arc;
+
+use rustc_hash::FxHashMap;
 
 use super::functions::Function;
 
@@ -55,10 +58,10 @@ pub enum Node {
         /// The number that is added to the terms.
         constant: Number,
         /// (term, factor) of every term.
-        terms: Box<[(Expr, Number)]>,
+        terms: Arc<[(Expr, Number)]>,
     },
     /// Product of base ^ constant exponent. A single power is a product of one.
-    Product(Box<[(Expr, Number)]>),
+    Product(Arc<[(Expr, Number)]>),
     /// base ^ exponent with an exponent that is not a number.
     Power(Expr, Expr),
     /// An elementary function of one argument.
@@ -66,10 +69,17 @@ pub enum Node {
 }
 
 /// Expressions that share their common parts.
+///
+/// A clone shares all that is stored until one of the two stores something new.
 #[derive(Debug, Clone, Default)]
 pub struct Graph {
+    stored: Arc<Stored>,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Stored {
     nodes: Vec<Node>,
-    index: HashMap<Node, Expr>,
+    index: FxHashMap<Node, Expr>,
 }
 
 impl Graph {
@@ -80,26 +90,27 @@ impl Graph {
 
     /// How an expression of this graph is made.
     pub fn node(&self, expr: Expr) -> &Node {
-        &self.nodes[expr.0 as usize]
+        &self.stored.nodes[expr.0 as usize]
     }
 
     /// How many distinct expressions are stored.
     pub fn len(&self) -> usize {
-        self.nodes.len()
+        self.stored.nodes.len()
     }
 
     /// Whether no expression is stored.
     pub fn is_empty(&self) -> bool {
-        self.nodes.is_empty()
+        self.stored.nodes.is_empty()
     }
 
     fn intern(&mut self, node: Node) -> Expr {
-        if let Some(&expr) = self.index.get(&node) {
+        if let Some(&expr) = self.stored.index.get(&node) {
             return expr;
         }
-        let expr = Expr(self.nodes.len() as u32);
-        self.nodes.push(node.clone());
-        self.index.insert(node, expr);
+        let stored = Arc::make_mut(&mut self.stored);
+        let expr = Expr(stored.nodes.len() as u32);
+        stored.nodes.push(node.clone());
+        stored.index.insert(node, expr);
         expr
     }
 
@@ -284,7 +295,7 @@ impl Graph {
     /// Every expression that the roots are made of, parts before wholes, each once.
     pub fn topological(&self, roots: &[Expr]) -> Vec<Expr> {
         let mut order = Vec::new();
-        let mut seen = vec![false; self.nodes.len()];
+        let mut seen = vec![false; self.len()];
         let mut stack: Vec<(Expr, bool)> = roots.iter().rev().map(|&r| (r, false)).collect();
         while let Some((expr, done)) = stack.pop() {
             if done {
@@ -334,7 +345,7 @@ impl Graph {
         expr: Expr,
         mut replace: impl FnMut(&mut Graph, Symbol) -> Option<Expr>,
     ) -> Expr {
-        let mut image: HashMap<Expr, Expr> = HashMap::new();
+        let mut image: FxHashMap<Expr, Expr> = FxHashMap::default();
         for part in self.topological(&[expr]) {
             let new = match self.node(part).clone() {
                 Node::Number(_) => part,
@@ -357,7 +368,7 @@ impl Graph {
 
     /// The same expression as one of another graph, symbols replaced by numbers where given.
     pub fn import(&mut self, other: &Graph, expr: Expr, values: &HashMap<Symbol, f64>) -> Expr {
-        let mut image: HashMap<Expr, Expr> = HashMap::new();
+        let mut image: FxHashMap<Expr, Expr> = FxHashMap::default();
         for part in other.topological(&[expr]) {
             let new = match other.node(part) {
                 Node::Number(number) => self.number(number.value()),
@@ -383,7 +394,7 @@ impl Graph {
 
     /// The value of an expression; slow and plain, the truth for tests of the evaluators.
     pub fn value(&self, expr: Expr, of: &dyn Fn(Symbol) -> f64) -> f64 {
-        let mut values: HashMap<Expr, f64> = HashMap::new();
+        let mut values: FxHashMap<Expr, f64> = FxHashMap::default();
         for part in self.topological(&[expr]) {
             let value = match self.node(part) {
                 Node::Number(number) => number.value(),

@@ -181,7 +181,8 @@ impl Rows {
         }
     }
 
-    /// Householder reflections, each lane with its own, all lanes at once.
+    /// Householder reflections, each lane with its own, all lanes at once. Below the diagonal of
+    /// the states stands what is left of the reflections: nobody reads it.
     pub(super) fn eliminate_states(&mut self) {
         self.silence();
         let (lanes, columns) = (self.lanes, self.columns);
@@ -227,9 +228,6 @@ impl Rows {
         reflect_lanes(set, &mut self.values, by, self.state..columns - 1);
         for (pivot, diagonal) in diagonal.chunks_exact(lanes).enumerate() {
             self.values[at(pivot, pivot)..][..lanes].copy_from_slice(diagonal);
-            for row in pivot + 1..self.rows {
-                self.values[at(row, pivot)..][..lanes].fill(0.0);
-            }
         }
         self.inverse = self.inverse_pivots();
     }

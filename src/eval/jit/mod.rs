@@ -161,6 +161,13 @@ impl Machinecode {
     }
 }
 
+/// Addresses of rows that stand one after the other, `apart` numbers from start to start.
+fn look_up(table: &mut [f64], first: usize, apart: usize) {
+    for (row, entry) in table.iter_mut().enumerate() {
+        *entry = f64::from_bits(first.wrapping_add(8 * apart * row) as u64);
+    }
+}
+
 /// Places in the workspace, in numbers.
 struct Layout {
     slots: usize,
@@ -275,21 +282,15 @@ impl Machinecode {
     ) {
         let (inputs, outputs) = (self.inputs, self.outputs);
         let row_at = |row: usize| layout.rows + row * block;
-        // One point's outputs are not looked up.
-        let all = inputs + outputs + self.rows;
-        let looked_up = if self.width == Width::One { inputs } else { inputs + outputs };
-        for row in (0..looked_up).chain(inputs + outputs..all) {
-            let address = if row < inputs {
-                points[row * lanes..].as_ptr().expose_provenance()
-            } else if row < inputs + outputs {
-                out[(row - inputs) * lanes..].as_mut_ptr().expose_provenance()
-            } else {
-                // Rows between phases hold one block: its first point is their first.
-                let row = memory[row_at(row - inputs - outputs)..].as_mut_ptr();
-                row.expose_provenance().wrapping_sub(8 * range.start)
-            };
-            memory[layout.table + row] = f64::from_bits(address as u64);
-        }
+        // Rows between phases hold one block: its first point is their first.
+        let first = memory[layout.rows..].as_mut_ptr().expose_provenance();
+        let first = first.wrapping_sub(8 * range.start);
+        let table = &mut memory[layout.table..][..inputs + outputs + self.rows];
+        let (of_inputs, rest) = table.split_at_mut(inputs);
+        let (of_outputs, between) = rest.split_at_mut(outputs);
+        look_up(of_inputs, points.as_ptr().expose_provenance(), lanes);
+        look_up(of_outputs, out.as_mut_ptr().expose_provenance(), lanes);
+        look_up(between, first, block);
         for phase in &self.phases {
             if let Some(at) = phase.entry {
                 let memory = memory.as_mut_ptr();
