@@ -289,7 +289,10 @@ impl Machinecode {
         let (of_inputs, rest) = table.split_at_mut(inputs);
         let (of_outputs, between) = rest.split_at_mut(outputs);
         look_up(of_inputs, points.as_ptr().expose_provenance(), lanes);
-        look_up(of_outputs, out.as_mut_ptr().expose_provenance(), lanes);
+        if self.width != Width::One {
+            // One point's outputs are not looked up.
+            look_up(of_outputs, out.as_mut_ptr().expose_provenance(), lanes);
+        }
         look_up(between, first, block);
         for phase in &self.phases {
             if let Some(at) = phase.entry {
