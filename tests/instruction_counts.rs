@@ -1,15 +1,15 @@
 //! Guards of the hot paths: how many instructions they take, counted by valgrind, so that no
 //! clock and no load of the machine matters.
 //!
-//! Valgrind has no AVX-512: what is counted is the AVX2 code, in the profile of the tests. Where valgrind is not installed
-//! the test says so and counts nothing.
+//! Valgrind has no AVX-512: what is counted is the AVX2 code, in the profile of the tests. Where
+//! valgrind is not installed the test says so and counts nothing.
 
 use std::process::Command;
 
 use leverrier::dynamics::systems::SYSTEMS;
 use leverrier::dynamics::{Batch, Dynamics, Method, Scratch, advance, taylor};
-use leverrier::eval::{Backend, Evaluator, Inputs, compile};
-use leverrier::expr::{Graph, Symbol, System};
+use leverrier::eval::{Backend, Evaluator, Inputs, InstructionSet, apply, compile};
+use leverrier::expr::{Function, Graph, Symbol, System};
 
 mod support;
 
@@ -28,33 +28,40 @@ struct Path {
     run: fn(usize),
 }
 
-const PATHS: [Path; 5] = [
+const PATHS: [Path; 6] = [
     Path {
         name: "tape",
         unit: "a point of the dense gradient of degree 6",
         units: 1024.0,
-        pinned: 390.0,
+        pinned: 150.0,
         run: |times| gradient(Backend::Batched, times),
     },
     Path {
         name: "machine",
         unit: "a point of the dense gradient of degree 6",
         units: 1024.0,
-        pinned: 38.4,
+        pinned: 45.2,
         run: |times| gradient(Backend::Machine, times),
+    },
+    Path {
+        name: "sines",
+        unit: "the sine of a number in a long row",
+        units: 1024.0,
+        pinned: 18.6,
+        run: sines,
     },
     Path {
         name: "steps",
         unit: "a step of the fourth-order method on Henon-Heiles",
         units: 1000.0,
-        pinned: 89.6,
+        pinned: 89.0,
         run: steps,
     },
     Path {
         name: "series",
         unit: "a unit of time of Henon-Heiles by Taylor series",
         units: 100.0,
-        pinned: 7370.0,
+        pinned: 6640.0,
         run: |times| {
             let row = SYSTEMS.iter().find(|row| row.name == "Henon-Heiles").unwrap();
             let dynamics = Dynamics::new(&(row.build)(), &[], Backend::Machine);
@@ -66,7 +73,7 @@ const PATHS: [Path; 5] = [
         name: "tangents",
         unit: "a step of one trajectory with tangents by 6 terms",
         units: 640.0,
-        pinned: 1880.0,
+        pinned: 970.0,
         run: tangents,
     },
 ];
@@ -92,6 +99,15 @@ fn gradient(backend: Backend, times: usize) {
         function.evaluate(&points, &[0.3; 48], 1024, &mut out, &mut workspace);
     }
     assert!(out.iter().all(|x| x.is_finite()));
+}
+
+fn sines(times: usize) {
+    let from: Vec<f64> = (0..1024).map(|i| 0.37 * f64::from(i)).collect();
+    let mut to = vec![0.0; 1024];
+    for _ in 0..times {
+        apply(InstructionSet::widest(), Function::by_name("sin").unwrap(), &from, &mut to);
+    }
+    assert!(to.iter().all(|x| x.abs() <= 1.0));
 }
 
 fn steps(times: usize) {
