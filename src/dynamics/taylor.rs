@@ -6,14 +6,13 @@
 use super::batch::{Batch, Scratch};
 use super::equations::Dynamics;
 use super::trajectory::{Stop, Trajectory};
-use crate::eval::{InstructionSet, sum_interleaved};
 
 /// Most steps from one time to the next.
 const MOST_STEPS: usize = 10_000_000;
 /// A step shorter than this part of the time does not move it on.
 const SHORTEST: f64 = 4.0 * f64::EPSILON;
 
-/// Sums that a series is cut into.
+/// Components whose series are summed side by side, and sums that a series is cut into.
 const TOGETHER: usize = 4;
 
 /// How far a series was followed, and in how many steps.
@@ -54,7 +53,6 @@ pub fn taylor(
     state.resize(size, 0.0);
     let mut point = vec![0.0; size + 1];
     let mut carry = vec![0.0; size];
-    let mut sums = vec![0.0; TOGETHER * size];
     let mut time = *times.first().unwrap_or(&0.0);
     // What rounding took from the time.
     let mut rest = 0.0;
@@ -93,14 +91,14 @@ pub fn taylor(
             let coefficients = series.coefficients();
             if ahead.abs() <= step {
                 let mut there = state.clone();
-                move_on(&mut there, &mut carry.clone(), &mut sums, coefficients, ahead);
+                move_on(&mut there, &mut carry.clone(), coefficients, ahead);
                 break Some(there);
             }
             if step < SHORTEST * time.abs() || steps - first_step >= MOST_STEPS {
                 break None;
             }
             let step = step.copysign(ahead);
-            move_on(&mut state, &mut carry, &mut sums, coefficients, step);
+            move_on(&mut state, &mut carry, coefficients, step);
             // Time is a sum of many steps too.
             let moved = step + rest;
             let now = time + moved;
@@ -146,22 +144,43 @@ fn longest(coefficients: &[f64], state: &[f64], order: usize, part: f64) -> f64 
     (a.min(b) + part - 0.7 / (order - 1) as f64).exp()
 }
 
-/// Adds the series at `step` to the state, and carries what rounding takes. Every `TOGETHER`-th
-/// coefficient is summed by itself, into `sums`, so that no sum has to wait for all of the others.
-fn move_on(
+/// Adds the series at `step` to the state, and carries what rounding takes.
+fn move_on(state: &mut [f64], carry: &mut [f64], coefficients: &[f64], step: f64) {
+    let size = state.len();
+    for first in (0..size).step_by(TOGETHER) {
+        match size - first {
+            1 => add_series::<1>(state, carry, coefficients, first, step),
+            2 => add_series::<2>(state, carry, coefficients, first, step),
+            3 => add_series::<3>(state, carry, coefficients, first, step),
+            _ => add_series::<TOGETHER>(state, carry, coefficients, first, step),
+        }
+    }
+}
+
+/// The same for N components from `first` on. Every `TOGETHER`-th coefficient is summed by
+/// itself, so that no sum has to wait for all of the others.
+fn add_series<const N: usize>(
     state: &mut [f64],
     carry: &mut [f64],
-    sums: &mut [f64],
     coefficients: &[f64],
+    first: usize,
     step: f64,
 ) {
     let size = state.len();
     let square = step * step;
-    sum_interleaved(InstructionSet::widest(), sums, coefficients, square * square);
-    for (i, (state, carry)) in state.iter_mut().zip(carry).enumerate() {
-        let sum = |part: usize| sums[part * size + i];
-        let change = (sum(0) + sum(1) * step) + (sum(2) + sum(3) * step) * square;
-        add_carried(state, carry, change * step);
+    let fourth = square * square;
+    let mut sums = [[0.0; N]; TOGETHER];
+    for rows in coefficients.chunks(TOGETHER * size).rev() {
+        for (sum, row) in sums.iter_mut().zip(rows.chunks_exact(size)) {
+            for (sum, c) in sum.iter_mut().zip(&row[first..first + N]) {
+                *sum = *sum * fourth + c;
+            }
+        }
+    }
+    let [a, b, c, d] = sums;
+    for i in 0..N {
+        let change = (a[i] + b[i] * step) + (c[i] + d[i] * step) * square;
+        add_carried(&mut state[first + i], &mut carry[first + i], change * step);
     }
 }
 

@@ -25,7 +25,7 @@ pub(crate) use instruction::{Instruction, Slot, Value};
 pub(crate) use lower::Lowered;
 pub use processor::InstructionSet;
 pub(crate) use reflect::{GROUP, Reflections, product, reflect};
-pub(crate) use series::{Series, sum_interleaved};
+pub(crate) use series::Series;
 pub(crate) use steps::{Pace, StepSource, Steps, compile_steps};
 
 use self::uniform::Uniforms;

@@ -9,7 +9,6 @@ use rustc_hash::FxHashMap;
 
 use super::instruction::{Instruction, Slot, Value};
 use super::lower::Lowered;
-use super::processor::dispatched;
 use super::uniform::Uniforms;
 use super::{Backend, Evaluator, Inputs, for_one_point};
 use crate::expr::{Expr, Function, Graph, Node, Symbol};
@@ -69,44 +68,6 @@ impl SeriesAt<'_> {
     pub fn coefficients(&self) -> &[f64] {
         &self.out
     }
-}
-
-dispatched! {
-    /// Sums of a series cut into as many as `sums` holds, side by side: number j becomes
-    /// c_j + f (c_(j + n) + f (c_(j + 2n) + ...)) with n numbers in `sums` and f the factor.
-    pub fn sum_interleaved(sums: &mut [f64], coefficients: &[f64], factor: f64)
-        = sum_interleaved_body;
-}
-
-#[inline(always)]
-fn sum_interleaved_body(sums: &mut [f64], coefficients: &[f64], factor: f64) {
-    // Four sums of the state of one, two or three degrees of freedom stay in registers.
-    match sums.len() {
-        8 => sum_in_registers::<8>(sums, coefficients, factor),
-        16 => sum_in_registers::<16>(sums, coefficients, factor),
-        24 => sum_in_registers::<24>(sums, coefficients, factor),
-        _ => {
-            sums.fill(0.0);
-            for chunk in coefficients.chunks(sums.len().max(1)).rev() {
-                for (sum, c) in sums.iter_mut().zip(chunk) {
-                    *sum = *sum * factor + c;
-                }
-            }
-        }
-    }
-}
-
-#[inline(always)]
-fn sum_in_registers<const N: usize>(sums: &mut [f64], coefficients: &[f64], factor: f64) {
-    let (whole, last) = coefficients.as_chunks::<N>();
-    let mut total = [0.0; N];
-    total[..last.len()].copy_from_slice(last);
-    for chunk in whole.iter().rev() {
-        for i in 0..N {
-            total[i] = total[i] * factor + chunk[i];
-        }
-    }
-    sums.copy_from_slice(&total);
 }
 
 /// A coefficient of a series.
