@@ -217,9 +217,9 @@ pub fn series(asked: &Asked, python: Result<&Python, &String>) -> Result<Section
     let end = if asked.quick.is_some() { 5e3 } else { 1e5 };
     let about = format!(
         "Eight motions of Hénon-Heiles to t = {end}, by adaptive Taylor series; times of one \
-         motion, each the fastest of its turns. The error is the root mean square, over motions and {SAMPLES} times, of what the \
-         energy strayed, as a part of the energy. For each tolerance of heyoka, ours is the loosest \
-         one with at most its error, or the finest there is."
+         motion, each the fastest of its turns. The error is the root mean square, over motions and \
+         {SAMPLES} times, of what the energy strayed, as a part of the energy. For each tolerance of \
+         heyoka, ours is the loosest one with at most its error, or the finest there is."
     );
     let columns =
         ["who", "tolerance", "error of the energy", "steps", "time", "times ours", "compilation"];

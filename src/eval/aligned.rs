@@ -33,6 +33,15 @@ impl Aligned {
     }
 }
 
+/// The part of `memory` with so many numbers that begins where a line does, and whether it was
+/// there before: memory that is too small grows, and the part may move.
+pub(super) fn aligned_part(memory: &mut Vec<f64>, length: usize) -> (&mut [f64], bool) {
+    let again = memory.len() >= length + SLACK;
+    memory.resize(memory.len().max(length + SLACK), 0.0);
+    let start = memory.as_ptr().align_offset(LINE).min(SLACK);
+    (&mut memory[start..start + length], again)
+}
+
 impl Deref for Aligned {
     type Target = [f64];
 

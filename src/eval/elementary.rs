@@ -64,6 +64,9 @@ fn row(
             again(from, to, &fits, slow);
         }
     }
+    if last.is_empty() {
+        return;
+    }
     let (mut from, mut to) = ([0.0; CHUNK], [0.0; CHUNK]);
     from[..last.len()].copy_from_slice(last);
     for i in 0..CHUNK {

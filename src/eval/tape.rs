@@ -1,5 +1,6 @@
 //! The batched evaluator: a tape of instructions, each run over a block of points.
 
+use super::aligned::aligned_part;
 use super::instruction::{Instruction, Value};
 use super::lower::Lowered;
 use super::processor::dispatched;
@@ -7,8 +8,10 @@ use super::uniform::Uniforms;
 use super::{Backend, Evaluator, InstructionSet, elementary};
 use crate::expr::raise;
 
-/// Blocks are whole multiples of this many points: the compiler makes vectors of them.
+/// Whole blocks are multiples of this many points: the compiler makes vectors of them.
 const CHUNK: usize = 32;
+/// What is left over is filled up to a multiple of this: the widest register.
+const WIDEST: usize = 8;
 /// Bytes of a block's registers: they share the first-level cache with rows that come and go.
 const BLOCK_BYTES: usize = 24 << 10;
 /// Most points of one block: more would not make the instructions' share any smaller.
@@ -56,14 +59,10 @@ impl Evaluator for Tape {
         workspace: &mut Vec<f64>,
     ) {
         let (slots, steps) = (self.uniforms.len(), self.uniforms.scratch());
-        let most = self.points.min(lanes.next_multiple_of(CHUNK));
+        let most = self.points.min(lanes.next_multiple_of(WIDEST));
         let registers = self.registers.max(1) * most;
-        // Registers begin at a cache line: nothing is read from two of them.
-        const LINE: usize = 64;
-        let size = registers + slots + steps;
-        workspace.resize(workspace.len().max(size + LINE / size_of::<f64>()), 0.0);
-        let start = workspace.as_ptr().align_offset(LINE).min(LINE / size_of::<f64>());
-        let (registers, rest) = workspace[start..start + size].split_at_mut(registers);
+        let (memory, _) = aligned_part(workspace, registers + slots + steps);
+        let (registers, rest) = memory.split_at_mut(registers);
         let (slots, steps) = rest.split_at_mut(slots);
         self.uniforms.evaluate(uniform, steps, |slot, value| slots[slot] = value);
         for start in (0..lanes).step_by(most.max(1)) {
@@ -107,11 +106,11 @@ impl<'a> Others<'a> {
     }
 }
 
-/// `block.width` points of each row are real, what fills up the last chunk is not.
+/// `block.width` points of each row are real, what fills up the last register is not.
 #[inline(always)]
 fn run_block(tape: &Tape, block: &mut Block, registers: &mut [f64]) {
     let mut stores = tape.stores.iter().peekable();
-    let width = block.width.next_multiple_of(CHUNK);
+    let width = block.width.next_multiple_of(WIDEST);
     let slot = |slot: u32| block.slots[slot as usize];
     for (at, &(instruction, to)) in tape.code.iter().enumerate() {
         let (before, rest) = registers.split_at_mut(to as usize * width);

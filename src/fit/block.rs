@@ -47,9 +47,9 @@ impl<'a> Block<'a> {
         let row = |observable: usize, s: &Segment| -> &[f64] {
             run(s).values.get(observable).map_or(&[], |values| part(values, s))
         };
+        let row = &row;
         let rows: Vec<&[f64]> = (0..observables)
-            .flat_map(|observable| segments.iter().map(move |s| (observable, s)))
-            .map(|(observable, segment)| row(observable, segment))
+            .flat_map(|observable| segments.iter().map(move |s| row(observable, s)))
             .collect();
         for (lane, times) in times.iter().enumerate() {
             block.starts.push(times[0]);

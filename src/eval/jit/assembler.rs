@@ -163,14 +163,18 @@ impl Assembler {
     }
 
     pub fn load(&mut self, to: u8, from: Place) {
+        for copy in 0..self.copies {
+            self.load_one(self.register(to, copy), from.of(copy));
+        }
+    }
+
+    fn load_one(&mut self, to: Register, from: MemoryOperand) {
         let code = self.by_width([
             Code::VEX_Vmovsd_xmm_m64,
             Code::VEX_Vmovupd_ymm_ymmm256,
             Code::EVEX_Vmovupd_zmm_k1z_zmmm512,
         ]);
-        for copy in 0..self.copies {
-            self.emit(Instruction::with2(code, self.register(to, copy), from.of(copy)));
-        }
+        self.emit(Instruction::with2(code, to, from));
     }
 
     pub fn store(&mut self, to: Place, from: u8) {
@@ -265,13 +269,8 @@ impl Assembler {
         // What both copies read from memory is read once.
         let shared = match b {
             Operand::Memory(place) if self.copies > 1 && place.apart == 0 => {
-                let load = self.by_width([
-                    Code::VEX_Vmovsd_xmm_m64,
-                    Code::VEX_Vmovupd_ymm_ymmm256,
-                    Code::EVEX_Vmovupd_zmm_k1z_zmmm512,
-                ]);
                 let register = self.register(0, self.copies);
-                self.emit(Instruction::with2(load, register, place.first));
+                self.load_one(register, place.first);
                 Some(register)
             }
             _ => None,

@@ -12,12 +12,13 @@ mod straight;
 
 use std::io;
 
-use iced_x86::{Code as Name, Instruction as Machine, Register};
+use iced_x86::{Code, Instruction as Machine, Register};
 use memmap2::Mmap;
 
 use self::assembler::{Assembler, Width};
 use self::memory::{Mapper, map};
 use self::straight::{Constants, Frame, Home, Straight};
+use super::aligned::aligned_part;
 use super::instruction::{Instruction, Value};
 use super::lower::Lowered;
 use super::uniform::Uniforms;
@@ -63,7 +64,7 @@ struct Call {
 }
 
 /// What a plan becomes.
-struct Code {
+struct Written {
     bytes: Vec<u8>,
     at_once: usize,
     phases: Vec<Phase>,
@@ -127,9 +128,9 @@ impl Machinecode {
         let plan = Plan::new(lowered)?;
         // Two registers for each value hide what one instruction waits for the other, if all
         // values have room in them.
-        let Code { bytes, at_once, phases, spills } = match width {
-            Width::One => plan.code(lowered, width, 1)?,
-            _ => plan.code(lowered, width, 2).or_else(|| plan.code(lowered, width, 1))?,
+        let Written { bytes, at_once, phases, spills } = match width {
+            Width::One => plan.write(lowered, width, 1)?,
+            _ => plan.write(lowered, width, 2).or_else(|| plan.write(lowered, width, 1))?,
         };
         let memory: io::Result<Mmap> = map(&bytes);
         Some(Machinecode {
@@ -230,13 +231,9 @@ impl Evaluator for Machinecode {
         let table = line(rows + self.rows * block);
         let end = table + self.inputs + self.outputs + self.rows;
         let layout = Layout { slots, spills, rows, table, end };
-        // Room to begin at a cache line.
         let last = (self.inputs + self.outputs) * at_once;
-        let size = layout.end + last + 8;
-        let again = workspace.len() >= size;
-        workspace.resize(workspace.len().max(size), 0.0);
-        let offset = workspace.as_ptr().align_offset(64).min(8);
-        let (memory, last) = workspace[offset..][..layout.end + last].split_at_mut(layout.end);
+        let (memory, again) = aligned_part(workspace, layout.end + last);
+        let (memory, last) = memory.split_at_mut(layout.end);
         if !again {
             let (values, rest) = memory.split_at_mut(layout.slots);
             let slots = &mut rest[..count * width];
@@ -445,7 +442,7 @@ impl Plan {
 
     /// All phases in machine code. Two copies of each instruction are made only if nothing has
     /// to wait in memory: `None` otherwise.
-    fn code(&self, lowered: &Lowered, width: Width, copies: u8) -> Option<Code> {
+    fn write(&self, lowered: &Lowered, width: Width, copies: u8) -> Option<Written> {
         let mut assembler = Assembler::new(width, copies);
         let at_once = assembler.lanes();
         let slots = lowered.slots.len() as u32;
@@ -453,25 +450,23 @@ impl Plan {
         let mut phases = Vec::new();
         let mut spills = 0;
         for phase in 0..self.phases {
-            let (back, entry, used) = self.emit(lowered, phase as u32, assembler, constants);
+            let (back, entry, used) = self.emit(lowered, phase as u32, assembler, constants)?;
             assembler = back;
             spills = spills.max(used);
-            if spills > 0 && copies > 1 {
-                return None;
-            }
             phases.push(Phase { entry, calls: self.calls(lowered, phase as u32) });
         }
-        Some(Code { bytes: assembler.finish()?, at_once, phases, spills })
+        Some(Written { bytes: assembler.finish()?, at_once, phases, spills })
     }
 
-    /// Writes a phase; returns the place of its code, if it has any, and its spills.
+    /// Writes a phase; returns the place of its code, if it has any, and its spills. `None` if
+    /// copies do not fit into the registers.
     fn emit(
         &self,
         lowered: &Lowered,
         phase: u32,
         assembler: Assembler,
         constants: Constants,
-    ) -> (Assembler, Option<usize>, u32) {
+    ) -> Option<(Assembler, Option<usize>, u32)> {
         let code = &lowered.code;
         let mut home = vec![None; code.len()];
         let mut stores = vec![Vec::new(); code.len()];
@@ -506,7 +501,7 @@ impl Plan {
             }
         }
         if list.is_empty() {
-            return (assembler, None, 0);
+            return Some((assembler, None, 0));
         }
         let entry = assembler.position();
         let (lanes, copies) = (assembler.lanes(), assembler.copies());
@@ -514,17 +509,16 @@ impl Plan {
         for at in list {
             straight.instruction(at, at as Value, code[at]);
             if straight.spills > 0 && copies > 1 {
-                break;
+                return None;
             }
         }
         let spills = straight.spills;
         let mut assembler = straight.assembler;
-        let step = lanes as i32;
-        assembler.emit(Machine::with2(Name::Add_rm64_imm32, Register::RCX, step));
-        assembler.emit(Machine::with2(Name::Cmp_r64_rm64, Register::RCX, Register::R8));
+        assembler.emit(Machine::with2(Code::Add_rm64_imm32, Register::RCX, lanes as i32));
+        assembler.emit(Machine::with2(Code::Cmp_r64_rm64, Register::RCX, Register::R8));
         assembler.jump_if_below(entry);
         assembler.leave();
-        (assembler, Some(entry as usize), spills)
+        Some((assembler, Some(entry as usize), spills))
     }
 
     /// The calls after a phase.
