@@ -206,7 +206,9 @@ pub fn statements<'a>(
     for (at, &token) in tokens.iter().enumerate() {
         if token.kind == Kind::Newline {
             let unfinished = !open.is_empty()
-                || current.last().is_some_and(|last| CONTINUED.contains(&last.text));
+                || current
+                    .last()
+                    .is_some_and(|last| last.kind == Kind::Mark && CONTINUED.contains(&last.text));
             let among_candidates = open.len() == 1
                 && current.first().is_some_and(|first| first.text == "candidates")
                 && (tokens[at..].iter().find(|token| token.kind != Kind::Newline))
