@@ -1,6 +1,6 @@
 //! Vectorised elementary functions against numbers of twice the length.
 
-use leverrier::eval::{InstructionSet, apply};
+use leverrier::eval::{InstructionSet, apply, powers};
 use leverrier::expr::Function;
 
 /// A number of twice the length: the sum of two, the second far smaller (Dekker 1971).
@@ -74,10 +74,14 @@ fn reduce(x: f64, k: f64, parts: &[f64]) -> Double {
     })
 }
 
+/// For arguments whose exponential neither overflows nor is subnormal.
+fn exp_of(x: Double) -> Double {
+    let k = (x.0 * std::f64::consts::LOG2_E).round();
+    reduce(x.0, k, &LN_2).add(Double(x.1, 0.0)).series(0, 1, 1.0).scale(k.exp2())
+}
+
 fn exp(x: f64) -> Double {
-    // 2^k is applied by the caller's comparison, see `ulps`; here for moderate x only.
-    let k = (x * std::f64::consts::LOG2_E).round();
-    reduce(x, k, &LN_2).series(0, 1, 1.0).scale(k.exp2())
+    exp_of(Double(x, 0.0))
 }
 
 fn sin_cos(x: f64) -> (Double, Double) {
@@ -256,5 +260,90 @@ fn results_do_not_depend_on_the_place_in_the_row() {
             let alone = evaluate(function.row().name, &x[i..=i])[0];
             assert!(alone.to_bits() == value.to_bits() || alone.is_nan() && value.is_nan());
         }
+    }
+}
+
+/// Powers on every instruction set, which agree to the last bit.
+fn evaluate_powers(bases: &[f64], exponents: &[f64]) -> Vec<f64> {
+    let of = |set| {
+        let mut out = vec![7.0; bases.len()];
+        powers(set, bases, exponents, &mut out);
+        out
+    };
+    let first = of(InstructionSet::Plain);
+    for set in InstructionSet::available() {
+        for (a, b) in first.iter().zip(of(set)) {
+            assert!(a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan(), "{a} {b}");
+        }
+    }
+    first
+}
+
+#[test]
+fn errors_of_powers_stay_below_one_unit() {
+    let (mut bases, mut exponents) = (Vec::new(), Vec::new());
+    for i in 0..40_000 {
+        let part = |step: f64| ((i as f64 + 0.5) * step).fract();
+        let (a, b) = (part(0.618_033_988_749_895), part(0.414_213_562_373_095_1));
+        // Everyday numbers, bases near one, and results of every size.
+        let base = match i % 3 {
+            0 => 4.0 * a,
+            1 => 1.0 + 1e-3 * (a - 0.5),
+            _ => (1380.0 * (a - 0.5)).exp(),
+        };
+        let most = [4.0, 1e5, 690.0 / base.ln().abs()][i % 3];
+        bases.push(base);
+        exponents.push(most * (2.0 * b - 1.0));
+    }
+    let values = evaluate_powers(&bases, &exponents);
+    let mut worst = (0.0, 0.0, 0.0);
+    for ((&x, &y), &value) in bases.iter().zip(&exponents).zip(&values) {
+        let error = ulps(value, exp_of(log(x).scale(y)));
+        if error > worst.0 || error.is_nan() {
+            worst = (error, x, y);
+        }
+    }
+    println!("{:.3} units in the last place at {:e}^{:e}", worst.0, worst.1, worst.2);
+    assert!(worst.0 <= 1.0, "{} at {:e}^{:e}", worst.0, worst.1, worst.2);
+}
+
+/// What a straight line cannot do is done as the standard library does it.
+#[test]
+fn edges_of_powers_are_those_of_the_standard_library() {
+    let tiny = f64::from_bits(1);
+    let edges = [
+        0.0,
+        -0.0,
+        tiny,
+        -tiny,
+        1e-310,
+        f64::MIN_POSITIVE,
+        0.5,
+        -0.5,
+        1.0,
+        -1.0,
+        1.0_f64.next_up(),
+        1.0_f64.next_down(),
+        2.0,
+        3.0,
+        -3.0,
+        1023.9,
+        1e300,
+        f64::MAX,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        f64::NAN,
+    ];
+    let pairs = edges.iter().flat_map(|&x| edges.iter().map(move |&y| (x, y)));
+    let (bases, exponents): (Vec<f64>, Vec<f64>) = pairs.unzip();
+    let values = evaluate_powers(&bases, &exponents);
+    for ((&x, &y), &value) in bases.iter().zip(&exponents).zip(&values) {
+        let expected = x.powf(y);
+        let close = (value - expected).abs() <= expected.abs().next_up() - expected.abs();
+        let same = value == expected && value.is_sign_negative() == expected.is_sign_negative();
+        assert!(
+            same || value.is_nan() && expected.is_nan() || value.is_finite() && close,
+            "{x:e}^{y:e}: {value:e} {expected:e}"
+        );
     }
 }

@@ -33,8 +33,11 @@ pub fn noise_floor(context: &Context, model: &Model) -> Vec<f64> {
     let mut judge = context.with_data(context.dataset);
     // Relative standard error of each estimate; none where there is no estimate.
     let mut known = vec![None; judge.noise.len()];
-    for _ in 0..ROUNDS {
-        let (_, _, sums) = judge.settle(window);
+    let (segments, mut states, mut sums) = judge.settle(window);
+    for round in 0..ROUNDS {
+        if round > 0 {
+            sums = judge.settle_from(&segments, &mut states);
+        }
         let mut moved: f64 = 0.0;
         for (i, noise) in judge.noise.iter_mut().enumerate() {
             let enough = sums.freedom[i] > FEW && sums.squares[i].is_finite();

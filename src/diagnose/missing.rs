@@ -273,19 +273,22 @@ impl Asked<'_, '_> {
         let mut window = window;
         let mut links = Vec::new();
         let mut last = leader;
-        let open = loop {
+        let (open, explained) = loop {
             let mut present = Context { window, ..last.context(self.context) };
             // What explains everything goes on to explain it over longer segments.
-            while excess(&present, present.window) == 0.0 {
+            let enough = loop {
+                if excess(&present, present.window) > 0.0 {
+                    break false;
+                }
                 match beyond(&present) {
                     Some(longer) => present.window = longer,
-                    None => break,
+                    None => break true,
                 }
-            }
+            };
             window = present.window;
-            if excess(&present, window) == 0.0 {
+            if enough {
                 links.push(last);
-                break false;
+                break (false, true);
             }
             text = extended(&text, &last.leader.snippet);
             let compiled = build(self.name, &text)?;
@@ -294,7 +297,7 @@ impl Asked<'_, '_> {
             let next = round(&present, self.unseen, &more, LATER, self.monitor);
             links.push(last);
             // A model that loses the motion answers no further question.
-            let Ok(next) = next else { break true };
+            let Ok(next) = next else { break (true, false) };
             let open = !next.leaders.is_empty();
             let best = next.leaders.into_iter().next();
             match best.filter(|l| l.merit(next.variance) > 0.0) {
@@ -302,7 +305,7 @@ impl Asked<'_, '_> {
                     window = next.window;
                     last = best;
                 }
-                _ => break open,
+                _ => break (open, false),
             }
         };
         let end = links.last().map_or_else(
@@ -310,9 +313,13 @@ impl Asked<'_, '_> {
             |last| last.context(self.context),
         );
         let end = Context { window, ..end };
-        let (at_end, at_start) = (excess(&end, window), excess(self.context, window));
-        let shape = if at_end > 0.0 { shape(&end)? } else { None };
-        let left = at_end / at_start.max(f64::MIN_POSITIVE);
+        let at_end = if explained { 0.0 } else { excess(&end, window) };
+        let (shape, left) = if at_end > 0.0 {
+            let at_start = excess(self.context, window).max(f64::MIN_POSITIVE);
+            (shape(&end)?, at_end / at_start)
+        } else {
+            (None, 0.0)
+        };
         let error = (1.0 + at_end).sqrt();
         Ok(Chain { links, window, left, error, open, shape })
     }

@@ -1,5 +1,8 @@
 //! Trajectories side by side, and the memory that moving them takes.
 
+use std::cell::RefCell;
+use std::ops::{Deref, DerefMut};
+
 use crate::eval::{Aligned, InstructionSet, mark_broken};
 
 /// Structure of arrays over `lanes` trajectories.
@@ -157,5 +160,48 @@ impl Scratch {
     /// Takes memory back that was lent, the last first.
     pub(crate) fn take_back(&mut self, memory: Aligned) {
         self.spare.push(memory);
+    }
+}
+
+/// Scratch memory that its thread keeps from one use to the next: fresh memory has to be found,
+/// and filled with zeros.
+pub(crate) struct KeptScratch(Scratch);
+
+/// Numbers that a thread keeps, at most.
+const MOST_KEPT: usize = 4 << 20;
+
+thread_local! {
+    static KEPT: RefCell<Scratch> = RefCell::default();
+}
+
+impl KeptScratch {
+    /// What the thread has kept, unless something else is using it.
+    pub(crate) fn new() -> KeptScratch {
+        KeptScratch(KEPT.try_with(RefCell::take).unwrap_or_default())
+    }
+}
+
+impl Drop for KeptScratch {
+    fn drop(&mut self) {
+        let scratch = std::mem::take(&mut self.0);
+        let held: usize = scratch.spare.iter().map(Aligned::capacity).sum();
+        if held <= MOST_KEPT {
+            // A thread that is coming to its end keeps nothing.
+            let _ = KEPT.try_with(|kept| kept.replace(scratch));
+        }
+    }
+}
+
+impl Deref for KeptScratch {
+    type Target = Scratch;
+
+    fn deref(&self) -> &Scratch {
+        &self.0
+    }
+}
+
+impl DerefMut for KeptScratch {
+    fn deref_mut(&mut self) -> &mut Scratch {
+        &mut self.0
     }
 }

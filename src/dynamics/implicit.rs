@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::batch::{Batch, Scratch};
 use super::equations::Dynamics;
-use super::explicit::{combine, set_stage};
+use super::explicit::{add_parts, combined, set_stage};
 use super::flow::Flow;
 use super::methods::Tableau;
 use super::splitting::rescale;
@@ -37,7 +37,6 @@ pub fn advance(
 ) {
     let start = batch.time.clone();
     let mut stages = Stages::new(dynamics, tableau, batch.lanes);
-    let mut state = Vec::new();
     for step in 0..steps {
         record(&batch.state);
         stages.solve(&batch.state, &start, step as f64, theta, scratch);
@@ -45,8 +44,7 @@ pub fn advance(
             stages.evaluate(&batch.state, &start, step as f64, theta, scratch);
             stages.push(batch);
         }
-        combine(&mut state, &batch.state, tableau.weights, &stages.slopes);
-        batch.state.copy_from_slice(&state);
+        add_parts(&mut batch.state, tableau.weights, &stages.slopes);
     }
 }
 
@@ -85,12 +83,12 @@ impl<'a> Stages<'a> {
         scratch: &mut Scratch,
     ) {
         let count = self.slopes.len();
-        let mut at = Vec::new();
+        let mut place = vec![0.0; state.len()];
         for (stage, output) in self.outputs.iter_mut().enumerate() {
             let row = &self.tableau.matrix[stage * count..(stage + 1) * count];
-            combine(&mut at, state, row, &self.slopes);
+            let at = combined(&mut place, state, row, &self.slopes);
             set_stage(scratch, start, step + self.tableau.nodes[stage]);
-            self.field.evaluate(&at, self.lanes, theta, true, scratch);
+            self.field.evaluate(at, self.lanes, theta, true, scratch);
             let size = output.len();
             output.copy_from_slice(&scratch.out[..size]);
             rescale(output, &scratch.scale);

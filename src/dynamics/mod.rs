@@ -26,6 +26,7 @@ mod taylor;
 mod trajectory;
 
 pub use adjoint::{PulledBack, Recording, pull_back, pull_back_observed};
+pub(crate) use batch::KeptScratch;
 pub use batch::{Batch, Scratch};
 pub use equations::Dynamics;
 pub use integrate::advance;

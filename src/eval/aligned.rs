@@ -24,6 +24,11 @@ impl Aligned {
         Aligned { memory, start, length }
     }
 
+    /// Numbers that there is memory for.
+    pub(crate) fn capacity(&self) -> usize {
+        self.memory.len()
+    }
+
     /// Changes the length; which numbers then stand there is left open.
     pub fn reshape(&mut self, length: usize) {
         if self.start + length > self.memory.len() {

@@ -159,7 +159,7 @@ fn sign(x: f64) -> f64 {
 
 /// Added to a number and taken away again it leaves the nearest whole number, whose last bits
 /// meanwhile are those of the sum.
-const WHOLE: f64 = 6_755_399_441_055_744.0;
+pub(super) const WHOLE: f64 = 6_755_399_441_055_744.0;
 
 /// Angles up to this are reduced by three parts of pi/2.
 const LARGEST_ANGLE: f64 = 1e7;
@@ -247,7 +247,7 @@ fn tangent(x: f64) -> f64 {
     if x == 0.0 { x } else { value }
 }
 
-const LN_2: [f64; 2] = [std::f64::consts::LN_2, 2.319_046_813_846_299_6e-17];
+pub(super) const LN_2: [f64; 2] = [std::f64::consts::LN_2, 2.319_046_813_846_299_6e-17];
 
 /// (bits of k, exp(r) - 1) with x = k ln 2 + r.
 #[inline(always)]
@@ -255,7 +255,13 @@ fn exponential_parts(x: f64) -> (u64, f64) {
     let shifted = x.mul_add(std::f64::consts::LOG2_E, WHOLE);
     let k = shifted - WHOLE;
     let r = (-k).mul_add(LN_2[1], (-k).mul_add(LN_2[0], x));
-    let q = (1.0 / 6_227_020_800.0_f64)
+    (shifted.to_bits().wrapping_sub(WHOLE.to_bits()), (r * r).mul_add(exponential_tail(r), r))
+}
+
+/// (exp(r) - 1 - r) / r^2 for |r| <= ln(2)/2.
+#[inline(always)]
+pub(super) fn exponential_tail(r: f64) -> f64 {
+    (1.0 / 6_227_020_800.0_f64)
         .mul_add(r, 1.0 / 479_001_600.0)
         .mul_add(r, 1.0 / 39_916_800.0)
         .mul_add(r, 1.0 / 3_628_800.0)
@@ -266,8 +272,7 @@ fn exponential_parts(x: f64) -> (u64, f64) {
         .mul_add(r, 1.0 / 120.0)
         .mul_add(r, 1.0 / 24.0)
         .mul_add(r, 1.0 / 6.0)
-        .mul_add(r, 0.5);
-    (shifted.to_bits().wrapping_sub(WHOLE.to_bits()), (r * r).mul_add(q, r))
+        .mul_add(r, 0.5)
 }
 
 /// 2^shift exp(x); the power of two comes in two halves, so that neither overflows and
@@ -297,13 +302,14 @@ fn exponential_less_one(x: f64) -> f64 {
     power.mul_add(p, power - 1.0)
 }
 
+/// Bits of sqrt(1/2): logarithms are taken of fractions between it and sqrt(2).
+pub(super) const CENTRE: u64 = 0x3fe6_a09e_0000_0000;
+
 #[inline(always)]
 fn logarithm(x: f64) -> f64 {
     let subnormal = x < f64::MIN_POSITIVE;
     let scaled = if subnormal { x * 18_014_398_509_481_984.0 } else { x };
     let offset = if subnormal { 1023.0 + 54.0 } else { 1023.0 };
-    // The fraction between sqrt(1/2) and sqrt(2).
-    const CENTRE: u64 = 0x3fe6_a09e_0000_0000;
     let bits = scaled.to_bits().wrapping_add(0x3ff0_0000_0000_0000 - CENTRE);
     let k = f64::from_bits(0x4330_0000_0000_0000 | (bits >> 52)) - 4_503_599_627_370_496.0 - offset;
     let f = f64::from_bits((bits & 0x000f_ffff_ffff_ffff).wrapping_add(CENTRE)) - 1.0;

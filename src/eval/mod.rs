@@ -6,7 +6,10 @@ mod elementary;
 mod instruction;
 #[cfg(target_arch = "x86_64")]
 mod jit;
+mod lane_reflections;
+mod lanes;
 mod lower;
+mod power;
 mod processor;
 mod reference;
 mod reflect;
@@ -17,11 +20,14 @@ mod uniform;
 
 pub use aligned::Aligned;
 pub(crate) use arrays::{
-    Compared, LaneReflections, add, add_carrying, add_multiple, add_products, add_squares,
-    add_weighted, add_weighted_pair, compare, leverages, mark_broken, reflect_lanes, rescale,
-    set_weighted, sum_with_multiple, weigh,
+    Compared, add, add_carrying, add_multiple, add_products, add_squares, compare, leverages,
+    multiply, sum_with_multiple,
 };
 pub(crate) use instruction::{Instruction, Slot, Value};
+pub(crate) use lane_reflections::{LaneReflections, reflect_lanes};
+pub(crate) use lanes::{
+    add_weighted, add_weighted_pair, mark_broken, rescale, set_weighted, weigh,
+};
 pub(crate) use lower::Lowered;
 pub use processor::InstructionSet;
 pub(crate) use reflect::{GROUP, Reflections, product, reflect};
@@ -162,4 +168,9 @@ pub fn length(graph: &Graph, inputs: &Inputs, outputs: &[Expr]) -> Length {
 /// function(x) of every number of `from`, into `to`, as the batched backends compute it.
 pub fn apply(set: InstructionSet, function: Function, from: &[f64], to: &mut [f64]) {
     elementary::apply(set, function, from, to);
+}
+
+/// bases^exponents number by number, into `to`, as the batched backends compute it.
+pub fn powers(set: InstructionSet, bases: &[f64], exponents: &[f64], to: &mut [f64]) {
+    power::powers(set, bases, exponents, to);
 }

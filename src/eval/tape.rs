@@ -5,8 +5,7 @@ use super::instruction::{Instruction, Value};
 use super::lower::Lowered;
 use super::processor::dispatched;
 use super::uniform::Uniforms;
-use super::{Backend, Evaluator, InstructionSet, elementary};
-use crate::expr::raise;
+use super::{Backend, Evaluator, InstructionSet, elementary, power};
 
 /// Whole blocks are multiples of this many points: the compiler makes vectors of them.
 const CHUNK: usize = 32;
@@ -153,10 +152,9 @@ fn run_block(tape: &Tape, block: &mut Block, registers: &mut [f64]) {
             }
             Instruction::Reciprocal { a } => map(to, row(a), |x| 1.0 / x),
             Instruction::Raise { a, slot: s } => {
-                let exponent = slot(s);
-                map(to, row(a), |x| raise(x, exponent));
+                power::raised(tape.set, row(a), slot(s), to);
             }
-            Instruction::Power { a, b } => zip(to, row(a), row(b), |x, y| x.powf(y)),
+            Instruction::Power { a, b } => power::powers(tape.set, row(a), row(b), to),
             Instruction::Apply { a, function } => elementary::apply(tape.set, function, row(a), to),
         }
         while let Some(&&(_, output)) = stores.peek().filter(|s| s.0 == at as u32) {

@@ -7,10 +7,12 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::eval::{GROUP, InstructionSet, Reflections, product, reflect};
+use crate::eval::{GROUP, InstructionSet, Reflections, multiply, product, reflect};
 
 /// Columns that one block reflector eliminates; the rest of the work is matrix products.
 const PANEL: usize = 32;
+/// Up to so many columns the products would cost more than they save: all is one panel.
+const ONE_PANEL: usize = 128;
 
 /// R of `[A b]`: `columns` + 1 square, upper triangular, b last.
 #[derive(Debug, Clone, PartialEq)]
@@ -59,8 +61,9 @@ impl Factor {
         if filled == 0 {
             return;
         }
-        for start in (0..width).step_by(PANEL) {
-            let size = PANEL.min(width - start);
+        let panel = if width <= ONE_PANEL { width } else { PANEL };
+        for start in (0..width).step_by(panel) {
+            let size = panel.min(width - start);
             // Below the last row that is not zero nothing happens: triangles cost a third.
             let heights = heights(rows, filled, start..start + size);
             let height = heights.iter().copied().max().unwrap_or(0);
@@ -113,9 +116,10 @@ impl Factor {
                 for l in before..j {
                     let overlap = product(set, vector(l), vector(j));
                     // T times the overlaps, column by column: T_il is zero for l < i.
-                    for i in before..=l {
-                        t[(i, j)] -= t[(i, l)] * overlap * t[(j, j)];
-                    }
+                    let factor = overlap * t[(j, j)];
+                    let (known, new) = t.as_mut_slice().split_at_mut(j * size);
+                    let known = &known[l * size..][before..=l];
+                    new[before..=l].iter_mut().zip(known).for_each(|(t, x)| *t -= x * factor);
                 }
             }
             if j + 1 == end && end < size {
@@ -156,7 +160,7 @@ impl Factor {
         let beta = -(alpha * alpha + below).sqrt().copysign(alpha);
         let tau = (beta - alpha) / beta;
         let inverse = 1.0 / (alpha - beta);
-        vector.iter_mut().for_each(|x| *x *= inverse);
+        multiply(set, vector, inverse);
         self.triangle[(column, column)] = beta;
         let count = columns.len() - 1;
         if count > 0 {

@@ -19,7 +19,7 @@ use super::segments::{LANES, Segment, Segments, blocks};
 use super::states::States;
 use super::stream::Stream;
 use crate::data::Dataset;
-use crate::dynamics::{Dynamics, Method, Scratch};
+use crate::dynamics::{Dynamics, KeptScratch, Method, Scratch};
 use crate::expr::Observed;
 
 /// How trajectories are integrated between samples.
@@ -120,7 +120,7 @@ pub fn settle(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mu
         .list
         .par_chunks(width)
         .zip(states.all_mut().par_chunks_mut((width * 2 * dynamics.degrees()).max(1)))
-        .map_init(Scratch::new, |scratch, (segments, states)| {
+        .map_init(KeptScratch::new, |scratch, (segments, states)| {
             let block = Block::gather(problem.dataset, segments, problem.weights.len());
             let (rows, taken) = settled(problem, (dynamics, theta), None, &block, states, scratch);
             let mut sums = Sums::new(problem.weights.len());
@@ -235,7 +235,7 @@ pub fn residuals(
     let width = width(problem, 2 * dynamics.degrees() + 1);
     blocks(0..problem.segments.list.len(), width)
         .into_par_iter()
-        .map_init(Scratch::new, |scratch, range| {
+        .map_init(KeptScratch::new, |scratch, range| {
             let segments = &problem.segments.list[range.clone()];
             let block = Block::gather(problem.dataset, segments, problem.weights.len());
             let laws = Laws { present: (dynamics, theta), by: None };
@@ -351,7 +351,7 @@ fn expected_steps(problem: &Problem, present: Law, states: &States) -> Option<us
     let segments = &problem.segments.list[..few];
     let block = Block::gather(problem.dataset, segments, problem.weights.len());
     let mut tried = states.part(0..few).to_vec();
-    let (_, taken) = settled(problem, present, None, &block, &mut tried, &mut Scratch::new());
+    let (_, taken) = settled(problem, present, None, &block, &mut tried, &mut KeptScratch::new());
     Some(taken.steps)
 }
 
@@ -371,7 +371,7 @@ fn each_fold<S: Send>(
         .folds
         .par_iter()
         .zip(starts)
-        .map_init(Scratch::new, |scratch, (fold, mut starts)| {
+        .map_init(KeptScratch::new, |scratch, (fold, mut starts)| {
             let segments = &problem.segments.list[fold.clone()];
             let mut part = FoldPass::new(unknowns, observables);
             for range in blocks(0..segments.len(), width) {

@@ -220,12 +220,17 @@ impl Rows {
             }
             let dense = first.saturating_sub(pivot);
             let by = LaneReflections { factors: factor, lanes, columns, dense, heads: true };
-            reflect_lanes(set, &mut self.values[head..], by, 1..self.state - pivot);
+            // Without columns by theta the residuals stand next to the states.
+            let last = if columns == self.state + 1 { columns } else { self.state };
+            reflect_lanes(set, &mut self.values[head..], by, 1..last - pivot);
         }
-        let by = LaneReflections { factors: &factors, lanes, columns, dense: first, heads: true };
-        reflect_lanes(set, &mut self.values, by, columns - 1..columns);
-        let by = LaneReflections { heads: !self.shown, ..by };
-        reflect_lanes(set, &mut self.values, by, self.state..columns - 1);
+        if columns > self.state + 1 {
+            let by =
+                LaneReflections { factors: &factors, lanes, columns, dense: first, heads: true };
+            reflect_lanes(set, &mut self.values, by, columns - 1..columns);
+            let by = LaneReflections { heads: !self.shown, ..by };
+            reflect_lanes(set, &mut self.values, by, self.state..columns - 1);
+        }
         for (pivot, diagonal) in diagonal.chunks_exact(lanes).enumerate() {
             self.values[at(pivot, pivot)..][..lanes].copy_from_slice(diagonal);
         }

@@ -22,8 +22,7 @@ use super::aligned::aligned_part;
 use super::instruction::{Instruction, Value};
 use super::lower::Lowered;
 use super::uniform::Uniforms;
-use super::{Backend, Evaluator, InstructionSet, elementary};
-use crate::expr::raise;
+use super::{Backend, Evaluator, InstructionSet, elementary, power};
 
 /// Most instructions that are made machine code of.
 const LONGEST: usize = 100_000;
@@ -356,12 +355,9 @@ impl Machinecode {
             Instruction::Apply { a, function } => elementary::apply(self.set, function, row(a), to),
             Instruction::Raise { a, slot } => {
                 let exponent = head[layout.slots + slot as usize * self.width.lanes()];
-                to.iter_mut().zip(row(a)).for_each(|(to, &x)| *to = raise(x, exponent));
+                power::raised(self.set, row(a), exponent, to);
             }
-            Instruction::Power { a, b } => {
-                let arguments = row(a).iter().zip(row(b));
-                to.iter_mut().zip(arguments).for_each(|(to, (x, y))| *to = x.powf(*y));
-            }
+            Instruction::Power { a, b } => power::powers(self.set, row(a), row(b), to),
             _ => {}
         }
     }

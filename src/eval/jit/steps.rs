@@ -14,8 +14,8 @@ use super::straight::{Constants, Frame, Home, Source, Straight};
 use crate::eval::instruction::{Instruction, Value};
 use crate::eval::lower::Lowered;
 use crate::eval::uniform::Uniforms;
-use crate::eval::{Inputs, InstructionSet, Pace, StepSource, Steps, elementary};
-use crate::expr::{FunctionRow, Symbol, raise};
+use crate::eval::{Inputs, InstructionSet, Pace, StepSource, Steps, elementary, power};
+use crate::expr::{FunctionRow, Symbol};
 
 /// Registers that keep their value from one step to the next; the others do the work.
 const PINNED: usize = 9;
@@ -50,14 +50,6 @@ pub struct MachineSteps {
 /// A function without machine code of its own.
 extern "sysv64" fn function(x: f64, row: &'static FunctionRow) -> f64 {
     (row.value)(x)
-}
-
-extern "sysv64" fn power(x: f64, y: f64) -> f64 {
-    x.powf(y)
-}
-
-extern "sysv64" fn whole_power(x: f64, y: f64) -> f64 {
-    raise(x, y)
 }
 
 impl MachineSteps {
@@ -337,7 +329,7 @@ fn call(straight: &mut Straight, instruction: Instruction) {
         None => {}
     }
     let address = match instruction {
-        Instruction::Power { .. } => power as extern "sysv64" fn(f64, f64) -> f64 as usize,
+        Instruction::Power { .. } => power::entry(),
         Instruction::Apply { function: f, .. } => match elementary::kernel(f) {
             Some(kernel) => (kernel.entry)(),
             None => {
@@ -347,7 +339,7 @@ fn call(straight: &mut Straight, instruction: Instruction) {
                 function as extern "sysv64" fn(f64, &'static FunctionRow) -> f64 as usize
             }
         },
-        _ => whole_power as extern "sysv64" fn(f64, f64) -> f64 as usize,
+        _ => power::entry_raised(),
     };
     assembler.call(address);
 }
