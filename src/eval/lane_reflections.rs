@@ -26,9 +26,14 @@ pub struct LaneReflections<'a> {
 
 dispatched! {
     /// Takes reflections to the columns `targets` of `values`, `[row][columns][lane]`, one
-    /// reflection after the other while a column is in the nearest cache.
-    pub fn reflect_lanes(values: &mut [f64], by: LaneReflections, targets: Range<usize>)
-        = reflect_lanes_body;
+    /// reflection after the other while a column is in the nearest cache; only those `among` the
+    /// lanes.
+    pub fn reflect_lanes(
+        values: &mut [f64],
+        by: LaneReflections,
+        targets: Range<usize>,
+        among: Range<usize>,
+    ) = reflect_lanes_body;
 }
 
 /// Columns that are reflected together: what they are reflected by is read once for all, and no
@@ -36,52 +41,62 @@ dispatched! {
 const COLUMNS: usize = 4;
 
 #[inline(always)]
-fn reflect_lanes_body(values: &mut [f64], by: LaneReflections, targets: Range<usize>) {
+fn reflect_lanes_body(
+    values: &mut [f64],
+    by: LaneReflections,
+    targets: Range<usize>,
+    among: Range<usize>,
+) {
     let rows = values.len() / (by.columns * by.lanes).max(1);
     if !by.heads && by.dense >= by.factors.len() / by.lanes {
         // What all vectors have is few rows: a column is read and written once.
         match rows - by.dense.min(rows) {
-            2 => return reflect_held_columns::<2>(values, by, targets),
-            4 => return reflect_held_columns::<4>(values, by, targets),
-            6 => return reflect_held_columns::<6>(values, by, targets),
-            8 => return reflect_held_columns::<8>(values, by, targets),
+            2 => return reflect_held_columns::<2>(values, by, targets, among),
+            4 => return reflect_held_columns::<4>(values, by, targets, among),
+            6 => return reflect_held_columns::<6>(values, by, targets, among),
+            8 => return reflect_held_columns::<8>(values, by, targets, among),
             _ => {}
         }
     }
     let mut column = targets.start;
     while column + COLUMNS <= targets.end {
-        reflect_columns::<COLUMNS>(values, by, column);
+        reflect_columns::<COLUMNS>(values, by, column, &among);
         column += COLUMNS;
     }
     while column < targets.end {
-        reflect_columns::<1>(values, by, column);
+        reflect_columns::<1>(values, by, column, &among);
         column += 1;
     }
 }
 
-/// Neighbouring columns in all lanes, as many registers side by side as there are lanes for.
+/// Neighbouring columns in some lanes, as many registers side by side as there are lanes for.
 #[inline(always)]
-fn reflect_columns<const COLUMNS: usize>(values: &mut [f64], by: LaneReflections, column: usize) {
-    let mut lane = 0;
+fn reflect_columns<const COLUMNS: usize>(
+    values: &mut [f64],
+    by: LaneReflections,
+    column: usize,
+    among: &Range<usize>,
+) {
+    let (mut lane, end) = (among.start, among.end);
     if COLUMNS == 1 {
-        lane = reflect_lanes_from::<REGISTER, 8, COLUMNS>(values, by, lane, column);
-        lane = reflect_lanes_from::<REGISTER, 4, COLUMNS>(values, by, lane, column);
+        lane = reflect_lanes_from::<REGISTER, 8, COLUMNS>(values, by, lane..end, column);
+        lane = reflect_lanes_from::<REGISTER, 4, COLUMNS>(values, by, lane..end, column);
     }
-    lane = reflect_lanes_from::<REGISTER, 2, COLUMNS>(values, by, lane, column);
-    lane = reflect_lanes_from::<REGISTER, 1, COLUMNS>(values, by, lane, column);
-    reflect_lanes_from::<1, 1, COLUMNS>(values, by, lane, column);
+    lane = reflect_lanes_from::<REGISTER, 2, COLUMNS>(values, by, lane..end, column);
+    lane = reflect_lanes_from::<REGISTER, 1, COLUMNS>(values, by, lane..end, column);
+    reflect_lanes_from::<1, 1, COLUMNS>(values, by, lane..end, column);
 }
 
-/// `COUNT` times `LANES` lanes at a time, from one on; the first that is left over.
+/// `COUNT` times `LANES` of the lanes at a time; the first that is left over.
 #[inline(always)]
 fn reflect_lanes_from<const LANES: usize, const COUNT: usize, const COLUMNS: usize>(
     values: &mut [f64],
     by: LaneReflections,
-    first: usize,
+    among: Range<usize>,
     column: usize,
 ) -> usize {
-    let mut lane = first;
-    while lane + COUNT * LANES <= by.lanes {
+    let mut lane = among.start;
+    while lane + COUNT * LANES <= among.end {
         reflect_some::<LANES, COUNT, COLUMNS>(values, by, lane, column);
         lane += COUNT * LANES;
     }
@@ -93,14 +108,14 @@ fn reflect_held_columns<const ROWS: usize>(
     values: &mut [f64],
     by: LaneReflections,
     targets: Range<usize>,
+    among: Range<usize>,
 ) {
-    let lanes = by.lanes;
-    let whole = lanes / REGISTER * REGISTER;
+    let whole = among.end - among.len() % REGISTER;
     for column in targets {
-        for lane in (0..whole).step_by(REGISTER) {
+        for lane in (among.start..whole).step_by(REGISTER) {
             reflect_held::<REGISTER, ROWS>(values, by, lane, column);
         }
-        for lane in whole..lanes {
+        for lane in whole..among.end {
             reflect_held::<1, ROWS>(values, by, lane, column);
         }
     }
@@ -264,7 +279,10 @@ mod tests {
                             heads,
                         };
                         let mut found = start.clone();
-                        reflect_lanes(set, &mut found, by, vectors..columns);
+                        let middle = lanes / 16 * 8;
+                        for among in [middle..lanes, 0..middle] {
+                            reflect_lanes(set, &mut found, by, vectors..columns, among);
+                        }
                         assert_eq!(found, expected, "{set:?}, {lanes} lanes, {below} rows");
                     }
                 }

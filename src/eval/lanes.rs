@@ -145,6 +145,29 @@ fn rescale_piece<const N: usize>(rows: &mut [f64], scale: &[f64], lane: usize) {
 }
 
 dispatched! {
+    /// sums = the squares of rows of lanes, one upon the other; the rows begin `stride` numbers
+    /// apart.
+    pub fn sum_squares(sums: &mut [f64], rows: &[f64], stride: usize) = sum_squares_body;
+}
+
+#[inline(always)]
+fn sum_squares_body(sums: &mut [f64], rows: &[f64], stride: usize) {
+    in_pieces!(sums.len(), sum_squares_piece(sums, rows, stride));
+}
+
+#[inline(always)]
+fn sum_squares_piece<const N: usize>(sums: &mut [f64], rows: &[f64], stride: usize, lane: usize) {
+    let mut sum = [0.0; N];
+    let mut at = lane;
+    while at + N <= rows.len() {
+        let x = load(rows, at);
+        sum = fused(x, x, &sum);
+        at += stride;
+    }
+    store(sums, lane, &sum);
+}
+
+dispatched! {
     /// Adds 0 to the mark of each lane, or what is not a number where any of its rows is not
     /// finite.
     pub fn mark_broken(marks: &mut [f64], rows: &[f64]) = mark_broken_body;
@@ -254,6 +277,13 @@ mod tests {
                 let mut found = broken.clone();
                 rescale(set, &mut found, v);
                 assert_eq!(found, expected(&|at, lane| zero_or(broken[at], lane)));
+                let mut sums = vec![7.0; lanes - lanes / 2];
+                sum_squares(set, &mut sums, &a[lanes / 2..], lanes);
+                let square = |sum: f64, x: f64| x.mul_add(x, sum);
+                let of_lane = |lane: usize| a.chunks(lanes).map(move |row| row[lane]);
+                let expected: Vec<f64> =
+                    (lanes / 2..lanes).map(|lane| of_lane(lane).fold(0.0, square)).collect();
+                assert_eq!(sums, expected);
                 let mut marks = vec![0.0; lanes];
                 mark_broken(set, &mut marks, &broken);
                 let is_broken = |(lane, mark): (usize, &f64)| mark.is_nan() == (lane == lanes / 3);

@@ -1,5 +1,7 @@
 //! Rows of a linearised block: weighted residuals and their derivatives, freed of the states.
 
+use std::ops::Range;
+
 use super::block::Block;
 use super::loss::Loss;
 use super::motion::Motion;
@@ -7,8 +9,13 @@ use super::pass::{Laws, Problem, Sums};
 use crate::dynamics::{Scratch, observe};
 use crate::eval::{
     Aligned, Compared, InstructionSet, LaneReflections, add_products, add_squares, compare,
-    leverages, reflect_lanes, weigh,
+    leverages, reflect_lanes, sum_squares, weigh,
 };
+
+/// Lanes of whole registers that are freed of their states together, and bytes that their rows may
+/// take.
+const REGISTER: usize = 8;
+const NEAR_BYTES: usize = 512 << 10;
 
 /// Weighted residuals and derivatives of a block of segments, `[row][column][lane]`.
 ///
@@ -196,45 +203,57 @@ impl Rows {
                 add_squares(set, &mut self.touched, &row[width..], lanes);
             }
         }
+        // So many lanes at a time that all their rows stay in the cache.
+        let lane_bytes = self.rows * columns * size_of::<f64>();
+        let part = (NEAR_BYTES / lane_bytes.max(1)).max(1).next_multiple_of(REGISTER);
+        for from in (0..lanes).step_by(part) {
+            self.eliminate_among(from..(from + part).min(lanes), first);
+        }
+        self.inverse = self.inverse_pivots();
+    }
+
+    /// The same for some of the lanes. Before row `first`, row k has nothing by states but state k.
+    fn eliminate_among(&mut self, among: Range<usize>, first: usize) {
+        let (lanes, columns) = (self.lanes, self.columns);
+        let set = InstructionSet::widest();
         let pivots = self.state.min(self.rows);
-        let at = |row: usize, column: usize| (row * columns + column) * lanes;
-        let mut norm = vec![0.0; lanes];
-        let mut diagonal = vec![0.0; pivots * lanes];
+        let stride = columns * lanes;
+        let mut diagonal = vec![0.0; pivots * among.len()];
         let mut factors = vec![0.0; pivots * lanes];
-        for pivot in 0..pivots {
-            norm.fill(0.0);
-            for row in pivot..self.rows {
-                let column = &self.values[at(row, pivot)..][..lanes];
-                add_products(set, &mut norm, column, column);
-            }
+        let mut norm = vec![0.0; among.len()];
+        for (pivot, diagonal) in diagonal.chunks_exact_mut(among.len()).enumerate() {
             // v = (alpha - beta, rest); I - v v' / (norm^2 - alpha beta).
-            let head = at(pivot, pivot);
+            let head = pivot * stride + pivot * lanes;
+            sum_squares(set, &mut norm, &self.values[head + among.start..], stride);
             let factor = &mut factors[pivot * lanes..][..lanes];
-            for lane in 0..lanes {
-                let alpha = self.values[head + lane];
-                let beta = -norm[lane].sqrt().copysign(alpha);
-                let size = norm[lane] - alpha * beta;
-                factor[lane] = if size > 0.0 { -1.0 / size } else { 0.0 };
-                self.values[head + lane] = alpha - beta;
-                diagonal[pivot * lanes + lane] = beta;
+            let heads = &mut self.values[head..][among.clone()];
+            let heads = heads.iter_mut().zip(&norm).zip(&mut factor[among.clone()]);
+            for (((head, norm), factor), diagonal) in heads.zip(diagonal) {
+                let alpha = *head;
+                let beta = -norm.sqrt().copysign(alpha);
+                let size = norm - alpha * beta;
+                *factor = if size > 0.0 { -1.0 / size } else { 0.0 };
+                *head = alpha - beta;
+                *diagonal = beta;
             }
             let dense = first.saturating_sub(pivot);
             let by = LaneReflections { factors: factor, lanes, columns, dense, heads: true };
             // Without columns by theta the residuals stand next to the states.
             let last = if columns == self.state + 1 { columns } else { self.state };
-            reflect_lanes(set, &mut self.values[head..], by, 1..last - pivot);
+            reflect_lanes(set, &mut self.values[head..], by, 1..last - pivot, among.clone());
         }
         if columns > self.state + 1 {
-            let by =
-                LaneReflections { factors: &factors, lanes, columns, dense: first, heads: true };
-            reflect_lanes(set, &mut self.values, by, columns - 1..columns);
+            let values = &mut self.values[..];
+            let (dense, factors) = (first, &factors[..]);
+            let by = LaneReflections { factors, lanes, columns, dense, heads: true };
+            reflect_lanes(set, values, by, columns - 1..columns, among.clone());
             let by = LaneReflections { heads: !self.shown, ..by };
-            reflect_lanes(set, &mut self.values, by, self.state..columns - 1);
+            reflect_lanes(set, values, by, self.state..columns - 1, among.clone());
         }
-        for (pivot, diagonal) in diagonal.chunks_exact(lanes).enumerate() {
-            self.values[at(pivot, pivot)..][..lanes].copy_from_slice(diagonal);
+        for (pivot, diagonal) in diagonal.chunks_exact(among.len()).enumerate() {
+            let head = pivot * stride + pivot * lanes;
+            self.values[head..][among.clone()].copy_from_slice(diagonal);
         }
-        self.inverse = self.inverse_pivots();
     }
 
     /// One over the diagonal of R_s, zero where a state is not determined, `[column][lane]`.
