@@ -43,10 +43,11 @@ fn set_weighted_body(target: &mut [f64], a: &[f64], weight: &[f64]) {
 
 #[inline(always)]
 fn set_weighted_piece<const N: usize>(target: &mut [f64], a: &[f64], weight: &[f64], lane: usize) {
-    let w = load::<N>(weight, lane);
-    let (mut target, mut a) = (&mut target[lane..], &a[lane..]);
-    while let (Some(t), Some(a)) = next_both(&mut target, &mut a, weight.len()) {
-        *t = product(a, w);
+    let w = *load::<N>(weight, lane);
+    let mut at = lane;
+    while at + N <= target.len() {
+        store(target, at, &product(load(a, at), &w));
+        at += weight.len();
     }
 }
 
@@ -62,10 +63,12 @@ fn add_weighted_body(target: &mut [f64], a: &[f64], weight: &[f64]) {
 
 #[inline(always)]
 fn add_weighted_piece<const N: usize>(target: &mut [f64], a: &[f64], weight: &[f64], lane: usize) {
-    let w = load::<N>(weight, lane);
-    let (mut target, mut a) = (&mut target[lane..], &a[lane..]);
-    while let (Some(t), Some(a)) = next_both(&mut target, &mut a, weight.len()) {
-        *t = fused(a, w, t);
+    let w = *load::<N>(weight, lane);
+    let mut at = lane;
+    while at + N <= target.len() {
+        let sum = fused(load(a, at), &w, load(target, at));
+        store(target, at, &sum);
+        at += weight.len();
     }
 }
 
@@ -90,11 +93,12 @@ fn add_weighted_pair_piece<const N: usize>(
     lane: usize,
 ) {
     let lanes = weights.len() / 2;
-    let (v, w) = (load::<N>(weights, lane), load::<N>(weights, lanes + lane));
-    let (mut target, mut a, mut b) = (&mut target[lane..], &a[lane..], &b[lane..]);
-    while let (Some(t), Some(a)) = next_both(&mut target, &mut a, lanes) {
-        let Some(b) = next_row(&mut b, lanes) else { return };
-        *t = fused(b, w, &fused(a, v, t));
+    let (v, w) = (*load::<N>(weights, lane), *load::<N>(weights, lanes + lane));
+    let mut at = lane;
+    while at + N <= target.len() {
+        let sum = fused(load(b, at), &w, &fused(load(a, at), &v, load(target, at)));
+        store(target, at, &sum);
+        at += lanes;
     }
 }
 
@@ -111,10 +115,11 @@ fn weigh_body(target: &mut [f64], from: &[f64], scale: &[f64]) {
 
 #[inline(always)]
 fn weigh_piece<const N: usize>(target: &mut [f64], from: &[f64], scale: &[f64], lane: usize) {
-    let s = load::<N>(scale, lane);
-    let (mut target, mut from) = (&mut target[lane..], &from[lane..]);
-    while let (Some(t), Some(x)) = next_both(&mut target, &mut from, scale.len()) {
-        *t = scaled(x, s);
+    let s = *load::<N>(scale, lane);
+    let mut at = lane;
+    while at + N <= target.len() {
+        store(target, at, &scaled(load(from, at), &s));
+        at += scale.len();
     }
 }
 
@@ -130,10 +135,12 @@ fn rescale_body(rows: &mut [f64], scale: &[f64]) {
 
 #[inline(always)]
 fn rescale_piece<const N: usize>(rows: &mut [f64], scale: &[f64], lane: usize) {
-    let s = load::<N>(scale, lane);
-    let mut rows = &mut rows[lane..];
-    while let Some(x) = next_row_mut(&mut rows, scale.len()) {
-        *x = scaled(x, s);
+    let s = *load::<N>(scale, lane);
+    let mut at = lane;
+    while at + N <= rows.len() {
+        let product = scaled(load(rows, at), &s);
+        store(rows, at, &product);
+        at += scale.len();
     }
 }
 
@@ -151,11 +158,13 @@ fn sum_squares_body(sums: &mut [f64], rows: &[f64], stride: usize) {
 #[inline(always)]
 fn sum_squares_piece<const N: usize>(sums: &mut [f64], rows: &[f64], stride: usize, lane: usize) {
     let mut sum = [0.0; N];
-    let mut rows = &rows[lane..];
-    while let Some(x) = next_row(&mut rows, stride) {
+    let mut at = lane;
+    while at + N <= rows.len() {
+        let x = load(rows, at);
         sum = fused(x, x, &sum);
+        at += stride;
     }
-    sums[lane..][..N].copy_from_slice(&sum);
+    store(sums, lane, &sum);
 }
 
 dispatched! {
@@ -172,40 +181,12 @@ fn mark_broken_body(marks: &mut [f64], rows: &[f64]) {
 #[inline(always)]
 fn mark_broken_piece<const N: usize>(marks: &mut [f64], rows: &[f64], lane: usize) {
     let mut sum = *load::<N>(marks, lane);
-    let mut rows = &rows[lane..];
-    while let Some(x) = next_row(&mut rows, marks.len()) {
-        sum = fused(x, &[0.0; N], &sum);
+    let mut at = lane;
+    while at + N <= rows.len() {
+        sum = fused(load(rows, at), &[0.0; N], &sum);
+        at += marks.len();
     }
-    marks[lane..][..N].copy_from_slice(&sum);
-}
-
-/// The first numbers of what is left, which then begins `stride` further on; nothing at its end.
-#[inline(always)]
-fn next_row<'a, const N: usize>(rest: &mut &'a [f64], stride: usize) -> Option<&'a [f64; N]> {
-    let (row, after) = rest.split_first_chunk()?;
-    *rest = after.get(stride - N..).unwrap_or_default();
-    Some(row)
-}
-
-/// The same to write to.
-#[inline(always)]
-fn next_row_mut<'a, const N: usize>(
-    rest: &mut &'a mut [f64],
-    stride: usize,
-) -> Option<&'a mut [f64; N]> {
-    let (row, after) = std::mem::take(rest).split_first_chunk_mut()?;
-    *rest = after.get_mut(stride - N..).unwrap_or_default();
-    Some(row)
-}
-
-/// Both, side by side.
-#[inline(always)]
-fn next_both<'a, 'b, const N: usize>(
-    into: &mut &'a mut [f64],
-    from: &mut &'b [f64],
-    stride: usize,
-) -> (Option<&'a mut [f64; N]>, Option<&'b [f64; N]>) {
-    (next_row_mut(into, stride), next_row(from, stride))
+    store(marks, lane, &sum);
 }
 
 /// a b, number by number.
@@ -245,6 +226,12 @@ pub(super) fn fused<const N: usize>(a: &[f64; N], b: &[f64; N], c: &[f64; N]) ->
         sum[i] = a[i].mul_add(b[i], c[i]);
     }
     sum
+}
+
+/// Neighbouring numbers to a place and after it.
+#[inline(always)]
+pub(super) fn store<const N: usize>(values: &mut [f64], at: usize, numbers: &[f64; N]) {
+    values[at..][..N].copy_from_slice(numbers);
 }
 
 #[cfg(test)]
@@ -290,6 +277,15 @@ mod tests {
                 let mut found = broken.clone();
                 rescale(set, &mut found, v);
                 assert_eq!(found, expected(&|at, lane| zero_or(broken[at], lane)));
+                // There may be no rows.
+                set_weighted(set, &mut [], &[], v);
+                add_weighted(set, &mut [], &[], v);
+                add_weighted_pair(set, &mut [], &[], &[], &weights);
+                weigh(set, &mut [], &[], v);
+                rescale(set, &mut [], v);
+                let mut marks = vec![0.0; lanes];
+                mark_broken(set, &mut marks, &[]);
+                assert_eq!(marks, vec![0.0; lanes]);
                 let mut sums = vec![7.0; lanes - lanes / 2];
                 sum_squares(set, &mut sums, &a[lanes / 2..], lanes);
                 let square = |sum: f64, x: f64| x.mul_add(x, sum);
