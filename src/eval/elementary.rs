@@ -302,17 +302,26 @@ fn exponential_less_one(x: f64) -> f64 {
     power.mul_add(p, power - 1.0)
 }
 
-/// Bits of sqrt(1/2): logarithms are taken of fractions between it and sqrt(2).
-pub(super) const CENTRE: u64 = 0x3fe6_a09e_0000_0000;
+/// ln 2 in a part that whole numbers multiply without rounding, and the rest.
+pub(super) const SHORT_LN_2: [f64; 2] = [6.931_471_803_691_238e-1, 1.908_214_929_270_587_7e-10];
+
+/// (k + 1023, m) with x = 2^k m and m between sqrt(1/2) and sqrt(2), for x positive and normal.
+#[inline(always)]
+pub(super) fn taken_apart(x: f64) -> (f64, f64) {
+    // Bits of sqrt(1/2).
+    const CENTRE: u64 = 0x3fe6_a09e_0000_0000;
+    let bits = x.to_bits().wrapping_add(0x3ff0_0000_0000_0000 - CENTRE);
+    let exponent = f64::from_bits(0x4330_0000_0000_0000 | (bits >> 52)) - 4_503_599_627_370_496.0;
+    (exponent, f64::from_bits((bits & 0x000f_ffff_ffff_ffff).wrapping_add(CENTRE)))
+}
 
 #[inline(always)]
 fn logarithm(x: f64) -> f64 {
     let subnormal = x < f64::MIN_POSITIVE;
     let scaled = if subnormal { x * 18_014_398_509_481_984.0 } else { x };
     let offset = if subnormal { 1023.0 + 54.0 } else { 1023.0 };
-    let bits = scaled.to_bits().wrapping_add(0x3ff0_0000_0000_0000 - CENTRE);
-    let k = f64::from_bits(0x4330_0000_0000_0000 | (bits >> 52)) - 4_503_599_627_370_496.0 - offset;
-    let f = f64::from_bits((bits & 0x000f_ffff_ffff_ffff).wrapping_add(CENTRE)) - 1.0;
+    let (exponent, m) = taken_apart(scaled);
+    let (k, f) = (exponent - offset, m - 1.0);
     let s = f / (2.0 + f);
     let z = s * s;
     let r = 1.479_819_860_511_658_6e-1_f64
@@ -324,10 +333,8 @@ fn logarithm(x: f64) -> f64 {
         .mul_add(z, 6.666_666_666_666_735e-1)
         * z;
     let half = 0.5 * f * f;
-    // ln 2 in a part that k multiplies without rounding, and the rest.
-    const HIGH: f64 = 6.931_471_803_691_238e-1;
-    const LOW: f64 = 1.908_214_929_270_587_7e-10;
-    let value = k.mul_add(HIGH, f - (half - s.mul_add(half + r, k * LOW)));
+    let [high, low] = SHORT_LN_2;
+    let value = k.mul_add(high, f - (half - s.mul_add(half + r, k * low)));
     let value = if x == 0.0 { f64::NEG_INFINITY } else { value };
     let value = if x < 0.0 { f64::NAN } else { value };
     // Infinity, and what is not a number.

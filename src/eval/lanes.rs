@@ -7,7 +7,7 @@
 use super::processor::dispatched;
 
 /// Lanes that fill the widest register.
-pub(super) const REGISTER: usize = 8;
+pub(crate) const REGISTER: usize = 8;
 /// Lanes of as many registers as are worked on together.
 const WIDE: usize = 4 * REGISTER;
 

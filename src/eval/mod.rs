@@ -26,7 +26,8 @@ pub(crate) use arrays::{
 pub(crate) use instruction::{Instruction, Slot, Value};
 pub(crate) use lane_reflections::{LaneReflections, reflect_lanes};
 pub(crate) use lanes::{
-    add_weighted, add_weighted_pair, mark_broken, rescale, set_weighted, sum_squares, weigh,
+    REGISTER, add_weighted, add_weighted_pair, mark_broken, rescale, set_weighted, sum_squares,
+    weigh,
 };
 pub(crate) use lower::Lowered;
 pub use processor::InstructionSet;

@@ -8,7 +8,7 @@
 //! results near overflow) the standard library does again.
 
 use super::InstructionSet;
-use super::elementary::{CENTRE, LN_2, WHOLE, exponential_tail};
+use super::elementary::{LN_2, SHORT_LN_2, WHOLE, exponential_tail, taken_apart};
 use super::processor::dispatched;
 use crate::expr::raise;
 
@@ -128,10 +128,8 @@ fn straight(x: f64, y: f64) -> (f64, bool) {
 /// With x = 2^k m and s = (m - 1) / (m + 1), ln x = k ln 2 + s (2 + 2/3 s^2 + s^4 P(s^2)).
 #[inline(always)]
 fn logarithm(x: f64) -> (f64, f64) {
-    let bits = x.to_bits().wrapping_add(0x3ff0_0000_0000_0000 - CENTRE);
-    let k = f64::from_bits(0x4330_0000_0000_0000 | (bits >> 52)) - 4_503_599_627_370_496.0 - 1023.0;
-    let m = f64::from_bits((bits & 0x000f_ffff_ffff_ffff).wrapping_add(CENTRE));
-    let f = m - 1.0;
+    let (exponent, m) = taken_apart(x);
+    let (k, f) = (exponent - 1023.0, m - 1.0);
     let d = m + 1.0;
     let d_low = m - (d - 1.0);
     let inverse = 1.0 / d;
@@ -158,12 +156,9 @@ fn logarithm(x: f64) -> (f64, f64) {
     let b_low = (2.0 - b) + a + a_low;
     let ln = s * b;
     let ln_low = s.mul_add(b_low, s_low.mul_add(b, s.mul_add(b, -ln)));
-    // ln 2 in a part that k multiplies without rounding, and the rest.
-    const HIGH: f64 = 6.931_471_803_691_238e-1;
-    const LOW: f64 = 1.908_214_929_270_587_7e-10;
-    let whole = k * HIGH;
+    let whole = k * SHORT_LN_2[0];
     let high = whole + ln;
-    let low = (whole - high) + ln + k.mul_add(LOW, ln_low);
+    let low = (whole - high) + ln + k.mul_add(SHORT_LN_2[1], ln_low);
     // The second part is to be small beside the first.
     let sum = high + low;
     (sum, (high - sum) + low)

@@ -2,15 +2,15 @@
 
 use super::aligned::aligned_part;
 use super::instruction::{Instruction, Value};
+use super::lanes::REGISTER;
 use super::lower::Lowered;
 use super::processor::dispatched;
 use super::uniform::Uniforms;
 use super::{Backend, Evaluator, InstructionSet, elementary, power};
 
-/// Whole blocks are multiples of this many points: the compiler makes vectors of them.
+/// Whole blocks are multiples of this many points: the compiler makes vectors of them. What is left
+/// over is filled up to whole registers.
 const CHUNK: usize = 32;
-/// What is left over is filled up to a multiple of this: the widest register.
-const WIDEST: usize = 8;
 /// Bytes of a block's registers: they share the first-level cache with rows that come and go.
 const BLOCK_BYTES: usize = 24 << 10;
 /// Most points of one block: more would not make the instructions' share any smaller.
@@ -58,7 +58,7 @@ impl Evaluator for Tape {
         workspace: &mut Vec<f64>,
     ) {
         let (slots, steps) = (self.uniforms.len(), self.uniforms.scratch());
-        let most = self.points.min(lanes.next_multiple_of(WIDEST));
+        let most = self.points.min(lanes.next_multiple_of(REGISTER));
         let registers = self.registers.max(1) * most;
         let (memory, _) = aligned_part(workspace, registers + slots + steps);
         let (registers, rest) = memory.split_at_mut(registers);
@@ -109,7 +109,7 @@ impl<'a> Others<'a> {
 #[inline(always)]
 fn run_block(tape: &Tape, block: &mut Block, registers: &mut [f64]) {
     let mut stores = tape.stores.iter().peekable();
-    let width = block.width.next_multiple_of(WIDEST);
+    let width = block.width.next_multiple_of(REGISTER);
     let slot = |slot: u32| block.slots[slot as usize];
     for (at, &(instruction, to)) in tape.code.iter().enumerate() {
         let (before, rest) = registers.split_at_mut(to as usize * width);

@@ -8,13 +8,11 @@ use super::motion::Motion;
 use super::pass::{Laws, Problem, Sums};
 use crate::dynamics::{Scratch, observe};
 use crate::eval::{
-    Aligned, Compared, InstructionSet, LaneReflections, add_products, add_squares, compare,
-    leverages, reflect_lanes, sum_squares, weigh,
+    Aligned, Compared, InstructionSet, LaneReflections, REGISTER, add_products, add_squares,
+    compare, leverages, reflect_lanes, sum_squares, weigh,
 };
 
-/// Lanes of whole registers that are freed of their states together, and bytes that their rows may
-/// take.
-const REGISTER: usize = 8;
+/// Bytes that the rows of the lanes may take that are freed of their states together.
 const NEAR_BYTES: usize = 512 << 10;
 
 /// Weighted residuals and derivatives of a block of segments, `[row][column][lane]`.
