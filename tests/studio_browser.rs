@@ -36,6 +36,14 @@ fn error(browser: &Browser) -> f64 {
     word.and_then(|word| word.parse().ok()).unwrap_or_else(|| panic!("{text}"))
 }
 
+/// A message is shown, and says this: the text of a hidden one is that of the file before.
+fn handed(words: &str) -> String {
+    format!(
+        "!document.getElementById('message').hidden
+            && document.getElementById('message').innerText.includes('{words}')"
+    )
+}
+
 fn story(width: u32, height: u32, dark: bool) {
     let Some(browser) = Browser::open(width, height, dark) else { return };
     let (folder, spec) = demo();
@@ -83,21 +91,22 @@ fn story(width: u32, height: u32, dark: bool) {
     browser.run("scrollTo(0, 0)");
     shot("3-added");
     sound(&browser, "added");
-    // Everything can be saved.
+    // Everything can be saved, and the menu stays as the hand left it when a file arrives.
     for format in ["latex", "rust", "report (HTML)", "all plots (SVG)", "all plots (PNG)"] {
         browser.run("document.getElementById('message').hidden = true");
         browser.click("#export summary");
         browser.run(&format!(
             "[...document.querySelectorAll('#formats button')]
-                .find((button) => button.innerText === '{format}').click()"
+                .find((button) => button.innerText === '{format}').click();
+             document.querySelector('#export summary').click()"
         ));
-        browser.until(
-            "document.getElementById('message').innerText.includes('handed to the browser')",
-        );
+        browser.until(&handed(" is handed to the browser"));
+        assert_eq!(browser.value("document.getElementById('export').open"), true, "{format}");
+        browser.click("#export summary");
     }
     browser.run("document.getElementById('message').hidden = true");
     browser.click("figcaption button[aria-label$='PNG']");
-    browser.until("document.getElementById('message').innerText.includes('.png is handed')");
+    browser.until(&handed(".png is handed"));
     // A spec with errors says so in place, and cannot be learned.
     browser.run(
         "const text = document.getElementById('text');

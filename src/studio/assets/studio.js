@@ -129,9 +129,8 @@
     const link = make("a");
     link.href = URL.createObjectURL(await answer.blob());
     link.download = file;
-    document.body.append(link);
+    // Outside the page: a click in it would close the menu if it is open again by now.
     link.click();
-    link.remove();
     setTimeout(() => URL.revokeObjectURL(link.href), 10000);
     say({ text: `${file} is handed to the browser to be saved.` });
   };
