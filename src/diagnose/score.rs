@@ -162,9 +162,9 @@ mod tests {
                 [x[0], x[1], x[2], 3.0 * x[1], 2.0 * x[0] + c * x[1] + 0.1 * draw()]
             })
             .collect();
-        let mut matrix = DMatrix::from_fn(400, 5, |r, k| rows[r][k]);
+        let matrix = DMatrix::from_fn(400, 5, |r, k| rows[r][k]);
         let mut factor = Factor::new(4);
-        factor.push(&mut matrix, 400);
+        factor.push(&matrix, 400);
         Scores::new(&factor, 1, 0.01)
     }
 

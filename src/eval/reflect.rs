@@ -189,9 +189,6 @@ mod wide {
         all
     }
 
-    /// Columns side by side: products need not wait for those before them.
-    const SIDE_BY_SIDE: usize = 4;
-
     #[target_feature(enable = "avx512f")]
     pub fn reflect<const M: usize>(
         by: &Reflections<M>,
@@ -199,19 +196,19 @@ mod wide {
         head_stride: usize,
         columns: &mut [f64],
     ) {
+        // Columns side by side: products need not wait for those before them.
         let mut columns = columns.chunks_mut(by.stride);
         let mut heads = heads.chunks_mut(head_stride);
         let mut next = || Some((&mut columns.next()?[..by.height], &mut heads.next()?[..M]));
         while let Some(first) = next() {
-            let rest = [next(), next(), next()];
-            if let [Some(second), Some(third), Some(fourth)] = rest {
-                let all: [_; SIDE_BY_SIDE] = [first, second, third, fourth];
-                reflect_columns(by, all);
-                continue;
-            }
-            reflect_columns(by, [first]);
-            for column in rest.into_iter().flatten() {
-                reflect_columns(by, [column]);
+            // The last ones wait for each other as little as they can.
+            match [next(), next(), next()] {
+                [Some(second), Some(third), Some(fourth)] => {
+                    reflect_columns(by, [first, second, third, fourth]);
+                }
+                [Some(second), Some(third), None] => reflect_columns(by, [first, second, third]),
+                [Some(second), ..] => reflect_columns(by, [first, second]),
+                [None, ..] => reflect_columns(by, [first]),
             }
         }
     }

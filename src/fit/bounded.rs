@@ -87,9 +87,9 @@ mod tests {
     #[test]
     fn a_bound_that_matters_is_kept_and_the_rest_adapts() {
         // x + y = 3 and x - y = 1, twice as sure of the sum: the free optimum is (2, 1).
-        let mut rows = DMatrix::from_row_slice(2, 3, &[2.0, 2.0, 6.0, 1.0, -1.0, 1.0]);
+        let rows = DMatrix::from_row_slice(2, 3, &[2.0, 2.0, 6.0, 1.0, -1.0, 1.0]);
         let mut factor = Factor::new(2);
-        factor.push(&mut rows, 2);
+        factor.push(&rows, 2);
         let free = solve_bounded(&factor, |_| Bounds::FREE);
         assert!((free.values[0] - 2.0).abs() < 1e-12 && free.bound.is_empty());
         let at_most = |k: usize| {

@@ -46,7 +46,7 @@ impl Elimination {
             for (k, norm) in norms.iter().enumerate() {
                 ridge[(k, k)] = RIDGE * norm;
             }
-            selected.push(&mut ridge, 0);
+            selected.push(&ridge, 0);
         }
         let size = chosen.len();
         let inverse = selected
@@ -132,9 +132,9 @@ mod tests {
 
     #[test]
     fn squares_are_those_of_a_fit_without_what_left() {
-        let mut rows = DMatrix::from_fn(40, 7, |i, j| (0.7 * ((i + 1) * (j + 1)) as f64).sin());
+        let rows = DMatrix::from_fn(40, 7, |i, j| (0.7 * ((i + 1) * (j + 1)) as f64).sin());
         let mut factor = Factor::new(6);
-        factor.push(&mut rows, 40);
+        factor.push(&rows, 40);
         let columns = Columns::plain(6);
         let mut elimination = Elimination::new(&factor, &columns, (0..6).collect());
         for left in (0..6).rev() {

@@ -7,6 +7,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::rectangle::Rectangle;
 use crate::eval::{GROUP, InstructionSet, Reflections, multiply, product, reflect};
 
 /// Columns that one block reflector eliminates; the rest of the work is matrix products.
@@ -43,20 +44,21 @@ impl Factor {
         self.rows
     }
 
-    /// Takes rows `[A b]` in (m x (K + 1)); they are overwritten. `count` of them are
-    /// residuals, the rest is padding with zeros.
+    /// Takes rows `[A b]` in (m x (K + 1)). `count` of them are residuals, the rest is padding
+    /// with zeros.
+    pub fn push(&mut self, rows: &DMatrix<f64>, count: usize) {
+        self.take(&mut Rectangle::from(rows), rows.nrows(), count);
+    }
+
+    /// The same for the first `filled` rows, which are overwritten; whatever stands below them is
+    /// left alone.
     ///
     /// Elimination of a rectangle under a triangle by block reflectors: Schreiber and
     /// Van Loan, "A storage-efficient WY representation", SIAM J. Sci. Stat. Comput. 10
     /// (1989), in the triangle-over-rectangle form.
-    pub fn push(&mut self, rows: &mut DMatrix<f64>, count: usize) {
-        self.push_upper(rows, rows.nrows(), count);
-    }
-
-    /// The same for the first `filled` rows; whatever stands below them is left alone.
-    pub fn push_upper(&mut self, rows: &mut DMatrix<f64>, filled: usize, count: usize) {
+    pub fn take(&mut self, rows: &mut Rectangle, filled: usize, count: usize) {
         let width = self.triangle.ncols();
-        debug_assert_eq!(rows.ncols(), width);
+        debug_assert_eq!(rows.columns(), width);
         self.rows += count;
         if filled == 0 {
             return;
@@ -73,9 +75,7 @@ impl Factor {
             let rest = width - start - size;
             let reflector = self.eliminate(rows, start, &heights, rest > 0);
             if rest > 0 {
-                let mut upper = rows.rows_mut(0, height);
-                let (done, mut trailing) =
-                    upper.columns_range_pair_mut(start..start + size, start + size..width);
+                let (done, mut trailing) = rows.panel_and_rest(start, size, height);
                 let mut top = self.triangle.view_mut((start, start + size), (size, rest));
                 let mut projected = top.clone_owned();
                 // A product with a transposed view is slow in nalgebra, with a copy fast.
@@ -92,14 +92,14 @@ impl Factor {
     /// right of the panel.
     fn eliminate(
         &mut self,
-        rows: &mut DMatrix<f64>,
+        rows: &mut Rectangle,
         start: usize,
         heights: &[usize],
         wanted: bool,
     ) -> DMatrix<f64> {
-        let (size, width, stride) = (heights.len(), self.triangle.nrows(), rows.nrows());
+        let (size, width, stride) = (heights.len(), self.triangle.nrows(), rows.stride());
         let set = InstructionSet::widest();
-        let values = rows.as_mut_slice();
+        let values = rows.values_mut();
         let mut t = DMatrix::zeros(size, size);
         let mut height = 0;
         for j in 0..size {
@@ -182,10 +182,11 @@ impl Factor {
             return all;
         }
         // First rows first, then second rows: what is below them in a column is then zero.
-        let mut rows = DMatrix::zeros(width * parts.len(), width);
+        let mut rows = Rectangle::zeros(width * parts.len(), width);
         for (at, (part, times)) in parts.iter().enumerate() {
             let scale = f64::from(*times).sqrt();
-            for (mut into, from) in rows.column_iter_mut().zip(part.triangle.column_iter()) {
+            for (k, from) in part.triangle.column_iter().enumerate() {
+                let into = rows.column_mut(k);
                 for (row, x) in from.iter().enumerate() {
                     into[row * parts.len() + at] = scale * x;
                 }
@@ -193,14 +194,14 @@ impl Factor {
         }
         let mut all = Factor::new(columns);
         let count = parts.iter().map(|(part, times)| part.rows * *times as usize).sum();
-        all.push(&mut rows, count);
+        let filled = rows.rows();
+        all.take(&mut rows, filled, count);
         all
     }
 
     /// Takes another factor of the same unknowns in.
     pub fn merge(&mut self, other: &Factor) {
-        let mut rows = other.triangle.clone();
-        self.push(&mut rows, other.rows);
+        self.push(&other.triangle, other.rows);
     }
 
     /// The same problem with only some of the unknowns, in the order given; the others are zero.
@@ -210,8 +211,7 @@ impl Factor {
         }
         let mut selected = Factor::new(unknowns.len());
         let columns: Vec<usize> = unknowns.iter().copied().chain([self.columns()]).collect();
-        let mut rows = self.triangle.select_columns(&columns);
-        selected.push(&mut rows, self.rows);
+        selected.push(&self.triangle.select_columns(&columns), self.rows);
         selected
     }
 
@@ -279,10 +279,9 @@ impl Factor {
 }
 
 /// Rows of each of some columns up to the last that is not zero.
-fn heights(rows: &DMatrix<f64>, filled: usize, columns: std::ops::Range<usize>) -> Vec<usize> {
-    let stride = rows.nrows();
-    let column = |k: usize| &rows.as_slice()[k * stride..][..filled];
-    let last = |k: usize| column(k).iter().rposition(|x| *x != 0.0).map_or(0, |at| at + 1);
+fn heights(rows: &Rectangle, filled: usize, columns: std::ops::Range<usize>) -> Vec<usize> {
+    let last =
+        |k: usize| rows.column(k)[..filled].iter().rposition(|x| *x != 0.0).map_or(0, |at| at + 1);
     columns.map(last).collect()
 }
 
@@ -303,7 +302,7 @@ mod tests {
             let all = random(200, columns + 1, columns as u64);
             let mut factor = Factor::new(columns);
             for (from, to) in [(0, 3), (3, 90), (90, 90), (90, 200)] {
-                factor.push(&mut all.rows(from, to - from).clone_owned(), to - from);
+                factor.push(&all.rows(from, to - from).clone_owned(), to - from);
             }
             let gram = all.transpose() * &all;
             let ours = factor.triangle.transpose() * &factor.triangle;
@@ -320,11 +319,11 @@ mod tests {
     fn merging_equals_stacking() {
         let all = random(60, 8, 7);
         let mut whole = Factor::new(7);
-        whole.push(&mut all.clone(), 60);
+        whole.push(&all, 60);
         let mut parts = Factor::new(7);
         for block in 0..3 {
             let mut part = Factor::new(7);
-            part.push(&mut all.rows(block * 20, 20).clone_owned(), 20);
+            part.push(&all.rows(block * 20, 20).clone_owned(), 20);
             parts.merge(&part);
         }
         let x = DVector::from_fn(7, |i, _| i as f64 / 7.0);
@@ -335,7 +334,7 @@ mod tests {
     #[test]
     fn selection_keeps_the_squares() {
         let mut whole = Factor::new(6);
-        whole.push(&mut random(40, 7, 3), 40);
+        whole.push(&random(40, 7, 3), 40);
         let picked = whole.select(&[4, 1]);
         let x = DVector::from_vec(vec![0.0, 0.3, 0.0, 0.0, -0.8, 0.0]);
         let y = DVector::from_vec(vec![-0.8, 0.3]);

@@ -1,14 +1,14 @@
 //! Rows on their way into a factor.
 
-use nalgebra::DMatrix;
-
 use super::factor::Factor;
+use super::rectangle::Rectangle;
 use super::rows::Rows;
 
 /// Rows on their way into a factor, gathered until a product of matrices pays.
+#[derive(Clone)]
 pub(super) struct Gathered {
     /// Gathered rows, then what is left of rows that went into the factor before.
-    stacked: DMatrix<f64>,
+    stacked: Rectangle,
     rows: usize,
     /// Residuals among the rows.
     count: usize,
@@ -16,16 +16,16 @@ pub(super) struct Gathered {
 
 impl Gathered {
     pub(super) fn new(width: usize) -> Gathered {
-        Gathered { stacked: DMatrix::zeros(0, width), rows: 0, count: 0 }
+        Gathered { stacked: Rectangle::zeros(0, width), rows: 0, count: 0 }
     }
 
     /// Takes the rows below the eliminated states.
     pub(super) fn take(&mut self, rows: &Rows, factor: &mut Factor) {
-        let (width, lanes) = (self.stacked.ncols(), rows.lanes);
+        let (width, lanes) = (self.stacked.columns(), rows.lanes);
         let enough = enough(width);
-        if self.stacked.nrows() < enough + lanes {
+        if self.stacked.rows() < enough + lanes {
             self.flush(factor);
-            self.stacked = DMatrix::zeros(enough + lanes, width);
+            self.stacked = Rectangle::zeros(enough + lanes, width);
         }
         self.count += (0..lanes)
             .filter(|&lane| rows.losses[lane].is_finite())
@@ -33,8 +33,8 @@ impl Gathered {
             .sum::<usize>();
         for row in rows.state..rows.rows {
             let columns = rows.row_from(row, rows.state).chunks_exact(lanes);
-            for (from, mut into) in columns.zip(self.stacked.column_iter_mut()) {
-                into.as_mut_slice()[self.rows..][..lanes].copy_from_slice(from);
+            for (k, from) in columns.enumerate() {
+                self.stacked.column_mut(k)[self.rows..][..lanes].copy_from_slice(from);
             }
             self.rows += lanes;
             if self.rows >= enough {
@@ -47,7 +47,7 @@ impl Gathered {
         if self.rows == 0 {
             return;
         }
-        factor.push_upper(&mut self.stacked, self.rows, self.count);
+        factor.take(&mut self.stacked, self.rows, self.count);
         self.rows = 0;
         self.count = 0;
     }

@@ -160,7 +160,7 @@ fn step(factor: &Factor, theta: &[f64], bounds: &[Bounds], damping: f64) -> Step
         for (k, norm) in norms.iter().enumerate() {
             rows[(k, k)] = damping.sqrt() * norm.max(f64::MIN_POSITIVE);
         }
-        damped.push(&mut rows, 0);
+        damped.push(&rows, 0);
     }
     let shifted =
         |k: usize| Bounds { lower: bounds[k].lower - theta[k], upper: bounds[k].upper - theta[k] };

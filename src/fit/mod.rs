@@ -25,6 +25,7 @@ pub mod options;
 pub mod pass;
 pub mod path;
 mod prune;
+pub mod rectangle;
 pub mod resume;
 mod rows;
 pub mod scales;

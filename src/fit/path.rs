@@ -215,13 +215,13 @@ mod tests {
     #[test]
     fn orthogonal_columns_are_thresholded_one_by_one() {
         // For an orthonormal design the solution is the soft-thresholded target.
-        let mut rows = DMatrix::from_row_slice(
+        let rows = DMatrix::from_row_slice(
             3,
             4,
             &[1.0, 0.0, 0.0, 3.0, 0.0, 1.0, 0.0, -0.5, 0.0, 0.0, 1.0, 1.5],
         );
         let mut factor = Factor::new(3);
-        factor.push(&mut rows, 3);
+        factor.push(&rows, 3);
         let settings = Settings { points: 2, ratio: 1.0 / 3.0, ..Settings::default() };
         let points = path(&factor, &[true; 3], &[Bounds::FREE; 3], &settings);
         assert!(points[0].coefficients.iter().all(|(_, x)| x.abs() < 1e-12));
@@ -234,9 +234,9 @@ mod tests {
     #[test]
     fn the_optimum_fulfils_its_conditions() {
         // Subgradient conditions: |a_k' r| <= lambda, with equality and the sign of x_k on the support.
-        let mut rows = DMatrix::from_fn(30, 6, |i, j| ((i * 7 + j * 13) as f64 * 0.37).sin());
+        let rows = DMatrix::from_fn(30, 6, |i, j| ((i * 7 + j * 13) as f64 * 0.37).sin());
         let mut factor = Factor::new(5);
-        factor.push(&mut rows, 30);
+        factor.push(&rows, 30);
         let settings = Settings { sweeps: 5000, ..Settings::default() };
         let norms = factor.norms();
         for point in path(&factor, &[true; 5], &[Bounds::FREE; 5], &settings) {

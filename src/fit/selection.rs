@@ -157,9 +157,9 @@ mod tests {
 
     #[test]
     fn the_squares_of_every_support_are_those_of_a_fit() {
-        let mut rows = DMatrix::from_fn(40, 7, |i, j| (0.7 * ((i + 1) * (j + 1)) as f64).sin());
+        let rows = DMatrix::from_fn(40, 7, |i, j| (0.7 * ((i + 1) * (j + 1)) as f64).sin());
         let mut factor = Factor::new(6);
-        factor.push(&mut rows, 40);
+        factor.push(&rows, 40);
         let columns = Columns::plain(6);
         let mut sizes = Vec::new();
         forward(&factor, &columns, |support, squares| {

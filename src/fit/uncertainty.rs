@@ -226,7 +226,7 @@ fn replace_target(factor: &Factor, target: &DVector<f64>) -> Factor {
     rows.view_mut((0, 0), (size, size)).copy_from(&factor.design());
     rows.view_mut((0, size), (size, 1)).copy_from(target);
     let mut fresh = Factor::new(size);
-    fresh.push(&mut rows, size);
+    fresh.push(&rows, size);
     fresh
 }
 
@@ -235,9 +235,9 @@ mod tests {
     use super::*;
 
     fn factor(rows: usize, columns: usize, f: impl Fn(usize, usize) -> f64) -> Factor {
-        let mut all = DMatrix::from_fn(rows, columns + 1, f);
+        let all = DMatrix::from_fn(rows, columns + 1, f);
         let mut factor = Factor::new(columns);
-        factor.push(&mut all, rows);
+        factor.push(&all, rows);
         factor
     }
 
