@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::bounded::solve_bounded;
 use super::factor::Factor;
 use super::monitor::Monitor;
-use super::pass::{Linearised, Problem, Sums, settle_and_linearise};
+use super::pass::{Course, Linearised, Problem, Sums, settle_linearise_and_respond};
 use super::states::States;
 use crate::dynamics::Dynamics;
 use crate::expr::Bounds;
@@ -69,59 +69,58 @@ pub const CONVERGED: f64 = 1e-9;
 ///
 /// Levenberg's damping is added only after a full step has failed, and grows until one pays. An
 /// inner parameter moves by no more than its own size at a step: far from there the linearised
-/// problem says nothing about it.
+/// problem says nothing about it. The states go with theta at every step, to where they are then
+/// expected to be best.
 pub fn refit(
     problem: &Problem,
     dynamics: &Dynamics,
     bounds: &[Bounds],
     start: &[f64],
-    mut states: States,
+    states: States,
     promise: f64,
     monitor: &dyn Monitor,
 ) -> Refit {
-    let mut theta: Vec<f64> = start.iter().zip(bounds).map(|(&x, bound)| bound.clamp(x)).collect();
-    let at = |theta: &[f64], states: &mut States| {
-        settle_and_linearise(problem, (dynamics, theta), (dynamics, theta), states)
-    };
-    let mut linearised = at(&theta, &mut states);
+    let search = Search { problem, dynamics };
+    let theta: Vec<f64> = start.iter().zip(bounds).map(|(&x, bound)| bound.clamp(x)).collect();
+    let mut here = search.first(theta, states);
     let coefficients = dynamics.active().len();
-    let mut trial_states = States::default();
     let mut damping = 0.0;
     let mut iterations = 0;
     loop {
         let stopped = monitor.stopped();
-        if stopped || iterations == ITERATIONS || theta.is_empty() {
-            let stop = match (stopped, theta.is_empty()) {
+        if stopped || iterations == ITERATIONS || here.theta.is_empty() {
+            let stop = match (stopped, here.theta.is_empty()) {
                 (true, _) => StopReason::Interrupted,
                 (_, true) => StopReason::Converged,
                 _ => StopReason::IterationLimit,
             };
-            return Refit { theta, states, linearised, iterations, stop };
+            return search.end(here, iterations, stop);
         }
         iterations += 1;
-        let factor = linearised.merged();
+        let mut factor = here.linearised.merged();
         let outcome = loop {
+            let theta = &here.theta;
             let near: Vec<Bounds> = (0..theta.len())
                 .map(|k| match k < coefficients {
                     true => bounds[k],
                     false => bounds[k].near(theta[k], theta[k].abs().max(start[k].abs())),
                 })
                 .collect();
-            let step = step(&factor, &theta, &near, damping);
-            let sums = &linearised.sums;
-            if invisible(step.promise, promise, sums, problem.floor) {
+            let step = step(&factor, theta, &near, damping);
+            if invisible(step.promise, promise, &here.linearised.sums, problem.floor) {
+                if here.is_rough() {
+                    here = search.settled(here);
+                    factor = here.linearised.merged();
+                    continue;
+                }
                 break Some(StopReason::Converged);
             }
-            let trial: Vec<f64> = theta.iter().zip(&step.change).map(|(x, d)| x + d).collect();
-            trial_states.clone_from(&states);
-            let next = at(&trial, &mut trial_states);
-            let (sums, trial_sums) = (&linearised.sums, &next.sums);
+            let next = search.moved(&here, &step.change);
+            let (sums, trial_sums) = (&here.linearised.sums, &next.linearised.sums);
             let sane = trial_sums.exploded <= sums.exploded && trial_sums.loss.is_finite();
             let fewer = trial_sums.exploded < sums.exploded;
             if sane && (fewer || trial_sums.loss < sums.loss) {
-                theta = trial;
-                std::mem::swap(&mut states, &mut trial_states);
-                linearised = next;
+                here = next;
                 damping = if damping > 1e-6 { damping * 0.1 } else { 0.0 };
                 break None;
             }
@@ -134,8 +133,71 @@ pub fn refit(
             }
         };
         if let Some(stop) = outcome {
-            return Refit { theta, states, linearised, iterations, stop };
+            return search.end(here, iterations, stop);
         }
+    }
+}
+
+/// A point that the search has come to.
+struct Point {
+    theta: Vec<f64>,
+    states: States,
+    linearised: Linearised,
+}
+
+impl Point {
+    /// Whether some states have a last small step to take.
+    fn is_rough(&self) -> bool {
+        self.linearised.sums.promised > 0.0
+    }
+}
+
+struct Search<'a> {
+    problem: &'a Problem<'a>,
+    dynamics: &'a Dynamics,
+}
+
+impl Search<'_> {
+    fn at(&self, theta: Vec<f64>, mut states: States, course: Course) -> Point {
+        let law = (self.dynamics, &theta[..]);
+        let linearised = settle_linearise_and_respond(self.problem, law, &mut states, course);
+        Point { theta, states, linearised }
+    }
+
+    fn first(&self, theta: Vec<f64>, states: States) -> Point {
+        self.at(theta, states, Course { led: false, nearly: true })
+    }
+
+    /// Theta moved by a step, and the states with it.
+    fn moved(&self, from: &Point, change: &[f64]) -> Point {
+        let theta: Vec<f64> = from.theta.iter().zip(change).map(|(x, d)| x + d).collect();
+        let mut states = from.states.clone();
+        let Some(responses) = &from.linearised.responses else {
+            return self.first(theta, states);
+        };
+        responses.follow(&mut states, change);
+        let next = self.at(theta, states, Course { led: true, nearly: true });
+        if next.linearised.sums.exploded <= from.linearised.sums.exploded {
+            return next;
+        }
+        // So far the states cannot be led.
+        self.first(next.theta, from.states.clone())
+    }
+
+    /// The same theta, its states settled to the last.
+    fn settled(&self, rough: Point) -> Point {
+        let Point { theta, mut states, linearised } = rough;
+        if let Some(responses) = &linearised.responses {
+            responses.follow(&mut states, &[]);
+        }
+        self.at(theta, states, Course { led: true, nearly: false })
+    }
+
+    fn end(&self, here: Point, iterations: usize, stop: StopReason) -> Refit {
+        let unfinished = here.is_rough() && stop != StopReason::Interrupted;
+        let here = if unfinished { self.settled(here) } else { here };
+        let Point { theta, states, linearised } = here;
+        Refit { theta, states, linearised, iterations, stop }
     }
 }
 

@@ -32,6 +32,7 @@ pub mod scales;
 pub mod screening;
 pub mod segments;
 pub mod selection;
+pub mod settling;
 pub mod starts;
 pub mod states;
 pub mod stepping;

@@ -6,8 +6,8 @@
 //! agree.
 
 use super::block::Block;
-use super::pass::{Laws, Problem};
-use crate::dynamics::{Batch, Kind, Method, Scratch, advance};
+use super::pass::Problem;
+use crate::dynamics::{Batch, Dynamics, Kind, Method, Scratch, advance};
 
 /// The cheaper trajectory may differ by this part of the motion from end to end,
 const APART: f64 = 1e-4;
@@ -17,6 +17,18 @@ const LEAST_APART: f64 = 1e-5;
 const DEAR: u32 = 4;
 /// Steps of order four that are tried, for one of the states' own method.
 const MOST_STEPS: usize = 2;
+
+/// A dynamics with the theta that it moves by.
+pub(super) type Law<'a> = (&'a Dynamics, &'a [f64]);
+
+/// What a block moves by, and what its motion is derived by.
+#[derive(Clone, Copy)]
+pub(super) struct Laws<'a> {
+    /// The present model.
+    pub(super) present: Law<'a>,
+    /// The same motion as one of many, by whose theta there are to be derivatives.
+    pub(super) by: Option<Law<'a>>,
+}
 
 /// A block of trajectories under way.
 pub(super) struct Motion<'a> {

@@ -14,8 +14,10 @@ use super::block::Block;
 use super::factor::Factor;
 use super::gathered::Gathered;
 use super::loss::Loss;
+use super::motion::{Law, Laws};
 use super::rows::Rows;
 use super::segments::{LANES, Segment, Segments, blocks};
+use super::settling::{By, Responses, expected_steps, is_few, settled};
 use super::states::States;
 use super::stream::Stream;
 use crate::data::Dataset;
@@ -58,17 +60,10 @@ pub struct Problem<'a> {
 const SMALL_BYTES: usize = 128 << 10;
 /// Bytes that the rows of one block may take.
 const BLOCK_BYTES: usize = 12 << 20;
-/// Steps of the inner search for the states.
-const STATE_STEPS: usize = 8;
-/// States are settled when the next step promises less than this part of the loss.
-const SETTLED: f64 = 1e-7;
-/// Derivatives are approximate: where the next step promises nothing, the loss may be this part
-/// above the least that was seen.
-const NEARLY: f64 = 1e-4;
+/// Segments of so many samples are settled sooner than it is known how their states respond.
+const SHORT: usize = 4;
 /// A column that keeps less than this of itself is what the initial states do, but for rounding.
 const ABSORBED: f64 = 1e-12;
-/// ... or less than this part of what rounding makes of it.
-const ROUNDING: f64 = 0.03;
 
 /// Sums over all segments at the best states for a theta.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -77,8 +72,10 @@ pub struct Sums {
     pub loss: f64,
     /// Segments whose trajectory left the finite numbers.
     pub exploded: usize,
-    /// Segments whose states were still moving when their steps were used up.
+    /// Segments whose states were still moving when they were left.
     pub restless: usize,
+    /// What a last step of states that are only nearly settled takes off; `loss` is that after it.
+    pub promised: f64,
     /// Measured values minus what the states take up: the number of independent residuals.
     pub rows: usize,
     /// For each observable, the sum of weighted squares (clipped for robust losses).
@@ -96,6 +93,7 @@ impl Sums {
         self.loss += other.loss;
         self.exploded += other.exploded;
         self.restless += other.restless;
+        self.promised += other.promised;
         self.rows += other.rows;
         for (a, b) in self.squares.iter_mut().zip(&other.squares) {
             *a += b;
@@ -133,95 +131,6 @@ pub fn settle(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mu
     let mut total = Sums::new(problem.weights.len());
     parts.iter().for_each(|sums| total.add(sums));
     total
-}
-
-/// A dynamics with the theta that it moves by.
-pub(super) type Law<'a> = (&'a Dynamics, &'a [f64]);
-
-/// What a block moves by, and what its motion is derived by.
-#[derive(Clone, Copy)]
-pub(super) struct Laws<'a> {
-    /// The present model.
-    pub(super) present: Law<'a>,
-    /// The same motion as one of many, by whose theta there are to be derivatives.
-    pub(super) by: Option<Law<'a>>,
-}
-
-/// What it took to settle the states of a block.
-struct Taken {
-    steps: usize,
-    /// Lanes that were still moving at the end.
-    restless: usize,
-}
-
-/// Rows of a block at settled states, freed of these: without columns for theta, or with those of
-/// `by`.
-///
-/// Rows by theta are dear. They are computed where `by` expects the states to be settled; if that
-/// was too soon, once more at the end.
-fn settled(
-    problem: &Problem,
-    present: Law,
-    by: Option<(Law, Option<usize>)>,
-    block: &Block,
-    states: &mut [f64],
-    scratch: &mut Scratch,
-) -> (Rows, Taken) {
-    let size = 2 * present.0.degrees();
-    let lanes = block.lanes();
-    let mut trial = states.to_vec();
-    let mut best = vec![f64::INFINITY; lanes];
-    let mut step = vec![0.0; size * lanes];
-    let mut length = vec![1.0; lanes];
-    let mut settled = vec![false; lanes];
-    let mut taken = 0;
-    while taken < STATE_STEPS {
-        let here = by.filter(|&(_, expected)| expected == Some(taken)).map(|(law, _)| law);
-        let laws = Laws { present, by: here };
-        let mut rows = Rows::integrate(problem, laws, block, &trial, scratch);
-        rows.eliminate_states();
-        let steps = rows.state_steps();
-        let mut improved = 0;
-        for lane in 0..lanes {
-            let loss = rows.losses[lane];
-            let rounding = problem.floor.powi(2) * rows.measured[lane] as f64;
-            let still = rows.promised(lane) <= SETTLED * loss + ROUNDING * rounding;
-            let lower = loss < best[lane] || still && loss <= best[lane] * (1.0 + NEARLY);
-            if lower || settled[lane] {
-                improved += 1;
-                let own = lane * size..(lane + 1) * size;
-                states[own.clone()].copy_from_slice(&trial[own]);
-                best[lane] = loss;
-                let taken = step.chunks_exact_mut(lanes).zip(steps.chunks_exact(lanes));
-                taken.for_each(|(step, taken)| step[lane] = taken[lane]);
-                length[lane] = 1.0;
-                settled[lane] = still;
-            } else {
-                // The last step overshot: a quarter of it.
-                length[lane] *= 0.25;
-                settled[lane] = !best[lane].is_finite() || length[lane] < 1e-3;
-            }
-            for i in 0..size {
-                let part = if settled[lane] { 0.0 } else { length[lane] };
-                trial[lane * size + i] = states[lane * size + i] + part * step[i * lanes + lane];
-            }
-        }
-        if settled.iter().all(|&done| done) && improved == lanes {
-            // The rows at hand are those of the settled states.
-            if by.is_none() || here.is_some() {
-                return (rows, Taken { steps: taken, restless: 0 });
-            }
-            rows.recycle(scratch);
-            break;
-        }
-        rows.recycle(scratch);
-        taken += 1;
-    }
-    let laws = Laws { present, by: by.map(|(law, _)| law) };
-    let mut rows = Rows::integrate(problem, laws, block, states, scratch);
-    rows.eliminate_states();
-    let restless = settled.iter().filter(|&&done| !done).count();
-    (rows, Taken { steps: taken, restless })
 }
 
 /// Weighted residuals of every segment at settled states, `[segment][observable][sample]`; not a
@@ -264,24 +173,31 @@ pub struct Linearised {
     pub folds: Vec<Factor>,
     /// Sums over all segments at that theta.
     pub sums: Sums,
+    /// Where the best states go when theta does, if that was asked for.
+    pub responses: Option<Responses>,
 }
 
 impl Linearised {
     /// What the folds left, put together in their order.
-    pub(super) fn of(parts: Vec<(Factor, Sums)>, observables: usize) -> Linearised {
-        let mut sums = Sums::new(observables);
-        let mut folds = Vec::with_capacity(parts.len());
-        for (factor, part) in parts {
-            sums.add(&part);
-            folds.push(factor);
+    pub(super) fn of(parts: Vec<Left>, observables: usize) -> Linearised {
+        let mut all =
+            Linearised { folds: Vec::new(), sums: Sums::new(observables), responses: None };
+        for part in parts {
+            let Left { factor, sums, responses } = part;
+            all.sums.add(&sums);
+            all.folds.push(factor);
+            match (&mut all.responses, responses) {
+                (Some(responses), Some(more)) => responses.append(&more),
+                (none, more) => *none = more,
+            }
         }
-        Linearised { folds, sums }
+        all
     }
 
     /// A pass that was not finished: no rows, an infinite loss.
     pub(super) fn nothing(unknowns: usize, observables: usize) -> Linearised {
         let sums = Sums { loss: f64::INFINITY, ..Sums::new(observables) };
-        Linearised { folds: vec![Factor::new(unknowns)], sums }
+        Linearised { folds: vec![Factor::new(unknowns)], sums, responses: None }
     }
 
     /// All folds together.
@@ -303,7 +219,8 @@ pub fn linearise(
         return stream.pass(problem, law, law);
     }
     let starts = problem.segments.folds.iter().map(|fold| states.part(fold.clone())).collect();
-    each_fold(problem, dynamics, starts, |part, segments, starts, range, scratch| {
+    let nothing = FoldPass::new(dynamics.unknowns(), problem.weights.len());
+    each_fold(problem, dynamics, &nothing, starts, |part, segments, starts, range, scratch| {
         part.take(problem, law, segments, &starts[range], scratch);
     })
 }
@@ -323,57 +240,81 @@ pub fn settle_and_linearise(
         true => Some(1),
         false => expected_steps(problem, present, states),
     };
+    let part =
+        FoldPass { steps: expected, ..FoldPass::new(whole.0.unknowns(), problem.weights.len()) };
+    settle_and_take_all(problem, present, whole, &part, states)
+}
+
+/// Where states are before they are settled, and how well they have to be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Course {
+    /// Whether the responses of a pass before have led them here: most are settled then.
+    pub led: bool,
+    /// Whether it will do if a step is left that promises next to nothing. The loss is then what
+    /// this step is expected to leave.
+    pub nearly: bool,
+}
+
+/// The same by the present model itself, with the responses of the states where segments are long
+/// and memory allows.
+pub fn settle_linearise_and_respond(
+    problem: &Problem,
+    (dynamics, theta): (&Dynamics, &[f64]),
+    states: &mut States,
+    course: Course,
+) -> Linearised {
+    let law = (dynamics, theta);
+    if let Some(stream) = problem.stream {
+        return stream.pass(problem, law, law);
+    }
+    let steps = match is_few(dynamics) {
+        true => Some(usize::from(!course.led)),
+        false => expected_steps(problem, law, states),
+    };
+    let (unknowns, size) = (dynamics.unknowns(), 2 * dynamics.degrees());
+    let responses = (problem.segments.longest() > SHORT)
+        .then(|| Responses::of(states.len(), size, unknowns))
+        .flatten();
+    let part = FoldPass::new(unknowns, problem.weights.len());
+    let part = FoldPass { steps, responses, nearly: course.nearly, ..part };
+    settle_and_take_all(problem, law, law, &part, states)
+}
+
+fn settle_and_take_all(
+    problem: &Problem,
+    present: Law,
+    whole: Law,
+    nothing: &FoldPass,
+    states: &mut States,
+) -> Linearised {
     let size = 2 * present.0.degrees();
     let mut rest = states.all_mut();
     let split = |fold: &Range<usize>| rest.split_off_mut(..fold.len() * size);
     let starts = problem.segments.folds.iter().filter_map(split).collect();
-    each_fold(problem, whole.0, starts, |part, segments, starts, range, scratch| {
-        let states = &mut starts[range];
-        part.steps = part.steps.or(expected);
-        part.settle_and_take(problem, present, whole, segments, states, scratch);
+    each_fold(problem, whole.0, nothing, starts, |part, segments, starts, range, scratch| {
+        part.settle_and_take(problem, present, whole, segments, &mut starts[range], scratch);
     })
 }
 
-/// Of few columns a needless try costs less than to look how many steps the states take.
-fn is_few(dynamics: &Dynamics) -> bool {
-    dynamics.unknowns() <= 4 * dynamics.degrees()
-}
-
-/// Steps that the states of a few segments take, for each block to know when rows by theta are
-/// worth while; of so few that they cost little beside all.
-fn expected_steps(problem: &Problem, present: Law, states: &States) -> Option<usize> {
-    const FEW: usize = 16;
-    const PART: usize = 32;
-    let few = (states.len() / PART).min(FEW);
-    if few == 0 {
-        return None;
-    }
-    let segments = &problem.segments.list[..few];
-    let block = Block::gather(problem.dataset, segments, problem.weights.len());
-    let mut tried = states.part(0..few).to_vec();
-    let (_, taken) = settled(problem, present, None, &block, &mut tried, &mut KeptScratch::new());
-    Some(taken.steps)
-}
-
-/// One pass over every fold, block after block: `take` gets the segments of a block, the states
-/// of its fold and the range of the block's own among them.
+/// One pass over every fold, block after block, each beginning with `nothing`: `take` gets the
+/// segments of a block, the states of its fold and the range of the block's own among them.
 fn each_fold<S: Send>(
     problem: &Problem,
     dynamics: &Dynamics,
+    nothing: &FoldPass,
     starts: Vec<S>,
     take: impl Fn(&mut FoldPass, &[Segment], &mut S, Range<usize>, &mut Scratch) + Sync,
 ) -> Linearised {
-    let (unknowns, observables) = (dynamics.unknowns(), problem.weights.len());
     let size = 2 * dynamics.degrees();
-    let width = width(problem, size + unknowns + 1);
-    let parts: Vec<(Factor, Sums)> = problem
+    let width = width(problem, size + dynamics.unknowns() + 1);
+    let parts: Vec<Left> = problem
         .segments
         .folds
         .par_iter()
         .zip(starts)
         .map_init(KeptScratch::new, |scratch, (fold, mut starts)| {
             let segments = &problem.segments.list[fold.clone()];
-            let mut part = FoldPass::new(unknowns, observables);
+            let mut part = nothing.clone();
             for range in blocks(0..segments.len(), width) {
                 let own = range.start * size..range.end * size;
                 take(&mut part, &segments[range], &mut starts, own, scratch);
@@ -381,18 +322,22 @@ fn each_fold<S: Send>(
             part.finish()
         })
         .collect();
-    Linearised::of(parts, observables)
+    Linearised::of(parts, problem.weights.len())
 }
 
-/// What one fold of the data leaves, while its segments go by.
+/// One fold of the data, while its segments go by.
+#[derive(Clone)]
 pub(super) struct FoldPass {
     factor: Factor,
     sums: Sums,
+    responses: Option<Responses>,
     gathered: Gathered,
     touched: Vec<f64>,
     /// Most steps that the states of a block took so far, or are expected to take: those of the
     /// next may take as many.
     steps: Option<usize>,
+    /// Whether nearly settled states will do.
+    nearly: bool,
 }
 
 impl FoldPass {
@@ -400,9 +345,11 @@ impl FoldPass {
         FoldPass {
             factor: Factor::new(unknowns),
             sums: Sums::new(observables),
+            responses: None,
             gathered: Gathered::new(unknowns + 1),
             touched: vec![0.0; unknowns],
             steps: None,
+            nearly: false,
         }
     }
 
@@ -418,7 +365,7 @@ impl FoldPass {
         let block = Block::gather(problem.dataset, segments, problem.weights.len());
         let laws = Laws { present: law, by: Some(law) };
         let mut rows = Rows::integrate(problem, laws, &block, states, scratch);
-        rows.eliminate_states();
+        rows.eliminate_states(self.responses.is_some());
         self.take_rows(rows, scratch);
     }
 
@@ -435,15 +382,21 @@ impl FoldPass {
     ) {
         let expected = self.steps.or(is_few(by.0).then_some(1));
         let block = Block::gather(problem.dataset, segments, problem.weights.len());
-        let (rows, taken) =
-            settled(problem, present, Some((by, expected)), &block, states, scratch);
+        let responses = self.responses.is_some();
+        let by = By { law: by, expected, responses, nearly: responses && self.nearly };
+        let (rows, taken) = settled(problem, present, Some(by), &block, states, scratch);
         self.steps = self.steps.max(Some(taken.steps));
         self.sums.restless += taken.restless;
+        self.sums.loss -= taken.promised;
+        self.sums.promised += taken.promised;
         self.take_rows(rows, scratch);
     }
 
     fn take_rows(&mut self, rows: Rows, scratch: &mut Scratch) {
         rows.sum_up(&mut self.sums);
+        if let Some(responses) = &mut self.responses {
+            responses.take(&rows);
+        }
         self.gathered.take(&rows, &mut self.factor);
         self.touched.iter_mut().zip(&rows.touched).for_each(|(all, part)| *all += part);
         rows.recycle(scratch);
@@ -454,13 +407,20 @@ impl FoldPass {
         self.gathered.flush(&mut self.factor);
     }
 
-    /// The factor and the sums.
-    pub(super) fn finish(mut self) -> (Factor, Sums) {
+    /// What all of them leave, without columns that the states have absorbed.
+    pub(super) fn finish(mut self) -> Left {
         self.flush();
-        let touched = self.touched;
-        self.factor.silence(|k, norm| norm <= ABSORBED * touched[k].sqrt());
-        (self.factor, self.sums)
+        let FoldPass { mut factor, sums, responses, touched, .. } = self;
+        factor.silence(|k, norm| norm <= ABSORBED * touched[k].sqrt());
+        Left { factor, sums, responses }
     }
+}
+
+/// What one fold of the data leaves.
+pub(super) struct Left {
+    factor: Factor,
+    sums: Sums,
+    responses: Option<Responses>,
 }
 
 fn width(problem: &Problem, columns: usize) -> usize {

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::block::Block;
 use super::loss::Loss;
-use super::motion::Motion;
-use super::pass::{Laws, Problem, Sums};
+use super::motion::{Laws, Motion};
+use super::pass::{Problem, Sums};
 use crate::dynamics::{Scratch, observe};
 use crate::eval::{
     Aligned, Compared, InstructionSet, LaneReflections, REGISTER, add_products, add_squares,
@@ -63,7 +63,7 @@ impl Rows {
         let kept = if laws.by.is_some() { dynamics.unknowns() } else { 0 };
         let columns = state + kept + 1;
         let size = block.samples * observables;
-        // Every number is written by `take` and `eliminate_states`.
+        // Every number that is looked at is written by `take` and `eliminate_states`.
         let mut rows = Rows {
             values: scratch.lend(size * columns * lanes),
             rows: size,
@@ -187,31 +187,34 @@ impl Rows {
     }
 
     /// Householder reflections, each lane with its own, all lanes at once. Below the diagonal of
-    /// the states stands what is left of the reflections: nobody reads it.
-    pub(super) fn eliminate_states(&mut self) {
+    /// the states stands what is left of the reflections: nobody reads it. The first rows by theta
+    /// are what the states respond with, if that is `responses`; else they may stay as they were.
+    pub(super) fn eliminate_states(&mut self, responses: bool) {
         self.silence();
         let (lanes, columns) = (self.lanes, self.columns);
         let set = InstructionSet::widest();
         let width = self.state * lanes;
-        let rows = self.values.chunks_exact(columns * lanes);
+        let rows = self.values.chunks_exact_mut(columns * lanes);
         let first = if self.shown { self.observables } else { 0 };
         for (at, (row, original)) in rows.zip(self.original.chunks_exact_mut(width)).enumerate() {
             original.copy_from_slice(&row[..width]);
             if at >= first {
                 add_squares(set, &mut self.touched, &row[width..], lanes);
+            } else if responses {
+                row[width..(columns - 1) * lanes].fill(0.0);
             }
         }
         // So many lanes at a time that all their rows stay in the cache.
         let lane_bytes = self.rows * columns * size_of::<f64>();
         let part = (NEAR_BYTES / lane_bytes.max(1)).max(1).next_multiple_of(REGISTER);
         for from in (0..lanes).step_by(part) {
-            self.eliminate_among(from..(from + part).min(lanes), first);
+            self.eliminate_among(from..(from + part).min(lanes), first, responses);
         }
         self.inverse = self.inverse_pivots();
     }
 
     /// The same for some of the lanes. Before row `first`, row k has nothing by states but state k.
-    fn eliminate_among(&mut self, among: Range<usize>, first: usize) {
+    fn eliminate_among(&mut self, among: Range<usize>, first: usize, responses: bool) {
         let (lanes, columns) = (self.lanes, self.columns);
         let set = InstructionSet::widest();
         let pivots = self.state.min(self.rows);
@@ -245,7 +248,7 @@ impl Rows {
             let (dense, factors) = (first, &factors[..]);
             let by = LaneReflections { factors, lanes, columns, dense, heads: true };
             reflect_lanes(set, values, by, columns - 1..columns, among.clone());
-            let by = LaneReflections { heads: !self.shown, ..by };
+            let by = LaneReflections { heads: responses || !self.shown, ..by };
             reflect_lanes(set, values, by, self.state..columns - 1, among.clone());
         }
         for (pivot, diagonal) in diagonal.chunks_exact(among.len()).enumerate() {
@@ -275,20 +278,32 @@ impl Rows {
 
     /// The Gauss-Newton steps of the states, `[state][lane]`, after elimination, theta held.
     pub(super) fn state_steps(&self) -> Vec<f64> {
+        let mut steps = vec![0.0; self.state * self.lanes];
+        self.solve(self.columns - 1, &mut steps);
+        steps
+    }
+
+    /// What `unknown` of theta, moved by one, takes the best states back by, `[state][lane]`, after
+    /// elimination with responses.
+    pub(super) fn state_response(&self, unknown: usize, response: &mut [f64]) {
+        self.solve(self.state + unknown, response);
+    }
+
+    /// R_s^-1 times a column.
+    fn solve(&self, column: usize, solved: &mut [f64]) {
         let (lanes, set) = (self.lanes, InstructionSet::widest());
-        let mut steps = vec![0.0; self.state * lanes];
+        solved.fill(0.0);
         for (i, inverse) in self.inverse.chunks_exact(lanes).enumerate().rev() {
-            let (left, known) = steps.split_at_mut((i + 1) * lanes);
+            let (left, known) = solved.split_at_mut((i + 1) * lanes);
             let step = &mut left[i * lanes..];
             for (j, known) in (i + 1..).zip(known.chunks_exact(lanes)) {
                 add_products(set, step, self.row(i, j), known);
             }
-            let target = self.row(i, self.columns - 1);
+            let target = self.row(i, column);
             for ((step, target), inverse) in step.iter_mut().zip(target).zip(inverse) {
                 *step = (target - *step) * inverse;
             }
         }
-        steps
     }
 
     /// By how much the squares of a lane fall if its state takes the step.

@@ -371,7 +371,8 @@ impl<'a> Training<'a> {
             own.shift(&origin);
             own
         };
-        let linearised = Linearised { folds: folds.iter().map(at_theta).collect(), sums };
+        let folds = folds.iter().map(at_theta).collect();
+        let linearised = Linearised { folds, sums, responses: None };
         let states = std::mem::take(&mut self.states);
         let stop = StopReason::Converged;
         let mut refit = Refit { theta, states, linearised, iterations: 1, stop };
@@ -401,22 +402,27 @@ impl<'a> Training<'a> {
         }
         self.support.clone_from(&candidate.support);
         let states = std::mem::take(&mut self.states);
-        let mut refit = self.refit_from(states, monitor);
+        let mut refit = self.refit_from(states, self.promise(), monitor);
         self.take(&mut refit);
         refit
     }
 
     /// Refits the present support from the present values.
     pub fn refit(&self, monitor: &dyn Monitor) -> Refit {
-        self.refit_from(self.states.clone(), monitor)
+        self.refit_until(self.promise(), monitor)
     }
 
-    fn refit_from(&self, states: States, monitor: &dyn Monitor) -> Refit {
+    /// The same until a step promises less than the part `promise` of the loss.
+    pub fn refit_until(&self, promise: f64, monitor: &dyn Monitor) -> Refit {
+        self.refit_from(self.states.clone(), promise, monitor)
+    }
+
+    fn refit_from(&self, states: States, promise: f64, monitor: &dyn Monitor) -> Refit {
         let (dynamics, theta) = self.compile(&self.support);
         let weights = self.weights();
         let problem = self.problem(&weights);
         let bounds = self.bounds(&dynamics);
-        refit(&problem, &dynamics, &bounds, &theta, states, self.promise(), monitor)
+        refit(&problem, &dynamics, &bounds, &theta, states, promise, monitor)
     }
 
     /// Makes the result of a refit the present model, moves its states here, and estimates the

@@ -1,0 +1,204 @@
+//! The initial states of a block's segments, improved until they are settled.
+
+use super::block::Block;
+use super::motion::{Law, Laws};
+use super::pass::Problem;
+use super::rows::Rows;
+use super::states::States;
+use crate::dynamics::{Dynamics, KeptScratch, Scratch};
+
+/// Steps of the search for the states.
+const STEPS: usize = 8;
+/// States are settled when the next step promises less than this part of the loss,
+const SETTLED: f64 = 1e-7;
+/// or less than this part of what rounding makes of it.
+const ROUNDING: f64 = 0.03;
+/// They are nearly settled when it promises less than this part.
+const NEARLY_SETTLED: f64 = 1e-3;
+/// Derivatives are approximate: where the next step promises nothing, the loss may be this part
+/// above the least that was seen.
+const ALIKE: f64 = 1e-4;
+
+/// What it took to settle the states of a block.
+pub(super) struct Taken {
+    pub(super) steps: usize,
+    /// Lanes that were still moving at the end.
+    pub(super) restless: usize,
+    /// By how much the loss falls with their next step, where that is all that is missing.
+    pub(super) promised: f64,
+}
+
+/// What rows by theta are wanted of a block.
+#[derive(Clone, Copy)]
+pub(super) struct By<'a> {
+    /// The model whose theta it is.
+    pub(super) law: Law<'a>,
+    /// Steps after which the states are expected to be settled.
+    pub(super) expected: Option<usize>,
+    /// Whether it is asked how the states respond to theta.
+    pub(super) responses: bool,
+    /// Whether nearly settled states will do: a step of theta and the states together needs no
+    /// more, for what is eliminated is the step of the states.
+    pub(super) nearly: bool,
+}
+
+/// Rows of a block at settled states, freed of these: without columns for theta, or with those of
+/// `by`.
+///
+/// Rows by theta are dear. They are computed where `by` expects the states to be settled; if that
+/// was too soon, once more at the end.
+pub(super) fn settled(
+    problem: &Problem,
+    present: Law,
+    by: Option<By>,
+    block: &Block,
+    states: &mut [f64],
+    scratch: &mut Scratch,
+) -> (Rows, Taken) {
+    let size = 2 * present.0.degrees();
+    let lanes = block.lanes();
+    let mut trial = states.to_vec();
+    let mut best = vec![f64::INFINITY; lanes];
+    let mut step = vec![0.0; size * lanes];
+    let mut length = vec![1.0; lanes];
+    let mut settled = vec![false; lanes];
+    let mut taken = 0;
+    while taken < STEPS {
+        let here = by.filter(|by| by.expected == Some(taken));
+        let laws = Laws { present, by: here.map(|by| by.law) };
+        let mut rows = Rows::integrate(problem, laws, block, &trial, scratch);
+        rows.eliminate_states(here.is_some_and(|by| by.responses));
+        let steps = rows.state_steps();
+        let mut improved = 0;
+        for lane in 0..lanes {
+            let loss = rows.losses[lane];
+            let rounding = problem.floor.powi(2) * rows.measured[lane] as f64;
+            let still = rows.promised(lane) <= SETTLED * loss + ROUNDING * rounding;
+            let lower = loss < best[lane] || still && loss <= best[lane] * (1.0 + ALIKE);
+            if lower || settled[lane] {
+                improved += 1;
+                let own = lane * size..(lane + 1) * size;
+                states[own.clone()].copy_from_slice(&trial[own]);
+                best[lane] = loss;
+                let taken = step.chunks_exact_mut(lanes).zip(steps.chunks_exact(lanes));
+                taken.for_each(|(step, taken)| step[lane] = taken[lane]);
+                length[lane] = 1.0;
+                settled[lane] = still;
+            } else {
+                // The last step overshot: a quarter of it.
+                length[lane] *= 0.25;
+                settled[lane] = !best[lane].is_finite() || length[lane] < 1e-3;
+            }
+            for i in 0..size {
+                let part = if settled[lane] { 0.0 } else { length[lane] };
+                trial[lane * size + i] = states[lane * size + i] + part * step[i * lanes + lane];
+            }
+        }
+        if settled.iter().all(|&done| done) && improved == lanes {
+            // The rows at hand are those of the settled states.
+            if by.is_none() || here.is_some() {
+                return (rows, Taken { steps: taken, restless: 0, promised: 0.0 });
+            }
+            rows.recycle(scratch);
+            break;
+        }
+        if here.is_some_and(|by| by.nearly) && improved == lanes {
+            let near = |lane: usize| rows.promised(lane) <= NEARLY_SETTLED * rows.losses[lane];
+            if (0..lanes).all(|lane| settled[lane] || near(lane)) {
+                let moving = || (0..lanes).filter(|&lane| !settled[lane]);
+                let promised = moving().map(|lane| rows.promised(lane)).sum();
+                return (rows, Taken { steps: taken, restless: moving().count(), promised });
+            }
+        }
+        rows.recycle(scratch);
+        taken += 1;
+    }
+    let laws = Laws { present, by: by.map(|by| by.law) };
+    let mut rows = Rows::integrate(problem, laws, block, states, scratch);
+    rows.eliminate_states(by.is_some_and(|by| by.responses));
+    let restless = settled.iter().filter(|&&done| !done).count();
+    (rows, Taken { steps: taken, restless, promised: 0.0 })
+}
+
+/// Of few columns a needless try costs less than to look how many steps the states take.
+pub(super) fn is_few(dynamics: &Dynamics) -> bool {
+    dynamics.unknowns() <= 4 * dynamics.degrees()
+}
+
+/// Steps that the states of a few segments take, for each block to know when rows by theta are
+/// worth while; of so few that they cost little beside all.
+pub(super) fn expected_steps(problem: &Problem, present: Law, states: &States) -> Option<usize> {
+    const FEW: usize = 16;
+    const PART: usize = 32;
+    let few = (states.len() / PART).min(FEW);
+    if few == 0 {
+        return None;
+    }
+    let segments = &problem.segments.list[..few];
+    let block = Block::gather(problem.dataset, segments, problem.weights.len());
+    let mut tried = states.part(0..few).to_vec();
+    let (_, taken) = settled(problem, present, None, &block, &mut tried, &mut KeptScratch::new());
+    Some(taken.steps)
+}
+
+/// How the best states follow theta, to first order.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Responses {
+    size: usize,
+    unknowns: usize,
+    /// R_s^-1 times the columns of theta, then times the residuals, `[segment][column][state]`.
+    values: Vec<f64>,
+}
+
+/// Bytes that responses may take.
+const RESPONSE_BYTES: usize = 32 << 20;
+
+impl Responses {
+    /// Those of no segments yet, of `segments` in the end; `None` where these would take too much
+    /// memory.
+    pub(super) fn of(segments: usize, size: usize, unknowns: usize) -> Option<Responses> {
+        let numbers = segments.saturating_mul(size * (unknowns + 1));
+        (numbers <= RESPONSE_BYTES / size_of::<f64>()).then(|| Responses {
+            size,
+            unknowns,
+            values: Vec::with_capacity(numbers),
+        })
+    }
+
+    /// Takes a block in, after elimination with responses.
+    pub(super) fn take(&mut self, rows: &Rows) {
+        let (lanes, columns) = (rows.lanes, self.unknowns + 1);
+        let start = self.values.len();
+        let each = columns * self.size;
+        self.values.resize(start + lanes * each, 0.0);
+        let mut solved = vec![0.0; self.size * lanes];
+        for column in 0..columns {
+            match column < self.unknowns {
+                true => rows.state_response(column, &mut solved),
+                false => solved.copy_from_slice(&rows.state_steps()),
+            }
+            for (i, solved) in solved.chunks_exact(lanes).enumerate() {
+                let places = self.values[start + column * self.size + i..].iter_mut().step_by(each);
+                places.zip(solved).for_each(|(place, x)| *place = *x);
+            }
+        }
+    }
+
+    /// Those of further segments.
+    pub(super) fn append(&mut self, more: &Responses) {
+        self.values.extend_from_slice(&more.values);
+    }
+
+    /// Moves the states to where they are expected to be best after theta's `change`.
+    pub fn follow(&self, states: &mut States, change: &[f64]) {
+        let each = (self.size * (self.unknowns + 1)).max(1);
+        let states = states.all_mut().chunks_exact_mut(self.size.max(1));
+        for (state, columns) in states.zip(self.values.chunks_exact(each)) {
+            let (by_theta, step) = columns.split_at(self.size * self.unknowns);
+            state.iter_mut().zip(step).for_each(|(x, step)| *x += step);
+            for (column, by) in by_theta.chunks_exact(self.size).zip(change) {
+                state.iter_mut().zip(column).for_each(|(x, column)| *x -= column * by);
+            }
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! Initial states that are settled, and led to where the next theta wants them.
+
+use leverrier::data::{Dataset, Run};
+use leverrier::dynamics::Dynamics;
+use leverrier::eval::Backend;
+use leverrier::expr::{Compiled, build};
+use leverrier::fit::pass::{Course, Linearised, Problem, settle_linearise_and_respond};
+use leverrier::fit::states::States;
+use leverrier::fit::train::Training;
+use leverrier::fit::{Options, Silent};
+
+const SPACE: &str = "coordinates q\nmomenta p\nT = p^2/2\nV = span{ q^2, cos(q) }\n\
+                     force q += span{ -p }\n";
+const VELOCITIES: &str = "coordinates q\nvelocities v\nT = p_q^2/2\nV = span{ q^2, cos(q) }\n";
+
+/// Swings with a bias in every third sample, so that no model fits.
+fn swings(runs: usize, samples: usize, second: &str) -> Dataset {
+    let run = |k: usize| {
+        let phase = 0.9 * k as f64;
+        let times: Vec<f64> = (0..samples).map(|i| 0.1 * i as f64).collect();
+        let odd = |i: usize| if i.is_multiple_of(3) { 0.01 } else { -0.005 };
+        let swing = |f: fn(f64) -> f64, size: f64| -> Vec<f64> {
+            (times.iter().enumerate()).map(|(i, t)| size * f(t + phase) + odd(i)).collect()
+        };
+        let values = vec![swing(f64::sin, 0.7), swing(f64::cos, 0.7)];
+        Run { name: k.to_string(), times, values, lines: vec![0; samples] }
+    };
+    Dataset {
+        observables: vec!["q".to_string(), second.to_string()],
+        runs: (0..runs).map(run).collect(),
+    }
+}
+
+const NEARLY: Course = Course { led: true, nearly: true };
+const FAR: Course = Course { led: false, nearly: false };
+
+/// Does something with the problem of a space before some data, at a theta.
+fn before<T>(
+    space: &Compiled,
+    data: &Dataset,
+    then: impl FnOnce(&Problem, &Dynamics, &States) -> T,
+) -> T {
+    let options = Options { window: Some(40), ..Options::default() };
+    let training = Training::new(&space.system, data, &options).expect("enough data");
+    let everything: Vec<usize> = (0..space.system.terms.len()).collect();
+    let dynamics = Dynamics::new(&space.system, &everything, Backend::Batched);
+    let weights = vec![100.0; 2];
+    then(&training.problem(&weights), &dynamics, &training.states)
+}
+
+fn at(
+    problem: &Problem,
+    dynamics: &Dynamics,
+    theta: &[f64],
+    states: &mut States,
+    course: Course,
+) -> Linearised {
+    settle_linearise_and_respond(problem, (dynamics, theta), states, course)
+}
+
+/// The largest difference of any two numbers.
+fn apart(one: &States, other: &States) -> f64 {
+    one.iter()
+        .flatten()
+        .zip(other.iter().flatten())
+        .fold(0.0, |m, (a, b)| f64::max(m, (a - b).abs()))
+}
+
+#[test]
+fn states_are_led_to_where_the_next_theta_wants_them() {
+    for (text, second, theta) in
+        [(SPACE, "p", vec![0.5, 0.0, 0.0]), (VELOCITIES, "v", vec![0.5, 0.0])]
+    {
+        let space = build("swing", text).unwrap_or_else(|error| panic!("{error}"));
+        let data = swings(9, 80, second);
+        before(&space, &data, |problem, dynamics, starts| {
+            let mut here = starts.clone();
+            let linearised = at(problem, dynamics, &theta, &mut here, FAR);
+            let responses = linearised.responses.expect("segments are long");
+            // How far off the states are that are led by one and by half of a change of theta.
+            let [whole, half] = [0.02, 0.01].map(|size| {
+                let change: Vec<f64> =
+                    (0..theta.len()).map(|k| size * (1.0 - 0.6 * k as f64)).collect();
+                let next: Vec<f64> = theta.iter().zip(&change).map(|(x, d)| x + d).collect();
+                let mut led = here.clone();
+                responses.follow(&mut led, &change);
+                let mut settled = here.clone();
+                at(problem, dynamics, &next, &mut settled, FAR);
+                assert!(apart(&settled, &here) > 10.0 * apart(&settled, &led), "{text}");
+                apart(&settled, &led)
+            });
+            assert!(half < 0.3 * whole, "not of second order: {whole} and {half}");
+        });
+    }
+}
+
+#[test]
+fn nearly_settled_states_leave_the_same_problem() {
+    let space = build("swing", SPACE).unwrap_or_else(|error| panic!("{error}"));
+    let data = swings(9, 80, "p");
+    before(&space, &data, |problem, dynamics, starts| {
+        let theta = [0.4, -0.15, 0.05];
+        let mut exact_states = starts.clone();
+        let exact = at(problem, dynamics, &theta, &mut exact_states, FAR);
+        assert_eq!(exact.sums.promised, 0.0);
+        // A little off: nearly settled, but not settled.
+        let mut near = exact_states.clone();
+        for (k, x) in near.all_mut().iter_mut().enumerate() {
+            *x += if k % 2 == 0 { 2e-4 } else { -3e-4 };
+        }
+        let nearly = at(problem, dynamics, &theta, &mut near, NEARLY);
+        assert!(nearly.sums.promised > 0.0, "the states were settled: nothing is tested");
+        assert!((nearly.sums.loss / exact.sums.loss - 1.0).abs() < 1e-6);
+        let (one, other) = (exact.merged(), nearly.merged());
+        let solved = |factor: &leverrier::fit::factor::Factor| {
+            factor.design().solve_upper_triangular(&factor.target()).expect("independent columns")
+        };
+        let (one, other) = (solved(&one), solved(&other));
+        assert!((&one - &other).amax() < 1e-3 * one.amax(), "{one} {other}");
+        // Their last step is known.
+        nearly.responses.expect("segments are long").follow(&mut near, &[]);
+        assert!(apart(&near, &exact_states) < 1e-6);
+    });
+}
+
+#[test]
+fn a_refit_ends_with_settled_states() {
+    let space = build("swing", SPACE).unwrap_or_else(|error| panic!("{error}"));
+    let data = swings(9, 80, "p");
+    let options = Options { window: Some(40), ..Options::default() };
+    let mut training = Training::new(&space.system, &data, &options).expect("enough data");
+    training.support = (0..space.system.terms.len()).collect();
+    training.coefficients = vec![0.3, -0.1, 0.0];
+    for promise in [1e-2, 1e-9] {
+        let refit = training.refit_until(promise, &Silent);
+        assert_eq!(refit.sums().promised, 0.0);
+        assert_eq!(refit.sums().restless, 0);
+    }
+}
