@@ -8,6 +8,7 @@ use super::context::{Context, Settled};
 use super::scan::Scored;
 use crate::expr::{Bounds, System};
 use crate::fit::pass::{Stepping, Sums};
+use crate::fit::segments::cut;
 use crate::fit::train::{Extent, Training};
 use crate::fit::{Options, Silent};
 use crate::spec::effects::ScanBy;
@@ -56,7 +57,7 @@ pub struct Refitted {
     /// What it left of the segments that it was fitted to.
     left: Sums,
     /// Samples of such a segment, and how many there were; `None` where they were not weighed by
-    /// the noise alone.
+    /// the noise alone, or where the fit gained nothing.
     fitted: Option<(usize, usize)>,
     /// Fall of the weighted squares of unseen runs.
     unseen_fall: f64,
@@ -159,7 +160,8 @@ pub fn refit(
     candidate: &Candidate,
     start: Start,
 ) -> Option<Refitted> {
-    let refitted = fit(few.unwrap_or(settled), candidate, start, few.is_some())?;
+    let care = if few.is_some() { Care::Rough } else { Care::Full };
+    let refitted = fit(few.unwrap_or(settled), candidate, start, care)?;
     Some(Refitted { finished: few.is_none(), ..refitted })
 }
 
@@ -170,11 +172,12 @@ impl Refitted {
         settled: &Settled,
         candidate: &Candidate,
         unseen: &Settled,
+        care: Care,
     ) -> Option<Refitted> {
         if self.finished {
             return Some(self);
         }
-        let mut refitted = fit(settled, candidate, self.into(), false)?;
+        let mut refitted = fit(settled, candidate, self.into(), care)?;
         refitted.finished = true;
         refitted.judge(settled, unseen);
         Some(refitted)
@@ -182,11 +185,15 @@ impl Refitted {
 
     /// What it leaves of the misfit, and of the error on unseen runs.
     pub fn judge(&mut self, settled: &Settled, unseen: &Settled) {
-        let sums = self.left(settled);
+        self.judge_with(settled, unseen, true);
+    }
+
+    fn judge_with(&mut self, settled: &Settled, unseen: &Settled, patient: bool) {
+        let sums = self.left(settled, patient);
         self.fall = settled.sums.loss - sums.loss;
         self.variance = (sums.loss / sums.rows.max(1) as f64).max(1e-12);
         self.price = self.price_beside(sums.rows);
-        let far = self.before(unseen);
+        let far = self.before(unseen, patient);
         let ((before, lost), (after, more)) = (error_of(&unseen.sums), error_of(&far));
         self.leader.unseen_error_before = before;
         let fall = (before.powi(2) - after.powi(2)) * far.freedom.iter().sum::<f64>();
@@ -208,7 +215,8 @@ impl Refitted {
         settled: &Settled,
         unseen: &Settled,
     ) {
-        self.judge(few, few_unseen);
+        // States that never come to rest, as under dry friction, are near enough.
+        self.judge_with(few, few_unseen, false);
         let times =
             |all: &Settled, part: &Settled| all.sums.rows as f64 / part.sums.rows.max(1) as f64;
         self.fall *= times(settled, few);
@@ -226,20 +234,35 @@ impl Refitted {
     }
 
     /// What it leaves of data that it may have been fitted to.
-    fn left(&self, settled: &Settled) -> Sums {
-        let here = Some((settled.context.window, settled.segments.list.len()));
-        match self.fitted == here && gained(&self.left, settled) {
-            true => self.left.clone(),
-            false => self.before(settled),
+    pub(super) fn left(&self, settled: &Settled, patient: bool) -> Sums {
+        let count = settled.segments.list.len();
+        match self.left_by_fit(settled.context.window, count) {
+            Some(sums) => sums.clone(),
+            None => self.before(settled, patient),
         }
+    }
+
+    /// What it leaves of all segments of a context's window; `context` is that of the model with
+    /// the effect.
+    pub fn left_of_all(&self, context: &Context) -> Sums {
+        let count = cut(context.dataset, context.window).list.len();
+        match self.left_by_fit(context.window, count) {
+            Some(sums) => sums.clone(),
+            None => context.settle(context.window).2,
+        }
+    }
+
+    /// What its fit left, if that was a fit to `count` segments of a length.
+    fn left_by_fit(&self, window: usize, count: usize) -> Option<&Sums> {
+        (self.fitted == Some((window, count))).then_some(&self.left)
     }
 
     /// What it leaves before some data. The states of the model without it are a near start;
     /// where nothing is gained from there, it starts from what was measured.
-    fn before(&self, settled: &Settled) -> Sums {
+    fn before(&self, settled: &Settled, patient: bool) -> Sums {
         let context = self.context(&settled.context);
         let mut states = settled.states.clone();
-        let sums = context.settle_from(&settled.segments, &mut states);
+        let sums = context.settle_from(&settled.segments, &mut states, patient);
         if gained(&sums, settled) { sums } else { context.settle(settled.context.window).2 }
     }
 }
@@ -249,8 +272,23 @@ fn gained(sums: &Sums, settled: &Settled) -> bool {
     sums.loss < settled.sums.loss && sums.exploded <= settled.sums.exploded
 }
 
-/// Gauss-Newton on the segments of a context; a rough one where another follows.
-fn fit(settled: &Settled, candidate: &Candidate, start: Start, rough: bool) -> Option<Refitted> {
+/// How far Gauss-Newton goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Care {
+    /// Another fit follows.
+    Rough,
+    /// For the ranking: what is left to gain makes no difference there. What contains a simpler
+    /// effect has a number that is worth nothing near it, and would go on along that for long.
+    Ranking,
+    /// To the end.
+    Full,
+}
+
+/// Deviance that a fit for the ranking may leave: a third of a standard error, at most.
+const LEFT: f64 = 0.1;
+
+/// Gauss-Newton on the segments of a context.
+fn fit(settled: &Settled, candidate: &Candidate, start: Start, care: Care) -> Option<Refitted> {
     let context = &settled.context;
     let options = Options { window: Some(context.window), ..Options::default() };
     let mut training = Training::new(&start.system, context.dataset, &options).ok()?;
@@ -265,10 +303,13 @@ fn fit(settled: &Settled, candidate: &Candidate, start: Start, rough: bool) -> O
     training.support.clone_from(&start.support);
     training.parameters.clone_from(&start.parameters);
     training.choose_integrator();
-    if rough {
+    if care == Care::Rough {
         training.extent = Extent::Rough;
     }
-    let mut refit = training.refit(&Silent);
+    let mut refit = match care {
+        Care::Ranking => training.refit_until(LEFT / settled.sums.rows.max(1) as f64, &Silent),
+        Care::Rough | Care::Full => training.refit(&Silent),
+    };
     let count = training.support.len();
     let rows = refit.sums().rows.max(1) as f64;
     let fall = settled.sums.loss - refit.sums().loss;
@@ -305,7 +346,8 @@ fn fit(settled: &Settled, candidate: &Candidate, start: Start, rough: bool) -> O
         fall,
         variance,
         left: refit.sums().clone(),
-        fitted: resolved.then_some((context.window, settled.segments.list.len())),
+        fitted: (resolved && gained(refit.sums(), settled))
+            .then_some((context.window, settled.segments.list.len())),
         unseen_fall: 0.0,
         price: 0.0,
         choice: 2.0 * (candidate.grid.len().max(1) as f64).ln(),

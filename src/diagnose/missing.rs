@@ -16,6 +16,7 @@ use super::round::{CLOSE, Round, beyond, round};
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::expr::{Compiled, build};
+use crate::fit::pass::Sums;
 use crate::fit::{Model, Monitor};
 
 /// What is missing from a model.
@@ -209,8 +210,7 @@ struct Chain {
 
 /// Squares a residual in excess of the noise; zero for a model at the noise, which leaves one
 /// square for each independent residual. What cannot be predicted is not explained.
-fn excess(context: &Context, window: usize) -> f64 {
-    let (_, _, sums) = context.settle(window);
+fn excess(sums: &Sums) -> f64 {
     if sums.rows == 0 {
         return f64::INFINITY;
     }
@@ -277,7 +277,7 @@ impl Asked<'_, '_> {
             let mut present = Context { window, ..last.context(self.context) };
             // What explains everything goes on to explain it over longer segments.
             let enough = loop {
-                if excess(&present, present.window) > 0.0 {
+                if excess(&last.left_of_all(&present)) > 0.0 {
                     break false;
                 }
                 match beyond(&present) {
@@ -313,9 +313,13 @@ impl Asked<'_, '_> {
             |last| last.context(self.context),
         );
         let end = Context { window, ..end };
-        let at_end = if explained { 0.0 } else { excess(&end, window) };
+        let at_end = match links.last() {
+            _ if explained => 0.0,
+            Some(last) => excess(&last.left_of_all(&end)),
+            None => excess(&end.settle(window).2),
+        };
         let (shape, left) = if at_end > 0.0 {
-            let at_start = excess(self.context, window).max(f64::MIN_POSITIVE);
+            let at_start = excess(&self.context.settle(window).2).max(f64::MIN_POSITIVE);
             (shape(&end)?, at_end / at_start)
         } else {
             (None, 0.0)

@@ -3,7 +3,7 @@
 use super::candidates::Candidate;
 use super::compare::{error, error_of};
 use super::context::{Context, Settled};
-use super::leader::{Refitted, Start, refit};
+use super::leader::{Care, Refitted, Start, refit};
 use super::scan::{FEW, scan};
 use crate::data::Dataset;
 use crate::error::Result;
@@ -91,8 +91,7 @@ pub fn round(
             // A part of the data tells whether longer segments are followed.
             let merit = |l: &Refitted| l.merit(l.variance);
             let best = fitted.iter().max_by(|(_, a), (_, b)| merit(a).total_cmp(&merit(b)));
-            let window =
-                best.map_or(context.window, |(_, best)| grown(&best.context(&few.context)));
+            let window = best.map_or(context.window, |(_, best)| grown(best, few));
             if window > context.window && !monitor.stopped() {
                 let enough = FOLLOWED * best.map_or(0.0, |(_, best)| merit(best));
                 let (near, far): (Vec<_>, Vec<_>) =
@@ -106,8 +105,7 @@ pub fn round(
         let unseen = Context { dataset: unseen, ..context.with_data(context.dataset) };
         let (unseen, few_unseen) = on_part_and_all(&unseen);
         let leaders = field.judged(fitted, &unseen, few_unseen.as_ref());
-        let window =
-            leaders.first().map_or(context.window, |(_, best)| grown(&best.context(&context)));
+        let window = leaders.first().map_or(context.window, |(_, best)| grown(best, &settled));
         if window == context.window || monitor.stopped() {
             return Ok(field.rank(leaders, &unseen, tried));
         }
@@ -165,7 +163,8 @@ impl Field<'_, '_> {
                 if place > 0 && (place >= FINISHED || !near) {
                     return usable(&l).then_some((candidate, l));
                 }
-                let l = l.finish(self.settled, &self.all[candidate], unseen)?;
+                let care = if place > 0 { Care::Ranking } else { Care::Full };
+                let l = l.finish(self.settled, &self.all[candidate], unseen, care)?;
                 usable(&l).then_some((candidate, l))
             })
             .collect()
@@ -210,14 +209,19 @@ pub(super) fn beyond(context: &Context) -> Option<usize> {
     (more <= lost && far < STRAYS).then_some(window)
 }
 
-/// The longest segments, in samples, that a model follows as well as those half as long.
-fn grown(context: &Context) -> usize {
+/// The longest segments, in samples, that the model with a leader follows as well as those half as
+/// long.
+fn grown(leader: &Refitted, settled: &Settled) -> usize {
+    let context = leader.context(&settled.context);
     let longest = longest_run(context.dataset).min(LONGEST);
     let mut window = context.window;
-    let (mut present, mut lost) = error(context, window);
+    if window >= longest {
+        return window;
+    }
+    let (mut present, mut lost) = error_of(&leader.left(settled, true));
     while window < longest {
         let next = (2 * window).min(longest);
-        let (longer, more) = error(context, next);
+        let (longer, more) = error(&context, next);
         if more > lost || longer.is_nan() || longer > FOLLOWS * present.max(1.0) {
             break;
         }
