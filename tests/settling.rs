@@ -4,7 +4,7 @@ use leverrier::data::{Dataset, Run};
 use leverrier::dynamics::Dynamics;
 use leverrier::eval::Backend;
 use leverrier::expr::{Compiled, build};
-use leverrier::fit::pass::{Course, Linearised, Problem, settle_linearise_and_respond};
+use leverrier::fit::pass::{Linearised, Problem, settle_linearise_and_respond};
 use leverrier::fit::states::States;
 use leverrier::fit::train::Training;
 use leverrier::fit::{Options, Silent};
@@ -31,9 +31,6 @@ fn swings(runs: usize, samples: usize, second: &str) -> Dataset {
     }
 }
 
-const NEARLY: Course = Course { led: true, nearly: true };
-const FAR: Course = Course { led: false, nearly: false };
-
 /// Does something with the problem of a space before some data, at a theta.
 fn before<T>(
     space: &Compiled,
@@ -53,9 +50,9 @@ fn at(
     dynamics: &Dynamics,
     theta: &[f64],
     states: &mut States,
-    course: Course,
+    nearly: bool,
 ) -> Linearised {
-    settle_linearise_and_respond(problem, (dynamics, theta), states, course)
+    settle_linearise_and_respond(problem, (dynamics, theta), states, None, nearly)
 }
 
 /// The largest difference of any two numbers.
@@ -75,7 +72,7 @@ fn states_are_led_to_where_the_next_theta_wants_them() {
         let data = swings(9, 80, second);
         before(&space, &data, |problem, dynamics, starts| {
             let mut here = starts.clone();
-            let linearised = at(problem, dynamics, &theta, &mut here, FAR);
+            let linearised = at(problem, dynamics, &theta, &mut here, false);
             let responses = linearised.responses.expect("segments are long");
             // How far off the states are that are led by one and by half of a change of theta.
             let [whole, half] = [0.02, 0.01].map(|size| {
@@ -85,7 +82,7 @@ fn states_are_led_to_where_the_next_theta_wants_them() {
                 let mut led = here.clone();
                 responses.follow(&mut led, &change);
                 let mut settled = here.clone();
-                at(problem, dynamics, &next, &mut settled, FAR);
+                at(problem, dynamics, &next, &mut settled, false);
                 assert!(apart(&settled, &here) > 10.0 * apart(&settled, &led), "{text}");
                 apart(&settled, &led)
             });
@@ -101,14 +98,16 @@ fn nearly_settled_states_leave_the_same_problem() {
     before(&space, &data, |problem, dynamics, starts| {
         let theta = [0.4, -0.15, 0.05];
         let mut exact_states = starts.clone();
-        let exact = at(problem, dynamics, &theta, &mut exact_states, FAR);
+        let exact = at(problem, dynamics, &theta, &mut exact_states, false);
         assert_eq!(exact.sums.promised, 0.0);
         // A little off: nearly settled, but not settled.
         let mut near = exact_states.clone();
         for (k, x) in near.all_mut().iter_mut().enumerate() {
             *x += if k % 2 == 0 { 2e-4 } else { -3e-4 };
         }
-        let nearly = at(problem, dynamics, &theta, &mut near, NEARLY);
+        let led = near.clone();
+        let law = (dynamics, &theta[..]);
+        let nearly = settle_linearise_and_respond(problem, law, &mut near, Some(&led), true);
         assert!(nearly.sums.promised > 0.0, "the states were settled: nothing is tested");
         assert!((nearly.sums.loss / exact.sums.loss - 1.0).abs() < 1e-6);
         let (one, other) = (exact.merged(), nearly.merged());

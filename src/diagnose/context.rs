@@ -141,22 +141,12 @@ impl<'a> Context<'a> {
         (segments, states, sums)
     }
 
-    /// Improves the states of some segments until they are settled, or for a while unless that is
-    /// to be `patient`, and sums up what is left.
-    pub(super) fn settle_from(
-        &self,
-        segments: &Segments,
-        states: &mut States,
-        patient: bool,
-    ) -> Sums {
+    /// Improves the states of some segments until they are settled, and sums up what is left.
+    pub(super) fn settle_from(&self, segments: &Segments, states: &mut States) -> Sums {
         let dynamics = Dynamics::new(self.system, &self.support, Backend::default());
         let theta = self.theta(&dynamics);
         let weights = self.weights();
-        let problem = self.problem(segments, &weights);
-        match patient {
-            true => patiently(&problem, &dynamics, &theta, states),
-            false => settle(&problem, &dynamics, &theta, states),
-        }
+        patiently(&self.problem(segments, &weights), &dynamics, &theta, states)
     }
 
     /// Residuals in units of the noise over segments of at most `window` samples, each from its

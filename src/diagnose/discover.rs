@@ -57,7 +57,7 @@ const MOST: usize = 8;
 const PAYS: f64 = 14.0;
 /// Where the catalogue does not explain the misfit, each effect of it a little of what another
 /// law does: an addition then takes away at least this part of the squares above the noise.
-const PART: f64 = 0.2;
+const PART: f64 = 0.25;
 
 /// Adds named effects to a spec until what is left is noise, or nothing of the catalogue helps.
 ///
@@ -126,7 +126,7 @@ pub fn discover(
                 Some(effect) => format!("{effect} looked missing, but a full fit does not keep it"),
                 None if partial => {
                     "what is left is no effect of the catalogue, and none takes away \
-                                    a fifth of it on unseen runs"
+                                    a quarter of it on unseen runs"
                         .to_string()
                 }
                 None => "what looks missing does not lower the error on unseen runs".to_string(),

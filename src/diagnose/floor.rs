@@ -36,7 +36,7 @@ pub fn noise_floor(context: &Context, model: &Model) -> Vec<f64> {
     let (segments, mut states, mut sums) = judge.settle(window);
     for round in 0..ROUNDS {
         if round > 0 {
-            sums = judge.settle_from(&segments, &mut states, true);
+            sums = judge.settle_from(&segments, &mut states);
         }
         let mut moved: f64 = 0.0;
         for (i, noise) in judge.noise.iter_mut().enumerate() {

@@ -185,15 +185,11 @@ impl Refitted {
 
     /// What it leaves of the misfit, and of the error on unseen runs.
     pub fn judge(&mut self, settled: &Settled, unseen: &Settled) {
-        self.judge_with(settled, unseen, true);
-    }
-
-    fn judge_with(&mut self, settled: &Settled, unseen: &Settled, patient: bool) {
-        let sums = self.left(settled, patient);
+        let sums = self.left(settled);
         self.fall = settled.sums.loss - sums.loss;
         self.variance = (sums.loss / sums.rows.max(1) as f64).max(1e-12);
         self.price = self.price_beside(sums.rows);
-        let far = self.before(unseen, patient);
+        let far = self.before(unseen);
         let ((before, lost), (after, more)) = (error_of(&unseen.sums), error_of(&far));
         self.leader.unseen_error_before = before;
         let fall = (before.powi(2) - after.powi(2)) * far.freedom.iter().sum::<f64>();
@@ -215,8 +211,7 @@ impl Refitted {
         settled: &Settled,
         unseen: &Settled,
     ) {
-        // States that never come to rest, as under dry friction, are near enough.
-        self.judge_with(few, few_unseen, false);
+        self.judge(few, few_unseen);
         let times =
             |all: &Settled, part: &Settled| all.sums.rows as f64 / part.sums.rows.max(1) as f64;
         self.fall *= times(settled, few);
@@ -234,11 +229,11 @@ impl Refitted {
     }
 
     /// What it leaves of data that it may have been fitted to.
-    pub(super) fn left(&self, settled: &Settled, patient: bool) -> Sums {
+    pub(super) fn left(&self, settled: &Settled) -> Sums {
         let count = settled.segments.list.len();
         match self.left_by_fit(settled.context.window, count) {
             Some(sums) => sums.clone(),
-            None => self.before(settled, patient),
+            None => self.before(settled),
         }
     }
 
@@ -259,10 +254,10 @@ impl Refitted {
 
     /// What it leaves before some data. The states of the model without it are a near start;
     /// where nothing is gained from there, it starts from what was measured.
-    fn before(&self, settled: &Settled, patient: bool) -> Sums {
+    fn before(&self, settled: &Settled) -> Sums {
         let context = self.context(&settled.context);
         let mut states = settled.states.clone();
-        let sums = context.settle_from(&settled.segments, &mut states, patient);
+        let sums = context.settle_from(&settled.segments, &mut states);
         if gained(&sums, settled) { sums } else { context.settle(settled.context.window).2 }
     }
 }

@@ -218,7 +218,7 @@ fn grown(leader: &Refitted, settled: &Settled) -> usize {
     if window >= longest {
         return window;
     }
-    let (mut present, mut lost) = error_of(&leader.left(settled, true));
+    let (mut present, mut lost) = error_of(&leader.left(settled));
     while window < longest {
         let next = (2 * window).min(longest);
         let (longer, more) = error(&context, next);

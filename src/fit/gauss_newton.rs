@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::bounded::solve_bounded;
 use super::factor::Factor;
 use super::monitor::Monitor;
-use super::pass::{Course, Linearised, Problem, Sums, settle_linearise_and_respond};
+use super::pass::{Linearised, Problem, Sums, settle_linearise_and_respond};
 use super::states::States;
 use crate::dynamics::Dynamics;
 use crate::expr::Bounds;
@@ -158,39 +158,35 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    fn at(&self, theta: Vec<f64>, mut states: States, course: Course) -> Point {
-        let law = (self.dynamics, &theta[..]);
-        let linearised = settle_linearise_and_respond(self.problem, law, &mut states, course);
-        Point { theta, states, linearised }
+    fn first(&self, theta: Vec<f64>, states: States) -> Point {
+        self.at(theta, states, None, true)
     }
 
-    fn first(&self, theta: Vec<f64>, states: States) -> Point {
-        self.at(theta, states, Course { led: false, nearly: true })
+    fn at(&self, theta: Vec<f64>, mut states: States, led: Option<&States>, nearly: bool) -> Point {
+        let law = (self.dynamics, &theta[..]);
+        let linearised = settle_linearise_and_respond(self.problem, law, &mut states, led, nearly);
+        Point { theta, states, linearised }
     }
 
     /// Theta moved by a step, and the states with it.
     fn moved(&self, from: &Point, change: &[f64]) -> Point {
         let theta: Vec<f64> = from.theta.iter().zip(change).map(|(x, d)| x + d).collect();
-        let mut states = from.states.clone();
-        let Some(responses) = &from.linearised.responses else {
-            return self.first(theta, states);
-        };
-        responses.follow(&mut states, change);
-        let next = self.at(theta, states, Course { led: true, nearly: true });
-        if next.linearised.sums.exploded <= from.linearised.sums.exploded {
-            return next;
-        }
-        // So far the states cannot be led.
-        self.first(next.theta, from.states.clone())
+        self.led(from, theta, change, true)
     }
 
     /// The same theta, its states settled to the last.
     fn settled(&self, rough: Point) -> Point {
-        let Point { theta, mut states, linearised } = rough;
-        if let Some(responses) = &linearised.responses {
-            responses.follow(&mut states, &[]);
-        }
-        self.at(theta, states, Course { led: true, nearly: false })
+        self.led(&rough, rough.theta.clone(), &[], false)
+    }
+
+    /// The states led to where they are expected to be best after a change of theta.
+    fn led(&self, from: &Point, theta: Vec<f64>, change: &[f64], nearly: bool) -> Point {
+        let led = from.linearised.responses.as_ref().map(|responses| {
+            let mut states = from.states.clone();
+            responses.follow(&mut states, change);
+            states
+        });
+        self.at(theta, from.states.clone(), led.as_ref(), nearly)
     }
 
     fn end(&self, here: Point, iterations: usize, stop: StopReason) -> Refit {

@@ -188,7 +188,7 @@ impl Linearised {
             all.folds.push(factor);
             match (&mut all.responses, responses) {
                 (Some(responses), Some(more)) => responses.append(&more),
-                (none, more) => *none = more,
+                (known, more) => *known = more,
             }
         }
         all
@@ -242,33 +242,28 @@ pub fn settle_and_linearise(
     };
     let part =
         FoldPass { steps: expected, ..FoldPass::new(whole.0.unknowns(), problem.weights.len()) };
-    settle_and_take_all(problem, present, whole, &part, states)
-}
-
-/// Where states are before they are settled, and how well they have to be.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Course {
-    /// Whether the responses of a pass before have led them here: most are settled then.
-    pub led: bool,
-    /// Whether it will do if a step is left that promises next to nothing. The loss is then what
-    /// this step is expected to leave.
-    pub nearly: bool,
+    settle_and_take_all(problem, present, whole, &part, states, None)
 }
 
 /// The same by the present model itself, with the responses of the states where segments are long
 /// and memory allows.
+///
+/// `led` is where those of a pass before have led the states: most are settled there. If `nearly`,
+/// it will do if a step is left that promises next to nothing; the loss is then what this step is
+/// expected to leave.
 pub fn settle_linearise_and_respond(
     problem: &Problem,
     (dynamics, theta): (&Dynamics, &[f64]),
     states: &mut States,
-    course: Course,
+    led: Option<&States>,
+    nearly: bool,
 ) -> Linearised {
     let law = (dynamics, theta);
     if let Some(stream) = problem.stream {
         return stream.pass(problem, law, law);
     }
     let steps = match is_few(dynamics) {
-        true => Some(usize::from(!course.led)),
+        true => Some(1),
         false => expected_steps(problem, law, states),
     };
     let (unknowns, size) = (dynamics.unknowns(), 2 * dynamics.degrees());
@@ -276,8 +271,8 @@ pub fn settle_linearise_and_respond(
         .then(|| Responses::of(states.len(), size, unknowns))
         .flatten();
     let part = FoldPass::new(unknowns, problem.weights.len());
-    let part = FoldPass { steps, responses, nearly: course.nearly, ..part };
-    settle_and_take_all(problem, law, law, &part, states)
+    let part = FoldPass { steps, responses, nearly, ..part };
+    settle_and_take_all(problem, law, law, &part, states, led)
 }
 
 fn settle_and_take_all(
@@ -286,13 +281,18 @@ fn settle_and_take_all(
     whole: Law,
     nothing: &FoldPass,
     states: &mut States,
+    led: Option<&States>,
 ) -> Linearised {
     let size = 2 * present.0.degrees();
     let mut rest = states.all_mut();
-    let split = |fold: &Range<usize>| rest.split_off_mut(..fold.len() * size);
-    let starts = problem.segments.folds.iter().filter_map(split).collect();
-    each_fold(problem, whole.0, nothing, starts, |part, segments, starts, range, scratch| {
-        part.settle_and_take(problem, present, whole, segments, &mut starts[range], scratch);
+    let mut split = |fold: &Range<usize>| rest.split_off_mut(..fold.len() * size);
+    let starts = problem.segments.folds.iter();
+    let starts = starts
+        .filter_map(|fold| Some((split(fold)?, led.map(|led| led.part(fold.clone())))))
+        .collect();
+    each_fold(problem, whole.0, nothing, starts, |part, segments, (starts, led), range, scratch| {
+        let led = led.map(|led| &led[range.clone()]);
+        part.settle_and_take(problem, (present, whole), segments, &mut starts[range], led, scratch);
     })
 }
 
@@ -374,16 +374,16 @@ impl FoldPass {
     pub(super) fn settle_and_take(
         &mut self,
         problem: &Problem,
-        present: Law,
-        by: Law,
+        (present, by): (Law, Law),
         segments: &[Segment],
         states: &mut [f64],
+        led: Option<&[f64]>,
         scratch: &mut Scratch,
     ) {
         let expected = self.steps.or(is_few(by.0).then_some(1));
         let block = Block::gather(problem.dataset, segments, problem.weights.len());
         let responses = self.responses.is_some();
-        let by = By { law: by, expected, responses, nearly: responses && self.nearly };
+        let by = By { law: by, expected, led, responses, nearly: responses && self.nearly };
         let (rows, taken) = settled(problem, present, Some(by), &block, states, scratch);
         self.steps = self.steps.max(Some(taken.steps));
         self.sums.restless += taken.restless;

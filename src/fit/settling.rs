@@ -35,6 +35,8 @@ pub(super) struct By<'a> {
     pub(super) law: Law<'a>,
     /// Steps after which the states are expected to be settled.
     pub(super) expected: Option<usize>,
+    /// Where the states are expected to be settled at once, `[lane][state]`.
+    pub(super) led: Option<&'a [f64]>,
     /// Whether it is asked how the states respond to theta.
     pub(super) responses: bool,
     /// Whether nearly settled states will do: a step of theta and the states together needs no
@@ -57,6 +59,13 @@ pub(super) fn settled(
 ) -> (Rows, Taken) {
     let size = 2 * present.0.degrees();
     let lanes = block.lanes();
+    if let Some(by) = by
+        && let Some(led) = by.led
+        && let Some(rows) = at_once(problem, present, by, led, block, scratch)
+    {
+        states.copy_from_slice(led);
+        return rows;
+    }
     let mut trial = states.to_vec();
     let mut best = vec![f64::INFINITY; lanes];
     let mut step = vec![0.0; size * lanes];
@@ -72,8 +81,7 @@ pub(super) fn settled(
         let mut improved = 0;
         for lane in 0..lanes {
             let loss = rows.losses[lane];
-            let rounding = problem.floor.powi(2) * rows.measured[lane] as f64;
-            let still = rows.promised(lane) <= SETTLED * loss + ROUNDING * rounding;
+            let still = is_still(problem, &rows, lane);
             let lower = loss < best[lane] || still && loss <= best[lane] * (1.0 + ALIKE);
             if lower || settled[lane] {
                 improved += 1;
@@ -103,11 +111,9 @@ pub(super) fn settled(
             break;
         }
         if here.is_some_and(|by| by.nearly) && improved == lanes {
-            let near = |lane: usize| rows.promised(lane) <= NEARLY_SETTLED * rows.losses[lane];
-            if (0..lanes).all(|lane| settled[lane] || near(lane)) {
-                let moving = || (0..lanes).filter(|&lane| !settled[lane]);
-                let promised = moving().map(|lane| rows.promised(lane)).sum();
-                return (rows, Taken { steps: taken, restless: moving().count(), promised });
+            if (0..lanes).all(|lane| settled[lane] || is_nearly_still(&rows, lane)) {
+                let taken = left_to_take(&rows, taken, |lane| settled[lane]);
+                return (rows, taken);
             }
         }
         rows.recycle(scratch);
@@ -118,6 +124,49 @@ pub(super) fn settled(
     rows.eliminate_states(by.is_some_and(|by| by.responses));
     let restless = settled.iter().filter(|&&done| !done).count();
     (rows, Taken { steps: taken, restless, promised: 0.0 })
+}
+
+/// Whether the state of a lane is settled.
+fn is_still(problem: &Problem, rows: &Rows, lane: usize) -> bool {
+    let rounding = problem.floor.powi(2) * rows.measured[lane] as f64;
+    rows.promised(lane) <= SETTLED * rows.losses[lane] + ROUNDING * rounding
+}
+
+fn is_nearly_still(rows: &Rows, lane: usize) -> bool {
+    rows.promised(lane) <= NEARLY_SETTLED * rows.losses[lane]
+}
+
+/// What is taken where all that is left is a last step of the lanes that are not settled.
+fn left_to_take(rows: &Rows, steps: usize, settled: impl Fn(usize) -> bool) -> Taken {
+    let moving = || (0..rows.lanes).filter(|&lane| !settled(lane));
+    let promised = moving().map(|lane| rows.promised(lane)).sum();
+    Taken { steps, restless: moving().count(), promised }
+}
+
+/// Rows where the states were led, if they are settled there, or nearly where that will do.
+///
+/// Otherwise they were led too far for what is linear. Over many periods the misfit has many
+/// minima, and from there a state may find another one than it had.
+fn at_once(
+    problem: &Problem,
+    present: Law,
+    by: By,
+    led: &[f64],
+    block: &Block,
+    scratch: &mut Scratch,
+) -> Option<(Rows, Taken)> {
+    let mut rows =
+        Rows::integrate(problem, Laws { present, by: Some(by.law) }, block, led, scratch);
+    rows.eliminate_states(by.responses);
+    let still = |lane: usize| rows.losses[lane].is_finite() && is_still(problem, &rows, lane);
+    let near =
+        |lane: usize| by.nearly && rows.losses[lane].is_finite() && is_nearly_still(&rows, lane);
+    if (0..rows.lanes).all(|lane| still(lane) || near(lane)) {
+        let taken = left_to_take(&rows, 0, still);
+        return Some((rows, taken));
+    }
+    rows.recycle(scratch);
+    None
 }
 
 /// Of few columns a needless try costs less than to look how many steps the states take.
@@ -158,10 +207,11 @@ impl Responses {
     /// memory.
     pub(super) fn of(segments: usize, size: usize, unknowns: usize) -> Option<Responses> {
         let numbers = segments.saturating_mul(size * (unknowns + 1));
-        (numbers <= RESPONSE_BYTES / size_of::<f64>()).then(|| Responses {
+        let values = Vec::new();
+        (numbers <= RESPONSE_BYTES / size_of::<f64>()).then_some(Responses {
             size,
             unknowns,
-            values: Vec::with_capacity(numbers),
+            values,
         })
     }
 

@@ -172,7 +172,7 @@ fn work(
     for part in blocks(range, width) {
         let segments = &problem.segments.list[part];
         let mut states = States::measured(problem.dataset, segments, degrees);
-        fold.settle_and_take(problem, present, by, segments, states.all_mut(), scratch);
+        fold.settle_and_take(problem, (present, by), segments, states.all_mut(), None, scratch);
     }
     fold.flush();
 }
