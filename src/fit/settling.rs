@@ -110,11 +110,10 @@ pub(super) fn settled(
             rows.recycle(scratch);
             break;
         }
-        if here.is_some_and(|by| by.nearly) && improved == lanes {
-            if (0..lanes).all(|lane| settled[lane] || is_nearly_still(&rows, lane)) {
-                let taken = left_to_take(&rows, taken, |lane| settled[lane]);
-                return (rows, taken);
-            }
+        let enough = |lane: usize| settled[lane] || is_nearly_still(&rows, lane);
+        if here.is_some_and(|by| by.nearly) && improved == lanes && (0..lanes).all(enough) {
+            let taken = left_to_take(&rows, taken, |lane| settled[lane]);
+            return (rows, taken);
         }
         rows.recycle(scratch);
         taken += 1;
