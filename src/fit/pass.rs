@@ -17,7 +17,7 @@ use super::loss::Loss;
 use super::motion::{Law, Laws};
 use super::rows::Rows;
 use super::segments::{LANES, Segment, Segments, blocks};
-use super::settling::{By, Responses, expected_steps, is_few, settled};
+use super::settling::{By, Responses, expected_steps, settled, steps_of_few};
 use super::states::States;
 use super::stream::Stream;
 use crate::data::Dataset;
@@ -236,12 +236,8 @@ pub fn settle_and_linearise(
     if let Some(stream) = problem.stream {
         return stream.pass(problem, present, whole);
     }
-    let expected = match is_few(whole.0) {
-        true => Some(1),
-        false => expected_steps(problem, present, states),
-    };
-    let part =
-        FoldPass { steps: expected, ..FoldPass::new(whole.0.unknowns(), problem.weights.len()) };
+    let steps = expected_steps(problem, present, whole.0, states);
+    let part = FoldPass { steps, ..FoldPass::new(whole.0.unknowns(), problem.weights.len()) };
     settle_and_take_all(problem, present, whole, &part, states, None)
 }
 
@@ -262,10 +258,7 @@ pub fn settle_linearise_and_respond(
     if let Some(stream) = problem.stream {
         return stream.pass(problem, law, law);
     }
-    let steps = match is_few(dynamics) {
-        true => Some(1),
-        false => expected_steps(problem, law, states),
-    };
+    let steps = expected_steps(problem, law, dynamics, states);
     let (unknowns, size) = (dynamics.unknowns(), 2 * dynamics.degrees());
     let responses = (problem.segments.longest() > SHORT)
         .then(|| Responses::of(states.len(), size, unknowns))
@@ -380,7 +373,7 @@ impl FoldPass {
         led: Option<&[f64]>,
         scratch: &mut Scratch,
     ) {
-        let expected = self.steps.or(is_few(by.0).then_some(1));
+        let expected = self.steps.or(steps_of_few(by.0));
         let block = Block::gather(problem.dataset, segments, problem.weights.len());
         let responses = self.responses.is_some();
         let by = By { law: by, expected, led, responses, nearly: responses && self.nearly };

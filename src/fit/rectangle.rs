@@ -2,10 +2,7 @@
 
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, Dyn, U1};
 
-use crate::eval::Aligned;
-
-/// Numbers of a register, and of a line of the cache.
-const REGISTER: usize = 8;
+use crate::eval::{Aligned, REGISTER};
 
 /// A matrix `[A b]` whose columns lie one after the other, each from the beginning of a line of the
 /// cache on: no register straddles two lines, which would cost a third of the speed.

@@ -283,14 +283,10 @@ impl Rows {
         steps
     }
 
-    /// What `unknown` of theta, moved by one, takes the best states back by, `[state][lane]`, after
-    /// elimination with responses.
-    pub(super) fn state_response(&self, unknown: usize, response: &mut [f64]) {
-        self.solve(self.state + unknown, response);
-    }
-
-    /// R_s^-1 times a column.
-    fn solve(&self, column: usize, solved: &mut [f64]) {
+    /// R_s^-1 times a column, `[state][lane]`, after elimination: the step of the states for that of
+    /// the residuals, and for one of theta what they go back by when it grows by one, if elimination
+    /// was asked for responses.
+    pub(super) fn solve(&self, column: usize, solved: &mut [f64]) {
         let (lanes, set) = (self.lanes, InstructionSet::widest());
         solved.fill(0.0);
         for (i, inverse) in self.inverse.chunks_exact(lanes).enumerate().rev() {

@@ -169,18 +169,24 @@ fn at_once(
 }
 
 /// Of few columns a needless try costs less than to look how many steps the states take.
-pub(super) fn is_few(dynamics: &Dynamics) -> bool {
-    dynamics.unknowns() <= 4 * dynamics.degrees()
+pub(super) fn steps_of_few(by: &Dynamics) -> Option<usize> {
+    (by.unknowns() <= 4 * by.degrees()).then_some(1)
 }
 
-/// Steps that the states of a few segments take, for each block to know when rows by theta are
+/// Steps that the states of a few segments take, for each block to know when rows `by` theta are
 /// worth while; of so few that they cost little beside all.
-pub(super) fn expected_steps(problem: &Problem, present: Law, states: &States) -> Option<usize> {
+pub(super) fn expected_steps(
+    problem: &Problem,
+    present: Law,
+    by: &Dynamics,
+    states: &States,
+) -> Option<usize> {
     const FEW: usize = 16;
     const PART: usize = 32;
+    let known = steps_of_few(by);
     let few = (states.len() / PART).min(FEW);
-    if few == 0 {
-        return None;
+    if known.is_some() || few == 0 {
+        return known;
     }
     let segments = &problem.segments.list[..few];
     let block = Block::gather(problem.dataset, segments, problem.weights.len());
@@ -222,10 +228,7 @@ impl Responses {
         self.values.resize(start + lanes * each, 0.0);
         let mut solved = vec![0.0; self.size * lanes];
         for column in 0..columns {
-            match column < self.unknowns {
-                true => rows.state_response(column, &mut solved),
-                false => solved.copy_from_slice(&rows.state_steps()),
-            }
+            rows.solve(rows.state + column, &mut solved);
             for (i, solved) in solved.chunks_exact(lanes).enumerate() {
                 let places = self.values[start + column * self.size + i..].iter_mut().step_by(each);
                 places.zip(solved).for_each(|(place, x)| *place = *x);
