@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use super::lanes::{REGISTER, fused, load};
+use super::lanes::{REGISTER, fused, load, load_unchecked, store_unchecked};
 use super::processor::dispatched;
 
 /// Householder reflections of rows of lanes, each lane with its own.
@@ -131,26 +131,35 @@ fn reflect_held<const LANES: usize, const ROWS: usize>(
 ) {
     let LaneReflections { factors, lanes, columns, dense, .. } = by;
     let stride = columns * lanes;
+    let count = factors.len() / lanes;
+    assert!(count <= columns && column < columns && lane + LANES <= lanes);
+    assert!((dense + ROWS) * stride <= values.len());
+    // Where the numbers of a row and column are: all of them are places of `values`.
+    let at = |row: usize, column: usize| (dense + row) * stride + column * lanes + lane;
     let mut held = [[0.0; LANES]; ROWS];
     for (row, held) in held.iter_mut().enumerate() {
-        *held = *load(values, (dense + row) * stride + column * lanes + lane);
+        // SAFETY: the row, the column and the lanes are there.
+        *held = unsafe { *load_unchecked(values, at(row, column)) };
     }
-    for k in 0..factors.len() / lanes {
+    for k in 0..count {
         let mut sum = [0.0; LANES];
         for (row, held) in held.iter().enumerate() {
-            sum = fused(load(values, (dense + row) * stride + k * lanes + lane), held, &sum);
+            // SAFETY: the row, the vector and the lanes are there.
+            sum = fused(unsafe { load_unchecked(values, at(row, k)) }, held, &sum);
         }
-        let factor = load::<LANES>(factors, k * lanes + lane);
+        // SAFETY: so many factors there are for each reflection, one a lane.
+        let factor: &[f64; LANES] = unsafe { load_unchecked(factors, k * lanes + lane) };
         for i in 0..LANES {
             sum[i] *= factor[i];
         }
         for (row, held) in held.iter_mut().enumerate() {
-            *held = fused(load(values, (dense + row) * stride + k * lanes + lane), &sum, held);
+            // SAFETY: the row, the vector and the lanes are there.
+            *held = fused(unsafe { load_unchecked(values, at(row, k)) }, &sum, held);
         }
     }
     for (row, held) in held.iter().enumerate() {
-        let at = (dense + row) * stride + column * lanes + lane;
-        values[at..][..LANES].copy_from_slice(held);
+        // SAFETY: the row, the column and the lanes are there.
+        unsafe { store_unchecked(values, at(row, column), held) };
     }
 }
 
@@ -164,15 +173,22 @@ fn reflect_some<const LANES: usize, const COUNT: usize, const COLUMNS: usize>(
 ) {
     let LaneReflections { factors, lanes, columns, dense, heads } = by;
     let (stride, end) = (columns * lanes, values.len());
-    for k in 0..factors.len() / lanes {
+    let count = factors.len() / lanes;
+    // Vectors stand before the columns, and the last row is as long as the columns need.
+    let last = end.saturating_sub(1) / stride * stride;
+    assert!(count <= column && lane + COUNT * LANES <= lanes);
+    assert!(last + (column + COLUMNS) * lanes <= end && (!heads || count * stride <= last + stride));
+    for k in 0..count {
         let (v, x) = (k * lanes + lane, column * lanes + lane);
         let below = dense.max(k + 1) * stride;
         let mut sums = [[[0.0; LANES]; COUNT]; COLUMNS];
         if heads {
-            add_row(&mut sums, values, k * stride + v, k * stride + x, lanes);
+            // SAFETY: row k is one of the whole rows, and its vector and columns are within it.
+            unsafe { add_row(&mut sums, values, k * stride + v, k * stride + x, lanes) };
         }
         for row in (below..end).step_by(stride) {
-            add_row(&mut sums, values, row + v, row + x, lanes);
+            // SAFETY: the row is whole, and its vector and columns are within it.
+            unsafe { add_row(&mut sums, values, row + v, row + x, lanes) };
         }
         for (piece, at) in (k * lanes + lane..).step_by(LANES).take(COUNT).enumerate() {
             let factor = load::<LANES>(factors, at);
@@ -183,17 +199,23 @@ fn reflect_some<const LANES: usize, const COUNT: usize, const COLUMNS: usize>(
             }
         }
         if heads {
-            move_row(&sums, values, k * stride + v, k * stride + x, lanes);
+            // SAFETY: as above.
+            unsafe { move_row(&sums, values, k * stride + v, k * stride + x, lanes) };
         }
         for row in (below..end).step_by(stride) {
-            move_row(&sums, values, row + v, row + x, lanes);
+            // SAFETY: as above.
+            unsafe { move_row(&sums, values, row + v, row + x, lanes) };
         }
     }
 }
 
 /// sums += v x, for the lanes from the places `v` and `x` on.
+///
+/// # Safety
+///
+/// All of them are places of `values`.
 #[inline(always)]
-fn add_row<const LANES: usize, const COUNT: usize, const COLUMNS: usize>(
+unsafe fn add_row<const LANES: usize, const COUNT: usize, const COLUMNS: usize>(
     sums: &mut [[[f64; LANES]; COUNT]; COLUMNS],
     values: &[f64],
     v: usize,
@@ -201,17 +223,23 @@ fn add_row<const LANES: usize, const COUNT: usize, const COLUMNS: usize>(
     lanes: usize,
 ) {
     for piece in 0..COUNT {
-        let v = load::<LANES>(values, v + piece * LANES);
+        // SAFETY: as the caller promises.
+        let v = unsafe { load_unchecked::<LANES>(values, v + piece * LANES) };
         for (column, sums) in sums.iter_mut().enumerate() {
-            let x = load(values, x + column * lanes + piece * LANES);
+            // SAFETY: as the caller promises.
+            let x = unsafe { load_unchecked(values, x + column * lanes + piece * LANES) };
             sums[piece] = fused(v, x, &sums[piece]);
         }
     }
 }
 
 /// x += v sums, for the lanes from the places `v` and `x` on.
+///
+/// # Safety
+///
+/// All of them are places of `values`.
 #[inline(always)]
-fn move_row<const LANES: usize, const COUNT: usize, const COLUMNS: usize>(
+unsafe fn move_row<const LANES: usize, const COUNT: usize, const COLUMNS: usize>(
     sums: &[[[f64; LANES]; COUNT]; COLUMNS],
     values: &mut [f64],
     v: usize,
@@ -219,11 +247,15 @@ fn move_row<const LANES: usize, const COUNT: usize, const COLUMNS: usize>(
     lanes: usize,
 ) {
     for piece in 0..COUNT {
-        let v = *load::<LANES>(values, v + piece * LANES);
+        // SAFETY: as the caller promises.
+        let v = unsafe { *load_unchecked::<LANES>(values, v + piece * LANES) };
         for (column, sums) in sums.iter().enumerate() {
             let at = x + column * lanes + piece * LANES;
-            let moved = fused(&v, &sums[piece], load(values, at));
-            values[at..][..LANES].copy_from_slice(&moved);
+            // SAFETY: as the caller promises.
+            unsafe {
+                let moved = fused(&v, &sums[piece], load_unchecked(values, at));
+                store_unchecked(values, at, &moved);
+            }
         }
     }
 }

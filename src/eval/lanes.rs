@@ -44,9 +44,11 @@ fn set_weighted_body(target: &mut [f64], a: &[f64], weight: &[f64]) {
 #[inline(always)]
 fn set_weighted_piece<const N: usize>(target: &mut [f64], a: &[f64], weight: &[f64], lane: usize) {
     let w = *load::<N>(weight, lane);
+    let a = &a[..target.len()];
     let mut at = lane;
     while at + N <= target.len() {
-        store(target, at, &product(load(a, at), &w));
+        // SAFETY: the loop goes no further than both are long.
+        unsafe { store_unchecked(target, at, &product(load_unchecked(a, at), &w)) };
         at += weight.len();
     }
 }
@@ -64,10 +66,14 @@ fn add_weighted_body(target: &mut [f64], a: &[f64], weight: &[f64]) {
 #[inline(always)]
 fn add_weighted_piece<const N: usize>(target: &mut [f64], a: &[f64], weight: &[f64], lane: usize) {
     let w = *load::<N>(weight, lane);
+    let a = &a[..target.len()];
     let mut at = lane;
     while at + N <= target.len() {
-        let sum = fused(load(a, at), &w, load(target, at));
-        store(target, at, &sum);
+        // SAFETY: the loop goes no further than both are long.
+        unsafe {
+            let sum = fused(load_unchecked(a, at), &w, load_unchecked(target, at));
+            store_unchecked(target, at, &sum);
+        }
         at += weight.len();
     }
 }
@@ -94,10 +100,15 @@ fn add_weighted_pair_piece<const N: usize>(
 ) {
     let lanes = weights.len() / 2;
     let (v, w) = (*load::<N>(weights, lane), *load::<N>(weights, lanes + lane));
+    let (a, b) = (&a[..target.len()], &b[..target.len()]);
     let mut at = lane;
     while at + N <= target.len() {
-        let sum = fused(load(b, at), &w, &fused(load(a, at), &v, load(target, at)));
-        store(target, at, &sum);
+        // SAFETY: the loop goes no further than all three are long.
+        unsafe {
+            let sum = fused(load_unchecked(a, at), &v, load_unchecked(target, at));
+            let sum = fused(load_unchecked(b, at), &w, &sum);
+            store_unchecked(target, at, &sum);
+        }
         at += lanes;
     }
 }
@@ -116,6 +127,11 @@ fn weigh_body(target: &mut [f64], from: &[f64], scale: &[f64]) {
 #[inline(always)]
 fn weigh_piece<const N: usize>(target: &mut [f64], from: &[f64], scale: &[f64], lane: usize) {
     let s = *load::<N>(scale, lane);
+    if !s.contains(&0.0) {
+        // As nearly always: compilers take the choice between two numbers lane by lane.
+        return set_weighted_piece::<N>(target, from, scale, lane);
+    }
+    let from = &from[..target.len()];
     let mut at = lane;
     while at + N <= target.len() {
         store(target, at, &scaled(load(from, at), &s));
@@ -136,10 +152,14 @@ fn rescale_body(rows: &mut [f64], scale: &[f64]) {
 #[inline(always)]
 fn rescale_piece<const N: usize>(rows: &mut [f64], scale: &[f64], lane: usize) {
     let s = *load::<N>(scale, lane);
+    let whole = !s.contains(&0.0);
     let mut at = lane;
     while at + N <= rows.len() {
-        let product = scaled(load(rows, at), &s);
-        store(rows, at, &product);
+        // SAFETY: the loop goes no further than the rows.
+        let x = unsafe { load_unchecked::<N>(rows, at) };
+        let product = if whole { product(x, &s) } else { scaled(x, &s) };
+        // SAFETY: as above.
+        unsafe { store_unchecked(rows, at, &product) };
         at += scale.len();
     }
 }
@@ -160,7 +180,8 @@ fn sum_squares_piece<const N: usize>(sums: &mut [f64], rows: &[f64], stride: usi
     let mut sum = [0.0; N];
     let mut at = lane;
     while at + N <= rows.len() {
-        let x = load(rows, at);
+        // SAFETY: the loop goes no further than the rows.
+        let x = unsafe { load_unchecked(rows, at) };
         sum = fused(x, x, &sum);
         at += stride;
     }
@@ -183,7 +204,8 @@ fn mark_broken_piece<const N: usize>(marks: &mut [f64], rows: &[f64], lane: usiz
     let mut sum = *load::<N>(marks, lane);
     let mut at = lane;
     while at + N <= rows.len() {
-        sum = fused(load(rows, at), &[0.0; N], &sum);
+        // SAFETY: the loop goes no further than the rows.
+        sum = fused(unsafe { load_unchecked(rows, at) }, &[0.0; N], &sum);
         at += marks.len();
     }
     store(marks, lane, &sum);
@@ -213,6 +235,37 @@ fn scaled<const N: usize>(a: &[f64; N], b: &[f64; N]) -> [f64; N] {
 #[inline(always)]
 pub(super) fn load<const LANES: usize>(values: &[f64], at: usize) -> &[f64; LANES] {
     values[at..].first_chunk().unwrap_or(const { &[0.0; LANES] })
+}
+
+/// The same without a look at the length, where a loop has looked once for all its turns.
+///
+/// # Safety
+///
+/// `at + LANES` is at most the length.
+#[inline(always)]
+pub(super) unsafe fn load_unchecked<const LANES: usize>(
+    values: &[f64],
+    at: usize,
+) -> &[f64; LANES] {
+    debug_assert!(at + LANES <= values.len());
+    // SAFETY: the caller promises that so many numbers are there.
+    unsafe { &*values.as_ptr().add(at).cast() }
+}
+
+/// Neighbouring numbers to a place and after it, without a look at the length.
+///
+/// # Safety
+///
+/// `at + N` is at most the length.
+#[inline(always)]
+pub(super) unsafe fn store_unchecked<const N: usize>(
+    values: &mut [f64],
+    at: usize,
+    numbers: &[f64; N],
+) {
+    debug_assert!(at + N <= values.len());
+    // SAFETY: the caller promises that so many places are there.
+    unsafe { *values.as_mut_ptr().add(at).cast() = *numbers };
 }
 
 /// a b + c, number by number, each rounded once.

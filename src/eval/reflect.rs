@@ -255,10 +255,15 @@ mod wide {
             }
         }
         for at in (0..whole).step_by(PARTS) {
+            // Before anything is stored: for all the compiler knows it could be theirs.
+            let mut v = [_mm512_setzero_pd(); M];
+            for m in 0..M {
+                v[m] = eight(vectors[m], at);
+            }
             for c in 0..C {
                 let mut x = eight(columns[c].0, at);
                 for m in 0..M {
-                    x = _mm512_fmadd_pd(eight(vectors[m], at), factors[c][m], x);
+                    x = _mm512_fmadd_pd(v[m], factors[c][m], x);
                 }
                 let place = &mut columns[c].0[at..][..PARTS];
                 // SAFETY: the place has room for eight numbers.
