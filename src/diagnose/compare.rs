@@ -175,7 +175,7 @@ pub fn residual_maps(context: &Context) -> Result<Vec<ResidualMap>> {
     if terms.is_empty() {
         return Ok(Vec::new());
     }
-    let scores = context.settled().probe(&system, &terms)?.scores;
+    let scores = context.settled().probe(system.clone(), &terms)?.scores;
     Ok(layout
         .into_iter()
         .map(|(on, against, centres, columns)| {

@@ -207,9 +207,9 @@ impl Settled<'_> {
     ///
     /// `extended` is the system with whatever its graph must hold for the expressions of
     /// `probes`; its own terms are those of the system, or begin with them.
-    pub fn probe(&self, extended: &System, probes: &[Term]) -> Result<Probed> {
+    pub fn probe(&self, extended: System, probes: &[Term]) -> Result<Probed> {
         let Settled { context, segments, states, .. } = self;
-        let mut system = extended.clone();
+        let mut system = extended;
         let first = system.terms.len();
         system.terms.extend_from_slice(probes);
         let extra: Vec<usize> = (first..system.terms.len()).collect();

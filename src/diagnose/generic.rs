@@ -1,6 +1,7 @@
 //! Terms without a name of their own: what to say when no named effect explains the misfit.
 
-use super::candidates::{Candidate, Origin, extended, grid, ranges};
+use super::candidates::{Candidate, Origin, extended};
+use super::reach::Reach;
 use crate::data::Dataset;
 use crate::expr::{Compiled, build};
 use crate::spec::effects::ScanBy;
@@ -69,7 +70,7 @@ pub fn generic(name: &str, text: &str, base: &Compiled, dataset: &Dataset) -> Ve
             }
         }
     }
-    let ranges = ranges(system, dataset);
+    let reach = Reach::of(system, dataset);
     let candidate = |draft: Draft| {
         let mut statement = draft.statement.clone();
         let mut lines = Vec::new();
@@ -85,7 +86,7 @@ pub fn generic(name: &str, text: &str, base: &Compiled, dataset: &Dataset) -> Ve
             .collect();
         let scans: Vec<ScanBy> = draft.scans.iter().map(|(_, by)| *by).collect();
         let first = draft.on.first().map_or("", String::as_str);
-        let grid = grid(&scans, first, &ranges, dataset);
+        let grid = reach.grid(&scans, first);
         (!terms.is_empty()).then(|| Candidate {
             origin: Origin::Unnamed {
                 statement: draft.statement,

@@ -15,6 +15,7 @@ mod own;
 pub mod plan;
 pub mod plane;
 pub mod predictions;
+mod reach;
 pub mod rival;
 pub mod round;
 pub mod scan;

@@ -4,7 +4,7 @@ use super::candidates::Candidate;
 use super::context::Settled;
 use super::score::{Score, Scores};
 use crate::error::Result;
-use crate::expr::{System, Term};
+use crate::expr::Term;
 
 /// Columns that one linearisation carries, at most: where what all probes together leave is asked
 /// for, and where each is asked by itself, for then most of the work is in telling them apart.
@@ -41,8 +41,8 @@ pub struct Scan {
     pub variance: f64,
 }
 
-/// A candidate, values of its inner parameters, and its terms at them.
-type Try = (usize, Vec<f64>, Vec<Term>);
+/// Index of a candidate, and values of its inner parameters.
+type Try = (usize, Vec<f64>);
 
 /// Scores every candidate at every grid point.
 ///
@@ -74,23 +74,22 @@ fn score(
     tried: usize,
     columns: usize,
 ) -> Result<(Vec<Scored>, f64)> {
-    let mut system = settled.context.system.clone();
-    let mut queue: Vec<Try> = Vec::new();
-    for (c, grid) in points {
-        for values in grid {
-            queue.push((*c, values.clone(), all[*c].probes(&mut system, values)));
-        }
-    }
+    let of_grid = |(c, grid): &(usize, Vec<Vec<f64>>)| {
+        let c = *c;
+        grid.clone().into_iter().map(move |values| (c, values))
+    };
+    let queue: Vec<Try> = points.iter().flat_map(of_grid).collect();
+    let width_of = |(c, _): &Try| all[*c].terms.len();
     let mut probed = Vec::new();
     let mut start = 0;
     while start < queue.len() {
         let mut end = start;
         let mut width = 0;
-        while end < queue.len() && (end == start || width + queue[end].2.len() <= columns) {
-            width += queue[end].2.len();
+        while end < queue.len() && (end == start || width + width_of(&queue[end]) <= columns) {
+            width += width_of(&queue[end]);
             end += 1;
         }
-        probe_range(settled, &system, &queue[start..end], settled.sums.exploded, &mut probed)?;
+        probe_range(settled, all, &queue[start..end], settled.sums.exploded, &mut probed)?;
         start = end;
     }
     // One yardstick for all: what is left where the most is explained.
@@ -99,7 +98,7 @@ fn score(
     let mut best: Vec<Option<Scored>> = vec![None; all.len()];
     for (tries, mut scores) in probed {
         scores.variance = variance;
-        choose(&scores, tries, tried, &mut best);
+        choose(&scores, all, tries, tried, &mut best);
     }
     Ok((best.into_iter().flatten().collect(), variance))
 }
@@ -108,32 +107,42 @@ fn score(
 /// `lost`, they are taken apart, and the try that does (it divides by zero, say) is left out.
 fn probe_range<'t>(
     settled: &Settled,
-    system: &System,
+    all: &[Candidate],
     tries: &'t [Try],
     lost: usize,
     probed: &mut Vec<(&'t [Try], Scores)>,
 ) -> Result<()> {
-    let terms: Vec<Term> = tries.iter().flat_map(|(_, _, terms)| terms.clone()).collect();
+    let mut system = settled.context.system.clone();
+    let probes = tries.iter().flat_map(|(c, values)| all[*c].probes(&mut system, values));
+    let terms: Vec<Term> = probes.collect();
     match settled.probe(system, &terms) {
         Ok(found) if found.exploded <= lost => probed.push((tries, found.scores)),
         _ if tries.len() == 1 => {}
         _ => {
             // How the model's own unknowns act may be lost too.
-            let lost = lost.max(settled.probe(system, &[])?.exploded);
+            let alone = settled.probe(settled.context.system.clone(), &[])?;
+            let lost = lost.max(alone.exploded);
             let (first, second) = tries.split_at(tries.len() / 2);
-            probe_range(settled, system, first, lost, probed)?;
-            probe_range(settled, system, second, lost, probed)?;
+            probe_range(settled, all, first, lost, probed)?;
+            probe_range(settled, all, second, lost, probed)?;
         }
     }
     Ok(())
 }
 
 /// Keeps the best grid point of every candidate.
-fn choose(scores: &Scores, tries: &[Try], tried: usize, best: &mut [Option<Scored>]) {
+fn choose(
+    scores: &Scores,
+    all: &[Candidate],
+    tries: &[Try],
+    tried: usize,
+    best: &mut [Option<Scored>],
+) {
     let mut column = 0;
-    for (c, values, terms) in tries {
-        let columns: Vec<usize> = (column..column + terms.len()).collect();
-        column += terms.len();
+    for (c, values) in tries {
+        let count = all[*c].terms.len();
+        let columns: Vec<usize> = (column..column + count).collect();
+        column += count;
         let score = scores.group(&columns);
         let unknowns = score.degrees + values.len();
         let merit = score.deviance - unknowns as f64 * (scores.rows.max(1) as f64).ln();

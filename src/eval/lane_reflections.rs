@@ -177,7 +177,9 @@ fn reflect_some<const LANES: usize, const COUNT: usize, const COLUMNS: usize>(
     // Vectors stand before the columns, and the last row is as long as the columns need.
     let last = end.saturating_sub(1) / stride * stride;
     assert!(count <= column && lane + COUNT * LANES <= lanes);
-    assert!(last + (column + COLUMNS) * lanes <= end && (!heads || count * stride <= last + stride));
+    assert!(
+        last + (column + COLUMNS) * lanes <= end && (!heads || count * stride <= last + stride)
+    );
     for k in 0..count {
         let (v, x) = (k * lanes + lane, column * lanes + lane);
         let below = dense.max(k + 1) * stride;
