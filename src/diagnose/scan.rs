@@ -9,7 +9,7 @@ use crate::expr::Term;
 /// Columns that one linearisation carries, at most: where what all probes together leave is asked
 /// for, and where each is asked by itself, for then most of the work is in telling them apart.
 const TOGETHER: usize = 240;
-const APART: usize = 20;
+const APART: usize = 28;
 /// Noise is known to this factor of its variance before anything is added; less than that is
 /// not believed of probes that were not fitted.
 const LEAST: f64 = 0.1;
