@@ -117,6 +117,19 @@ fn hidden_effects_are_named_with_their_size() {
     }
 }
 
+/// With the springs of both coordinates free, a spring between them and a product of them are the
+/// same motion: what rounding makes of them is not to choose.
+#[test]
+fn of_two_names_for_the_same_motion_the_first_of_the_catalogue_is_given() {
+    for seed in 1..=4 {
+        let diagnosis = case(&TRAP, "V += 0.05*(y - x)^2", 0.01, seed).diagnosis();
+        let named = diagnosis.ranking.first().map(|leader| leader.effect.as_str());
+        assert_eq!(named, Some("coupling_spring(x, y)"), "seed {seed}");
+        let same = "bilinear_coupling(x, y)".to_string();
+        assert!(diagnosis.indistinguishable.contains(&same), "{:?}", diagnosis.indistinguishable);
+    }
+}
+
 #[test]
 fn nothing_is_named_where_nothing_is_hidden() {
     for seed in 1..6 {

@@ -12,7 +12,7 @@ use super::floor::noise_floor;
 use super::generic::generic;
 pub use super::leader::Leader;
 use super::leader::Refitted;
-use super::round::{CLOSE, Round, beyond, round};
+use super::round::{CLOSE, Round, SAME, beyond, round};
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::expr::{Compiled, build};
@@ -256,7 +256,8 @@ impl Asked<'_, '_> {
         Ok(best)
     }
 
-    /// Whether a chain explains more than another on segments of one length, prices paid.
+    /// Whether a chain explains more than another on segments of one length, prices paid; two that
+    /// explain the same are left in their order.
     fn explains_more(&self, chain: &Chain, than: &Chain) -> bool {
         let window = chain.window.min(than.window);
         let (Some(ours), Some(theirs)) = (chain.links.last(), than.links.last()) else {
@@ -264,7 +265,7 @@ impl Asked<'_, '_> {
         };
         let (ours, theirs) = (ours.context(self.context), theirs.context(self.context));
         let ((ours, one), (theirs, other)) = (squares(&ours, window), squares(&theirs, window));
-        (theirs - ours) / one.min(other) > chain.price() - than.price()
+        (theirs - ours) / one.min(other) > chain.price() - than.price() + SAME
     }
 
     /// Goes on from a leader with the best next one until nothing significant is left.

@@ -15,6 +15,8 @@ use crate::fit::segments::longest_run;
 pub(super) const SIGNIFICANT: f64 = 1e-3;
 /// Deviances closer than this cannot be told apart (odds of 20 to 1).
 pub(super) const CLOSE: f64 = 6.0;
+/// Deviances closer than this are the same: fits for the ranking leave about as much.
+pub(super) const SAME: f64 = 0.25;
 /// Leaders within this part of the best merit, or that much of it, are fitted to all the data,
 /// so many at most.
 const NEAR: f64 = 0.01;
@@ -177,21 +179,27 @@ impl Field<'_, '_> {
     }
 
     fn rank(&self, leaders: Vec<(usize, Refitted)>, unseen: &Settled, tried: usize) -> Round {
-        let mut leaders: Vec<Refitted> = leaders.into_iter().map(|(_, leader)| leader).collect();
-        let variance = self.yardstick(leaders.iter());
+        let mut leaders = leaders;
+        let variance = self.yardstick(leaders.iter().map(|(_, l)| l));
         let (before, _) = error_of(&unseen.sums);
         // What a full fit does not keep, or unseen runs do not thank for, is not missing.
         let pays = |l: &Refitted| l.leader.unseen_error_after < l.leader.unseen_error_before;
-        leaders.retain(|l| l.merit(variance) > 0.0 && (pays(l) || before.is_nan()));
-        if leaders.iter().any(|l| !l.pinned) {
-            leaders.retain(|l| !l.pinned);
+        leaders.retain(|(_, l)| l.merit(variance) > 0.0 && (pays(l) || before.is_nan()));
+        if leaders.iter().any(|(_, l)| !l.pinned) {
+            leaders.retain(|(_, l)| !l.pinned);
         }
-        leaders.iter_mut().for_each(|l| l.leader.deviance = l.fall / variance);
-        leaders.sort_by(|a, b| b.evidence(variance).total_cmp(&a.evidence(variance)));
-        let best = leaders.first().map_or(0.0, |l| l.evidence(variance));
-        // Of those that explain equally well the one with the fewest unknowns comes first.
-        let close = leaders.iter().take_while(|l| best - l.evidence(variance) < CLOSE).count();
-        leaders[..close].sort_by_key(|l| l.leader.coefficient.len());
+        leaders.iter_mut().for_each(|(_, l)| l.leader.deviance = l.fall / variance);
+        leaders.sort_by(|(_, a), (_, b)| b.evidence(variance).total_cmp(&a.evidence(variance)));
+        let best = leaders.first().map_or(0.0, |(_, l)| l.evidence(variance));
+        let behind = |l: &Refitted| best - l.evidence(variance);
+        // Of those that explain equally well the one with the fewest unknowns comes first, and of
+        // two names for the same motion the one that comes first in the catalogue: rounding does
+        // not choose.
+        let close = leaders.iter().take_while(|(_, l)| behind(l) < CLOSE).count();
+        leaders[..close].sort_by_key(|(candidate, l)| {
+            (l.leader.coefficient.len(), (behind(l) / SAME) as usize, *candidate)
+        });
+        let leaders = leaders.into_iter().map(|(_, leader)| leader).collect();
         let window = self.settled.context.window;
         Round { leaders, close, variance, window, before, tried }
     }
