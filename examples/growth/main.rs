@@ -1,5 +1,5 @@
-//! How training grows with the data and with the function space: regenerates docs/growth.md and
-//! docs/growth.svg.
+//! How training grows with the data and with the function space, and a diagnosis with the data:
+//! regenerates docs/growth.md and docs/growth.svg.
 //!
 //! ```console
 //! $ cargo run --release --example growth                   1e6 and 1e7 transitions
@@ -9,10 +9,12 @@
 //! Files of transitions are made in a temporary folder (`--folder` names another) and fitted in
 //! processes of their own, whose peak memory the operating system tells.
 
+mod diagnosis;
 mod make;
 mod page;
 mod space;
 mod stages;
+mod trap;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -63,10 +65,10 @@ fn main() {
         }
     }
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
-    let (by_terms, by_degrees) =
-        one.install(|| (space::by_terms(asked.terms), space::by_degrees()));
+    let (by_terms, by_degrees, by_samples) = one
+        .install(|| (space::by_terms(asked.terms), space::by_degrees(), diagnosis::by_samples()));
     let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
-    let page = page::Page { by_size, cores, by_terms, by_degrees };
+    let page = page::Page { by_size, cores, by_terms, by_degrees, by_samples };
     std::fs::write(docs.join("growth.md"), page.text()).expect("docs can be written");
     std::fs::write(docs.join("growth.svg"), page.picture()).expect("docs can be written");
     println!("{}", page.text());
