@@ -174,6 +174,9 @@ fn reflect_some<const LANES: usize, const COUNT: usize, const COLUMNS: usize>(
     let LaneReflections { factors, lanes, columns, dense, heads } = by;
     let (stride, end) = (columns * lanes, values.len());
     let count = factors.len() / lanes;
+    if count == 0 {
+        return;
+    }
     // Vectors stand before the columns, and the last row is as long as the columns need.
     let last = end.saturating_sub(1) / stride * stride;
     assert!(count <= column && lane + COUNT * LANES <= lanes);
@@ -270,6 +273,16 @@ mod tests {
     /// Rows of `[column][lane]`: vectors in the first columns, what they reflect in the last.
     fn numbers(count: usize) -> Vec<f64> {
         (0..count).map(|at| (0.7 * at as f64 + 0.3).sin()).collect()
+    }
+
+    #[test]
+    fn without_reflections_or_rows_nothing_happens() {
+        let mut values = numbers(0);
+        let by = LaneReflections { factors: &[], lanes: 16, columns: 5, dense: 0, heads: true };
+        for set in InstructionSet::available() {
+            reflect_lanes(set, &mut values, by, 0..5, 0..16);
+            assert!(values.is_empty());
+        }
     }
 
     #[test]
