@@ -197,6 +197,8 @@ fn new_writes_a_spec_that_can_be_fitted() {
         ("t,x 1,v 1", vec!["x_1 = \"x 1\"", "velocities"]),
         ("seconds,x,x_dot", vec!["coordinates x", "velocities  x_dot"]),
         ("T ime,t,x,vx,note", vec!["velocities  vx"]),
+        ("Zeit [s],Winkel [°]", vec!["Winkel [rad]", "p_Winkel [rad/s]", "[deg]", "not measured"]),
+        ("t,x,y", vec!["coordinates x, y ", "momenta     p_x, p_y"]),
     ] {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let columns = header.split(',').count();
@@ -204,6 +206,7 @@ fn new_writes_a_spec_that_can_be_fitted() {
         for i in 0..40 {
             let t = 0.1 * f64::from(i);
             let mut cells = vec![t.to_string(), t.cos().to_string(), (-t.sin()).to_string()];
+            cells.truncate(columns);
             if columns == 5 {
                 cells.insert(0, "0".to_string());
                 cells.push("words".to_string());

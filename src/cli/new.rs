@@ -21,7 +21,8 @@ use crate::expr::{self, FunctionSpace, Unit};
     leverrier new swings.csv -o bench.ham\n  \
     leverrier new swings.parquet\n\n\
     Column names that are understood: t, time; run, trial, id; theta with omega; x with v (x1 \
-    with\nv1, x with x_dot or vx); q with p. Units are taken from headers such as `theta [rad]`.")]
+    with\nv1, x with x_dot or vx); q with p; theta, x, q and the like alone. Units are taken from \
+    headers such\nas `theta [rad]`.")]
 pub struct Arguments {
     /// The file of measurements.
     pub data: PathBuf,
@@ -36,11 +37,13 @@ pub struct Arguments {
 /// What run columns are called.
 const RUN_NAMES: &[&str] = &["run", "trial", "id", "experiment", "trajectory", "series"];
 
-/// What the second column of a pair is.
+/// What goes with a coordinate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Role {
     Velocity,
     Momentum,
+    /// No column: positions alone are measured.
+    Nothing,
 }
 
 /// Names that go together, without the index behind them: coordinate, its partner, and what
@@ -71,6 +74,24 @@ const PARTNERS: &[(&str, &str, Role)] = &[
     ("*", "p_*", Role::Momentum),
 ];
 
+/// Coordinates that are known by their name, where no column goes with any.
+const ALONE: &[&str] = &[
+    "theta",
+    "phi",
+    "psi",
+    "alpha",
+    "angle",
+    "position",
+    "pos",
+    "displacement",
+    "deflection",
+    "height",
+    "x",
+    "y",
+    "z",
+    "q",
+];
+
 /// Coordinates that are angles.
 const ANGLES: &[&str] = &["theta", "phi", "alpha", "angle", "psi"];
 
@@ -79,9 +100,16 @@ struct Guess<'a> {
     time: &'a Column,
     run: Option<&'a Column>,
     /// Coordinate and its partner.
-    pairs: Vec<(&'a Column, &'a Column)>,
+    pairs: Vec<(&'a Column, Option<&'a Column>)>,
     role: Role,
     unused: Vec<&'a Column>,
+}
+
+impl<'a> Guess<'a> {
+    /// All columns of coordinates and of what goes with them.
+    fn used(&self) -> impl Iterator<Item = &'a Column> {
+        self.pairs.iter().flat_map(|&(q, v)| [Some(q), v]).flatten()
+    }
 }
 
 /// Runs the command.
@@ -177,21 +205,34 @@ fn guess(table: &Table) -> Result<Guess<'_>> {
             }
         }
     }
+    let momenta = pairs.iter().all(|pair| pair.2 == Role::Momentum);
+    let (pairs, role): (Vec<(&Column, Option<&Column>)>, Role) = if pairs.is_empty() {
+        (alone(&rest).into_iter().map(|column| (column, None)).collect(), Role::Nothing)
+    } else {
+        let role = if momenta { Role::Momentum } else { Role::Velocity };
+        (pairs.iter().map(|pair| (pair.0, Some(pair.1))).collect(), role)
+    };
     if pairs.is_empty() {
         return Err(wrong(
             format!(
-                "no two columns look like a coordinate and its velocity or momentum; there are {}",
+                "no column looks like a coordinate, and no two like one and its velocity or \
+                 momentum; there are {}",
                 headers.join(", ")
             ),
             "call them for example `theta` and `omega`, `x` and `v`, or `q` and `p`".to_string(),
         ));
     }
-    let momenta = pairs.iter().all(|pair| pair.2 == Role::Momentum);
-    let role = if momenta { Role::Momentum } else { Role::Velocity };
-    let used = |c: &Column| pairs.iter().any(|p| p.0.header == c.header || p.1.header == c.header);
-    let unused = rest.iter().copied().filter(|c| !used(c)).collect();
-    let pairs: Vec<(&Column, &Column)> = pairs.iter().map(|pair| (pair.0, pair.1)).collect();
-    Ok(Guess { time, run, pairs, role, unused })
+    let mut guess = Guess { time, run, pairs, role, unused: Vec::new() };
+    let used: Vec<&str> = guess.used().map(|column| column.header.as_str()).collect();
+    guess.unused = rest.into_iter().filter(|c| !used.contains(&c.header.as_str())).collect();
+    Ok(guess)
+}
+
+/// The columns that are left, where they are coordinates by themselves: all have the name of one,
+/// or there is no other. A further column could be what goes with one of them.
+fn alone<'a>(columns: &[&'a Column]) -> Vec<&'a Column> {
+    let named = |column: &&Column| ALONE.contains(&parted(&column.name).0.as_str());
+    if columns.len() == 1 || columns.iter().all(named) { columns.to_vec() } else { Vec::new() }
 }
 
 /// A column's name as a name of the mini-language.
@@ -236,31 +277,40 @@ fn spec(table: &Table, guess: &Guess, data: &Path, path: &Path) -> (String, Vec<
         Some(run) => assumed.push(format!("`{}` tells the runs apart", run.header)),
         None => assumed.push("all rows are one run".to_string()),
     }
-    let role = match guess.role {
-        Role::Velocity => "velocity",
-        Role::Momentum => "momentum",
+    let name_of = |q: &Column, v: Option<&Column>| match v {
+        Some(v) => (word(&q.name), word(&v.name)),
+        None => (word(&q.name), format!("p_{}", word(&q.name))),
     };
-    let names: Vec<(String, String)> =
-        guess.pairs.iter().map(|(q, v)| (word(&q.name), word(&v.name))).collect();
+    let names: Vec<(String, String)> = guess.pairs.iter().map(|&(q, v)| name_of(q, v)).collect();
     let time_unit = unit(guess.time);
     // Units are all or nothing: half of them would only be half checked.
-    let all = time_unit.is_some()
-        && guess.pairs.iter().all(|(q, v)| unit(q).is_some() && unit(v).is_some());
+    let all = time_unit.is_some() && guess.used().all(|column| unit(column).is_some());
     let shown = |column: &Column| unit(column).filter(|_| all);
     for (q, v) in &guess.pairs {
-        assumed.push(format!("`{}` is a coordinate and `{}` its {role}", q.header, v.header));
+        let its = match (v, guess.role) {
+            (Some(v), Role::Momentum) => format!("and `{}` its momentum", v.header),
+            (Some(v), _) => format!("and `{}` its velocity", v.header),
+            (None, _) => "whose velocity is not measured".to_string(),
+        };
+        assumed.push(format!("`{}` is a coordinate {its}", q.header));
     }
-    if guess.role == Role::Velocity {
+    if guess.role != Role::Momentum {
         assumed.push("every mass is 1 (change T in the spec if you know better)".to_string());
     }
     for column in &guess.unused {
         assumed.push(format!("`{}` is not used", column.header));
     }
     let list = |second: bool| -> String {
-        let one = |((q, v), (name_q, name_v)): (&(&Column, &Column), &(String, String))| {
-            let (column, name) = if second { (v, name_v) } else { (q, name_q) };
+        let one = |((q, v), (name_q, name_v)): (&(&Column, Option<&Column>), &(String, String))| {
+            let name = if second { name_v } else { name_q };
+            let unit = match v {
+                Some(v) => shown(if second { v } else { q }),
+                // That of a velocity: the mass is a plain 1.
+                None if second => shown(q).zip(shown(guess.time)).map(|(q, t)| format!("{q}/{t}")),
+                None => shown(q),
+            };
             // Degrees are converted: angles are in radians inside functions.
-            let unit = shown(column).map(|unit| unit.replace("deg", "rad"));
+            let unit = unit.map(|unit| unit.replace("deg", "rad"));
             format!("{name}{}", bracketed(unit.as_ref()))
         };
         guess.pairs.iter().zip(&names).map(one).collect::<Vec<_>>().join(", ")
@@ -276,7 +326,7 @@ fn spec(table: &Table, guess: &Guess, data: &Path, path: &Path) -> (String, Vec<
         items.push_str(&format!("  run {}", quoted(&run.name)));
     }
     for ((q, v), (name_q, name_v)) in guess.pairs.iter().zip(&names) {
-        for (column, name) in [(q, name_q), (v, name_v)] {
+        for (column, name) in [Some(*q), *v].into_iter().flatten().zip([name_q, name_v]) {
             let degrees = shown(column).filter(|unit| unit.contains("deg"));
             if *name != column.name || degrees.is_some() {
                 let header = quoted(&column.name);
@@ -291,8 +341,9 @@ fn spec(table: &Table, guess: &Guess, data: &Path, path: &Path) -> (String, Vec<
     let kinetic: Vec<String> = momenta.iter().map(|p| format!("{p}^2/2")).collect();
     let coordinates: Vec<String> = names.iter().map(|(q, _)| q.clone()).collect();
     let mut space = vec![format!("poly({}; 4)", coordinates.join(", "))];
-    for q in &coordinates {
-        if ANGLES.contains(&parted(q).0.as_str()) {
+    for (q, (column, _)) in coordinates.iter().zip(&guess.pairs) {
+        let turns = unit(column).is_some_and(|unit| unit == "rad" || unit == "deg");
+        if turns || ANGLES.contains(&parted(q).0.as_str()) {
             space.push(format!("cos({q})"));
             space.push(format!("sin({q})"));
         }
@@ -300,6 +351,7 @@ fn spec(table: &Table, guess: &Guess, data: &Path, path: &Path) -> (String, Vec<
     let (keyword, about) = match guess.role {
         Role::Velocity => ("velocities ", "measured velocities; momenta are called p_..."),
         Role::Momentum => ("momenta    ", "the momenta that belong to them"),
+        Role::Nothing => ("momenta    ", "not measured: they are found along the way"),
     };
     let text = format!(
         "# A first spec for {file}, to be edited. Text behind a # is a comment.\n\
@@ -335,8 +387,7 @@ fn absolute(path: &Path) -> String {
 
 /// Columns of the guess that never change.
 fn constant_columns(table: &Table, guess: &Guess) -> Vec<String> {
-    let used = guess.pairs.iter().flat_map(|(q, v)| [*q, *v]);
-    used.filter_map(|column| {
+    let of_column = |column: &Column| {
         let numbers = table.numbers(column).ok()?;
         let mut known = numbers.iter().filter(|x| !x.is_nan());
         let first = known.next()?;
@@ -344,6 +395,6 @@ fn constant_columns(table: &Table, guess: &Guess) -> Vec<String> {
         constant.then(|| {
             format!("`{}` is always {first}: nothing can be learned from it.", column.header)
         })
-    })
-    .collect()
+    };
+    guess.used().filter_map(of_column).collect()
 }

@@ -23,10 +23,11 @@ pub(super) fn split_unit(header: &str) -> (String, Option<String>) {
         return whole();
     };
     let unit = match unit.trim() {
-        "" | "-" | "–" | "1" => "1",
-        unit => unit,
+        "" | "-" | "–" | "1" => "1".to_string(),
+        unit if unit == "°" || unit.starts_with("°/") => unit.replacen('°', "deg", 1),
+        unit => unit.to_string(),
     };
-    (name.trim().to_string(), Some(unit.to_string()))
+    (name.trim().to_string(), Some(unit))
 }
 
 #[cfg(test)]
@@ -42,6 +43,9 @@ mod tests {
             ("v (m/(s))", "v", Some("m/(s)")),
             ("omega / rad/s", "omega", Some("rad/s")),
             ("friction [-]", "friction", Some("1")),
+            ("Winkel [°]", "Winkel", Some("deg")),
+            ("rate (°/s)", "rate", Some("deg/s")),
+            ("room [°C]", "room", Some("°C")),
             ("x ]", "x ]", None),
             ("[s]", "", Some("s")),
         ];
