@@ -199,6 +199,8 @@ fn new_writes_a_spec_that_can_be_fitted() {
         ("T ime,t,x,vx,note", vec!["velocities  vx"]),
         ("Zeit [s],Winkel [°]", vec!["Winkel [rad]", "p_Winkel [rad/s]", "[deg]", "not measured"]),
         ("t,x,y", vec!["coordinates x, y ", "momenta     p_x, p_y"]),
+        // Without a unit of time nothing is converted: no cosine of degrees.
+        ("t,Winkel [deg]", vec!["span{ poly(Winkel; 4) }"]),
     ] {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let columns = header.split(',').count();

@@ -5,7 +5,7 @@ use std::time::Instant;
 use super::trap::Trap;
 
 /// Times that each is asked.
-const TURNS: usize = 15;
+pub const TURNS: usize = 15;
 
 /// Time of a diagnosis with the whole catalogue, in seconds.
 pub struct Asked {

@@ -2,7 +2,9 @@
 
 use std::fmt::Write as _;
 
-use super::diagnosis::Asked;
+use leverrier::diagnose::scan::FEW;
+
+use super::diagnosis::{Asked, TURNS};
 use super::make::SIGMA;
 use super::space::Cost;
 use super::stages::Stages;
@@ -193,7 +195,7 @@ impl Page {
              A trap of two coordinates with a drag that its model lacks; the whole catalogue, {} \
              candidates and values of their inner parameters, on one core. As many samples again \
              are unseen.\n\n\
-             | samples | fastest of 15 | median | named |\n|---|---|---|---|\n",
+             | samples | fastest of {TURNS} | median | named |\n|---|---|---|---|\n",
             last.tried
         );
         for asked in &self.by_samples {
@@ -206,7 +208,7 @@ impl Page {
         let _ = writeln!(
             text,
             "\nExponent {:.2}. Inner parameters are looked for, and leaders fitted first, on \
-             1,200 samples; what is judged on all of them grows with their number.",
+             {FEW} samples; what is judged on all of them grows with their number.",
             exponent(&points)
         );
     }

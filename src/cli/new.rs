@@ -121,7 +121,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     }
     refuse_overwrite(&path, arguments.force)?;
     let guess = guess(&table)?;
-    let (text, assumed) = spec(&table, &guess, &arguments.data, &path);
+    let (text, assumed) = spec(&guess, &arguments.data, &path);
     // What is written must be a spec that can be fitted.
     let compiled = expr::build(&path.display().to_string(), &text)?;
     let warnings = constant_columns(&table, &guess);
@@ -271,7 +271,7 @@ fn quoted(name: &str) -> String {
 }
 
 /// The text of the spec, and what it assumes in sentences.
-fn spec(table: &Table, guess: &Guess, data: &Path, path: &Path) -> (String, Vec<String>) {
+fn spec(guess: &Guess, data: &Path, path: &Path) -> (String, Vec<String>) {
     let mut assumed = vec![format!("time is `{}`", guess.time.header)];
     match guess.run {
         Some(run) => assumed.push(format!("`{}` tells the runs apart", run.header)),
@@ -342,7 +342,7 @@ fn spec(table: &Table, guess: &Guess, data: &Path, path: &Path) -> (String, Vec<
     let coordinates: Vec<String> = names.iter().map(|(q, _)| q.clone()).collect();
     let mut space = vec![format!("poly({}; 4)", coordinates.join(", "))];
     for (q, (column, _)) in coordinates.iter().zip(&guess.pairs) {
-        let turns = unit(column).is_some_and(|unit| unit == "rad" || unit == "deg");
+        let turns = shown(column).is_some_and(|unit| unit == "rad" || unit == "deg");
         if turns || ANGLES.contains(&parted(q).0.as_str()) {
             space.push(format!("cos({q})"));
             space.push(format!("sin({q})"));
@@ -377,7 +377,6 @@ fn spec(table: &Table, guess: &Guess, data: &Path, path: &Path) -> (String, Vec<
         first = coordinates.first().map_or("", String::as_str),
         momentum = momenta.first().map_or("", String::as_str),
     );
-    let _ = table;
     (text, assumed)
 }
 

@@ -175,13 +175,13 @@ pub fn residual_maps(context: &Context) -> Result<Vec<ResidualMap>> {
     if terms.is_empty() {
         return Ok(Vec::new());
     }
-    let scores = context.settled().probe(system.clone(), &terms)?.scores;
+    let scores = context.settled().probe(system, &terms)?.scores;
     Ok(layout
         .into_iter()
         .map(|(on, against, centres, columns)| {
             let score = scores.group(&columns.collect::<Vec<_>>());
             ResidualMap {
-                on: system.coordinates[on].name.clone(),
+                on: context.system.coordinates[on].name.clone(),
                 against,
                 points: centres
                     .iter()

@@ -84,7 +84,7 @@ pub fn force_planes(
             continue;
         }
         let terms = force_terms(coordinate, &functions, &system);
-        let scores = context.settled().probe(system.clone(), &terms)?.scores;
+        let scores = context.settled().probe(system, &terms)?.scores;
         let score = scores.group(&(0..terms.len()).collect::<Vec<_>>());
         let known = score.coefficients.iter().zip(&score.standard_errors);
         let nodes = held

@@ -178,8 +178,7 @@ impl Field<'_, '_> {
         if least.is_finite() { least.max(f64::MIN_POSITIVE) } else { self.variance }
     }
 
-    fn rank(&self, leaders: Vec<(usize, Refitted)>, unseen: &Settled, tried: usize) -> Round {
-        let mut leaders = leaders;
+    fn rank(&self, mut leaders: Vec<(usize, Refitted)>, unseen: &Settled, tried: usize) -> Round {
         let variance = self.yardstick(leaders.iter().map(|(_, l)| l));
         let (before, _) = error_of(&unseen.sums);
         // What a full fit does not keep, or unseen runs do not thank for, is not missing.

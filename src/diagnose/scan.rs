@@ -14,7 +14,7 @@ const APART: usize = 28;
 /// not believed of probes that were not fitted.
 const LEAST: f64 = 0.1;
 /// Samples on which grids of inner parameters are looked through.
-pub(super) const FEW: usize = 1_200;
+pub const FEW: usize = 1_200;
 
 /// The best grid point of one candidate.
 #[derive(Debug, Clone)]
