@@ -139,7 +139,7 @@ fn horizons(training: &Context, unseen: Option<&Context>) -> Vec<Horizon> {
 /// The guess that nothing moves: each segment's mean, in units of the noise.
 fn baseline(context: &Context, window: usize) -> f64 {
     let (mut squares, mut freedom) = (0.0, 0.0);
-    for segment in cut(context.dataset, window).list {
+    for segment in cut(&context.measured, window).list {
         let run = &context.dataset.runs[segment.run];
         for (values, noise) in run.values.iter().zip(&context.noise) {
             let seen: Vec<f64> = values[segment.first..=segment.last]

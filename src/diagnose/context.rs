@@ -1,14 +1,16 @@
 //! A model before its data: what every question about the misfit starts from.
 
+use std::sync::Arc;
+
 use super::score::Scores;
-use crate::data::Dataset;
+use crate::data::{Dataset, Packed};
 use crate::dynamics::{Dynamics, Method};
 use crate::error::{Error, Result};
 use crate::eval::Backend;
 use crate::expr::{System, Term};
 use crate::fit::factor::Factor;
 use crate::fit::pass::{Problem, Stepping, Sums, linearise, residuals, settle};
-use crate::fit::segments::{Segments, cut};
+use crate::fit::segments::{Segments, cut, packed};
 use crate::fit::states::States;
 use crate::fit::train::Training;
 use crate::fit::{Loss, Model, Options, Silent};
@@ -35,6 +37,8 @@ pub struct Context<'a> {
     pub system: &'a System,
     /// The measurements.
     pub dataset: &'a Dataset,
+    /// The same, run after run.
+    pub measured: Arc<Packed>,
     /// Indices of the model's terms in the system's function space.
     pub support: Vec<usize>,
     /// Coefficients of `support`, in its order.
@@ -67,6 +71,7 @@ impl<'a> Context<'a> {
         Ok(Context {
             system,
             dataset,
+            measured: Arc::new(packed(dataset)),
             support,
             coefficients,
             parameters: model.parameter_values(system),
@@ -79,8 +84,13 @@ impl<'a> Context<'a> {
 
     /// The same model before other measurements.
     pub fn with_data(&self, dataset: &'a Dataset) -> Context<'a> {
+        Context { dataset, measured: Arc::new(packed(dataset)), ..self.again() }
+    }
+
+    /// The same once more.
+    pub fn again(&self) -> Context<'a> {
         Context {
-            dataset,
+            measured: self.measured.clone(),
             support: self.support.clone(),
             coefficients: self.coefficients.clone(),
             parameters: self.parameters.clone(),
@@ -91,7 +101,7 @@ impl<'a> Context<'a> {
 
     /// The same model before a part of its measurements.
     pub fn thinned(&self, most: usize) -> Context<'a> {
-        Context { most, ..self.with_data(self.dataset) }
+        Context { most, ..self.again() }
     }
 
     fn weights(&self) -> Vec<f64> {
@@ -100,7 +110,7 @@ impl<'a> Context<'a> {
 
     fn problem<'b>(&'b self, segments: &'b Segments, weights: &'b [f64]) -> Problem<'b> {
         Problem {
-            dataset: self.dataset,
+            measured: &self.measured,
             segments,
             observed: self.system.observed,
             weights,
@@ -122,9 +132,9 @@ impl<'a> Context<'a> {
 
     /// Best states of all segments of at most `window` samples, and what is left then.
     pub fn settle(&self, window: usize) -> (Segments, States, Sums) {
-        let segments = cut(self.dataset, window).spread(self.most);
+        let segments = cut(&self.measured, window).spread(self.most);
         let degrees = self.system.degrees();
-        let mut states = States::measured(self.dataset, &segments.list, degrees);
+        let mut states = States::measured(&self.measured, &segments.list, degrees);
         // Over many periods the misfit has many minima, and what was measured first need not
         // lie near the lowest: the first samples of each segment bring its state there.
         let dynamics = Dynamics::new(self.system, &self.support, Backend::default());
@@ -162,7 +172,7 @@ impl<'a> Context<'a> {
     /// The same terms with their numbers fitted again, over short segments first: numbers that
     /// were taken from another model may be far off. `None` where they cannot be fitted.
     pub fn refitted(&self) -> Option<Context<'a>> {
-        let mut context = self.with_data(self.dataset);
+        let mut context = self.again();
         for window in [FIRST_LOOK.min(self.window), self.window] {
             let options = Options { window: Some(window), ..Options::default() };
             let mut training = Training::new(self.system, self.dataset, &options).ok()?;
@@ -185,7 +195,7 @@ impl<'a> Context<'a> {
     /// The model with the best states of all its segments.
     pub fn settled(&self) -> Settled<'a> {
         let (segments, states, sums) = self.settle(self.window);
-        Settled { context: self.with_data(self.dataset), segments, states, sums }
+        Settled { context: self.again(), segments, states, sums }
     }
 }
 

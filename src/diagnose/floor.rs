@@ -28,9 +28,9 @@ const STRAYS: f64 = 100.0;
 /// are far smoother than these predictions are good, what is not smooth in the data. Never less
 /// than what the integrator resolves.
 pub fn noise_floor(context: &Context, model: &Model) -> Vec<f64> {
-    let scales = scales(context.dataset, 2 * context.system.degrees());
-    let window = fewest_samples(&scales, context.dataset.samples());
-    let mut judge = context.with_data(context.dataset);
+    let scales = scales(&context.measured, 2 * context.system.degrees());
+    let window = fewest_samples(&scales, context.measured.samples());
+    let mut judge = context.again();
     // Relative standard error of each estimate; none where there is no estimate.
     let mut known = vec![None; judge.noise.len()];
     let (segments, mut states, mut sums) = judge.settle(window);

@@ -92,7 +92,7 @@ impl Refitted {
             coefficients: self.coefficients.clone(),
             parameters: self.parameters.clone(),
             stepping: self.stepping,
-            ..like.with_data(like.dataset)
+            ..like.again()
         }
     }
 }
@@ -240,7 +240,7 @@ impl Refitted {
     /// What it leaves of all segments of a context's window; `context` is that of the model with
     /// the effect.
     pub fn left_of_all(&self, context: &Context) -> Sums {
-        let count = cut(context.dataset, context.window).list.len();
+        let count = cut(&context.measured, context.window).list.len();
         match self.left_by_fit(context.window, count) {
             Some(sums) => sums.clone(),
             None => context.settle(context.window).2,

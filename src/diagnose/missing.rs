@@ -159,7 +159,7 @@ pub fn diagnose(
             asked.judge(&mut diagnosis, chain)?;
         }
         None => {
-            let longest = Context { window, ..context.with_data(context.dataset) };
+            let longest = Context { window, ..context.again() };
             if !resolved(&context, model) {
                 diagnosis.reason = "what is left is at the limit of what the integrator and the \
                                     digits of the data resolve"
@@ -309,10 +309,8 @@ impl Asked<'_, '_> {
                 _ => break (open, false),
             }
         };
-        let end = links.last().map_or_else(
-            || self.context.with_data(self.context.dataset),
-            |last| last.context(self.context),
-        );
+        let end =
+            links.last().map_or_else(|| self.context.again(), |last| last.context(self.context));
         let end = Context { window, ..end };
         let at_end = match links.last() {
             _ if explained => 0.0,

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::context::Context;
 use super::leader::support_in;
-use crate::data::Dataset;
+use crate::data::{Dataset, Packed};
 use crate::dynamics::{Batch, Dynamics, Kind, Method, Scratch, advance, observe};
 use crate::error::{Error, Result};
 use crate::eval::Backend;
@@ -12,7 +12,7 @@ use crate::expr::{Bounds, Observed, System, build};
 use crate::fit::factor::Factor;
 use crate::fit::gauss_newton::{CONVERGED, refit};
 use crate::fit::pass::{Linearised, Problem, Stepping, Sums, settle_and_linearise};
-use crate::fit::segments::{Segments, cut, typical_step};
+use crate::fit::segments::{Segments, cut, packed, typical_step};
 use crate::fit::states::States;
 use crate::fit::train::Training;
 use crate::fit::{Loss, Options, Silent};
@@ -163,11 +163,12 @@ impl<'a> Known<'a> {
             .map(|&k| system.terms[k].bounds)
             .chain(dynamics.parameters().iter().map(|&j| system.parameters[j].bounds))
             .collect();
-        let segments = cut(dataset, window);
-        let states = States::measured(dataset, &segments.list, system.degrees());
+        let measured = packed(dataset);
+        let segments = cut(&measured, window);
+        let states = States::measured(&measured, &segments.list, system.degrees());
         let weights: Vec<f64> = noise.iter().map(|s| 1.0 / s.max(f64::MIN_POSITIVE)).collect();
         let stepping = explicit(rival.stepping);
-        let problem = problem(rival, stepping, dataset, &segments, &weights);
+        let problem = problem(rival, stepping, &measured, &segments, &weights);
         let best = refit(&problem, &dynamics, &bounds, &theta, states, CONVERGED, &Silent);
         if !best.sums().loss.is_finite() || best.sums().rows <= best.theta.len() {
             return Err(Error::fit(
@@ -241,14 +242,16 @@ impl<'a> Known<'a> {
     /// The rival before other measurements, from guesses of the segments' initial states: one
     /// factor for each fold of the segments.
     pub fn before(&self, dataset: &Dataset, segments: &Segments, mut states: States) -> Linearised {
-        let problem = problem(self.rival, self.stepping, dataset, segments, &self.weights);
+        let measured = packed(dataset);
+        let problem = problem(self.rival, self.stepping, &measured, segments, &self.weights);
         let law = (&self.dynamics, &self.theta[..]);
         settle_and_linearise(&problem, law, law, &mut states)
     }
 
     /// The loss after a full refit to other measurements.
     pub fn refitted(&self, dataset: &Dataset, segments: &Segments, states: States) -> f64 {
-        let problem = problem(self.rival, self.stepping, dataset, segments, &self.weights);
+        let measured = packed(dataset);
+        let problem = problem(self.rival, self.stepping, &measured, segments, &self.weights);
         let bounds = &self.bounds;
         refit(&problem, &self.dynamics, bounds, &self.theta, states, CONVERGED, &Silent).sums().loss
     }
@@ -275,13 +278,13 @@ const FLOOR: f64 = 1e-3;
 fn problem<'b>(
     rival: &'b Rival,
     stepping: Stepping,
-    dataset: &'b Dataset,
+    measured: &'b Packed,
     segments: &'b Segments,
     weights: &'b [f64],
 ) -> Problem<'b> {
     let observed: Observed = rival.system.observed;
     Problem {
-        dataset,
+        measured,
         segments,
         observed,
         weights,

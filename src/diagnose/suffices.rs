@@ -3,7 +3,7 @@
 use super::context::Context;
 use crate::data::Dataset;
 use crate::expr::System;
-use crate::fit::segments::{cut, longest_run};
+use crate::fit::segments::{cut, packed};
 
 /// Independent residuals beside the model's unknowns below which chance rules.
 const LEAST: usize = 20;
@@ -43,7 +43,8 @@ pub(super) fn lacking_beside(training: &Context, unseen: &Context) -> Option<Str
 /// Measured values beyond those that the initial states of uninterrupted stretches take up.
 fn independent(system: &System, data: &Dataset) -> usize {
     let state = 2 * system.degrees();
-    let segments = cut(data, longest_run(data));
+    let measured = packed(data);
+    let segments = cut(&measured, measured.longest_run());
     let measured = |segment: &crate::fit::segments::Segment| {
         let columns = data.runs[segment.run].values.iter();
         columns

@@ -1,7 +1,7 @@
 //! A block: segments side by side, with what was measured of them.
 
 use super::segments::Segment;
-use crate::data::Dataset;
+use crate::data::Packed;
 
 /// Segments that are worked on side by side. Their measurements are gathered once: a block is
 /// integrated again and again until its states are settled.
@@ -24,7 +24,7 @@ pub(super) struct Block<'a> {
 impl<'a> Block<'a> {
     /// Gathers the first `observables` observables of some segments.
     pub(super) fn gather(
-        dataset: &'a Dataset,
+        measured: &Packed,
         segments: &'a [Segment],
         observables: usize,
     ) -> Block<'a> {
@@ -39,26 +39,17 @@ impl<'a> Block<'a> {
             counts: vec![0; lanes],
             observables,
         };
-        // First where everything is, then what is there: runs lie far apart in memory, and so
-        // the processor waits for many of them at once.
-        let part = |values: &'a [f64], segment: &Segment| &values[segment.first..=segment.last];
-        let run = |segment: &Segment| &dataset.runs[segment.run];
-        let times: Vec<&[f64]> = segments.iter().map(|s| part(&run(s).times, s)).collect();
-        let row = |observable: usize, s: &Segment| -> &[f64] {
-            run(s).values.get(observable).map_or(&[], |values| part(values, s))
-        };
-        let row = &row;
-        let rows: Vec<&[f64]> = (0..observables)
-            .flat_map(|observable| segments.iter().map(move |s| row(observable, s)))
-            .collect();
-        for (lane, times) in times.iter().enumerate() {
+        for (lane, segment) in segments.iter().enumerate() {
+            let times = &measured.times_of(segment.run)[segment.first..=segment.last];
             block.starts.push(times[0]);
             for (sample, pair) in times.windows(2).enumerate() {
                 block.spans[(sample + 1) * lanes + lane] = pair[1] - pair[0];
             }
         }
-        for (observable, rows) in rows.chunks_exact(lanes.max(1)).enumerate() {
-            for (lane, values) in rows.iter().enumerate() {
+        for observable in 0..observables {
+            for (lane, segment) in segments.iter().enumerate() {
+                let values = measured.values_of(observable, segment.run);
+                let values = values.get(segment.first..=segment.last).unwrap_or_default();
                 for (sample, &x) in values.iter().enumerate().filter(|(_, x)| x.is_finite()) {
                     block.measured[(sample * observables + observable) * lanes + lane] = x;
                     block.counts[lane] += 1;

@@ -15,10 +15,10 @@ use super::monitor::Monitor;
 use super::options::Options;
 use super::path::soft_threshold;
 use super::scales::scales;
-use super::segments::{Segment, cut, typical_step};
+use super::segments::{Segment, cut, packed};
 use super::states::States;
 use super::stepping;
-use crate::data::Dataset;
+use crate::data::{Dataset, Packed};
 use crate::dynamics::{
     Batch, Dynamics, Method, Recording, Scratch, advance, observe, pull_back_observed,
 };
@@ -130,7 +130,7 @@ pub fn correlations(
 
 struct Trainer<'a> {
     system: &'a System,
-    dataset: &'a Dataset,
+    measured: Packed,
     options: &'a Options,
     dynamics: Dynamics,
     method: Method,
@@ -149,15 +149,16 @@ struct Trainer<'a> {
 }
 
 impl<'a> Trainer<'a> {
-    fn new(system: &'a System, dataset: &'a Dataset, options: &'a Options) -> Result<Self> {
+    fn new(system: &'a System, dataset: &Dataset, options: &'a Options) -> Result<Self> {
         let everything: Vec<usize> = (0..system.terms.len()).collect();
         let dynamics = Dynamics::new(system, &everything, Backend::default());
-        let typical = typical_step(dataset);
-        let scales = scales(dataset, 2 * system.degrees());
+        let measured = packed(dataset);
+        let typical = measured.typical_step();
+        let scales = scales(&measured, 2 * system.degrees());
         let rounding: Vec<f64> = scales.iter().map(|scale| scale.rounding).collect();
         let separable = dynamics.separable();
         let integrator = stepping::coarse(system, options, separable, typical, &rounding)?;
-        let segments = cut(dataset, options.window.unwrap_or(2)).list;
+        let segments = cut(&measured, options.window.unwrap_or(2)).list;
         let (held_back, training): (Vec<_>, Vec<_>) =
             segments.into_iter().enumerate().partition(|(i, _)| i % HELD_BACK == HELD_BACK - 1);
         let strip = |list: Vec<(usize, Segment)>| list.into_iter().map(|(_, s)| s).collect();
@@ -170,10 +171,10 @@ impl<'a> Trainer<'a> {
             ));
         }
         let unknowns = dynamics.unknowns();
-        let weights = change_weights(dataset, &training, 2 * system.degrees());
+        let weights = change_weights(&measured, &training, 2 * system.degrees());
         Ok(Trainer {
             system,
-            dataset,
+            measured,
             options,
             dynamics,
             method: integrator.stepping.method,
@@ -205,9 +206,9 @@ impl<'a> Trainer<'a> {
             Some(count) => Batch::with_tangents(degrees, segments.len(), count),
             None => Batch::new(degrees, segments.len()),
         };
-        let states = States::measured(self.dataset, segments, degrees);
+        let states = States::measured(&self.measured, segments, degrees);
         for (lane, (segment, state)) in segments.iter().zip(&states).enumerate() {
-            let time = self.dataset.runs[segment.run].times[segment.first];
+            let time = self.measured.times_of(segment.run)[segment.first];
             batch.set(lane, time, state);
         }
         batch
@@ -217,7 +218,7 @@ impl<'a> Trainer<'a> {
         let span: Vec<f64> = segments
             .iter()
             .map(|s| {
-                let times = &self.dataset.runs[s.run].times;
+                let times = self.measured.times_of(s.run);
                 let at = s.first + sample;
                 if at <= s.last { times[at] - times[at - 1] } else { 0.0 }
             })
@@ -244,7 +245,7 @@ impl<'a> Trainer<'a> {
                 if at > segment.last {
                     continue;
                 }
-                let measured = self.dataset.runs[segment.run].values[observable][at];
+                let measured = self.measured.values_of(observable, segment.run)[at];
                 let residual = weight * (measured - out[observable * lanes + lane]);
                 if residual.is_finite() {
                     loss += (row.value)(residual);
@@ -420,13 +421,13 @@ impl<'a> Trainer<'a> {
 }
 
 /// One over the root mean square change of each observable along its segments.
-fn change_weights(dataset: &Dataset, segments: &[Segment], observables: usize) -> Vec<f64> {
+fn change_weights(measured: &Packed, segments: &[Segment], observables: usize) -> Vec<f64> {
     (0..observables)
         .map(|row| {
             let changes: Vec<f64> = segments
                 .iter()
                 .map(|s| {
-                    let values = &dataset.runs[s.run].values[row];
+                    let values = measured.values_of(row, s.run);
                     (values[s.last] - values[s.first]).powi(2)
                 })
                 .filter(|x| x.is_finite())

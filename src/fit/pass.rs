@@ -20,7 +20,7 @@ use super::segments::{LANES, Segment, Segments, blocks};
 use super::settling::{By, Responses, expected_steps, settled, steps_of_few};
 use super::states::States;
 use super::stream::Stream;
-use crate::data::Dataset;
+use crate::data::Packed;
 use crate::dynamics::{Dynamics, KeptScratch, Method, Scratch};
 use crate::expr::Observed;
 
@@ -37,7 +37,7 @@ pub struct Stepping {
 #[derive(Clone, Copy)]
 pub struct Problem<'a> {
     /// The measurements; observables in the order of the system's.
-    pub dataset: &'a Dataset,
+    pub measured: &'a Packed,
     /// The stretches of measurement that are integrated.
     pub segments: &'a Segments,
     /// What the second half of the observables is.
@@ -50,7 +50,7 @@ pub struct Problem<'a> {
     pub stepping: Stepping,
     /// Weighted residuals below this are rounding or the integrator's own error.
     pub floor: f64,
-    /// All data, where they are larger than memory; dataset and segments are then a sample.
+    /// All data, where they are larger than memory; measurements and segments are then a sample.
     pub stream: Option<&'a Stream<'a>>,
     /// Samples of a segment, at most, that the data are cut into.
     pub window: usize,
@@ -119,7 +119,7 @@ pub fn settle(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mu
         .par_chunks(width)
         .zip(states.all_mut().par_chunks_mut((width * 2 * dynamics.degrees()).max(1)))
         .map_init(KeptScratch::new, |scratch, (segments, states)| {
-            let block = Block::gather(problem.dataset, segments, problem.weights.len());
+            let block = Block::gather(problem.measured, segments, problem.weights.len());
             let (rows, taken) = settled(problem, (dynamics, theta), None, &block, states, scratch);
             let mut sums = Sums::new(problem.weights.len());
             rows.sum_up(&mut sums);
@@ -146,13 +146,13 @@ pub fn residuals(
         .into_par_iter()
         .map_init(KeptScratch::new, |scratch, range| {
             let segments = &problem.segments.list[range.clone()];
-            let block = Block::gather(problem.dataset, segments, problem.weights.len());
+            let block = Block::gather(problem.measured, segments, problem.weights.len());
             let laws = Laws { present: (dynamics, theta), by: None };
             let rows = Rows::integrate(problem, laws, &block, states.part(range), scratch);
             let of = |(lane, segment): (usize, &Segment)| {
                 let mut values = rows.residuals(lane, segment.samples());
-                let run = &problem.dataset.runs[segment.run];
-                for (out, measured) in values.iter_mut().zip(&run.values) {
+                for (observable, out) in values.iter_mut().enumerate() {
+                    let measured = problem.measured.values_of(observable, segment.run);
                     for (x, at) in out.iter_mut().zip(segment.first..) {
                         if !measured[at].is_finite() || !rows.losses[lane].is_finite() {
                             *x = f64::NAN;
@@ -355,7 +355,7 @@ impl FoldPass {
         states: &[f64],
         scratch: &mut Scratch,
     ) {
-        let block = Block::gather(problem.dataset, segments, problem.weights.len());
+        let block = Block::gather(problem.measured, segments, problem.weights.len());
         let laws = Laws { present: law, by: Some(law) };
         let mut rows = Rows::integrate(problem, laws, &block, states, scratch);
         rows.eliminate_states(self.responses.is_some());
@@ -374,7 +374,7 @@ impl FoldPass {
         scratch: &mut Scratch,
     ) {
         let expected = self.steps.or(steps_of_few(by.0));
-        let block = Block::gather(problem.dataset, segments, problem.weights.len());
+        let block = Block::gather(problem.measured, segments, problem.weights.len());
         let responses = self.responses.is_some();
         let by = By { law: by, expected, led, responses, nearly: responses && self.nearly };
         let (rows, taken) = settled(problem, present, Some(by), &block, states, scratch);

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::data::Dataset;
+use crate::data::Packed;
 
 /// One observable over all runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,8 +17,8 @@ pub struct Scale {
 }
 
 /// The scale of each of the first `observables` observables.
-pub fn scales(dataset: &Dataset, observables: usize) -> Vec<Scale> {
-    (0..observables).into_par_iter().map(|row| scale(dataset, row)).collect()
+pub fn scales(measured: &Packed, observables: usize) -> Vec<Scale> {
+    (0..observables).into_par_iter().map(|row| scale(measured.column(row))).collect()
 }
 
 /// Samples of a segment that hold twice as many measured values as a state has components, where
@@ -29,11 +29,8 @@ pub fn fewest_samples(scales: &[Scale], samples: usize) -> usize {
     (2.0 / share - 0.5).ceil() as usize
 }
 
-fn scale(dataset: &Dataset, row: usize) -> Scale {
-    let mut values: Vec<f64> = Vec::with_capacity(dataset.samples());
-    for cells in dataset.runs.iter().filter_map(|run| run.values.get(row)) {
-        values.extend(cells.iter().filter(|x| x.is_finite()));
-    }
+fn scale(cells: &[f64]) -> Scale {
+    let values: Vec<f64> = cells.iter().copied().filter(|x| x.is_finite()).collect();
     let largest = values.iter().fold(0.0f64, |m, x| m.max(x.abs()));
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;

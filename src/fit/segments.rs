@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::data::{Dataset, Run};
+use crate::data::{Dataset, Packed};
 
 /// Samples `first ..= last` of one run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -102,27 +102,32 @@ const HOLE: f64 = 10.0;
 /// Runs that are cut by one thread at a time.
 const SIDE_BY_SIDE: usize = 1024;
 
+/// A data set as it is worked on: runs of one fold lie next to each other.
+pub fn packed(dataset: &Dataset) -> Packed {
+    Packed::of(dataset, FOLDS)
+}
+
 /// Cuts every run into segments of at most `window` samples that share no sample.
 ///
 /// A hole ends a segment, and so does twice the usual duration of a window. What is left over
 /// at the end of a run joins the segment before it if it is a single sample. Within a fold
 /// segments are sorted by length, so that blocks of them are nearly rectangular.
-pub fn cut(dataset: &Dataset, window: usize) -> Segments {
-    let typical = typical_step(dataset);
-    let of_runs = |(chunk, runs): (usize, &[Run])| {
+pub fn cut(measured: &Packed, window: usize) -> Segments {
+    let runs = measured.runs();
+    let typical = measured.typical_step();
+    let of_runs = |from: usize| {
         let mut segments = Vec::new();
-        for (run, record) in (SIDE_BY_SIDE * chunk..).zip(runs) {
-            let pair = record.times.len() == 2;
-            cut_run(&record.times, window, typical, pair, true, |first, last| {
+        for run in from..(from + SIDE_BY_SIDE).min(runs) {
+            let times = measured.times_of(run);
+            cut_run(times, window, typical, times.len() == 2, true, |first, last| {
                 segments.push(Segment { run, first, last });
             });
         }
         segments
     };
-    let chunks = dataset.runs.par_chunks(SIDE_BY_SIDE).enumerate();
+    let chunks = (0..runs).into_par_iter().step_by(SIDE_BY_SIDE);
     let segments: Vec<Segment> = chunks.flat_map_iter(of_runs).collect();
     let count = FOLDS.min(segments.len()).max(1);
-    let runs = dataset.runs.len();
     let total = segments.len().max(1);
     let folded: Vec<(usize, Segment)> = segments
         .into_iter()
@@ -197,16 +202,7 @@ pub fn stretches(times: &[f64], window: usize, typical: f64) -> Vec<(usize, usiz
 
 /// The median interval between consecutive samples; 0 when there is none.
 pub fn typical_step(dataset: &Dataset) -> f64 {
-    let mut steps: Vec<f64> = dataset
-        .runs
-        .iter()
-        .flat_map(|run| run.times.windows(2).map(|pair| pair[1] - pair[0]))
-        .collect();
-    if steps.is_empty() {
-        return 0.0;
-    }
-    let middle = steps.len() / 2;
-    *steps.select_nth_unstable_by(middle, f64::total_cmp).1
+    crate::data::typical_step(dataset.runs.iter().map(|run| run.times.as_slice()))
 }
 
 /// The number of samples of the longest run.
@@ -243,7 +239,7 @@ mod tests {
     #[test]
     fn pairs_stay_pairs() {
         let data = dataset(vec![run(&[0.0, 0.1]), run(&[0.0, 7.0])]);
-        let all = cut(&data, 16).list;
+        let all = cut(&packed(&data), 16).list;
         assert_eq!(all.len(), 2);
         assert!(all.iter().all(|s| s.samples() == 2));
     }
@@ -255,7 +251,7 @@ mod tests {
         let data = dataset(vec![run(&times)]);
         for window in [2, 3, 5, 8, 64] {
             let mut used = vec![0; times.len()];
-            for segment in cut(&data, window).list {
+            for segment in cut(&packed(&data), window).list {
                 assert!(segment.samples() >= 2 && segment.samples() <= window + 1);
                 assert!(times[segment.last] - times[segment.first] < 40.0);
                 (segment.first..=segment.last).for_each(|j| used[j] += 1);

@@ -6,7 +6,7 @@ use std::slice::ChunksExact;
 use rayon::prelude::*;
 
 use super::segments::Segment;
-use crate::data::Dataset;
+use crate::data::Packed;
 
 /// The initial state of every segment, in the order of the segments: 2n numbers each, side by
 /// side in memory.
@@ -25,13 +25,13 @@ impl States {
     /// A missing coordinate is taken from the nearest sample that has it. A missing momentum, and
     /// every momentum when velocities are observed, starts as the velocity: measured, or else the
     /// slope to the next sample. The trainer improves on all of it.
-    pub fn measured(dataset: &Dataset, segments: &[Segment], degrees: usize) -> States {
+    pub fn measured(measured: &Packed, segments: &[Segment], degrees: usize) -> States {
         let size = 2 * degrees;
         let mut values = vec![0.0; size * segments.len()];
         let chunks = values.par_chunks_mut((size * SIDE_BY_SIDE).max(1));
         chunks.zip(segments.par_chunks(SIDE_BY_SIDE)).for_each(|(values, segments)| {
             for (state, &segment) in values.chunks_exact_mut(size).zip(segments) {
-                first_state(dataset, segment, state);
+                first_state(measured, segment, state);
             }
         });
         States { size, values }
@@ -94,18 +94,18 @@ impl<'a> IntoIterator for &'a States {
 }
 
 /// A first guess of a segment's initial state from its own measurements.
-fn first_state(dataset: &Dataset, segment: Segment, state: &mut [f64]) {
-    let run = &dataset.runs[segment.run];
+fn first_state(measured: &Packed, segment: Segment, state: &mut [f64]) {
     let degrees = state.len() / 2;
+    let times = measured.times_of(segment.run);
+    let values = |row: usize| measured.values_of(row, segment.run);
     let near = |row: usize| -> Option<f64> {
-        run.values[row][segment.first..=segment.last].iter().copied().find(|x| x.is_finite())
+        values(row)[segment.first..=segment.last].iter().copied().find(|x| x.is_finite())
     };
     let slope = |row: usize| -> f64 {
-        let mut seen = (segment.first..=segment.last).filter(|&j| run.values[row][j].is_finite());
+        let values = values(row);
+        let mut seen = (segment.first..=segment.last).filter(|&j| values[j].is_finite());
         match (seen.next(), seen.next()) {
-            (Some(a), Some(b)) => {
-                (run.values[row][b] - run.values[row][a]) / (run.times[b] - run.times[a])
-            }
+            (Some(a), Some(b)) => (values[b] - values[a]) / (times[b] - times[a]),
             _ => 0.0,
         }
     };
@@ -119,7 +119,8 @@ fn first_state(dataset: &Dataset, segment: Segment, state: &mut [f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::data::Run;
+    use crate::data::{Dataset, Run};
+    use crate::fit::segments::packed;
 
     #[test]
     fn a_missing_momentum_starts_as_the_slope() {
@@ -131,6 +132,6 @@ mod tests {
         };
         let data = Dataset { observables: vec!["q".into(), "p".into()], runs: vec![run] };
         let segment = Segment { run: 0, first: 0, last: 2 };
-        assert_eq!(States::measured(&data, &[segment; 2], 1).of(1), [0.0, 1.0]);
+        assert_eq!(States::measured(&packed(&data), &[segment; 2], 1).of(1), [0.0, 1.0]);
     }
 }

@@ -147,12 +147,12 @@ fn sample(training: &Training) -> (Batch, Vec<f64>) {
     let degrees = training.system.degrees();
     let from = |&(i, at): &(usize, usize)| Segment { first: at, ..segments[i] };
     let rests: Vec<Segment> = picked.iter().map(from).collect();
-    let measured = States::measured(training.dataset, &rests, degrees);
+    let measured = States::measured(&training.measured, &rests, degrees);
     let mut batch = Batch::new(degrees, picked.len());
     let mut span = Vec::with_capacity(picked.len());
     for (lane, &(i, at)) in picked.iter().enumerate() {
         let segment = segments[i];
-        let times = &training.dataset.runs[segment.run].times;
+        let times = training.measured.times_of(segment.run);
         let settled = at == segment.first;
         let start = if settled { training.states.of(i) } else { measured.of(lane) };
         batch.set(lane, times[at], start);

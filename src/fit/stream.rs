@@ -14,7 +14,7 @@ use super::monitor::Monitor;
 use super::pass::{FoldPass, Linearised, Problem, block_width};
 use super::segments::{FOLDS, Segment, Segments, blocks, cut_run, sort_into_folds};
 use super::states::States;
-use crate::data::{Chunk, Dataset, Run, Source, Survey};
+use crate::data::{Chunk, Packed, Source, Survey};
 use crate::dynamics::{Dynamics, Scratch};
 use crate::error::{Error, Result};
 
@@ -133,10 +133,10 @@ impl<'a> Stream<'a> {
             if self.monitor.stopped() || self.failed() {
                 return Ok(None);
             }
-            let (packed, cut) = cutter.cut(chunk, self.source.observables());
+            let (measured, cut) = cutter.cut(chunk);
             segments += cut.list.len();
             transitions += cut.list.iter().map(|s| s.samples() as u64 - 1).sum::<u64>();
-            let here = Problem { dataset: &packed, segments: &cut, stream: None, ..*problem };
+            let here = Problem { measured: &measured, segments: &cut, stream: None, ..*problem };
             let (read, ()) = rayon::join(
                 || pass.next(),
                 || {
@@ -171,7 +171,7 @@ fn work(
     let width = block_width(problem, window, 2 * degrees + by.0.unknowns() + 1);
     for part in blocks(range, width) {
         let segments = &problem.segments.list[part];
-        let mut states = States::measured(problem.dataset, segments, degrees);
+        let mut states = States::measured(problem.measured, segments, degrees);
         fold.settle_and_take(problem, (present, by), segments, states.all_mut(), None, scratch);
     }
     fold.flush();
@@ -190,7 +190,7 @@ struct Cutter {
 }
 
 impl Cutter {
-    fn cut(&mut self, mut chunk: Chunk, observables: &[String]) -> (Dataset, Segments) {
+    fn cut(&mut self, mut chunk: Chunk) -> (Packed, Segments) {
         let carried = self.tail.times.len();
         if carried > 0 {
             let tail = std::mem::take(&mut self.tail);
@@ -226,13 +226,6 @@ impl Cutter {
             values: chunk.values.iter().map(|values| values[left..].to_vec()).collect(),
             pieces: Vec::new(),
         };
-        let packed = Run {
-            name: String::new(),
-            times: chunk.times,
-            values: chunk.values,
-            lines: Vec::new(),
-        };
-        let dataset = Dataset { observables: observables.to_vec(), runs: vec![packed] };
-        (dataset, sort_into_folds(&list, FOLDS))
+        (Packed::run_of(chunk.times, chunk.values), sort_into_folds(&list, FOLDS))
     }
 }

@@ -15,12 +15,12 @@ use super::monitor::Monitor;
 use super::options::Options;
 use super::pass::{Linearised, Problem, Sums, settle, settle_and_linearise};
 use super::scales::{fewest_samples, scales};
-use super::segments::{Segment, Segments, cut, longest_run, typical_step};
+use super::segments::{Segment, Segments, cut, packed};
 use super::states::States;
 use super::stepping::{self, Choice};
 use super::stream::Stream;
 use super::support::{self, Candidate, Columns, Search};
-use crate::data::Dataset;
+use crate::data::{Dataset, Packed};
 use crate::dynamics::Dynamics;
 use crate::error::{Error, Result};
 use crate::eval::Backend;
@@ -44,6 +44,8 @@ pub struct Training<'a> {
     pub system: &'a System,
     /// What it is learned from.
     pub dataset: &'a Dataset,
+    /// The same, run after run.
+    pub measured: Arc<Packed>,
     /// How it is learned.
     pub options: &'a Options,
     /// Segments of the current round.
@@ -135,17 +137,18 @@ impl<'a> Training<'a> {
     /// Starts from nothing: no term, parameters at their start values.
     pub fn new(system: &'a System, dataset: &'a Dataset, options: &'a Options) -> Result<Self> {
         let degrees = system.degrees();
-        let scales = scales(dataset, 2 * degrees);
+        let measured = Arc::new(packed(dataset));
+        let scales = scales(&measured, 2 * degrees);
         if scales[..degrees].iter().all(|scale| scale.spread.is_none()) {
             return Err(Error::fit(
                 "no coordinate is measured",
                 "name the columns of the coordinates in the spec's data block",
             ));
         }
-        let typical = typical_step(dataset);
+        let typical = measured.typical_step();
         let spread: Vec<f64> = scales.iter().map(|scale| scale.spread.unwrap_or(1.0)).collect();
-        let longest = longest_run(dataset);
-        let shortest = fewest_samples(&scales, dataset.samples()).min(longest);
+        let longest = measured.longest_run();
+        let shortest = fewest_samples(&scales, measured.samples()).min(longest);
         let window = options.window.unwrap_or(shortest).clamp(2, longest.max(2));
         let everything: Vec<usize> = (0..system.terms.len()).collect();
         let compiled = Compiled::default();
@@ -154,6 +157,7 @@ impl<'a> Training<'a> {
         let mut training = Training {
             system,
             dataset,
+            measured,
             options,
             segments: Segments::default(),
             window,
@@ -196,7 +200,7 @@ impl<'a> Training<'a> {
 
     /// Cuts the data anew; every segment starts from its own measurements.
     pub fn recut(&mut self, window: usize) -> Result<()> {
-        let before = std::mem::replace(&mut self.segments, cut(self.dataset, window));
+        let before = std::mem::replace(&mut self.segments, cut(&self.measured, window));
         self.window = window;
         if self.segments.list.is_empty() {
             return Err(Error::fit(
@@ -223,7 +227,7 @@ impl<'a> Training<'a> {
 
     /// The start of every segment as it was measured.
     pub(super) fn first_states(&self) -> States {
-        States::measured(self.dataset, &self.segments.list, self.system.degrees())
+        States::measured(&self.measured, &self.segments.list, self.system.degrees())
     }
 
     /// Works on a part of the segments from now on.
@@ -250,7 +254,7 @@ impl<'a> Training<'a> {
     /// The problem that a pass works on, with one weight for each observable.
     pub fn problem<'b>(&'b self, weights: &'b [f64]) -> Problem<'b> {
         Problem {
-            dataset: self.dataset,
+            measured: &self.measured,
             segments: &self.segments,
             observed: self.system.observed,
             weights,
@@ -445,7 +449,7 @@ impl<'a> Training<'a> {
         let mean = self.samples() / self.segments.list.len().max(1);
         let segments = self.segments.spread(ENOUGH_FOR_NOISE * mean);
         let degrees = self.system.degrees();
-        let mut states = States::measured(self.dataset, &segments.list, degrees);
+        let mut states = States::measured(&self.measured, &segments.list, degrees);
         let weights = self.weights();
         let problem = Problem { segments: &segments, ..self.problem(&weights) };
         let sums = settle(&problem, dynamics, theta, &mut states);
@@ -555,7 +559,7 @@ impl<'a> Training<'a> {
 
     /// Samples of all data.
     pub fn samples(&self) -> usize {
-        self.stream.map_or_else(|| self.dataset.samples(), |stream| stream.counts().1)
+        self.stream.map_or_else(|| self.measured.samples(), |stream| stream.counts().1)
     }
 
     /// Makes the integrator as accurate as the present model and noise ask for.

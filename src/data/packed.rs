@@ -1,0 +1,176 @@
+//! Runs one after the other in memory.
+
+use std::ops::Range;
+use std::sync::OnceLock;
+
+use rayon::prelude::*;
+
+use super::{Dataset, Run};
+
+/// What was measured, run after run in one column for each observable.
+///
+/// The runs of a data set lie wherever they were read to, and a pass over many short ones waits
+/// for memory at each of them; here they lie in the order in which they are needed. That takes as
+/// much memory again as the numbers of the data set.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Packed {
+    times: Vec<f64>,
+    /// `[observable][sample]`; NaN where nothing was measured.
+    values: Vec<Vec<f64>>,
+    /// The samples of each run.
+    places: Vec<Range<usize>>,
+    typical: OnceLock<f64>,
+}
+
+/// Runs of each pile that one thread copies at a time.
+const SIDE_BY_SIDE: usize = 64;
+
+impl Packed {
+    /// All runs of a data set, dealt like cards on so many piles: each pile lies together.
+    pub fn of(dataset: &Dataset, piles: usize) -> Packed {
+        let runs = &dataset.runs;
+        let lengths: Vec<usize> = runs.iter().map(|run| run.times.len()).collect();
+        let observables = runs.iter().map(|run| run.values.len()).max().unwrap_or(0);
+        let samples = lengths.iter().sum();
+        let mut times = vec![0.0; samples];
+        let mut values = vec![vec![0.0; samples]; observables];
+        let columns = std::iter::once(&mut times).chain(&mut values);
+        let mut rest: Vec<&mut [f64]> = columns.map(Vec::as_mut_slice).collect();
+        let mut places = vec![0..0; runs.len()];
+        // Runs are read in the order in which they were made, and each has its pile to go to.
+        let piles = piles.max(1);
+        let deals = runs.chunks(piles * SIDE_BY_SIDE);
+        let mut parts: Vec<Vec<Columns>> =
+            deals.clone().map(|_| Vec::with_capacity(piles)).collect();
+        let mut end = 0;
+        for pile in 0..piles {
+            for (deal, part) in parts.iter_mut().enumerate() {
+                let (first, start) = (deal * piles * SIDE_BY_SIDE, end);
+                let last = (first + piles * SIDE_BY_SIDE).min(runs.len());
+                for run in (first + pile..last).step_by(piles) {
+                    places[run] = end..end + lengths[run];
+                    end = places[run].end;
+                }
+                let size = end - start;
+                part.push(rest.iter_mut().filter_map(|all| all.split_off_mut(..size)).collect());
+            }
+        }
+        parts.into_par_iter().zip(deals.collect::<Vec<_>>()).for_each(|(mut piles, runs)| {
+            let count = piles.len();
+            runs.iter().enumerate().for_each(|(at, run)| put(run, &mut piles[at % count]));
+        });
+        Packed { times, values, places, ..Packed::default() }
+    }
+
+    /// Columns that are one run already, `[observable][sample]`.
+    pub fn run_of(times: Vec<f64>, values: Vec<Vec<f64>>) -> Packed {
+        let places = std::iter::once(0..times.len()).collect();
+        Packed { times, values, places, ..Packed::default() }
+    }
+
+    /// How many runs there are.
+    pub fn runs(&self) -> usize {
+        self.places.len()
+    }
+
+    /// How many samples there are in all.
+    pub fn samples(&self) -> usize {
+        self.times.len()
+    }
+
+    /// Number of samples of the longest run.
+    pub fn longest_run(&self) -> usize {
+        self.places.iter().map(Range::len).max().unwrap_or(0)
+    }
+
+    /// Sample times of a run, in the spec's time unit, strictly increasing.
+    pub fn times_of(&self, run: usize) -> &[f64] {
+        &self.times[self.samples_of(run)]
+    }
+
+    /// What a run shows of an observable; nothing where it was never measured.
+    pub fn values_of(&self, observable: usize, run: usize) -> &[f64] {
+        self.values.get(observable).map_or(&[], |column| &column[self.samples_of(run)])
+    }
+
+    /// What all runs show of an observable, pile after pile.
+    pub fn column(&self, observable: usize) -> &[f64] {
+        self.values.get(observable).map_or(&[], Vec::as_slice)
+    }
+
+    /// The median interval between consecutive samples of a run; 0 when there is none.
+    pub fn typical_step(&self) -> f64 {
+        let runs = || (0..self.runs()).map(|run| self.times_of(run));
+        *self.typical.get_or_init(|| typical_step(runs()))
+    }
+
+    fn samples_of(&self, run: usize) -> Range<usize> {
+        self.places[run].clone()
+    }
+}
+
+/// The median interval between consecutive times of runs; 0 when there is none.
+pub fn typical_step<'a>(runs: impl Iterator<Item = &'a [f64]>) -> f64 {
+    let mut steps: Vec<f64> =
+        runs.flat_map(|times| times.windows(2).map(|pair| pair[1] - pair[0])).collect();
+    if steps.is_empty() {
+        return 0.0;
+    }
+    let middle = steps.len() / 2;
+    *steps.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// What is still empty of a part of all columns, the times first.
+type Columns<'a> = Vec<&'a mut [f64]>;
+
+/// Copies a run to where the columns are still empty.
+fn put(run: &Run, columns: &mut Columns) {
+    let measured = std::iter::once(&run.times).chain(&run.values).map(Some);
+    let missing = std::iter::repeat(None);
+    for (column, values) in columns.iter_mut().zip(measured.chain(missing)) {
+        let Some(place) = column.split_off_mut(..run.times.len()) else { continue };
+        match values {
+            Some(values) => place.copy_from_slice(values),
+            None => place.fill(f64::NAN),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_lie_one_after_the_other() {
+        let run = |length: usize, columns: usize| Run {
+            name: String::new(),
+            times: (0..length).map(|i| i as f64).collect(),
+            values: (0..columns).map(|c| vec![(10 * length + c) as f64; length]).collect(),
+            lines: vec![0; length],
+        };
+        // More runs than one thread copies, of different lengths, one of them without a column.
+        let mut runs: Vec<Run> = (0..7 * SIDE_BY_SIDE + 4).map(|i| run(1 + i % 4, 2)).collect();
+        runs[5] = run(3, 1);
+        let dataset = Dataset { observables: vec!["q".into(), "p".into()], runs };
+        let packed = Packed::of(&dataset, 3);
+        assert_eq!(packed.runs(), dataset.runs.len());
+        assert_eq!(packed.samples(), dataset.samples());
+        assert_eq!(packed.longest_run(), 4);
+        assert_eq!(packed.typical_step(), 1.0);
+        for (at, run) in dataset.runs.iter().enumerate() {
+            assert_eq!(packed.times_of(at), run.times);
+            assert_eq!(packed.values_of(0, at), run.values[0]);
+            match run.values.get(1) {
+                Some(values) => assert_eq!(packed.values_of(1, at), values),
+                None => assert!(packed.values_of(1, at).iter().all(|x| x.is_nan())),
+            }
+            assert!(packed.values_of(2, at).is_empty());
+        }
+        // Runs of one pile lie next to each other.
+        let pile: Vec<f64> =
+            [0, 3, 6].iter().flat_map(|&run| packed.times_of(run).to_vec()).collect();
+        assert_eq!(packed.times[..pile.len()], pile);
+        assert_eq!(packed.column(0).len(), packed.samples());
+        assert_eq!(Packed::of(&Dataset::default(), 16).runs(), 0);
+    }
+}
