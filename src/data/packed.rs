@@ -29,8 +29,8 @@ impl Packed {
     /// All runs of a data set, dealt like cards on so many piles: each pile lies together.
     pub fn of(dataset: &Dataset, piles: usize) -> Packed {
         let runs = &dataset.runs;
-        let lengths: Vec<usize> = runs.iter().map(|run| run.times.len()).collect();
-        let observables = runs.iter().map(|run| run.values.len()).max().unwrap_or(0);
+        let lengths: Vec<usize> = runs.par_iter().map(|run| run.times.len()).collect();
+        let observables = runs.par_iter().map(|run| run.values.len()).max().unwrap_or(0);
         let samples = lengths.iter().sum();
         let mut times = vec![0.0; samples];
         let mut values = vec![vec![0.0; samples]; observables];

@@ -175,7 +175,7 @@ impl<'a> Context<'a> {
         let mut context = self.again();
         for window in [FIRST_LOOK.min(self.window), self.window] {
             let options = Options { window: Some(window), ..Options::default() };
-            let mut training = Training::new(self.system, self.dataset, &options).ok()?;
+            let mut training = Training::over(self.system, self.measured.clone(), &options).ok()?;
             training.noise.clone_from(&self.noise);
             training.support.clone_from(&self.support);
             training.parameters.clone_from(&context.parameters);

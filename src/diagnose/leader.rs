@@ -286,7 +286,7 @@ const LEFT: f64 = 0.1;
 fn fit(settled: &Settled, candidate: &Candidate, start: Start, care: Care) -> Option<Refitted> {
     let context = &settled.context;
     let options = Options { window: Some(context.window), ..Options::default() };
-    let mut training = Training::new(&start.system, context.dataset, &options).ok()?;
+    let mut training = Training::over(&start.system, context.measured.clone(), &options).ok()?;
     training.segments.clone_from(&settled.segments);
     training.states.clone_from(&settled.states);
     training.noise.clone_from(&context.noise);

@@ -81,7 +81,7 @@ impl Rival {
             terms.filter(|&k| system.terms[k].effect.as_deref() == Some(label)).collect();
         let known: Vec<usize> = support_in(context, &system).collect();
         let options = Options { window: Some(context.window), ..Options::default() };
-        let mut training = Training::new(&system, context.dataset, &options)?;
+        let mut training = Training::over(&system, context.measured.clone(), &options)?;
         training.noise.clone_from(&context.noise);
         training.integrator.stepping = context.stepping;
         training.coefficients.fill(0.0);

@@ -67,8 +67,8 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
     let (runs, samples, segments) = match training.stream {
         Some(stream) => stream.counts(),
         None => {
-            let dataset = training.dataset;
-            (dataset.runs.len(), dataset.samples(), training.segments.list.len())
+            let measured = &training.measured;
+            (measured.runs(), measured.samples(), training.segments.list.len())
         }
     };
     let chosen = candidates.first().map(|c| c.criterion).unwrap_or(f64::NAN);
@@ -90,7 +90,7 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
             runs,
             samples,
             segments,
-            searched_first: training.stream.map(|_| training.dataset.samples()),
+            searched_first: training.stream.map(|_| training.measured.samples()),
             window: training.window,
             residuals,
             exploded: refit.sums().exploded,

@@ -5,7 +5,6 @@ use super::gauss_newton::StopReason;
 use super::monitor::Monitor;
 use super::options::Options;
 use super::resume::Start;
-use super::segments::longest_run;
 use super::train::{Extent, Round, Training};
 use crate::data::Dataset;
 use crate::error::Result;
@@ -24,7 +23,7 @@ const FIRST_SEGMENTS: usize = 256;
 /// Trains from the spec's start, or from the best of several starts, on growing segments.
 pub fn train<'a>(
     system: &'a System,
-    dataset: &'a Dataset,
+    dataset: &Dataset,
     options: &'a Options,
     monitor: &dyn Monitor,
 ) -> Result<(Training<'a>, Round)> {
@@ -73,7 +72,7 @@ fn lengthen<'a>(
 /// and the support is searched around it.
 pub fn train_on<'a>(
     system: &'a System,
-    dataset: &'a Dataset,
+    dataset: &Dataset,
     options: &'a Options,
     start: &Start,
     monitor: &dyn Monitor,
@@ -84,7 +83,7 @@ pub fn train_on<'a>(
     training.coefficients.clone_from(&start.coefficients);
     training.parameters.clone_from(&start.parameters);
     training.noise.clone_from(&start.noise);
-    let longest = longest_run(dataset).max(2);
+    let longest = training.measured.longest_run().max(2);
     training.recut(options.window.unwrap_or(start.window).clamp(2, longest))?;
     training.sharpen();
     monitor.stage("going on from the model", 0.2);
@@ -101,8 +100,7 @@ fn grow<'a>(
     mut round: Round,
     monitor: &dyn Monitor,
 ) -> Result<(Training<'a>, Round)> {
-    let dataset = training.dataset;
-    let longest = longest_run(dataset).min(LONGEST);
+    let longest = training.measured.longest_run().min(LONGEST);
     while training.window < longest && round.refit.stop != StopReason::Interrupted {
         if monitor.stopped() {
             round.refit.stop = StopReason::Interrupted;

@@ -179,17 +179,13 @@ pub struct Linearised {
 
 impl Linearised {
     /// What the folds left, put together in their order.
-    pub(super) fn of(parts: Vec<Left>, observables: usize) -> Linearised {
+    pub(super) fn of(folds: impl IntoIterator<Item = Left>, observables: usize) -> Linearised {
         let mut all =
             Linearised { folds: Vec::new(), sums: Sums::new(observables), responses: None };
-        for part in parts {
-            let Left { factor, sums, responses } = part;
+        for Left { factor, sums, responses } in folds {
             all.sums.add(&sums);
             all.folds.push(factor);
-            match (&mut all.responses, responses) {
-                (Some(responses), Some(more)) => responses.append(&more),
-                (known, more) => *known = more,
-            }
+            join(&mut all.responses, responses);
         }
         all
     }
@@ -218,9 +214,10 @@ pub fn linearise(
     if let Some(stream) = problem.stream {
         return stream.pass(problem, law, law);
     }
-    let starts = problem.segments.folds.iter().map(|fold| states.part(fold.clone())).collect();
+    let parts = Parts::of(problem, dynamics);
+    let starts = parts.ranges().map(|range| states.part(range.clone())).collect();
     let nothing = FoldPass::new(dynamics.unknowns(), problem.weights.len());
-    each_fold(problem, dynamics, &nothing, starts, |part, segments, starts, range, scratch| {
+    parts.each(problem, &nothing, starts, |part, segments, starts, range, scratch| {
         part.take(problem, law, segments, &starts[range], scratch);
     })
 }
@@ -277,45 +274,81 @@ fn settle_and_take_all(
     led: Option<&States>,
 ) -> Linearised {
     let size = 2 * present.0.degrees();
+    let parts = Parts::of(problem, whole.0);
     let mut rest = states.all_mut();
-    let mut split = |fold: &Range<usize>| rest.split_off_mut(..fold.len() * size);
-    let starts = problem.segments.folds.iter();
+    let mut split = |range: &Range<usize>| rest.split_off_mut(..range.len() * size);
+    let starts = parts.ranges();
     let starts = starts
-        .filter_map(|fold| Some((split(fold)?, led.map(|led| led.part(fold.clone())))))
+        .filter_map(|range| Some((split(range)?, led.map(|led| led.part(range.clone())))))
         .collect();
-    each_fold(problem, whole.0, nothing, starts, |part, segments, (starts, led), range, scratch| {
+    parts.each(problem, nothing, starts, |part, segments, (starts, led), range, scratch| {
         let led = led.map(|led| &led[range.clone()]);
         part.settle_and_take(problem, (present, whole), segments, &mut starts[range], led, scratch);
     })
 }
 
-/// One pass over every fold, block after block, each beginning with `nothing`: `take` gets the
-/// segments of a block, the states of its fold and the range of the block's own among them.
-fn each_fold<S: Send>(
-    problem: &Problem,
-    dynamics: &Dynamics,
-    nothing: &FoldPass,
-    starts: Vec<S>,
-    take: impl Fn(&mut FoldPass, &[Segment], &mut S, Range<usize>, &mut Scratch) + Sync,
-) -> Linearised {
-    let size = 2 * dynamics.degrees();
-    let width = width(problem, size + dynamics.unknowns() + 1);
-    let parts: Vec<Left> = problem
-        .segments
-        .folds
-        .par_iter()
-        .zip(starts)
-        .map_init(KeptScratch::new, |scratch, (fold, mut starts)| {
-            let segments = &problem.segments.list[fold.clone()];
-            let mut part = nothing.clone();
-            for range in blocks(0..segments.len(), width) {
-                let own = range.start * size..range.end * size;
-                take(&mut part, &segments[range], &mut starts, own, scratch);
-            }
-            part.finish()
-        })
-        .collect();
-    Linearised::of(parts, problem.weights.len())
+/// The folds in parts that threads take one after the other. They depend on the segments and the
+/// number of unknowns alone, never on the number of threads.
+struct Parts {
+    /// Of each part its fold, and its range in the list of segments.
+    parts: Vec<(usize, Range<usize>)>,
+    /// Segments of a block.
+    width: usize,
+    /// Numbers of a state.
+    size: usize,
+}
+
+/// Rows of a part, at least: fewer are done before another thread could take them over.
+const PART_ROWS: usize = 8192;
+/// For each unknown, at least: every part has a factor to be brought together with the others.
+const PART_ROWS_EACH: usize = 16;
+
+impl Parts {
+    fn of(problem: &Problem, dynamics: &Dynamics) -> Parts {
+        let (size, unknowns) = (2 * dynamics.degrees(), dynamics.unknowns());
+        let width = width(problem, size + unknowns + 1);
+        let rows_each = (problem.segments.longest() * problem.weights.len()).max(1);
+        let rows = PART_ROWS.max(PART_ROWS_EACH * unknowns);
+        let segments = rows.div_ceil(rows_each).next_multiple_of(width);
+        let folds = problem.segments.folds.iter().enumerate();
+        let parts = folds.flat_map(|(fold, range)| {
+            blocks(range.clone(), segments).into_iter().map(move |part| (fold, part))
+        });
+        Parts { parts: parts.collect(), width, size }
+    }
+
+    fn ranges(&self) -> impl Iterator<Item = &Range<usize>> {
+        self.parts.iter().map(|(_, range)| range)
+    }
+
+    /// One pass over all parts, block after block, each beginning with `nothing`: `take` gets the
+    /// segments of a block, the states of its part and the range of the block's own among them.
+    fn each<S: Send>(
+        &self,
+        problem: &Problem,
+        nothing: &FoldPass,
+        starts: Vec<S>,
+        take: impl Fn(&mut FoldPass, &[Segment], &mut S, Range<usize>, &mut Scratch) + Sync,
+    ) -> Linearised {
+        let done: Vec<(usize, Left)> = self
+            .parts
+            .par_iter()
+            .zip(starts)
+            .map_init(KeptScratch::new, |scratch, ((fold, part), mut starts)| {
+                let segments = &problem.segments.list[part.clone()];
+                let mut pass = nothing.clone();
+                for range in blocks(0..segments.len(), self.width) {
+                    let own = range.start * self.size..range.end * self.size;
+                    take(&mut pass, &segments[range], &mut starts, own, scratch);
+                }
+                (*fold, pass.finish())
+            })
+            .collect();
+        let folds = problem.segments.folds.len();
+        let mut parts: Vec<Vec<Left>> = (0..folds).map(|_| Vec::new()).collect();
+        done.into_iter().for_each(|(fold, left)| parts[fold].push(left));
+        Linearised::of(parts.into_iter().filter_map(Left::together), problem.weights.len())
+    }
 }
 
 /// One fold of the data, while its segments go by.
@@ -409,11 +442,37 @@ impl FoldPass {
     }
 }
 
-/// What one fold of the data leaves.
+/// What one fold of the data leaves, or a part of it.
 pub(super) struct Left {
     factor: Factor,
     sums: Sums,
     responses: Option<Responses>,
+}
+
+impl Left {
+    /// What the parts of a fold leave, in their order; `None` where there are no parts.
+    pub(super) fn together(mut parts: Vec<Left>) -> Option<Left> {
+        if parts.len() < 2 {
+            return parts.pop();
+        }
+        let columns = parts[0].factor.columns();
+        let factor = Factor::together(columns, parts.iter().map(|part| (&part.factor, 1)));
+        let mut parts = parts.into_iter();
+        let mut all = Left { factor, ..parts.next()? };
+        for Left { sums, responses, .. } in parts {
+            all.sums.add(&sums);
+            join(&mut all.responses, responses);
+        }
+        Some(all)
+    }
+}
+
+/// Responses of further segments, where there are any.
+fn join(known: &mut Option<Responses>, more: Option<Responses>) {
+    match (known.as_mut(), more) {
+        (Some(known), Some(more)) => known.append(&more),
+        (_, more) => *known = more,
+    }
 }
 
 fn width(problem: &Problem, columns: usize) -> usize {

@@ -1,5 +1,6 @@
 //! Segments: the stretches of measurement whose initial state is one unknown.
 
+use std::iter::StepBy;
 use std::ops::Range;
 
 use rayon::prelude::*;
@@ -35,6 +36,16 @@ pub struct Segments {
 }
 
 impl Segments {
+    /// The segments of each fold in the order of runs and times; short ones come first here.
+    pub(super) fn of(mut folds: Vec<Vec<Segment>>) -> Segments {
+        folds.par_iter_mut().for_each(|fold| fold.sort_by_key(|segment| segment.samples()));
+        let ends = folds.iter().scan(0, |end, fold| {
+            *end += fold.len();
+            Some(*end - fold.len()..*end)
+        });
+        Segments { folds: ends.collect(), list: folds.concat() }
+    }
+
     /// Samples of the longest segment, which may be one more than the window it was cut with.
     pub fn longest(&self) -> usize {
         self.list.iter().map(|s| s.samples()).max().unwrap_or(1)
@@ -99,9 +110,6 @@ pub(super) const FOLDS: usize = 16;
 /// An interval this many times the typical one is a hole that no segment bridges.
 const HOLE: f64 = 10.0;
 
-/// Runs that are cut by one thread at a time.
-const SIDE_BY_SIDE: usize = 1024;
-
 /// A data set as it is worked on: runs of one fold lie next to each other.
 pub fn packed(dataset: &Dataset) -> Packed {
     Packed::of(dataset, FOLDS)
@@ -115,9 +123,9 @@ pub fn packed(dataset: &Dataset) -> Packed {
 pub fn cut(measured: &Packed, window: usize) -> Segments {
     let runs = measured.runs();
     let typical = measured.typical_step();
-    let of_runs = |from: usize| {
-        let mut segments = Vec::new();
-        for run in from..(from + SIDE_BY_SIDE).min(runs) {
+    let of = |runs: StepBy<Range<usize>>| {
+        let mut segments = Vec::with_capacity(runs.len());
+        for run in runs {
             let times = measured.times_of(run);
             cut_run(times, window, typical, times.len() == 2, true, |first, last| {
                 segments.push(Segment { run, first, last });
@@ -125,16 +133,15 @@ pub fn cut(measured: &Packed, window: usize) -> Segments {
         }
         segments
     };
-    let chunks = (0..runs).into_par_iter().step_by(SIDE_BY_SIDE);
-    let segments: Vec<Segment> = chunks.flat_map_iter(of_runs).collect();
-    let count = FOLDS.min(segments.len()).max(1);
-    let total = segments.len().max(1);
-    let folded: Vec<(usize, Segment)> = segments
-        .into_iter()
-        .enumerate()
-        .map(|(i, s)| (if runs >= count { s.run % count } else { i * count / total }, s))
-        .collect();
-    let mut segments = sort_into_folds(&folded, count);
+    let folds = if runs >= FOLDS {
+        (0..FOLDS).into_par_iter().map(|fold| of((fold..runs).step_by(FOLDS))).collect()
+    } else {
+        let all = of((0..runs).step_by(1));
+        let count = FOLDS.min(all.len());
+        let start = |fold: usize| (fold * all.len()).div_ceil(count);
+        (0..count).map(|fold| all[start(fold)..start(fold + 1)].to_vec()).collect()
+    };
+    let mut segments = Segments::of(folds);
     segments.folds.retain(|fold| !fold.is_empty());
     segments
 }
@@ -174,21 +181,6 @@ pub(super) fn cut_run(
         first = last + 1;
     }
     if complete { times.len() } else { first }
-}
-
-/// Brings the segments of each of `count` folds together, short ones first.
-pub(super) fn sort_into_folds(folded: &[(usize, Segment)], count: usize) -> Segments {
-    let mut sizes = vec![0; count];
-    folded.iter().for_each(|&(fold, _)| sizes[fold] += 1);
-    let mut parts: Vec<Vec<Segment>> = sizes.iter().map(|&size| Vec::with_capacity(size)).collect();
-    folded.iter().for_each(|&(fold, segment)| parts[fold].push(segment));
-    // They came in the order of runs and times, which segments of the same length keep.
-    parts.par_iter_mut().for_each(|part| part.sort_by_key(|segment| segment.samples()));
-    let ends = sizes.iter().scan(0, |end, size| {
-        *end += size;
-        Some(*end - size..*end)
-    });
-    Segments { folds: ends.collect(), list: parts.concat() }
 }
 
 /// First and last samples of the segments of one run, in a data set whose usual interval

@@ -3,16 +3,17 @@
 //! A pass reads a source from the first chunk to the last. Of every chunk only the triangular
 //! factors stay, one for each fold: initial states are settled anew from the measurements in
 //! every pass, for keeping them would take as much memory as the data. While one chunk is worked
-//! on the next one is read, by the same threads.
+//! on the next one is read and cut, by the same threads.
 
+use std::ops::Range;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use rayon::prelude::*;
 
 use super::monitor::Monitor;
-use super::pass::{FoldPass, Linearised, Problem, block_width};
-use super::segments::{FOLDS, Segment, Segments, blocks, cut_run, sort_into_folds};
+use super::pass::{FoldPass, Left, Linearised, Problem, block_width};
+use super::segments::{FOLDS, Segment, Segments, blocks, cut_run};
 use super::states::States;
 use crate::data::{Chunk, Packed, Source, Survey};
 use crate::dynamics::{Dynamics, Scratch};
@@ -20,6 +21,11 @@ use crate::error::{Error, Result};
 
 /// Samples of a long run that go into the same fold, at least.
 const STRETCH: u64 = 8192;
+
+/// Shares of a fold that threads take one after the other, each with a factor of its own,
+const SHARES: usize = 4;
+/// where there are no more unknowns than these.
+const FEW_UNKNOWNS: usize = 200;
 
 /// Data that are read anew in every pass.
 pub struct Stream<'a> {
@@ -123,25 +129,26 @@ impl<'a> Stream<'a> {
             before: 0,
         };
         let (unknowns, observables) = (by.0.unknowns(), problem.weights.len());
-        let mut folds: Vec<(FoldPass, Scratch)> =
-            (0..FOLDS).map(|_| (FoldPass::new(unknowns, observables), Scratch::new())).collect();
+        let shares = if unknowns <= FEW_UNKNOWNS { SHARES } else { 1 };
+        let begin = |_| (FoldPass::new(unknowns, observables), Scratch::new());
+        let mut parts: Vec<(FoldPass, Scratch)> = (0..FOLDS * shares).map(begin).collect();
         let (mut segments, mut transitions) = (0, 0);
         self.monitor.stage(&format!("pass {number} over all data"), 0.0);
         let mut pass = self.source.pass()?;
-        let mut next = pass.next()?;
-        while let Some(chunk) = next.take() {
+        let mut next = pass.next()?.map(|chunk| cutter.cut(chunk));
+        while let Some((measured, cut)) = next.take() {
             if self.monitor.stopped() || self.failed() {
                 return Ok(None);
             }
-            let (measured, cut) = cutter.cut(chunk);
             segments += cut.list.len();
             transitions += cut.list.iter().map(|s| s.samples() as u64 - 1).sum::<u64>();
             let here = Problem { measured: &measured, segments: &cut, stream: None, ..*problem };
             let (read, ()) = rayon::join(
-                || pass.next(),
+                || pass.next().map(|chunk| chunk.map(|chunk| cutter.cut(chunk))),
                 || {
-                    folds.par_iter_mut().zip(&cut.folds).for_each(|((fold, scratch), range)| {
-                        work(&here, window, present, by, range.clone(), fold, scratch);
+                    parts.par_iter_mut().enumerate().for_each(|(at, (part, scratch))| {
+                        let range = share(&cut.folds[at / shares], at % shares, shares);
+                        work(&here, window, present, by, range, part, scratch);
                     });
                 },
             );
@@ -151,19 +158,26 @@ impl<'a> Stream<'a> {
                 format!("pass {number} over all data, {rate:.2} million transitions a second");
             self.monitor.stage(&what, pass.fraction());
         }
-        let parts = folds.into_iter().map(|(fold, _)| fold.finish()).collect();
+        let mut left = parts.into_iter().map(|(part, _)| part.finish());
+        let folds = (0..FOLDS).filter_map(|_| Left::together(left.by_ref().take(shares).collect()));
         self.kept().segments = segments;
-        Ok(Some((Linearised::of(parts, observables), transitions)))
+        Ok(Some((Linearised::of(folds, observables), transitions)))
     }
 }
 
-/// Takes the segments of one fold of a chunk in.
+/// One of so many shares of a range.
+fn share(range: &Range<usize>, at: usize, shares: usize) -> Range<usize> {
+    let end = |at: usize| range.start + range.len() * at / shares;
+    end(at)..end(at + 1)
+}
+
+/// Takes some segments of one fold of a chunk in.
 fn work(
     problem: &Problem,
     window: usize,
     present: (&Dynamics, &[f64]),
     by: (&Dynamics, &[f64]),
-    range: std::ops::Range<usize>,
+    range: Range<usize>,
     fold: &mut FoldPass,
     scratch: &mut Scratch,
 ) {
@@ -203,7 +217,8 @@ impl Cutter {
                 piece.samples.end += carried;
             }
         }
-        let mut list = Vec::with_capacity(chunk.times.len() / 2);
+        let each = chunk.times.len() / 2 / FOLDS;
+        let mut folds: Vec<Vec<Segment>> = (0..FOLDS).map(|_| Vec::with_capacity(each)).collect();
         let mut left = chunk.times.len();
         for piece in &chunk.pieces {
             let times = &chunk.times[piece.samples.clone()];
@@ -214,7 +229,7 @@ impl Cutter {
                     let place = self.before + (start + first).saturating_sub(carried) as u64;
                     let fold = if self.by_runs { piece.run } else { place / STRETCH };
                     let segment = Segment { run: 0, first: start + first, last: start + last };
-                    list.push(((fold % FOLDS as u64) as usize, segment));
+                    folds[(fold % FOLDS as u64) as usize].push(segment);
                 });
             if !piece.ends {
                 left = piece.samples.start + next;
@@ -226,6 +241,6 @@ impl Cutter {
             values: chunk.values.iter().map(|values| values[left..].to_vec()).collect(),
             pieces: Vec::new(),
         };
-        (Packed::run_of(chunk.times, chunk.values), sort_into_folds(&list, FOLDS))
+        (Packed::run_of(chunk.times, chunk.values), Segments::of(folds))
     }
 }

@@ -43,8 +43,6 @@ pub struct Training<'a> {
     /// What is learned.
     pub system: &'a System,
     /// What it is learned from.
-    pub dataset: &'a Dataset,
-    /// The same, run after run.
     pub measured: Arc<Packed>,
     /// How it is learned.
     pub options: &'a Options,
@@ -72,7 +70,7 @@ pub struct Training<'a> {
     pub rounds: usize,
     /// How far the search for the support looks.
     pub extent: Extent,
-    /// All data, where they are larger than memory; `dataset` is then a sample of them.
+    /// All data, where they are larger than memory; `measured` is then a sample of them.
     pub stream: Option<&'a Stream<'a>>,
     /// Whether the next round first learns the noise from many of its segments: what is known of
     /// it comes from few.
@@ -135,9 +133,21 @@ pub struct Round {
 
 impl<'a> Training<'a> {
     /// Starts from nothing: no term, parameters at their start values.
-    pub fn new(system: &'a System, dataset: &'a Dataset, options: &'a Options) -> Result<Self> {
+    ///
+    /// # Errors
+    ///
+    /// When no coordinate is measured, or no two samples are near enough in time.
+    pub fn new(system: &'a System, dataset: &Dataset, options: &'a Options) -> Result<Self> {
+        Training::over(system, Arc::new(packed(dataset)), options)
+    }
+
+    /// The same of measurements that are packed already.
+    ///
+    /// # Errors
+    ///
+    /// As [`Training::new`].
+    pub fn over(system: &'a System, measured: Arc<Packed>, options: &'a Options) -> Result<Self> {
         let degrees = system.degrees();
-        let measured = Arc::new(packed(dataset));
         let scales = scales(&measured, 2 * degrees);
         if scales[..degrees].iter().all(|scale| scale.spread.is_none()) {
             return Err(Error::fit(
@@ -156,7 +166,6 @@ impl<'a> Training<'a> {
         let rounding: Vec<f64> = scales.iter().map(|scale| scale.rounding).collect();
         let mut training = Training {
             system,
-            dataset,
             measured,
             options,
             segments: Segments::default(),
