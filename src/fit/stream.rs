@@ -241,6 +241,27 @@ impl Cutter {
             values: chunk.values.iter().map(|values| values[left..].to_vec()).collect(),
             pieces: Vec::new(),
         };
-        (Packed::run_of(chunk.times, chunk.values), Segments::of(folds))
+        side_by_side(&chunk, Segments::of(folds))
     }
+}
+
+/// What was measured of some segments of a chunk, one after the other as they are passed over: in
+/// the chunk those of a fold lie far apart.
+fn side_by_side(chunk: &Chunk, mut segments: Segments) -> (Packed, Segments) {
+    let list = &segments.list;
+    let samples = list.iter().map(|segment| segment.samples()).sum();
+    let of = |column: &Vec<f64>| {
+        let mut own = Vec::with_capacity(samples);
+        list.iter().for_each(|segment| own.extend(&column[segment.first..=segment.last]));
+        own
+    };
+    let (times, values) =
+        rayon::join(|| of(&chunk.times), || chunk.values.par_iter().map(of).collect());
+    let mut end = 0;
+    for segment in &mut segments.list {
+        let first = end;
+        end += segment.samples();
+        *segment = Segment { first, last: end - 1, ..*segment };
+    }
+    (Packed::run_of(times, values), segments)
 }
