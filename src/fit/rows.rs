@@ -302,10 +302,14 @@ impl Rows {
         }
     }
 
-    /// By how much the squares of a lane fall if its state takes the step.
-    pub(super) fn promised(&self, lane: usize) -> f64 {
-        let last = self.columns - 1;
-        (0..self.state.min(self.rows)).map(|i| self.at(i, last, lane).powi(2)).sum()
+    /// By how much the squares of each lane fall if its state takes the step.
+    pub(super) fn promised(&self) -> Vec<f64> {
+        let mut squares = vec![0.0; self.lanes];
+        for i in 0..self.state.min(self.rows) {
+            let row = self.row(i, self.columns - 1);
+            squares.iter_mut().zip(row).for_each(|(sum, x)| *sum += x * x);
+        }
+        squares
     }
 
     /// Number of states that a lane's measurements determine, after elimination or before.

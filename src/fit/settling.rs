@@ -71,6 +71,7 @@ pub(super) fn settled(
     let mut step = vec![0.0; size * lanes];
     let mut length = vec![1.0; lanes];
     let mut settled = vec![false; lanes];
+    let mut lower = vec![false; lanes];
     let mut taken = 0;
     while taken < STEPS {
         let here = by.filter(|by| by.expected == Some(taken));
@@ -78,18 +79,14 @@ pub(super) fn settled(
         let mut rows = Rows::integrate(problem, laws, block, &trial, scratch);
         rows.eliminate_states(here.is_some_and(|by| by.responses));
         let steps = rows.state_steps();
-        let mut improved = 0;
+        let promised = rows.promised();
         for lane in 0..lanes {
             let loss = rows.losses[lane];
-            let still = is_still(problem, &rows, lane);
-            let lower = loss < best[lane] || still && loss <= best[lane] * (1.0 + ALIKE);
-            if lower || settled[lane] {
-                improved += 1;
-                let own = lane * size..(lane + 1) * size;
-                states[own.clone()].copy_from_slice(&trial[own]);
+            let still = is_still(problem, &rows, &promised, lane);
+            let alike = still && loss <= best[lane] * (1.0 + ALIKE);
+            lower[lane] = loss < best[lane] || alike || settled[lane];
+            if lower[lane] {
                 best[lane] = loss;
-                let taken = step.chunks_exact_mut(lanes).zip(steps.chunks_exact(lanes));
-                taken.for_each(|(step, taken)| step[lane] = taken[lane]);
                 length[lane] = 1.0;
                 settled[lane] = still;
             } else {
@@ -97,12 +94,25 @@ pub(super) fn settled(
                 length[lane] *= 0.25;
                 settled[lane] = !best[lane].is_finite() || length[lane] < 1e-3;
             }
-            for i in 0..size {
-                let part = if settled[lane] { 0.0 } else { length[lane] };
-                trial[lane * size + i] = states[lane * size + i] + part * step[i * lanes + lane];
+        }
+        for (step, new) in step.chunks_exact_mut(lanes).zip(steps.chunks_exact(lanes)) {
+            for ((step, new), lower) in step.iter_mut().zip(new).zip(&lower) {
+                *step = if *lower { *new } else { *step };
             }
         }
-        if settled.iter().all(|&done| done) && improved == lanes {
+        let of_lanes = states.chunks_exact_mut(size).zip(trial.chunks_exact_mut(size));
+        for (lane, (state, trial)) in of_lanes.enumerate() {
+            if lower[lane] {
+                state.copy_from_slice(trial);
+            }
+            let part = if settled[lane] { 0.0 } else { length[lane] };
+            let step = step[lane..].iter().step_by(lanes);
+            for ((trial, state), step) in trial.iter_mut().zip(state).zip(step) {
+                *trial = *state + part * step;
+            }
+        }
+        let improved = lower.iter().all(|&lower| lower);
+        if settled.iter().all(|&done| done) && improved {
             // The rows at hand are those of the settled states.
             if by.is_none() || here.is_some() {
                 return (rows, Taken { steps: taken, restless: 0, promised: 0.0 });
@@ -110,9 +120,9 @@ pub(super) fn settled(
             rows.recycle(scratch);
             break;
         }
-        let enough = |lane: usize| settled[lane] || is_nearly_still(&rows, lane);
-        if here.is_some_and(|by| by.nearly) && improved == lanes && (0..lanes).all(enough) {
-            let taken = left_to_take(&rows, taken, |lane| settled[lane]);
+        let enough = |lane: usize| settled[lane] || is_nearly_still(&rows, &promised, lane);
+        if here.is_some_and(|by| by.nearly) && improved && (0..lanes).all(enough) {
+            let taken = left_to_take(&promised, taken, |lane| settled[lane]);
             return (rows, taken);
         }
         rows.recycle(scratch);
@@ -126,19 +136,19 @@ pub(super) fn settled(
 }
 
 /// Whether the state of a lane is settled.
-fn is_still(problem: &Problem, rows: &Rows, lane: usize) -> bool {
+fn is_still(problem: &Problem, rows: &Rows, promised: &[f64], lane: usize) -> bool {
     let rounding = problem.floor.powi(2) * rows.measured[lane] as f64;
-    rows.promised(lane) <= SETTLED * rows.losses[lane] + ROUNDING * rounding
+    promised[lane] <= SETTLED * rows.losses[lane] + ROUNDING * rounding
 }
 
-fn is_nearly_still(rows: &Rows, lane: usize) -> bool {
-    rows.promised(lane) <= NEARLY_SETTLED * rows.losses[lane]
+fn is_nearly_still(rows: &Rows, promised: &[f64], lane: usize) -> bool {
+    promised[lane] <= NEARLY_SETTLED * rows.losses[lane]
 }
 
 /// What is taken where all that is left is a last step of the lanes that are not settled.
-fn left_to_take(rows: &Rows, steps: usize, settled: impl Fn(usize) -> bool) -> Taken {
-    let moving = || (0..rows.lanes).filter(|&lane| !settled(lane));
-    let promised = moving().map(|lane| rows.promised(lane)).sum();
+fn left_to_take(promised: &[f64], steps: usize, settled: impl Fn(usize) -> bool) -> Taken {
+    let moving = || (0..promised.len()).filter(|&lane| !settled(lane));
+    let promised = moving().map(|lane| promised[lane]).sum();
     Taken { steps, restless: moving().count(), promised }
 }
 
@@ -157,11 +167,12 @@ fn at_once(
     let mut rows =
         Rows::integrate(problem, Laws { present, by: Some(by.law) }, block, led, scratch);
     rows.eliminate_states(by.responses);
-    let still = |lane: usize| rows.losses[lane].is_finite() && is_still(problem, &rows, lane);
-    let near =
-        |lane: usize| by.nearly && rows.losses[lane].is_finite() && is_nearly_still(&rows, lane);
+    let promised = rows.promised();
+    let finite = |lane: usize| rows.losses[lane].is_finite();
+    let still = |lane: usize| finite(lane) && is_still(problem, &rows, &promised, lane);
+    let near = |lane: usize| by.nearly && finite(lane) && is_nearly_still(&rows, &promised, lane);
     if (0..rows.lanes).all(|lane| still(lane) || near(lane)) {
-        let taken = left_to_take(&rows, 0, still);
+        let taken = left_to_take(&promised, 0, still);
         return Some((rows, taken));
     }
     rows.recycle(scratch);

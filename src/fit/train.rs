@@ -148,14 +148,14 @@ impl<'a> Training<'a> {
     /// As [`Training::new`].
     pub fn over(system: &'a System, measured: Arc<Packed>, options: &'a Options) -> Result<Self> {
         let degrees = system.degrees();
-        let scales = scales(&measured, 2 * degrees);
+        let (scales, typical) =
+            rayon::join(|| scales(&measured, 2 * degrees), || measured.typical_step());
         if scales[..degrees].iter().all(|scale| scale.spread.is_none()) {
             return Err(Error::fit(
                 "no coordinate is measured",
                 "name the columns of the coordinates in the spec's data block",
             ));
         }
-        let typical = measured.typical_step();
         let spread: Vec<f64> = scales.iter().map(|scale| scale.spread.unwrap_or(1.0)).collect();
         let longest = measured.longest_run();
         let shortest = fewest_samples(&scales, measured.samples()).min(longest);
