@@ -53,6 +53,16 @@ fn effects_of_every_kind_are_named_and_bring_unseen_runs_to_the_noise() {
 }
 
 #[test]
+fn states_that_a_jump_kept_from_their_best_place_are_not_something_missing() {
+    for (name, effect) in [("pendulum", "stribeck_friction"), ("Duffing", "coulomb_friction")] {
+        let outcome = hidden_in(name, effect, &["q"], 0.01, 2);
+        let found = format!("{name}, {effect}: {:?} {:?}", outcome.place, outcome.group);
+        assert_eq!(outcome.verdict, Verdict::Missing, "{found}");
+        assert!(outcome.place.is_named(), "{found}");
+    }
+}
+
+#[test]
 fn nothing_is_named_where_nothing_is_hidden() {
     for name in ["pendulum", "Duffing", "trap", "Kepler", "Henon-Heiles"] {
         for (noise, seed) in [(0.01, 1), (0.05, 2)] {
