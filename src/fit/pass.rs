@@ -347,7 +347,8 @@ impl Parts {
         let folds = problem.segments.folds.len();
         let mut parts: Vec<Vec<Left>> = (0..folds).map(|_| Vec::new()).collect();
         done.into_iter().for_each(|(fold, left)| parts[fold].push(left));
-        Linearised::of(parts.into_iter().filter_map(Left::together), problem.weights.len())
+        let folds: Vec<Left> = parts.into_par_iter().filter_map(Left::together).collect();
+        Linearised::of(folds, problem.weights.len())
     }
 }
 
