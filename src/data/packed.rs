@@ -39,15 +39,14 @@ impl Packed {
         let mut places = vec![0..0; runs.len()];
         // Runs are read in the order in which they were made, and each has its pile to go to.
         let piles = piles.max(1);
-        let deals = runs.chunks(piles * SIDE_BY_SIDE);
-        let mut parts: Vec<Vec<Columns>> =
-            deals.clone().map(|_| Vec::with_capacity(piles)).collect();
+        let deal = piles * SIDE_BY_SIDE;
+        let parts = 0..runs.len().div_ceil(deal);
+        let mut parts: Vec<Vec<Columns>> = parts.map(|_| Vec::with_capacity(piles)).collect();
         let mut end = 0;
         for pile in 0..piles {
-            for (deal, part) in parts.iter_mut().enumerate() {
-                let (first, start) = (deal * piles * SIDE_BY_SIDE, end);
-                let last = (first + piles * SIDE_BY_SIDE).min(runs.len());
-                for run in (first + pile..last).step_by(piles) {
+            for (part, first) in parts.iter_mut().zip((0..).step_by(deal)) {
+                let start = end;
+                for run in (first + pile..runs.len().min(first + deal)).step_by(piles) {
                     places[run] = end..end + lengths[run];
                     end = places[run].end;
                 }
@@ -55,9 +54,8 @@ impl Packed {
                 part.push(rest.iter_mut().filter_map(|all| all.split_off_mut(..size)).collect());
             }
         }
-        parts.into_par_iter().zip(deals.collect::<Vec<_>>()).for_each(|(mut piles, runs)| {
-            let count = piles.len();
-            runs.iter().enumerate().for_each(|(at, run)| put(run, &mut piles[at % count]));
+        parts.into_par_iter().zip(runs.par_chunks(deal)).for_each(|(mut part, runs)| {
+            runs.iter().enumerate().for_each(|(at, run)| put(run, &mut part[at % piles]));
         });
         Packed { times, values, places, ..Packed::default() }
     }

@@ -32,6 +32,7 @@ const FURTHER: usize = 4;
 const SETTLED: f64 = 1e-4;
 
 /// A learned model and measurements that it is held against.
+#[derive(Clone)]
 pub struct Context<'a> {
     /// The system that the model is of.
     pub system: &'a System,
@@ -84,24 +85,12 @@ impl<'a> Context<'a> {
 
     /// The same model before other measurements.
     pub fn with_data(&self, dataset: &'a Dataset) -> Context<'a> {
-        Context { dataset, measured: Arc::new(packed(dataset)), ..self.again() }
-    }
-
-    /// The same once more.
-    pub fn again(&self) -> Context<'a> {
-        Context {
-            measured: self.measured.clone(),
-            support: self.support.clone(),
-            coefficients: self.coefficients.clone(),
-            parameters: self.parameters.clone(),
-            noise: self.noise.clone(),
-            ..*self
-        }
+        Context { dataset, measured: Arc::new(packed(dataset)), ..self.clone() }
     }
 
     /// The same model before a part of its measurements.
     pub fn thinned(&self, most: usize) -> Context<'a> {
-        Context { most, ..self.again() }
+        Context { most, ..self.clone() }
     }
 
     fn weights(&self) -> Vec<f64> {
@@ -172,7 +161,7 @@ impl<'a> Context<'a> {
     /// The same terms with their numbers fitted again, over short segments first: numbers that
     /// were taken from another model may be far off. `None` where they cannot be fitted.
     pub fn refitted(&self) -> Option<Context<'a>> {
-        let mut context = self.again();
+        let mut context = self.clone();
         for window in [FIRST_LOOK.min(self.window), self.window] {
             let options = Options { window: Some(window), ..Options::default() };
             let mut training = Training::over(self.system, self.measured.clone(), &options).ok()?;
@@ -195,7 +184,7 @@ impl<'a> Context<'a> {
     /// The model with the best states of all its segments.
     pub fn settled(&self) -> Settled<'a> {
         let (segments, states, sums) = self.settle(self.window);
-        Settled { context: self.again(), segments, states, sums }
+        Settled { context: self.clone(), segments, states, sums }
     }
 }
 

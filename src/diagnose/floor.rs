@@ -30,7 +30,7 @@ const STRAYS: f64 = 100.0;
 pub fn noise_floor(context: &Context, model: &Model) -> Vec<f64> {
     let scales = scales(&context.measured, 2 * context.system.degrees());
     let window = fewest_samples(&scales, context.measured.samples());
-    let mut judge = context.again();
+    let mut judge = context.clone();
     // Relative standard error of each estimate; none where there is no estimate.
     let mut known = vec![None; judge.noise.len()];
     let (segments, mut states, mut sums) = judge.settle(window);

@@ -92,7 +92,7 @@ impl Refitted {
             coefficients: self.coefficients.clone(),
             parameters: self.parameters.clone(),
             stepping: self.stepping,
-            ..like.again()
+            ..like.clone()
         }
     }
 }

@@ -159,7 +159,7 @@ pub fn diagnose(
             asked.judge(&mut diagnosis, chain)?;
         }
         None => {
-            let longest = Context { window, ..context.again() };
+            let longest = Context { window, ..context.clone() };
             if !resolved(&context, model) {
                 diagnosis.reason = "what is left is at the limit of what the integrator and the \
                                     digits of the data resolve"
@@ -310,7 +310,7 @@ impl Asked<'_, '_> {
             }
         };
         let end =
-            links.last().map_or_else(|| self.context.again(), |last| last.context(self.context));
+            links.last().map_or_else(|| self.context.clone(), |last| last.context(self.context));
         let end = Context { window, ..end };
         let at_end = match links.last() {
             _ if explained => 0.0,

@@ -65,7 +65,8 @@ pub fn round(
     most: usize,
     monitor: &dyn Monitor,
 ) -> Result<Round> {
-    let mut context = context.again();
+    let mut context = context.clone();
+    let unseen = context.with_data(unseen);
     let (mut settled, mut few) = on_part_and_all(&context);
     let mut scores = scan(&settled, few.as_ref(), all)?;
     let mut tried = scores.tried;
@@ -104,7 +105,7 @@ pub fn round(
                 continue;
             }
         }
-        let unseen = context.with_data(unseen);
+        let unseen = Context { window: context.window, ..unseen.clone() };
         let (unseen, few_unseen) = on_part_and_all(&unseen);
         let leaders = field.judged(fitted, &unseen, few_unseen.as_ref());
         let window = leaders.first().map_or(context.window, |(_, best)| grown(best, &settled));

@@ -132,7 +132,7 @@ pub fn view(training: &Context, unseen: Option<&Context>) -> Result<View> {
 
 fn series(context: &Context, unseen: bool) -> Vec<EnergySeries> {
     // Where the model follows whole runs, these are cut more finely than for training.
-    let mut finer = context.again();
+    let mut finer = context.clone();
     finer.window = context.window.min((longest_run(context.dataset) / STRETCHES).max(4));
     let runs = context.dataset.runs.iter().zip(energies(&finer));
     runs.map(|(run, points)| EnergySeries { run: run.name.clone(), unseen, points }).collect()

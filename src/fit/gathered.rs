@@ -43,7 +43,13 @@ impl Gathered {
         }
     }
 
-    pub(super) fn flush(&mut self, factor: &mut Factor) {
+    /// Brings all rows into the factor and gives their memory back.
+    pub(super) fn release(&mut self, factor: &mut Factor) {
+        self.flush(factor);
+        self.stacked = Rectangle::zeros(0, self.stacked.columns());
+    }
+
+    fn flush(&mut self, factor: &mut Factor) {
         if self.rows == 0 {
             return;
         }

@@ -2,6 +2,7 @@
 
 use super::LARGEST_FACTOR;
 use super::options::{Options, Trainer};
+use super::pass::shares;
 use super::segments::FOLDS;
 use crate::error::{Error, Result};
 use crate::expr::System;
@@ -13,7 +14,7 @@ const GATHERED: usize = 4;
 
 /// Bytes that the triangular factors of a function space take while it is searched.
 pub fn factors(unknowns: usize) -> u64 {
-    let triangles = FOLDS + COPIES + GATHERED * rayon::current_num_threads();
+    let triangles = FOLDS * shares(unknowns) + COPIES + GATHERED * rayon::current_num_threads();
     let side = unknowns as u64 + 1;
     8u64.saturating_mul(side.saturating_mul(side)).saturating_mul(triangles as u64)
 }

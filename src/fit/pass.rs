@@ -300,19 +300,26 @@ struct Parts {
 
 /// Rows of a part, at least: fewer are done before another thread could take them over.
 const PART_ROWS: usize = 8192;
-/// For each unknown, at least: every part has a factor to be brought together with the others.
-const PART_ROWS_EACH: usize = 16;
+/// Parts of a fold, at most, each with a factor of its own,
+const SHARES: usize = 4;
+/// where there are no more unknowns than these: with more, factors take memory and time.
+const FEW_UNKNOWNS: usize = 200;
+
+/// Parts of a fold that threads take one after the other, at most.
+pub(super) fn shares(unknowns: usize) -> usize {
+    if unknowns <= FEW_UNKNOWNS { SHARES } else { 1 }
+}
 
 impl Parts {
     fn of(problem: &Problem, dynamics: &Dynamics) -> Parts {
         let (size, unknowns) = (2 * dynamics.degrees(), dynamics.unknowns());
         let width = width(problem, size + unknowns + 1);
         let rows_each = (problem.segments.longest() * problem.weights.len()).max(1);
-        let rows = PART_ROWS.max(PART_ROWS_EACH * unknowns);
-        let segments = rows.div_ceil(rows_each).next_multiple_of(width);
+        let least = PART_ROWS.div_ceil(rows_each);
         let folds = problem.segments.folds.iter().enumerate();
         let parts = folds.flat_map(|(fold, range)| {
-            blocks(range.clone(), segments).into_iter().map(move |part| (fold, part))
+            let each = range.len().div_ceil(shares(unknowns)).max(least).next_multiple_of(width);
+            blocks(range.clone(), each).into_iter().map(move |part| (fold, part))
         });
         Parts { parts: parts.collect(), width, size }
     }
@@ -431,7 +438,7 @@ impl FoldPass {
 
     /// Brings all rows into the factor, so that none take memory.
     pub(super) fn flush(&mut self) {
-        self.gathered.flush(&mut self.factor);
+        self.gathered.release(&mut self.factor);
     }
 
     /// What all of them leave, without columns that the states have absorbed.

@@ -12,20 +12,15 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use super::monitor::Monitor;
-use super::pass::{FoldPass, Left, Linearised, Problem, block_width};
+use super::pass::{FoldPass, Left, Linearised, Problem, block_width, shares};
 use super::segments::{FOLDS, Segment, Segments, blocks, cut_run};
 use super::states::States;
 use crate::data::{Chunk, Packed, Source, Survey};
-use crate::dynamics::{Dynamics, Scratch};
+use crate::dynamics::{Dynamics, KeptScratch, Scratch};
 use crate::error::{Error, Result};
 
 /// Samples of a long run that go into the same fold, at least.
 const STRETCH: u64 = 8192;
-
-/// Shares of a fold that threads take one after the other, each with a factor of its own,
-const SHARES: usize = 4;
-/// where there are no more unknowns than these.
-const FEW_UNKNOWNS: usize = 200;
 
 /// Data that are read anew in every pass.
 pub struct Stream<'a> {
@@ -129,9 +124,8 @@ impl<'a> Stream<'a> {
             before: 0,
         };
         let (unknowns, observables) = (by.0.unknowns(), problem.weights.len());
-        let shares = if unknowns <= FEW_UNKNOWNS { SHARES } else { 1 };
-        let begin = |_| (FoldPass::new(unknowns, observables), Scratch::new());
-        let mut parts: Vec<(FoldPass, Scratch)> = (0..FOLDS * shares).map(begin).collect();
+        let shares = shares(unknowns);
+        let mut parts = vec![FoldPass::new(unknowns, observables); FOLDS * shares];
         let (mut segments, mut transitions) = (0, 0);
         self.monitor.stage(&format!("pass {number} over all data"), 0.0);
         let mut pass = self.source.pass()?;
@@ -146,7 +140,9 @@ impl<'a> Stream<'a> {
             let (read, ()) = rayon::join(
                 || pass.next().map(|chunk| chunk.map(|chunk| cutter.cut(chunk))),
                 || {
-                    parts.par_iter_mut().enumerate().for_each(|(at, (part, scratch))| {
+                    let of_thread = KeptScratch::new;
+                    parts.par_iter_mut().enumerate().for_each_init(of_thread, |scratch, part| {
+                        let (at, part) = part;
                         let range = share(&cut.folds[at / shares], at % shares, shares);
                         work(&here, window, present, by, range, part, scratch);
                     });
@@ -158,7 +154,7 @@ impl<'a> Stream<'a> {
                 format!("pass {number} over all data, {rate:.2} million transitions a second");
             self.monitor.stage(&what, pass.fraction());
         }
-        let mut left = parts.into_iter().map(|(part, _)| part.finish());
+        let mut left = parts.into_iter().map(FoldPass::finish);
         let folds = (0..FOLDS).filter_map(|_| Left::together(left.by_ref().take(shares).collect()));
         self.kept().segments = segments;
         Ok(Some((Linearised::of(folds, observables), transitions)))
