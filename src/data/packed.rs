@@ -17,8 +17,8 @@ pub struct Packed {
     times: Vec<f64>,
     /// `[observable][sample]`; NaN where nothing was measured.
     values: Vec<Vec<f64>>,
-    /// The samples of each run.
-    places: Vec<Range<usize>>,
+    /// First sample of each run, and the one after its last.
+    places: Vec<[usize; 2]>,
     typical: OnceLock<f64>,
 }
 
@@ -29,40 +29,49 @@ impl Packed {
     /// All runs of a data set, dealt like cards on so many piles: each pile lies together.
     pub fn of(dataset: &Dataset, piles: usize) -> Packed {
         let runs = &dataset.runs;
-        let lengths: Vec<usize> = runs.par_iter().map(|run| run.times.len()).collect();
-        let observables = runs.par_iter().map(|run| run.values.len()).max().unwrap_or(0);
-        let samples = lengths.iter().sum();
-        let mut times = vec![0.0; samples];
-        let mut values = vec![vec![0.0; samples]; observables];
-        let columns = std::iter::once(&mut times).chain(&mut values);
-        let mut rest: Vec<&mut [f64]> = columns.map(Vec::as_mut_slice).collect();
-        let mut places = vec![0..0; runs.len()];
         // Runs are read in the order in which they were made, and each has its pile to go to.
         let piles = piles.max(1);
         let deal = piles * SIDE_BY_SIDE;
-        let parts = 0..runs.len().div_ceil(deal);
-        let mut parts: Vec<Vec<Columns>> = parts.map(|_| Vec::with_capacity(piles)).collect();
-        let mut end = 0;
+        let sizes = |runs: &[Run]| {
+            let mut sizes = vec![0; piles];
+            runs.iter().enumerate().for_each(|(at, run)| sizes[at % piles] += run.times.len());
+            (sizes, runs.iter().map(|run| run.values.len()).max())
+        };
+        let sizes: Vec<(Vec<usize>, Option<usize>)> = runs.par_chunks(deal).map(sizes).collect();
+        let observables = sizes.iter().filter_map(|part| part.1).max().unwrap_or(0);
+        let samples = sizes.iter().flat_map(|part| &part.0).sum();
+        // Zeros that nobody has written yet: the threads share the work of making room for them.
+        let mut times = vec![0.0; samples];
+        let mut values: Vec<Vec<f64>> = (0..observables).map(|_| vec![0.0; samples]).collect();
+        let mut places = vec![[0; 2]; runs.len()];
+        let columns = std::iter::once(&mut times).chain(&mut values);
+        let mut rest: Vec<&mut [f64]> = columns.map(Vec::as_mut_slice).collect();
+        let room = || Room {
+            starts: Vec::with_capacity(piles),
+            columns: Vec::with_capacity(piles * (1 + observables)),
+        };
+        let mut rooms: Vec<Room> = sizes.iter().map(|_| room()).collect();
+        let mut start = 0;
         for pile in 0..piles {
-            for (part, first) in parts.iter_mut().zip((0..).step_by(deal)) {
-                let start = end;
-                for run in (first + pile..runs.len().min(first + deal)).step_by(piles) {
-                    places[run] = end..end + lengths[run];
-                    end = places[run].end;
-                }
-                let size = end - start;
-                part.push(rest.iter_mut().filter_map(|all| all.split_off_mut(..size)).collect());
+            for (room, (sizes, _)) in rooms.iter_mut().zip(&sizes) {
+                let size = sizes[pile];
+                room.starts.push(start);
+                room.columns.extend(rest.iter_mut().filter_map(|all| all.split_off_mut(..size)));
+                start += size;
             }
         }
-        parts.into_par_iter().zip(runs.par_chunks(deal)).for_each(|(mut part, runs)| {
-            runs.iter().enumerate().for_each(|(at, run)| put(run, &mut part[at % piles]));
+        let dealt = runs.par_chunks(deal).zip(places.par_chunks_mut(deal));
+        rooms.into_par_iter().zip(dealt).for_each(|(mut room, (runs, places))| {
+            for (at, (run, place)) in runs.iter().zip(places).enumerate() {
+                *place = room.put(run, at % piles);
+            }
         });
         Packed { times, values, places, ..Packed::default() }
     }
 
     /// Columns that are one run already, `[observable][sample]`.
     pub fn run_of(times: Vec<f64>, values: Vec<Vec<f64>>) -> Packed {
-        let places = std::iter::once(0..times.len()).collect();
+        let places = vec![[0, times.len()]];
         Packed { times, values, places, ..Packed::default() }
     }
 
@@ -78,7 +87,7 @@ impl Packed {
 
     /// Number of samples of the longest run.
     pub fn longest_run(&self) -> usize {
-        self.places.iter().map(Range::len).max().unwrap_or(0)
+        self.places.iter().map(|[start, end]| end - start).max().unwrap_or(0)
     }
 
     /// Sample times of a run, in the spec's time unit, strictly increasing.
@@ -103,7 +112,8 @@ impl Packed {
     }
 
     fn samples_of(&self, run: usize) -> Range<usize> {
-        self.places[run].clone()
+        let [start, end] = self.places[run];
+        start..end
     }
 }
 
@@ -118,19 +128,32 @@ pub fn typical_step<'a>(runs: impl Iterator<Item = &'a [f64]>) -> f64 {
     *steps.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// What is still empty of a part of all columns, the times first.
-type Columns<'a> = Vec<&'a mut [f64]>;
+/// What is still empty of a part of each pile.
+struct Room<'a> {
+    /// Of each pile the first sample that is empty.
+    starts: Vec<usize>,
+    /// `[pile][column]`, the times first.
+    columns: Vec<&'a mut [f64]>,
+}
 
-/// Copies a run to where the columns are still empty.
-fn put(run: &Run, columns: &mut Columns) {
-    let measured = std::iter::once(&run.times).chain(&run.values).map(Some);
-    let missing = std::iter::repeat(None);
-    for (column, values) in columns.iter_mut().zip(measured.chain(missing)) {
-        let Some(place) = column.split_off_mut(..run.times.len()) else { continue };
-        match values {
-            Some(values) => place.copy_from_slice(values),
-            None => place.fill(f64::NAN),
+impl Room<'_> {
+    /// Copies a run to where its pile is empty; gives its samples.
+    fn put(&mut self, run: &Run, pile: usize) -> [usize; 2] {
+        let samples = run.times.len();
+        let measured = std::iter::once(&run.times).chain(&run.values).map(Some);
+        let missing = std::iter::repeat(None);
+        let width = self.columns.len() / self.starts.len();
+        let columns = self.columns[pile * width..][..width].iter_mut();
+        for (column, values) in columns.zip(measured.chain(missing)) {
+            let Some(place) = column.split_off_mut(..samples) else { continue };
+            match values {
+                Some(values) => place.copy_from_slice(values),
+                None => place.fill(f64::NAN),
+            }
         }
+        let start = self.starts[pile];
+        self.starts[pile] += samples;
+        [start, start + samples]
     }
 }
 

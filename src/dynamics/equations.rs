@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::batch::{Batch, Scratch};
 use super::flow::{Flow, FlowSource};
+use super::methods::Method;
 use crate::eval::{Backend, Evaluator, Inputs, Series, StepSource, Steps, compile, compile_steps};
 use crate::expr::{Expr, Graph, Node, Observed, Place, Symbol, System};
 
@@ -227,6 +228,16 @@ impl Dynamics {
         points.extend_from_slice(&batch.state);
         points.extend_from_slice(&batch.time);
         evaluator.evaluate(points, theta, batch.lanes, &mut out[..batch.lanes], workspace);
+    }
+
+    /// Compiles what steps of a method need, side by side, before many threads ask for it at once
+    /// and wait for one of them.
+    pub fn prepare(&self, method: Method) {
+        if method.needs_separable() {
+            rayon::join(|| self.kick(), || self.drift());
+        } else {
+            self.field();
+        }
     }
 
     /// g as a function of q (and of p where it is not separable).

@@ -34,8 +34,14 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
     let error = |k: usize| spread[(k, k)].sqrt();
 
     let candidates = &round.search.candidates;
-    let frequency =
-        inclusion(&round.folds, &round.columns, round.criterion, candidates, training.options.seed);
+    let Round { folds, merged, columns, criterion, .. } = round;
+    let (frequency, (alternatives, unlearnable)) = rayon::join(
+        || inclusion(folds, columns, *criterion, candidates, training.options.seed),
+        || {
+            let near = alternatives(merged, columns, *criterion, &training.support, CLOSE);
+            (near, open_questions(system, merged))
+        },
+    );
     let terms = training
         .support
         .iter()
@@ -110,21 +116,15 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
         },
         front: front_points(system, candidates, residuals, &training.support),
         runners_up: runners_up(system, candidates, chosen, &training.support),
-        alternatives: alternatives(
-            &round.merged,
-            &round.columns,
-            round.criterion,
-            &training.support,
-            CLOSE,
-        )
-        .into_iter()
-        .map(|a| Exchange {
-            term: label(system, a.term),
-            instead: label(system, a.instead),
-            difference: a.difference,
-        })
-        .collect(),
-        unlearnable: open_questions(system, &round.merged),
+        alternatives: alternatives
+            .into_iter()
+            .map(|a| Exchange {
+                term: label(system, a.term),
+                instead: label(system, a.instead),
+                difference: a.difference,
+            })
+            .collect(),
+        unlearnable,
         path: path_entries(training, round),
         stop: Stop {
             reason: refit.stop,

@@ -43,8 +43,9 @@ fn come_near(training: &mut Training, monitor: &dyn Monitor) -> Result<()> {
         return Ok(());
     }
     let states = std::mem::take(&mut training.states);
-    let segments = training.segments.clone();
-    training.thin(part);
+    let part = training.segments.thinned(part);
+    let segments = std::mem::replace(&mut training.segments, part);
+    training.states = training.first_states();
     training.extent = Extent::Rough;
     let rough = training.rounds(monitor);
     training.extent = Extent::Whole;

@@ -7,6 +7,7 @@
 
 mod block;
 pub mod bounded;
+mod compiled;
 mod conclude;
 pub(crate) mod course;
 pub mod criterion;

@@ -118,6 +118,7 @@ pub fn settle(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mu
         .list
         .par_chunks(width)
         .zip(states.all_mut().par_chunks_mut((width * 2 * dynamics.degrees()).max(1)))
+        .with_max_len(1)
         .map_init(KeptScratch::new, |scratch, (segments, states)| {
             let block = Block::gather(problem.measured, segments, problem.weights.len());
             let (rows, taken) = settled(problem, (dynamics, theta), None, &block, states, scratch);
@@ -341,6 +342,7 @@ impl Parts {
             .parts
             .par_iter()
             .zip(starts)
+            .with_max_len(1)
             .map_init(KeptScratch::new, |scratch, ((fold, part), mut starts)| {
                 let segments = &problem.segments.list[part.clone()];
                 let mut pass = nothing.clone();

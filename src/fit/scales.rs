@@ -30,15 +30,60 @@ pub fn fewest_samples(scales: &[Scale], samples: usize) -> usize {
 }
 
 fn scale(cells: &[f64]) -> Scale {
-    let values: Vec<f64> = cells.iter().copied().filter(|x| x.is_finite()).collect();
-    let largest = values.iter().fold(0.0f64, |m, x| m.max(x.abs()));
-    let count = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / count;
-    let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
+    let add = |a: f64, b: f64| a + b;
+    let count = over(cells, |_| 1.0, add);
+    let largest = over(cells, f64::abs, f64::max);
+    let mean = over(cells, |x| x, add) / count;
+    let variance = over(cells, |x| (x - mean).powi(2), add) / count;
     let spread = if variance > 0.0 { variance.sqrt() } else { mean.abs().max(1.0) };
     Scale {
-        spread: (!values.is_empty()).then_some(spread),
+        spread: (count > 0.0).then_some(spread),
         rounding: (8.0 * f64::EPSILON * largest).max(1e-300),
-        measured: values.len(),
+        measured: count as usize,
+    }
+}
+
+/// Samples that one thread looks at in a row.
+const SIDE_BY_SIDE: usize = 1 << 14;
+
+/// `of` of all that was measured put together by `with`, which leaves a number as it is if the
+/// other is zero: eight numbers at a time, for one alone would wait for the one before.
+fn over(
+    cells: &[f64],
+    of: impl Fn(f64) -> f64 + Sync,
+    with: impl Fn(f64, f64) -> f64 + Sync,
+) -> f64 {
+    let of_part = |part: &[f64]| {
+        let mut eight = [0.0; 8];
+        for cells in part.chunks(8) {
+            for (all, &x) in eight.iter_mut().zip(cells) {
+                *all = with(*all, if x.is_finite() { of(x) } else { 0.0 });
+            }
+        }
+        eight.into_iter().fold(0.0, &with)
+    };
+    let parts: Vec<f64> = cells.par_chunks(SIDE_BY_SIDE).map(of_part).collect();
+    parts.into_iter().fold(0.0, &with)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::data::Packed;
+
+    #[test]
+    fn gaps_do_not_count() {
+        let times: Vec<f64> = (0..40_003).map(f64::from).collect();
+        let mut column: Vec<f64> = times.iter().map(|t| 3.0 + (-1f64).powf(*t) * 0.5).collect();
+        column[7] = f64::NAN;
+        column[30_000] = f64::NAN;
+        let nothing = vec![f64::NAN; times.len()];
+        let still = vec![-4.0; times.len()];
+        let all = scales(&Packed::run_of(times, vec![column, nothing, still]), 3);
+        assert_eq!(all[0].measured, 40_001);
+        assert!((all[0].spread.unwrap_or(0.0) - 0.5).abs() < 1e-8, "{:?}", all[0]);
+        assert_eq!(all[0].rounding, 8.0 * f64::EPSILON * 3.5);
+        assert_eq!((all[1].measured, all[1].spread), (0, None));
+        assert_eq!(all[2].spread, Some(4.0));
     }
 }

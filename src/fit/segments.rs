@@ -30,8 +30,9 @@ impl Segment {
 pub struct Segments {
     /// The segments, those of one fold next to each other.
     pub list: Vec<Segment>,
-    /// Ranges of `list`. A fold holds whole runs where there are enough of them, else whole
-    /// stretches of time, so that leaving one out is leaving out something unseen.
+    /// Ranges of `list`, in each of which short segments come first. A fold holds whole runs
+    /// where there are enough of them, else whole stretches of time, so that leaving one out is
+    /// leaving out something unseen.
     pub folds: Vec<Range<usize>>,
 }
 
@@ -48,7 +49,9 @@ impl Segments {
 
     /// Samples of the longest segment, which may be one more than the window it was cut with.
     pub fn longest(&self) -> usize {
-        self.list.iter().map(|s| s.samples()).max().unwrap_or(1)
+        // The longest of a fold is its last.
+        let last = |fold: &Range<usize>| self.list[fold.clone()].last().map(|s| s.samples());
+        self.folds.iter().filter_map(last).max().unwrap_or(1)
     }
 
     /// Only the first segments of each fold, at most `most` in all. Where these are few,
@@ -89,7 +92,7 @@ impl Segments {
     /// Segments of at most about `samples` samples in all, taken evenly from every fold; all
     /// of them where there are no more. Folds with few segments are put together.
     pub fn spread(&self, samples: usize) -> Segments {
-        let all: usize = self.list.iter().map(|segment| segment.samples()).sum();
+        let all: usize = self.list.par_iter().map(|segment| segment.samples()).sum();
         let stride = all.div_ceil(samples.max(1)).max(1);
         let mut spread = Segments::default();
         for fold in &self.folds {

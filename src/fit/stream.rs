@@ -141,11 +141,14 @@ impl<'a> Stream<'a> {
                 || pass.next().map(|chunk| chunk.map(|chunk| cutter.cut(chunk))),
                 || {
                     let of_thread = KeptScratch::new;
-                    parts.par_iter_mut().enumerate().for_each_init(of_thread, |scratch, part| {
-                        let (at, part) = part;
-                        let range = share(&cut.folds[at / shares], at % shares, shares);
-                        work(&here, window, present, by, range, part, scratch);
-                    });
+                    parts.par_iter_mut().enumerate().with_max_len(1).for_each_init(
+                        of_thread,
+                        |scratch, part| {
+                            let (at, part) = part;
+                            let range = share(&cut.folds[at / shares], at % shares, shares);
+                            work(&here, window, present, by, range, part, scratch);
+                        },
+                    );
                 },
             );
             next = read?;

@@ -117,23 +117,12 @@ const POLISHED: usize = 3;
 /// Searches the supports of a factor whose unknowns are absolute (not increments).
 pub fn search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Search {
     let mut pool = Pool::new(factor, columns, criterion);
-    let penalised: Vec<bool> = (0..factor.columns()).map(|k| k < columns.terms).collect();
-    let settings = Settings { most_terms: LARGEST, ..Settings::default() };
-    let path = path(factor, &penalised, &columns.bounds, &settings);
-
+    let mut nested = Pool::new(factor, columns, criterion);
     pool.try_support(Vec::new());
-    let mut along: Vec<Vec<usize>> = (path.iter().map(PathPoint::support))
-        .map(|support| support.into_iter().filter(|&k| k < columns.terms).collect())
-        .collect();
-    along.retain(|support: &Vec<usize>| support.len() <= LARGEST);
-    pool.try_all(&along);
-    if let Some(widest) = path.iter().rev().map(PathPoint::support).next() {
-        let start: Vec<usize> = widest.into_iter().filter(|&k| k < columns.terms).collect();
-        pool.eliminate(start);
-    }
-    for level in levels(&columns.complexity) {
-        pool.eliminate((0..columns.terms).filter(|&k| columns.complexity[k] <= level).collect());
-    }
+    let (path, ()) = rayon::join(|| pool.follow_path(), || nested.eliminate_levels());
+    nested.known.into_iter().for_each(|(support, candidate)| {
+        pool.known.entry(support).or_insert(candidate);
+    });
     pool.grow();
     for candidate in pool.best(POLISHED) {
         pool.polish(candidate);
@@ -354,6 +343,33 @@ impl<'a> Pool<'a> {
         });
         all.truncate(count);
         all
+    }
+
+    /// Tries the supports of the L1 path, and those of backward elimination from its end.
+    fn follow_path(&mut self) -> Vec<PathPoint> {
+        let terms = self.columns.terms;
+        let penalised: Vec<bool> = (0..self.factor.columns()).map(|k| k < terms).collect();
+        let settings = Settings { most_terms: LARGEST, ..Settings::default() };
+        let path = path(self.factor, &penalised, &self.columns.bounds, &settings);
+        let support = |point: &PathPoint| -> Vec<usize> {
+            point.support().into_iter().filter(|&k| k < terms).collect()
+        };
+        let mut along: Vec<Vec<usize>> = path.iter().map(support).collect();
+        let widest = along.last().cloned();
+        along.retain(|support| support.len() <= LARGEST);
+        self.try_all(&along);
+        if let Some(widest) = widest {
+            self.eliminate(widest);
+        }
+        path
+    }
+
+    /// Backward elimination of the nested spaces of the simplest terms.
+    fn eliminate_levels(&mut self) {
+        let complexity = &self.columns.complexity;
+        for level in levels(complexity) {
+            self.eliminate((0..self.columns.terms).filter(|&k| complexity[k] <= level).collect());
+        }
     }
 
     /// Removes the least useful term again and again; keeps the small supports on the way.

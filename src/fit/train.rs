@@ -6,8 +6,9 @@
 //! the integrator is made as accurate as the noise asks for.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
+use super::compiled::Compiled;
 use super::criterion::{Criterion, choice_costs, complexity};
 use super::factor::Factor;
 use super::gauss_newton::{CONVERGED, Refit, StopReason, invisible, refit};
@@ -23,7 +24,6 @@ use super::support::{self, Candidate, Columns, Search};
 use crate::data::{Dataset, Packed};
 use crate::dynamics::Dynamics;
 use crate::error::{Error, Result};
-use crate::eval::Backend;
 use crate::expr::{Bounds, Observed, Place, Symbol, System};
 
 /// Rounds at one length of segments.
@@ -91,24 +91,6 @@ pub enum Extent {
     Near,
 }
 
-/// Dynamics by their terms, each compiled once.
-#[derive(Debug, Clone, Default)]
-struct Compiled(Arc<Mutex<HashMap<Vec<usize>, Arc<Dynamics>>>>);
-
-impl Compiled {
-    /// More of them than this are forgotten.
-    const MOST: usize = 8;
-
-    fn of(&self, system: &System, terms: &[usize]) -> Arc<Dynamics> {
-        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if known.len() > Compiled::MOST {
-            known.retain(|terms, _| terms.len() == system.terms.len());
-        }
-        let compile = || Arc::new(Dynamics::new(system, terms, Backend::default()));
-        known.entry(terms.to_vec()).or_insert_with(compile).clone()
-    }
-}
-
 /// What a round ended with.
 pub struct Round {
     /// The supports that the round found.
@@ -129,6 +111,17 @@ pub struct Round {
     pub foretold: bool,
     /// Standard deviation of the noise of each observable that the residuals were weighed by.
     pub noise: Vec<f64>,
+}
+
+/// Segments, if there are any.
+fn some(segments: Segments) -> Result<Segments> {
+    if segments.list.is_empty() {
+        return Err(Error::fit(
+            "the data have no two samples close enough in time to learn from",
+            "check the time column and its unit",
+        ));
+    }
+    Ok(segments)
 }
 
 impl<'a> Training<'a> {
@@ -160,27 +153,35 @@ impl<'a> Training<'a> {
         let longest = measured.longest_run();
         let shortest = fewest_samples(&scales, measured.samples()).min(longest);
         let window = options.window.unwrap_or(shortest).clamp(2, longest.max(2));
+        let rounding: Vec<f64> = scales.iter().map(|scale| scale.rounding).collect();
         let everything: Vec<usize> = (0..system.terms.len()).collect();
         let compiled = Compiled::default();
-        let separable = compiled.of(system, &everything).separable();
-        let rounding: Vec<f64> = scales.iter().map(|scale| scale.rounding).collect();
+        let compile = || -> Result<(bool, Choice)> {
+            let whole = compiled.of(system, &everything);
+            let separable = whole.separable();
+            let first = stepping::coarse(system, options, separable, typical, &rounding)?;
+            whole.prepare(first.stepping.method);
+            Ok((separable, first))
+        };
+        let (segments, compiling) = rayon::join(|| some(cut(&measured, window)), compile);
+        let (segments, (separable, integrator)) = (segments?, compiling?);
         let mut training = Training {
             system,
-            measured,
             options,
-            segments: Segments::default(),
+            states: States::measured(&measured, &segments.list, degrees),
+            segments,
             window,
-            states: States::default(),
             coefficients: vec![0.0; system.terms.len()],
             parameters: system.parameters.iter().map(|p| p.bounds.clamp(p.start)).collect(),
             support: Vec::new(),
             noise: spread.clone(),
             spread,
-            integrator: stepping::coarse(system, options, separable, typical, &rounding)?,
+            integrator,
             separable,
             rounds: 0,
             extent: Extent::Whole,
             stream: None,
+            measured,
             reweigh: false,
             rounding,
             compiled,
@@ -188,7 +189,6 @@ impl<'a> Training<'a> {
         if system.observed == Observed::Velocities {
             training.start_as_unit_masses();
         }
-        training.recut(window)?;
         Ok(training)
     }
 
@@ -209,25 +209,18 @@ impl<'a> Training<'a> {
 
     /// Cuts the data anew; every segment starts from its own measurements.
     pub fn recut(&mut self, window: usize) -> Result<()> {
-        let before = std::mem::replace(&mut self.segments, cut(&self.measured, window));
+        let segments = some(cut(&self.measured, window))?;
+        let before = std::mem::replace(&mut self.segments, segments);
         self.window = window;
-        if self.segments.list.is_empty() {
-            return Err(Error::fit(
-                "the data have no two samples close enough in time to learn from",
-                "check the time column and its unit",
-            ));
-        }
         // Over many periods the misfit has many minima: what a state was before is a nearer start
         // than what was measured first.
         let place = |segment: &Segment| (segment.run, segment.first);
         let known: HashMap<_, _> = before.list.iter().map(place).zip(&self.states).collect();
         let mut states = self.first_states();
-        if !known.is_empty() {
-            for (at, segment) in self.segments.list.iter().enumerate() {
-                let settled = known.get(&place(segment));
-                if let Some(settled) = settled.filter(|s| s.iter().all(|x| x.is_finite())) {
-                    states.of_mut(at).copy_from_slice(settled);
-                }
+        for (at, segment) in self.segments.list.iter().enumerate() {
+            let settled = known.get(&place(segment));
+            if let Some(settled) = settled.filter(|s| s.iter().all(|x| x.is_finite())) {
+                states.of_mut(at).copy_from_slice(settled);
             }
         }
         self.states = states;
@@ -278,6 +271,7 @@ impl<'a> Training<'a> {
     /// The dynamics of some terms, and their theta at the present model.
     fn compile(&self, terms: &[usize]) -> (Arc<Dynamics>, Vec<f64>) {
         let dynamics = self.compiled.of(self.system, terms);
+        dynamics.prepare(self.integrator.stepping.method);
         let theta = self.theta(&dynamics);
         (dynamics, theta)
     }

@@ -1,0 +1,26 @@
+//! The equations of motion of the models that a training comes by.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::dynamics::Dynamics;
+use crate::eval::Backend;
+use crate::expr::System;
+
+/// Dynamics by their terms, each compiled once.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Compiled(Arc<Mutex<HashMap<Vec<usize>, Arc<Dynamics>>>>);
+
+impl Compiled {
+    /// More of them than this are forgotten.
+    const MOST: usize = 8;
+
+    pub(super) fn of(&self, system: &System, terms: &[usize]) -> Arc<Dynamics> {
+        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if known.len() > Compiled::MOST {
+            known.retain(|terms, _| terms.len() == system.terms.len());
+        }
+        let compile = || Arc::new(Dynamics::new(system, terms, Backend::default()));
+        known.entry(terms.to_vec()).or_insert_with(compile).clone()
+    }
+}
