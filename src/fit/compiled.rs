@@ -3,6 +3,8 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use super::options::Options;
+use super::stepping;
 use crate::dynamics::Dynamics;
 use crate::eval::Backend;
 use crate::expr::System;
@@ -12,6 +14,19 @@ use crate::expr::System;
 pub(super) struct Compiled(Arc<Mutex<HashMap<Vec<usize>, Arc<Dynamics>>>>);
 
 impl Compiled {
+    /// The motion by all terms, and all that first steps by it need.
+    pub(super) fn whole(system: &System, options: &Options) -> Compiled {
+        let compiled = Compiled::default();
+        let whole = compiled.of_all(system);
+        whole.prepare(options.method.unwrap_or_else(|| stepping::usual(whole.separable())));
+        compiled
+    }
+
+    /// The motion by all terms.
+    pub(super) fn of_all(&self, system: &System) -> Arc<Dynamics> {
+        self.of(system, &(0..system.terms.len()).collect::<Vec<usize>>())
+    }
+
     /// More of them than this are forgotten.
     const MOST: usize = 8;
 

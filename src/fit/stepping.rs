@@ -40,6 +40,12 @@ const FINEST: f64 = 1e-5;
 /// The error estimate is a maximum over a sample; others may be worse.
 const MARGIN: f64 = 3.0;
 
+/// The method of a first round.
+pub(super) fn usual(separable: bool) -> Method {
+    let name = if separable { "forest-ruth" } else { "gauss-legendre-4" };
+    Method::by_name(name).expect("a row of METHODS")
+}
+
 /// For the first round, whose model is rough anyway.
 ///
 /// # Errors
@@ -52,8 +58,7 @@ pub fn coarse(
     typical: f64,
     rounding: &[f64],
 ) -> Result<Choice> {
-    let usual = if separable { "forest-ruth" } else { "gauss-legendre-4" };
-    let method = options.method.or(Method::by_name(usual)).expect("a row of METHODS");
+    let method = options.method.unwrap_or_else(|| usual(separable));
     if method.needs_separable() && !separable {
         return Err(Error::usage(
             format!(

@@ -131,7 +131,9 @@ impl<'a> Training<'a> {
     ///
     /// When no coordinate is measured, or no two samples are near enough in time.
     pub fn new(system: &'a System, dataset: &Dataset, options: &'a Options) -> Result<Self> {
-        Training::over(system, Arc::new(packed(dataset)), options)
+        let compile = || Compiled::whole(system, options);
+        let (measured, compiled) = rayon::join(|| packed(dataset), compile);
+        Training::begin(system, Arc::new(measured), options, compiled)
     }
 
     /// The same of measurements that are packed already.
@@ -140,6 +142,15 @@ impl<'a> Training<'a> {
     ///
     /// As [`Training::new`].
     pub fn over(system: &'a System, measured: Arc<Packed>, options: &'a Options) -> Result<Self> {
+        Training::begin(system, measured, options, Compiled::default())
+    }
+
+    fn begin(
+        system: &'a System,
+        measured: Arc<Packed>,
+        options: &'a Options,
+        compiled: Compiled,
+    ) -> Result<Self> {
         let degrees = system.degrees();
         let (scales, typical) =
             rayon::join(|| scales(&measured, 2 * degrees), || measured.typical_step());
@@ -154,29 +165,21 @@ impl<'a> Training<'a> {
         let shortest = fewest_samples(&scales, measured.samples()).min(longest);
         let window = options.window.unwrap_or(shortest).clamp(2, longest.max(2));
         let rounding: Vec<f64> = scales.iter().map(|scale| scale.rounding).collect();
-        let everything: Vec<usize> = (0..system.terms.len()).collect();
-        let compiled = Compiled::default();
-        let compile = || -> Result<(bool, Choice)> {
-            let whole = compiled.of(system, &everything);
-            let separable = whole.separable();
-            let first = stepping::coarse(system, options, separable, typical, &rounding)?;
-            whole.prepare(first.stepping.method);
-            Ok((separable, first))
-        };
-        let (segments, compiling) = rayon::join(|| some(cut(&measured, window)), compile);
-        let (segments, (separable, integrator)) = (segments?, compiling?);
+        let (segments, separable) =
+            rayon::join(|| some(cut(&measured, window)), || compiled.of_all(system).separable());
+        let segments = segments?;
         let mut training = Training {
             system,
             options,
+            window,
             states: States::measured(&measured, &segments.list, degrees),
             segments,
-            window,
             coefficients: vec![0.0; system.terms.len()],
             parameters: system.parameters.iter().map(|p| p.bounds.clamp(p.start)).collect(),
             support: Vec::new(),
             noise: spread.clone(),
             spread,
-            integrator,
+            integrator: stepping::coarse(system, options, separable, typical, &rounding)?,
             separable,
             rounds: 0,
             extent: Extent::Whole,
