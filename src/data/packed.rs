@@ -45,21 +45,7 @@ impl Packed {
         let mut values: Vec<Vec<f64>> = (0..observables).map(|_| vec![0.0; samples]).collect();
         let mut places = vec![[0; 2]; runs.len()];
         let columns = std::iter::once(&mut times).chain(&mut values);
-        let mut rest: Vec<&mut [f64]> = columns.map(Vec::as_mut_slice).collect();
-        let room = || Room {
-            starts: Vec::with_capacity(piles),
-            columns: Vec::with_capacity(piles * (1 + observables)),
-        };
-        let mut rooms: Vec<Room> = sizes.iter().map(|_| room()).collect();
-        let mut start = 0;
-        for pile in 0..piles {
-            for (room, (sizes, _)) in rooms.iter_mut().zip(&sizes) {
-                let size = sizes[pile];
-                room.starts.push(start);
-                room.columns.extend(rest.iter_mut().filter_map(|all| all.split_off_mut(..size)));
-                start += size;
-            }
-        }
+        let rooms = rooms(sizes.iter().map(|part| part.0.as_slice()).collect(), columns.collect());
         let dealt = runs.par_chunks(deal).zip(places.par_chunks_mut(deal));
         rooms.into_par_iter().zip(dealt).for_each(|(mut room, (runs, places))| {
             for (at, (run, place)) in runs.iter().zip(places).enumerate() {
@@ -134,6 +120,28 @@ struct Room<'a> {
     starts: Vec<usize>,
     /// `[pile][column]`, the times first.
     columns: Vec<&'a mut [f64]>,
+}
+
+/// Shares whole columns out, pile after pile, to parts of the runs; `sizes` are the samples that
+/// each part has for each pile.
+fn rooms<'a>(sizes: Vec<&[usize]>, columns: Vec<&'a mut Vec<f64>>) -> Vec<Room<'a>> {
+    let mut rest: Vec<&mut [f64]> = columns.into_iter().map(Vec::as_mut_slice).collect();
+    let piles = sizes.first().map_or(0, |sizes| sizes.len());
+    let empty = || Room {
+        starts: Vec::with_capacity(piles),
+        columns: Vec::with_capacity(piles * rest.len()),
+    };
+    let mut rooms: Vec<Room> = sizes.iter().map(|_| empty()).collect();
+    let mut start = 0;
+    for pile in 0..piles {
+        for (room, sizes) in rooms.iter_mut().zip(&sizes) {
+            let size = sizes[pile];
+            room.starts.push(start);
+            room.columns.extend(rest.iter_mut().filter_map(|all| all.split_off_mut(..size)));
+            start += size;
+        }
+    }
+    rooms
 }
 
 impl Room<'_> {

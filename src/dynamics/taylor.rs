@@ -3,17 +3,17 @@
 //! Order and steps follow from the tolerance (Jorba and Zou, Experimental Mathematics 14, 2005,
 //! sections 3.1 and 3.2). Between steps the series itself gives the state at any time.
 
+use std::f64::consts::LOG2_E;
+
 use super::batch::{Batch, Scratch};
 use super::equations::Dynamics;
 use super::trajectory::{Stop, Trajectory};
+use crate::eval::{InstructionSet, add_series};
 
 /// Most steps from one time to the next.
 const MOST_STEPS: usize = 10_000_000;
 /// A step shorter than this part of the time does not move it on.
 const SHORTEST: f64 = 4.0 * f64::EPSILON;
-
-/// Components whose series are summed side by side, and sums that a series is cut into.
-const TOGETHER: usize = 4;
 
 /// How far a series was followed, and in how many steps.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,8 +45,8 @@ pub fn taylor(
     // The order that costs least; a step is then e^-2 of the radius of convergence, or a little
     // more where the order was rounded up.
     let order = (-0.5 * tolerance.ln() + 1.0).ceil().max(2.0) as usize;
-    let part = tolerance.ln() / (order - 1) as f64;
-    let size = 2 * dynamics.degrees();
+    let part = (tolerance.log2() - 0.7 * LOG2_E) / (order - 1) as f64;
+    let (size, set) = (2 * dynamics.degrees(), InstructionSet::widest());
     let series = dynamics.series(order)?;
     let mut series = series.at(theta);
     let mut state = start.to_vec();
@@ -91,14 +91,14 @@ pub fn taylor(
             let coefficients = series.coefficients();
             if ahead.abs() <= step {
                 let mut there = state.clone();
-                move_on(&mut there, &mut carry.clone(), coefficients, ahead);
+                add_series(set, &mut there, &mut carry.clone(), coefficients, ahead);
                 break Some(there);
             }
             if step < SHORTEST * time.abs() || steps - first_step >= MOST_STEPS {
                 break None;
             }
             let step = step.copysign(ahead);
-            move_on(&mut state, &mut carry, coefficients, step);
+            add_series(set, &mut state, &mut carry, coefficients, step);
             // Time is a sum of many steps too.
             let moved = step + rest;
             let now = time + moved;
@@ -124,69 +124,74 @@ pub fn taylor(
 }
 
 /// The longest step that keeps the tolerance, from the last two coefficients; `part` is the
-/// logarithm of its share of the radius of convergence.
+/// binary logarithm of its share of the radius of convergence.
 fn longest(coefficients: &[f64], state: &[f64], order: usize, part: f64) -> f64 {
     let size = state.len();
     let largest = |row: &[f64]| {
         // NaN must not be lost on the way.
         row.iter().fold(0.0, |most: f64, x| if x.abs() <= most { most } else { x.abs() })
     };
-    let whole = largest(state).max(f64::MIN_POSITIVE);
-    // The logarithm of the radius of convergence, from one coefficient.
+    let whole = binary_logarithm(largest(state).max(f64::MIN_POSITIVE));
+    // The binary logarithm of the radius of convergence, from one coefficient.
     let radius = |k: usize| {
         let last = largest(&coefficients[(k - 1) * size..k * size]);
-        (whole / last).ln() / k as f64
+        (whole - binary_logarithm(last)) * (1.0 / k as f64)
     };
     let (a, b) = (radius(order - 1), radius(order));
     if a.is_nan() || b.is_nan() {
         return f64::NAN;
     }
-    (a.min(b) + part - 0.7 / (order - 1) as f64).exp()
+    power_of_two(a.min(b) + part)
 }
 
-/// Adds the series at `step` to the state, and carries what rounding takes.
-fn move_on(state: &mut [f64], carry: &mut [f64], coefficients: &[f64], step: f64) {
-    let size = state.len();
-    for first in (0..size).step_by(TOGETHER) {
-        match size - first {
-            1 => add_series::<1>(state, carry, coefficients, first, step),
-            2 => add_series::<2>(state, carry, coefficients, first, step),
-            3 => add_series::<3>(state, carry, coefficients, first, step),
-            _ => add_series::<TOGETHER>(state, carry, coefficients, first, step),
-        }
+/// Bits of a number behind its exponent, and the exponent of one.
+const DIGITS: u32 = f64::MANTISSA_DIGITS - 1;
+const BIAS: u64 = f64::MAX_EXP as u64 - 1;
+
+/// The binary logarithm to 1e-3, far more than the length of a step needs: the next step waits
+/// for it. Interpolated between Chebyshev's points on [1, 2).
+fn binary_logarithm(x: f64) -> f64 {
+    if !x.is_normal() || x < 0.0 {
+        return x.log2();
     }
+    let exponent = (x.to_bits() >> DIGITS) as i32 - BIAS as i32;
+    let digits = x.to_bits() & ((1 << DIGITS) - 1);
+    let t = f64::from_bits(BIAS << DIGITS | digits) - 1.5;
+    f64::from(exponent) + (0.585576 + 0.960963 * t) + (0.155446 * t - 0.339752) * (t * t)
 }
 
-/// The same for N components from `first` on. Every `TOGETHER`-th coefficient is summed by
-/// itself, so that no sum has to wait for all of the others.
-fn add_series<const N: usize>(
-    state: &mut [f64],
-    carry: &mut [f64],
-    coefficients: &[f64],
-    first: usize,
-    step: f64,
-) {
-    let size = state.len();
-    let square = step * step;
-    let fourth = square * square;
-    let mut sums = [[0.0; N]; TOGETHER];
-    for rows in coefficients.chunks(TOGETHER * size).rev() {
-        for (sum, row) in sums.iter_mut().zip(rows.chunks_exact(size)) {
-            for (sum, c) in sum.iter_mut().zip(&row[first..first + N]) {
-                *sum = *sum * fourth + c;
+/// Two to a power, to 1e-4 of itself. Interpolated like the logarithm.
+fn power_of_two(x: f64) -> f64 {
+    // Numbers near this one are whole, and end in the bits of what was added to it.
+    const WHOLE: f64 = 1.5 / f64::EPSILON;
+    if x.is_nan() || x.abs() >= f64::from(f64::MAX_EXP - 2) {
+        return x.exp2();
+    }
+    let shifted = x + WHOLE;
+    let t = x - (shifted - WHOLE);
+    let power = f64::from_bits(shifted.to_bits().wrapping_add(BIAS) << DIGITS);
+    power * ((0.999924 + 0.693121 * t) + (0.242640 + 0.055922 * t) * (t * t))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rough_logarithms_and_powers_are_near() {
+        for k in -3000..3000 {
+            let x = (0.23 * f64::from(k)).exp();
+            if x.is_normal() {
+                assert!((binary_logarithm(x) - x.log2()).abs() < 1e-3, "{x}");
             }
+            let y = 0.34 * f64::from(k) + 0.01;
+            assert!((power_of_two(y) - y.exp2()).abs() <= 2e-4 * y.exp2(), "{y}");
         }
+        assert_eq!(binary_logarithm(0.0), f64::NEG_INFINITY);
+        assert_eq!(binary_logarithm(f64::INFINITY), f64::INFINITY);
+        assert!(binary_logarithm(f64::NAN).is_nan());
+        assert_eq!(power_of_two(f64::INFINITY), f64::INFINITY);
+        assert_eq!(power_of_two(f64::NEG_INFINITY), 0.0);
+        assert!(power_of_two(f64::NAN).is_nan());
     }
-    let [a, b, c, d] = sums;
-    for i in 0..N {
-        let change = (a[i] + b[i] * step) + (c[i] + d[i] * step) * square;
-        add_carried(&mut state[first + i], &mut carry[first + i], change * step);
-    }
-}
-
-fn add_carried(state: &mut f64, carry: &mut f64, change: f64) {
-    let moved = change + *carry;
-    let sum = *state + moved;
-    *carry = moved - (sum - *state);
-    *state = sum;
 }

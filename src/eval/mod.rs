@@ -1,5 +1,6 @@
 //! Evaluators: expressions compiled to functions that run over many points at once.
 
+mod advance;
 mod aligned;
 mod arrays;
 mod elementary;
@@ -18,6 +19,7 @@ mod steps;
 mod tape;
 mod uniform;
 
+pub(crate) use advance::add_series;
 pub use aligned::Aligned;
 pub(crate) use arrays::{
     Compared, add, add_carrying, add_multiple, add_products, add_squares, compare, leverages,

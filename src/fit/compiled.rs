@@ -13,6 +13,9 @@ use crate::expr::System;
 #[derive(Debug, Clone, Default)]
 pub(super) struct Compiled(Arc<Mutex<HashMap<Vec<usize>, Arc<Dynamics>>>>);
 
+/// More of them than this are forgotten.
+const MOST: usize = 8;
+
 impl Compiled {
     /// The motion by all terms, and all that first steps by it need.
     pub(super) fn whole(system: &System, options: &Options) -> Compiled {
@@ -27,12 +30,10 @@ impl Compiled {
         self.of(system, &(0..system.terms.len()).collect::<Vec<usize>>())
     }
 
-    /// More of them than this are forgotten.
-    const MOST: usize = 8;
-
+    /// The motion by some terms.
     pub(super) fn of(&self, system: &System, terms: &[usize]) -> Arc<Dynamics> {
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if known.len() > Compiled::MOST {
+        if known.len() > MOST {
             known.retain(|terms, _| terms.len() == system.terms.len());
         }
         let compile = || Arc::new(Dynamics::new(system, terms, Backend::default()));

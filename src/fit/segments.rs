@@ -246,7 +246,10 @@ mod tests {
         let data = dataset(vec![run(&times)]);
         for window in [2, 3, 5, 8, 64] {
             let mut used = vec![0; times.len()];
-            for segment in cut(&packed(&data), window).list {
+            let segments = cut(&packed(&data), window);
+            let longest = segments.list.iter().map(|segment| segment.samples()).max();
+            assert_eq!(Some(segments.longest()), longest);
+            for segment in segments.list {
                 assert!(segment.samples() >= 2 && segment.samples() <= window + 1);
                 assert!(times[segment.last] - times[segment.first] < 40.0);
                 (segment.first..=segment.last).for_each(|j| used[j] += 1);
