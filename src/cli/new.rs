@@ -223,6 +223,10 @@ fn guess(table: &Table) -> Result<Guess<'_>> {
         ));
     }
     let mut guess = Guess { time, run, pairs, role, unused: Vec::new() };
+    // A wrong cell is told now, not by the first fit.
+    for column in guess.used().chain([guess.time]) {
+        table.numbers(column)?;
+    }
     let used: Vec<&str> = guess.used().map(|column| column.header.as_str()).collect();
     guess.unused = rest.into_iter().filter(|c| !used.contains(&c.header.as_str())).collect();
     Ok(guess)

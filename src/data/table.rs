@@ -138,17 +138,18 @@ impl Table {
         column.cells.number(row, self.reading.decimal_comma())
     }
 
-    /// Whether every cell of a column is a finite number or missing, and one is a number.
+    /// Whether a column is one of numbers, though some of its cells may be wrong: more of them
+    /// are finite numbers than are anything else but missing.
     pub fn is_numeric(&self, column: &Column) -> bool {
-        let mut numbers = 0;
+        let (mut numbers, mut others) = (0, 0);
         for row in 0..column.cells.len() {
             match self.cell(column, row) {
                 Cell::Number(_) => numbers += 1,
                 Cell::Missing => {}
-                _ => return false,
+                _ => others += 1,
             }
         }
-        numbers > 0
+        numbers > others
     }
 
     /// A column as numbers, NaN where a cell is missing.
