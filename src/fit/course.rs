@@ -43,9 +43,7 @@ fn come_near(training: &mut Training, monitor: &dyn Monitor) -> Result<()> {
         return Ok(());
     }
     let states = std::mem::take(&mut training.states);
-    let part = training.segments.thinned(part);
-    let segments = std::mem::replace(&mut training.segments, part);
-    training.states = training.first_states();
+    let segments = training.thin(part);
     training.extent = Extent::Rough;
     let rough = training.rounds(monitor);
     training.extent = Extent::Whole;

@@ -114,7 +114,7 @@ pub struct Round {
 }
 
 /// Segments, if there are any.
-fn some(segments: Segments) -> Result<Segments> {
+fn not_empty(segments: Segments) -> Result<Segments> {
     if segments.list.is_empty() {
         return Err(Error::fit(
             "the data have no two samples close enough in time to learn from",
@@ -165,8 +165,10 @@ impl<'a> Training<'a> {
         let shortest = fewest_samples(&scales, measured.samples()).min(longest);
         let window = options.window.unwrap_or(shortest).clamp(2, longest.max(2));
         let rounding: Vec<f64> = scales.iter().map(|scale| scale.rounding).collect();
-        let (segments, separable) =
-            rayon::join(|| some(cut(&measured, window)), || compiled.of_all(system).separable());
+        let (segments, separable) = rayon::join(
+            || not_empty(cut(&measured, window)),
+            || compiled.of_all(system).separable(),
+        );
         let segments = segments?;
         let mut training = Training {
             system,
@@ -212,7 +214,7 @@ impl<'a> Training<'a> {
 
     /// Cuts the data anew; every segment starts from its own measurements.
     pub fn recut(&mut self, window: usize) -> Result<()> {
-        let segments = some(cut(&self.measured, window))?;
+        let segments = not_empty(cut(&self.measured, window))?;
         let before = std::mem::replace(&mut self.segments, segments);
         self.window = window;
         // Over many periods the misfit has many minima: what a state was before is a nearer start
@@ -235,10 +237,12 @@ impl<'a> Training<'a> {
         States::measured(&self.measured, &self.segments.list, self.system.degrees())
     }
 
-    /// Works on a part of the segments from now on.
-    pub fn thin(&mut self, most: usize) {
-        self.segments = self.segments.thinned(most);
+    /// Works on a part of the segments from now on; gives those of before.
+    pub fn thin(&mut self, most: usize) -> Segments {
+        let part = self.segments.thinned(most);
+        let before = std::mem::replace(&mut self.segments, part);
         self.states = self.first_states();
+        before
     }
 
     fn weights(&self) -> Vec<f64> {
