@@ -5,7 +5,7 @@
 //! The studio is a program of its own here, started for every measurement, and asked over HTTP as
 //! the page asks it.
 
-#[path = "../tests/common/http.rs"]
+#[path = "../tests/program/support/http.rs"]
 #[allow(dead_code)]
 mod http;
 

@@ -8,7 +8,8 @@
 //! $ cargo run --release --example hidden_effects -- two                 # two effects at once
 //! ```
 
-#[path = "../../tests/hidden/mod.rs"]
+#[allow(dead_code, reason = "the tests use the rest")]
+#[path = "../../tests/learning/hidden/mod.rs"]
 mod hidden;
 mod table;
 

@@ -5,7 +5,8 @@
 //! $ cargo run --release --example paper_table
 //! ```
 
-#[path = "../../tests/paper/mod.rs"]
+#[allow(dead_code, reason = "the tests use the rest")]
+#[path = "../../tests/learning/paper/mod.rs"]
 mod paper;
 mod picture;
 

@@ -14,7 +14,8 @@ mod by_hand;
 mod gradient;
 mod learning;
 mod page;
-#[path = "../../tests/paper/mod.rs"]
+#[allow(dead_code, reason = "the tests use the rest")]
+#[path = "../../tests/learning/paper/mod.rs"]
 mod paper;
 mod program;
 mod python;

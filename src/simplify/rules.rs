@@ -1,4 +1,4 @@
-//! The rewrites: one row each, tested one by one in `tests/rules.rs`.
+//! The rewrites: one row each, tested one by one in `tests/numerics/rules.rs`.
 
 use std::sync::LazyLock;
 

@@ -1,0 +1,160 @@
+//! The systems that effects are hidden in, and which effect goes where.
+
+/// A system as it is known, and as it is learned.
+pub struct Base {
+    /// What it is called in tables.
+    pub name: &'static str,
+    /// Declarations of the spec.
+    pub variables: &'static str,
+    /// The true law without the hidden effect.
+    pub law: &'static str,
+    /// What the user writes: the right structure, numbers to be learned.
+    pub space: &'static str,
+    /// Starts are drawn evenly from this box: q, then p.
+    pub starts: &'static [(f64, f64)],
+    /// Time between samples.
+    pub step: f64,
+    /// Effects that are hidden in it: name, and the arguments as they are in the spec.
+    pub hidden: &'static [(&'static str, &'static [&'static str])],
+}
+
+/// The six systems of the benchmark.
+pub static BASES: &[Base] = &[
+    Base {
+        name: "pendulum",
+        variables: "coordinates q\nmomenta p\n",
+        law: "T = p^2/2\nV = -cos(q)\n",
+        space: "T = p^2/2\nV = span{ cos(q) }\n",
+        starts: &[(-1.6, 1.6), (-1.0, 1.0)],
+        step: 0.1,
+        hidden: &[
+            ("viscous_drag", &["q"]),
+            ("quadratic_drag", &["q"]),
+            ("coulomb_friction", &["q"]),
+            ("stribeck_friction", &["q"]),
+            ("constant_force", &["q"]),
+            ("tilt", &["q"]),
+            ("linear_spring", &["q"]),
+            ("harmonic_drive", &["q"]),
+            ("parametric_drive", &["q"]),
+            ("drag_drift", &["q"]),
+            ("step_force", &["q"]),
+            ("decaying_force", &["q"]),
+            ("sensor_offset", &["q"]),
+            ("sensor_scale", &["q"]),
+            ("sensor_nonlinearity", &["q"]),
+            ("clock_shift", &["q"]),
+        ],
+    },
+    Base {
+        name: "Duffing",
+        variables: "coordinates q\nmomenta p\n",
+        law: "T = p^2/2\nV = q^2/2 + q^4/4\n",
+        space: "T = p^2/2\nV = span{ q^2, q^4 }\n",
+        starts: &[(-1.4, 1.4), (-1.0, 1.0)],
+        step: 0.1,
+        hidden: &[
+            ("viscous_drag", &["q"]),
+            ("cubic_drag", &["q"]),
+            ("power_drag", &["q"]),
+            ("coulomb_friction", &["q"]),
+            ("negative_damping", &["q"]),
+            ("quadratic_stiffness", &["q"]),
+            ("quintic_stiffness", &["q"]),
+            ("periodic_substrate", &["q"]),
+            ("contact_above", &["q"]),
+            ("contact_below", &["q"]),
+            ("position_dependent_mass", &["q"]),
+            ("relativistic_kinetic", &["q"]),
+            ("stiffness_drift", &["q"]),
+            ("force_drift", &["q"]),
+            ("sensor_drift", &["q"]),
+            ("sensor_hum", &["q"]),
+        ],
+    },
+    Base {
+        name: "trap",
+        variables: "coordinates x, y\nmomenta px, py\n",
+        law: "T = (px^2 + py^2)/2\nV = x^2/2 + 0.7*y^2\n",
+        space: "T = (px^2 + py^2)/2\nV = span{ x^2, y^2 }\n",
+        starts: &[(-1.2, 1.2), (-1.2, 1.2), (-0.8, 0.8), (-0.8, 0.8)],
+        step: 0.1,
+        hidden: &[
+            ("cubic_stiffness", &["x"]),
+            ("coupling_spring", &["x", "y"]),
+            ("quadratic_coupling", &["x", "y"]),
+            ("quadratic_cross_coupling", &["x", "y"]),
+            ("central_inverse", &["x", "y"]),
+            ("softened_centre", &["x", "y"]),
+            ("relative_damping", &["x", "y"]),
+            ("coupled_momenta", &["x", "y"]),
+            ("inertial_coupling", &["x", "y"]),
+            ("magnetic_force", &["x", "y"]),
+            ("magnetic_gradient", &["x", "y"]),
+            ("quadratic_drag", &["y"]),
+            ("sensor_cross_talk", &["x", "y"]),
+        ],
+    },
+    Base {
+        name: "Kepler",
+        variables: "coordinates x, y\nmomenta px, py\n",
+        law: "T = (px^2 + py^2)/2\nV = -1/sqrt(x^2 + y^2)\n",
+        space: "T = (px^2 + py^2)/2\nV = span{ 1/sqrt(x^2 + y^2) }\n",
+        starts: &[(0.8, 1.2), (-0.3, 0.3), (-0.2, 0.2), (0.75, 1.1)],
+        step: 0.1,
+        hidden: &[
+            ("central_inverse_square", &["x", "y"]),
+            ("rotating_frame", &["x", "y"]),
+            ("centrifugal_force", &["x", "y"]),
+            ("magnetic_force", &["x", "y"]),
+            ("viscous_drag", &["x"]),
+            ("pendulum", &["x"]),
+            ("constant_force", &["x"]),
+        ],
+    },
+    Base {
+        name: "Henon-Heiles",
+        variables: "coordinates x, y\nmomenta px, py\n",
+        law: "T = (px^2 + py^2)/2\nV = (x^2 + y^2)/2 + x^2*y - y^3/3\n",
+        space: "T = (px^2 + py^2)/2\nV = span{ x^2, y^2, x^2*y, y^3 }\n",
+        starts: &[(-0.3, 0.3), (-0.3, 0.3), (-0.25, 0.25), (-0.25, 0.25)],
+        step: 0.1,
+        hidden: &[
+            ("bilinear_coupling", &["x", "y"]),
+            ("cubic_coupling", &["x", "y"]),
+            ("magnetic_force", &["x", "y"]),
+            ("viscous_drag", &["y"]),
+            ("harmonic_drive", &["x"]),
+        ],
+    },
+    Base {
+        name: "chain",
+        variables: "coordinates q[1..5]\nmomenta p[1..5]\n",
+        law: "T = sum(p[i]^2/2 for i in 1..5)\n\
+              V = q[1]^2/2 + sum((q[i+1] - q[i])^2/2 for i in 1..4) + q[5]^2/2\n",
+        space: "T = sum(p[i]^2/2 for i in 1..5)\n\
+                V = span{ q[1]^2, (q[i+1] - q[i])^2 for i in 1..4, q[5]^2 }\n",
+        starts: &[
+            (-1.0, 1.0),
+            (-1.0, 1.0),
+            (-1.0, 1.0),
+            (-1.0, 1.0),
+            (-1.0, 1.0),
+            (-0.5, 0.5),
+            (-0.5, 0.5),
+            (-0.5, 0.5),
+            (-0.5, 0.5),
+            (-0.5, 0.5),
+        ],
+        step: 0.1,
+        hidden: &[
+            ("viscous_drag", &["q[3]"]),
+            ("relative_damping", &["q[2]", "q[3]"]),
+            ("coupling_spring", &["q[1]", "q[3]"]),
+            ("cubic_coupling", &["q[2]", "q[3]"]),
+            ("cubic_stiffness", &["q[1]"]),
+            ("double_well", &["q[2]"]),
+            ("harmonic_drive", &["q[5]"]),
+        ],
+    },
+];

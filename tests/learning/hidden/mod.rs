@@ -1,0 +1,180 @@
+//! Effects hidden in simulated measurements, and whether they are named: what the benchmark
+//! and the test of its representative part share.
+
+pub mod bases;
+pub mod outcome;
+pub mod pairs;
+pub mod strangers;
+
+use leverrier::data::Dataset;
+use leverrier::expr::{Compiled, System, build};
+use leverrier::fit::{Model, Options, Silent, fit};
+use leverrier::simulate::Simulator;
+use leverrier::spec::effects::by_name;
+use rand::{RngExt, SeedableRng};
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64;
+
+use bases::Base;
+
+/// Runs of a data set, and samples of a run.
+pub const RUNS: usize = 8;
+/// Samples of a run.
+pub const SAMPLES: usize = 200;
+/// A hidden effect moves the samples by this part of their spread (root mean square).
+pub const REACH: f64 = 0.2;
+/// Runs put aside.
+const UNSEEN: f64 = 0.25;
+
+/// Measurements of a system with something hidden, and the spec of one who does not know.
+pub struct Case {
+    /// The spec.
+    pub text: String,
+    /// The same, compiled.
+    pub compiled: Compiled,
+    /// What the model is fitted to.
+    pub training: Dataset,
+    /// What it is not fitted to.
+    pub unseen: Dataset,
+    /// True noise of each observable.
+    pub noise: Vec<f64>,
+}
+
+/// Starts of the runs, drawn from the base's box.
+fn starts(base: &Base, seed: u64) -> Vec<Vec<f64>> {
+    let mut generator = Pcg64::seed_from_u64(seed ^ 0x9e37_79b9);
+    let mut draw = || base.starts.iter().map(|&(a, b)| generator.random_range(a..b)).collect();
+    (0..RUNS).map(|_| draw()).collect()
+}
+
+fn times(base: &Base) -> Vec<f64> {
+    (0..SAMPLES).map(|i| base.step * i as f64).collect()
+}
+
+fn compiled(name: &str, text: &str) -> Compiled {
+    build(name, text).unwrap_or_else(|error| panic!("{text}\n{error}"))
+}
+
+/// The spec of someone who knows the base and nothing else.
+pub fn space(base: &Base) -> Compiled {
+    compiled("learned", &format!("{}{}", base.variables, base.space))
+}
+
+/// The statement of an effect of the catalogue with plain values of its inner parameters.
+pub fn statement(effect: &str, on: &[&str]) -> String {
+    let row = by_name(effect).unwrap_or_else(|| panic!("{effect} is not in the catalogue"));
+    let values: Vec<f64> = row.parameters.iter().map(|scan| scan.example).collect();
+    let arguments: Vec<String> = on.iter().map(|&name| name.to_string()).collect();
+    row.statement(&arguments, &values)
+}
+
+/// Root mean square difference of two data sets, in parts of the spread of the first.
+fn difference(first: &Dataset, second: &Dataset) -> f64 {
+    let spread = spreads(first);
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (a, b) in first.runs.iter().zip(&second.runs) {
+        for ((a, b), spread) in a.values.iter().zip(&b.values).zip(&spread) {
+            sum += a.iter().zip(b).map(|(x, y)| ((x - y) / spread).powi(2)).sum::<f64>();
+            count += a.len() as f64;
+        }
+    }
+    (sum / count).sqrt()
+}
+
+/// Standard deviation of every column.
+pub fn spreads(data: &Dataset) -> Vec<f64> {
+    (0..data.observables.len())
+        .map(|row| {
+            let all: Vec<f64> =
+                data.runs.iter().flat_map(|r| r.values[row].iter().copied()).collect();
+            let mean = all.iter().sum::<f64>() / all.len() as f64;
+            (all.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / all.len() as f64).sqrt()
+        })
+        .collect()
+}
+
+/// Trajectories of a system whose learned terms all have one coefficient.
+fn motion(system: &System, starts: &[Vec<f64>], times: &[f64], strength: f64) -> Option<Dataset> {
+    let active: Vec<usize> = (0..system.terms.len()).collect();
+    let coefficients = vec![strength; active.len()];
+    let parameters: Vec<f64> = system.parameters.iter().map(|p| p.start).collect();
+    let simulator = Simulator::new(system, &active, &coefficients, &parameters);
+    let data = simulator.trajectories(starts, times).ok()?.dataset(system);
+    let tame = data.runs.iter().flat_map(|run| run.values.iter().flatten());
+    tame.into_iter().all(|x| x.abs() < 50.0).then_some(data)
+}
+
+/// Clean measurements with a statement hidden, at the strength that moves the samples by
+/// `reach`. Without a statement the bare base.
+fn hide(base: &Base, statement: &str, reach: f64, seed: u64) -> Dataset {
+    let truth = |more: &str| compiled("truth", &format!("{}{}{more}\n", base.variables, base.law));
+    let (starts, times) = (starts(base, seed), times(base));
+    let bare = truth("").system;
+    let plain = motion(&bare, &starts, &times, 0.0).expect("the base does not explode");
+    if statement.is_empty() {
+        return plain;
+    }
+    let system = truth(statement).system;
+    // The reach grows with the strength, roughly; bisection on a logarithmic scale.
+    let (mut low, mut high) = (1e-4f64, 10.0f64);
+    let mut best = None;
+    for _ in 0..14 {
+        let strength = (low * high).sqrt();
+        match motion(&system, &starts, &times, strength) {
+            Some(data) if difference(&plain, &data) <= reach => {
+                low = strength;
+                best = Some(data);
+            }
+            _ => high = strength,
+        }
+    }
+    best.unwrap_or_else(|| panic!("{statement} explodes at any strength in {}", base.name))
+}
+
+/// Adds noise in parts of each column's spread; returns its standard deviations.
+fn spoil(data: &mut Dataset, noise: f64, seed: u64) -> Vec<f64> {
+    let sigma: Vec<f64> = spreads(data).iter().map(|spread| noise * spread).collect();
+    let mut generator = Pcg64::seed_from_u64(seed);
+    for run in &mut data.runs {
+        for (values, sigma) in run.values.iter_mut().zip(&sigma) {
+            for x in values {
+                let draw: f64 = StandardNormal.sample(&mut generator);
+                *x += sigma * draw;
+            }
+        }
+    }
+    sigma
+}
+
+/// Measurements as one who knows only the base gets them.
+pub fn case(base: &Base, statement: &str, noise: f64, seed: u64) -> Case {
+    case_reaching(REACH, base, statement, noise, seed)
+}
+
+/// The same with another reach of what is hidden.
+pub fn case_reaching(reach: f64, base: &Base, statement: &str, noise: f64, seed: u64) -> Case {
+    measured(base, hide(base, statement, reach, seed), noise, seed)
+}
+
+/// The same from clean measurements of any origin.
+pub fn measured(base: &Base, data: Dataset, noise: f64, seed: u64) -> Case {
+    let mut data = data;
+    let sigma = spoil(&mut data, noise, seed);
+    let text = format!("{}{}", base.variables, base.space);
+    let split = data.split_unseen(UNSEEN, seed);
+    Case {
+        compiled: compiled("learned", &text),
+        text,
+        training: split.training,
+        unseen: split.unseen,
+        noise: sigma,
+    }
+}
+
+impl Case {
+    /// The model of the spec.
+    pub fn fit(&self) -> Model {
+        fit(&self.compiled.system, &self.training, &Options::default(), &Silent)
+            .unwrap_or_else(|error| panic!("{error}"))
+    }
+}

@@ -1,0 +1,89 @@
+//! A representative part of the benchmark of hidden effects: `cargo run --release --example
+//! hidden_effects` runs the whole of it.
+
+use std::collections::HashSet;
+
+use crate::hidden::bases::{BASES, Base};
+use crate::hidden::outcome::{Outcome, outcome};
+use crate::hidden::pairs::PAIRS;
+use crate::hidden::strangers::STRANGERS;
+use crate::hidden::{case, statement};
+use leverrier::diagnose::missing::Verdict;
+use leverrier::spec::effects::{by_name, catalogue};
+
+fn base(name: &str) -> &'static Base {
+    BASES.iter().find(|base| base.name == name).unwrap_or_else(|| panic!("no base {name}"))
+}
+
+fn hidden_in(name: &str, effect: &str, on: &[&str], noise: f64, seed: u64) -> Outcome {
+    let arguments: Vec<String> = on.iter().map(|argument| argument.to_string()).collect();
+    let label = by_name(effect).unwrap_or_else(|| panic!("no effect {effect}")).label(&arguments);
+    outcome(&case(base(name), &statement(effect, on), noise, seed), &label)
+}
+
+#[test]
+fn every_effect_with_a_statement_is_hidden_somewhere() {
+    let hidden: HashSet<&str> =
+        BASES.iter().flat_map(|base| base.hidden.iter().map(|(effect, _)| *effect)).collect();
+    for row in catalogue().filter(|row| !row.template.is_empty()) {
+        assert!(hidden.contains(row.name), "{} is hidden in no base", row.name);
+    }
+}
+
+#[test]
+fn effects_of_every_kind_are_named_and_bring_unseen_runs_to_the_noise() {
+    let rows: [(&str, &str, &[&str]); 7] = [
+        ("pendulum", "coulomb_friction", &["q"]),
+        ("pendulum", "sensor_scale", &["q"]),
+        ("Duffing", "contact_above", &["q"]),
+        ("Duffing", "relativistic_kinetic", &["q"]),
+        ("trap", "magnetic_gradient", &["x", "y"]),
+        ("Kepler", "rotating_frame", &["x", "y"]),
+        ("Henon-Heiles", "harmonic_drive", &["x"]),
+    ];
+    for (name, effect, on) in rows {
+        let outcome = hidden_in(name, effect, on, 0.01, 1);
+        let found = format!("{name}, {effect}: {:?} {:?}", outcome.place, outcome.group);
+        assert_eq!(outcome.verdict, Verdict::Missing, "{found}");
+        assert!(outcome.place.is_named(), "{found}");
+        assert!(outcome.after.is_some_and(|after| after <= 1.1), "{found}: {:?}", outcome.after);
+    }
+}
+
+#[test]
+fn states_that_a_jump_kept_from_their_best_place_are_not_something_missing() {
+    for (name, effect) in [("pendulum", "stribeck_friction"), ("Duffing", "coulomb_friction")] {
+        let outcome = hidden_in(name, effect, &["q"], 0.01, 2);
+        let found = format!("{name}, {effect}: {:?} {:?}", outcome.place, outcome.group);
+        assert_eq!(outcome.verdict, Verdict::Missing, "{found}");
+        assert!(outcome.place.is_named(), "{found}");
+    }
+}
+
+#[test]
+fn nothing_is_named_where_nothing_is_hidden() {
+    for name in ["pendulum", "Duffing", "trap", "Kepler", "Henon-Heiles"] {
+        for (noise, seed) in [(0.01, 1), (0.05, 2)] {
+            let outcome = outcome(&case(base(name), "", noise, seed), "");
+            let reason = &outcome.diagnosis.reason;
+            assert_eq!(outcome.verdict, Verdict::NothingMissing, "{name}, noise {noise}: {reason}");
+        }
+    }
+}
+
+#[test]
+fn what_no_catalogue_has_is_said_to_be_unexplained() {
+    for stranger in STRANGERS.iter().filter(|stranger| stranger.name == "bump") {
+        let outcome = outcome(&stranger.case(0.01, 1), stranger.name);
+        let reason = &outcome.diagnosis.reason;
+        assert_eq!(outcome.verdict, Verdict::Unexplained, "{}: {reason}", stranger.base);
+    }
+}
+
+#[test]
+fn two_effects_at_once_are_discovered_and_nothing_else() {
+    for pair in PAIRS {
+        let (found, effects) = pair.discovered(0.01, 1);
+        assert_eq!(effects, pair.effects, "{}", found.stop);
+    }
+}

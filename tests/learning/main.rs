@@ -1,0 +1,18 @@
+//! From data to a law: files, fits, what is missing of a model, and how it is shown.
+
+mod bad_data;
+mod data;
+mod design;
+mod detectors;
+mod diagnosis;
+#[allow(dead_code, reason = "the example of the same name uses the rest")]
+mod hidden;
+mod hidden_effects;
+mod measurements;
+mod paper;
+mod parquet_data;
+mod plots;
+mod recovery;
+mod settling;
+mod stream;
+mod trainer;

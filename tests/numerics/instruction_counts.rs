@@ -1,0 +1,185 @@
+//! Guards of the hot paths: how many instructions they take, counted by valgrind, so that no
+//! clock and no load of the machine matters.
+//!
+//! Valgrind has no AVX-512: what is counted is the AVX2 code, in the profile of the tests. Where
+//! valgrind is not installed the test says so and counts nothing.
+
+use std::process::Command;
+
+use leverrier::dynamics::systems::SYSTEMS;
+use leverrier::dynamics::{Batch, Dynamics, Method, Scratch, advance, taylor};
+use leverrier::eval::{Backend, Evaluator, Inputs, InstructionSet, apply, compile};
+use leverrier::expr::{Function, Graph, Symbol, System};
+
+/// Names the path that a run under valgrind takes, and how often.
+const TASK: &str = "LEVERRIER_COUNT";
+/// A path may take this much more than when it was pinned: compilers differ.
+const MARGIN: f64 = 1.25;
+
+/// One path, its unit of work, how many units a repetition does, and the instructions of a
+/// unit when it was pinned.
+struct Path {
+    name: &'static str,
+    unit: &'static str,
+    units: f64,
+    pinned: f64,
+    run: fn(usize),
+}
+
+const PATHS: [Path; 6] = [
+    Path {
+        name: "tape",
+        unit: "a point of the dense gradient of degree 6",
+        units: 1024.0,
+        pinned: 150.0,
+        run: |times| gradient(Backend::Batched, times),
+    },
+    Path {
+        name: "machine",
+        unit: "a point of the dense gradient of degree 6",
+        units: 1024.0,
+        pinned: 38.4,
+        run: |times| gradient(Backend::Machine, times),
+    },
+    Path {
+        name: "sines",
+        unit: "the sine of a number in a long row",
+        units: 1024.0,
+        pinned: 18.6,
+        run: sines,
+    },
+    Path {
+        name: "steps",
+        unit: "a step of the fourth-order method on Henon-Heiles",
+        units: 1000.0,
+        pinned: 89.0,
+        run: steps,
+    },
+    Path {
+        name: "series",
+        unit: "a unit of time of Henon-Heiles by Taylor series",
+        units: 100.0,
+        pinned: 6600.0,
+        run: |times| {
+            let row = SYSTEMS.iter().find(|row| row.name == "Henon-Heiles").unwrap();
+            let dynamics = Dynamics::new(&(row.build)(), &[], Backend::Machine);
+            let span = [0.0, 100.0 * times as f64];
+            taylor(&dynamics, &[], row.start, &span, 0.0).unwrap();
+        },
+    },
+    Path {
+        name: "tangents",
+        unit: "a step of one trajectory with tangents by 6 terms",
+        units: 640.0,
+        pinned: 970.0,
+        run: tangents,
+    },
+];
+
+fn gradient(backend: Backend, times: usize) {
+    let mut graph = Graph::new();
+    let variables = [Symbol::Coordinate(0), Symbol::Coordinate(1)];
+    let [x, y] = variables.map(|symbol| graph.symbol(symbol));
+    let parts: Vec<_> = (1..49)
+        .map(|k| {
+            let c = graph.symbol(Symbol::Coefficient(k));
+            (1.0, graph.product(1.0, &[(c, 1.0), (x, (k / 7) as f64), (y, (k % 7) as f64)]))
+        })
+        .collect();
+    let energy = graph.linear(0.0, &parts);
+    let outputs = variables.map(|symbol| graph.derivative(energy, symbol));
+    let uniform = (1..49).map(Symbol::Coefficient).collect();
+    let inputs = Inputs { varying: variables.to_vec(), uniform };
+    let function: Box<dyn Evaluator> = compile(&graph, &inputs, &outputs, backend);
+    let points: Vec<f64> = (0..2048).map(|i| (0.37 * f64::from(i)).sin()).collect();
+    let (mut out, mut workspace) = (vec![0.0; 2048], Vec::new());
+    for _ in 0..times {
+        function.evaluate(&points, &[0.3; 48], 1024, &mut out, &mut workspace);
+    }
+    assert!(out.iter().all(|x| x.is_finite()));
+}
+
+fn sines(times: usize) {
+    let from: Vec<f64> = (0..1024).map(|i| 0.37 * f64::from(i)).collect();
+    let mut to = vec![0.0; 1024];
+    for _ in 0..times {
+        apply(InstructionSet::widest(), Function::by_name("sin").unwrap(), &from, &mut to);
+    }
+    assert!(to.iter().all(|x| x.abs() <= 1.0));
+}
+
+fn steps(times: usize) {
+    let row = SYSTEMS.iter().find(|row| row.name == "Henon-Heiles").unwrap();
+    let dynamics = Dynamics::new(&(row.build)(), &[], Backend::Machine);
+    let method = Method::by_name("forest-ruth").unwrap();
+    let mut batch = Batch::new(2, 1);
+    batch.set(0, 0.0, row.start);
+    let mut scratch = Scratch::new();
+    for _ in 0..times {
+        advance(&dynamics, method, &mut batch, &[10.0], 1000, &[], &mut scratch);
+    }
+    assert!(batch.is_finite(0));
+}
+
+fn tangents(times: usize) {
+    let system: System = crate::support::learned_system(false, true);
+    let dynamics = Dynamics::new(&system, &[0, 1, 2, 3, 4, 5], Backend::Machine);
+    let mut batch = Batch::with_tangents(2, 64, dynamics.unknowns());
+    for lane in 0..64 {
+        batch.set(lane, 0.0, &[0.1, 0.2, 0.01 * lane as f64, 0.1]);
+    }
+    let method = Method::by_name("forest-ruth").unwrap();
+    let theta = vec![0.1; dynamics.unknowns()];
+    let mut scratch = Scratch::new();
+    for _ in 0..times {
+        advance(&dynamics, method, &mut batch, &[0.1; 64], 10, &theta, &mut scratch);
+    }
+    assert!(batch.is_finite(0));
+}
+
+/// What a run under valgrind does; nothing otherwise.
+#[test]
+fn a_path_by_itself() {
+    let Ok(task) = std::env::var(TASK) else { return };
+    let (name, times) = task.split_once(' ').unwrap();
+    let path = PATHS.iter().find(|path| path.name == name).unwrap();
+    (path.run)(times.parse().unwrap());
+}
+
+/// Instructions of a path that is run so many times.
+fn count(name: &str, times: usize) -> f64 {
+    let output = Command::new("valgrind")
+        .args(["--tool=callgrind", "--callgrind-out-file=/dev/null"])
+        .arg(std::env::current_exe().unwrap())
+        .args(["--exact", "instruction_counts::a_path_by_itself", "--test-threads=1"])
+        .env(TASK, format!("{name} {times}"))
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{name}: {text}");
+    let line = text.lines().find(|line| line.contains("Collected :"));
+    let number = line.and_then(|line| line.rsplit(' ').next());
+    number.and_then(|number| number.parse().ok()).unwrap_or_else(|| panic!("no count in {text}"))
+}
+
+#[test]
+fn hot_paths_take_no_more_instructions_than_they_did() {
+    if Command::new("valgrind").arg("--version").output().is_err() {
+        println!("valgrind is not installed: no instruction was counted");
+        return;
+    }
+    if !cfg!(all(target_arch = "x86_64", target_os = "linux")) {
+        println!("the counts are those of x86-64 on Linux: no instruction was counted");
+        return;
+    }
+    let mut wrong = Vec::new();
+    for path in &PATHS {
+        // What starting and compiling takes is the same for few and for many.
+        let found = (count(path.name, 12) - count(path.name, 2)) / (10.0 * path.units);
+        println!("{}: {found:.1} instructions for {}", path.name, path.unit);
+        if found > MARGIN * path.pinned {
+            wrong.push(format!("{}: {found:.1}, pinned {}", path.name, path.pinned));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
