@@ -1,4 +1,5 @@
-//! The one error type of the crate. Every variant reads as a sentence and says what to do.
+//! The one error type of the crate. It reads as a sentence and says what to do; its kind is for
+//! programs.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -9,7 +10,20 @@ use crate::diagnostic::Diagnostic;
 pub type Result<T> = std::result::Result<T, Error>;
 
 /// Whatever can go wrong between a user's files and a result.
+///
+/// For people it is a sentence with its remedy ([`Display`](fmt::Display)); for programs there
+/// is [`kind`](Error::kind), and in some variants the place.
+///
+/// ```
+/// use leverrier::error::{Error, ErrorKind};
+///
+/// let error = Error::new(ErrorKind::InvalidArgument, "noise must be zero or more", "give 0.01");
+/// assert_eq!(error.to_string(), "noise must be zero or more; give 0.01");
+/// assert_eq!(error.kind(), ErrorKind::InvalidArgument);
+/// assert_eq!(error.hint(), Some("give 0.01"));
+/// ```
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// A spec has errors; all of them, in the order of the text.
     #[error("{}", summary(name, diagnostics))]
@@ -24,24 +38,6 @@ pub enum Error {
     /// A data file cannot be used as it is.
     #[error("{0}")]
     Data(DataError),
-    /// A fit cannot be done, or ended without a model.
-    #[error("{message}; {hint}")]
-    Fit {
-        /// What is wrong.
-        message: String,
-        /// What to do about it.
-        hint: String,
-    },
-    /// A model file does not belong to the spec, or cannot be read.
-    #[error("{}: {message}; {hint}", path.display())]
-    Model {
-        /// Path of the model file.
-        path: PathBuf,
-        /// What is wrong.
-        message: String,
-        /// What to do about it.
-        hint: String,
-    },
     /// The operating system said no.
     #[error("cannot {action} {}: {source}", path.display())]
     File {
@@ -52,17 +48,96 @@ pub enum Error {
         /// What the operating system answered.
         source: std::io::Error,
     },
-    /// The command line asks for something that does not exist.
-    #[error("{message}; {hint}")]
-    Usage {
+    /// The user stopped it before there was anything to keep.
+    #[error("stopped before there was a result to keep; start the command again to go on")]
+    Interrupted,
+    /// What was asked for cannot be done, for the reason that `kind` names.
+    #[error("{}{message}; {hint}", place(path))]
+    Refused {
+        /// Which case it is.
+        kind: ErrorKind,
+        /// The file that it is about, where it is about one.
+        path: Option<PathBuf>,
         /// What is wrong.
         message: String,
         /// What to do about it.
         hint: String,
     },
-    /// Ctrl-C before there was anything to keep.
-    #[error("stopped before there was a result to keep; start the command again to go on")]
+}
+
+/// What went wrong, for programs: the cases that a caller may want to treat differently.
+///
+/// ```
+/// use leverrier::error::ErrorKind;
+///
+/// # fn fit() -> leverrier::error::Result<f64> {
+/// #     Err(leverrier::error::Error::new(ErrorKind::InsufficientData, "too few", "measure more"))
+/// # }
+/// match fit() {
+///     Ok(coefficient) => println!("{coefficient}"),
+///     Err(error) if error.kind() == ErrorKind::InsufficientData => println!("measure longer"),
+///     Err(error) => eprintln!("{error}"),
+/// }
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ErrorKind {
+    /// The text of a spec is wrong.
+    Spec,
+    /// A data file cannot be used as it is.
+    Data,
+    /// A model or ledger is damaged, of another version, or belongs to another spec.
+    Model,
+    /// The operating system refused to read, write or create a file.
+    File,
+    /// The user stopped it.
     Interrupted,
+    /// The command line is wrong.
+    Usage,
+    /// A name (of an effect, a coefficient, a component of the state, a format) that is not known.
+    UnknownName,
+    /// A name that fits several things.
+    Ambiguous,
+    /// A value out of its range, or values that do not go together.
+    InvalidArgument,
+    /// Something that exists but does not apply to this system, such as an effect or a method.
+    NotApplicable,
+    /// The measurements do not suffice for what is asked.
+    InsufficientData,
+    /// What is asked cannot be known from these measurements, however many there are.
+    NotIdentifiable,
+    /// A search ended without a result: no model, no run worth measuring.
+    NothingFound,
+    /// There is nothing to do: it is done already, or there is nothing to undo.
+    NothingToDo,
+    /// The spec does not say where its measurements are, and no file was given.
+    DataNotNamed,
+    /// A trajectory leaves the finite numbers.
+    NotFinite,
+    /// A law has no Taylor series there, or none that can be followed.
+    TaylorSeries,
+    /// No initial states of the wanted energies were found.
+    EnergyRange,
+    /// The work takes more memory than is allowed.
+    MemoryLimit,
+    /// A file or folder stands where something would be written.
+    AlreadyExists,
+    /// A file was changed by somebody else since it was read or written here.
+    ChangedMeanwhile,
+    /// A model cannot be written in a format, or a figure cannot be drawn.
+    Export,
+    /// What is asked for is still being worked on.
+    NotReady,
+    /// A place where the program must not read or write.
+    Forbidden,
+    /// The threads that were asked for cannot be started.
+    Threads,
+    /// A network port of this machine cannot be used.
+    Port,
+    /// The operating system lacks something else that is needed.
+    System,
+    /// A fault of this crate, worth a report.
+    Internal,
 }
 
 impl Error {
@@ -71,22 +146,52 @@ impl Error {
         Error::File { action, path: path.to_path_buf(), source }
     }
 
-    /// A fit cannot be done: what is wrong, and what to do.
-    pub fn fit(message: impl Into<String>, hint: impl Into<String>) -> Self {
-        Error::Fit { message: message.into(), hint: hint.into() }
+    /// What was asked for cannot be done: what is wrong, and what to do.
+    pub fn new(kind: ErrorKind, message: impl Into<String>, hint: impl Into<String>) -> Self {
+        Error::Refused { kind, path: None, message: message.into(), hint: hint.into() }
     }
 
-    /// The command line is wrong: what is wrong, and what to do.
-    pub fn usage(message: impl Into<String>, hint: impl Into<String>) -> Self {
-        Error::Usage { message: message.into(), hint: hint.into() }
+    /// A model or ledger cannot be used: its path, what is wrong, and what to do.
+    pub fn model(path: &Path, message: impl Into<String>, hint: impl Into<String>) -> Self {
+        let (message, hint) = (message.into(), hint.into());
+        Error::Refused { kind: ErrorKind::Model, path: Some(path.to_path_buf()), message, hint }
     }
 
-    /// The process's exit code: 1 failed, 2 wrong usage.
-    pub fn exit_code(&self) -> u8 {
+    /// What went wrong, for programs.
+    pub fn kind(&self) -> ErrorKind {
         match self {
-            Error::Usage { .. } => 2,
-            _ => 1,
+            Error::Spec { .. } => ErrorKind::Spec,
+            Error::Data(_) => ErrorKind::Data,
+            Error::File { .. } => ErrorKind::File,
+            Error::Interrupted => ErrorKind::Interrupted,
+            Error::Refused { kind, .. } => *kind,
         }
+    }
+
+    /// What to do about it, where that stands apart from what is wrong.
+    pub fn hint(&self) -> Option<&str> {
+        match self {
+            Error::Data(error) => Some(&error.hint),
+            Error::Refused { hint, .. } => Some(hint),
+            Error::Spec { diagnostics, .. } => diagnostics.first()?.hint.as_deref(),
+            Error::File { .. } | Error::Interrupted => None,
+        }
+    }
+
+    /// The messages about a spec, in the order of its text; none for other errors.
+    pub fn diagnostics(&self) -> &[Diagnostic] {
+        match self {
+            Error::Spec { diagnostics, .. } => diagnostics,
+            _ => &[],
+        }
+    }
+
+    /// Adds to its hint in parentheses, such as how the remedy is spelt where the user is.
+    pub(crate) fn with_remedy(mut self, remedy: &str) -> Self {
+        if let Error::Refused { hint, .. } = &mut self {
+            hint.push_str(&format!(" ({remedy})"));
+        }
+        self
     }
 }
 
@@ -135,4 +240,8 @@ fn summary(name: &str, diagnostics: &[Diagnostic]) -> String {
         [one] => format!("{name}: {one}"),
         [first, rest @ ..] => format!("{name}: {first} (and {} more errors)", rest.len()),
     }
+}
+
+fn place(path: &Option<PathBuf>) -> String {
+    path.as_ref().map_or_else(String::new, |path| format!("{}: ", path.display()))
 }

@@ -204,3 +204,22 @@ fn nothing_panics_but_what_cannot() {
         assert!(used, "{} has no `{}` any more: take it off the list", row.0, row.1);
     }
 }
+
+/// Lower layers say what is wrong in their own words; which option that is on the command line
+/// only its own layer knows.
+#[test]
+fn only_the_command_line_names_its_options() {
+    let option = |code: &str| {
+        code.match_indices("--").any(|(at, dashes)| {
+            code[at + dashes.len()..].starts_with(|c: char| c.is_ascii_lowercase())
+                && !code[..at].ends_with('-')
+        })
+    };
+    for source in sources().iter().filter(|source| source.layer != "cli") {
+        for (line, code) in source.code() {
+            let named = option(code) || code.contains("clap::") || code.contains(" -o\"");
+            assert!(!named, "{}:{line}: {code}", source.name);
+        }
+    }
+    assert!(option("give --force") && !option("a -- b") && !option("%---x"));
+}

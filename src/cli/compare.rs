@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::bench::{Bench, Splitting};
+use super::bench::Bench;
 use super::console::Console;
 use super::progress::Progress;
+use super::splitting::Splitting;
 use crate::diagnose::compare;
 use crate::diagnose::context::Context;
 use crate::diagnose::detectors::detect;
@@ -32,7 +33,7 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
-    let bench = Bench::open(&arguments.spec, &arguments.splitting, console)?;
+    let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
     let (model, terms) = bench.model(&progress)?;
     let mut training = Context::new(bench.project.system(), &model, &bench.split.training)?;

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::Format;
 use crate::diagnostic::Diagnostic;
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::project::Listener;
 
 /// More errors than this of one spec are counted rather than shown.
@@ -117,6 +117,44 @@ pub fn coloured() -> bool {
     io::stderr().is_terminal() && !unwanted && !dumb
 }
 
+/// The command line is wrong: what is wrong, and what to do.
+pub fn usage(message: impl Into<String>, hint: impl Into<String>) -> Error {
+    Error::new(ErrorKind::Usage, message, hint)
+}
+
+/// How the remedy of an error is spelt on the command line, where it has an option there.
+pub fn options_for(kind: ErrorKind) -> Option<&'static str> {
+    Some(match kind {
+        ErrorKind::AlreadyExists => "--force, -o",
+        ErrorKind::ChangedMeanwhile => "--force; `leverrier history --show NUMBER` prints a text",
+        ErrorKind::DataNotNamed => "--data FILE",
+        ErrorKind::EnergyRange => "--energy, --sample",
+        ErrorKind::MemoryLimit => "--trainer first-order, --memory",
+        ErrorKind::Port => "--port",
+        ErrorKind::TaylorSeries => "leave --method out",
+        ErrorKind::Threads => "--threads",
+        _ => return None,
+    })
+}
+
+/// The process's exit code: 1 failed, 2 wrong usage.
+pub fn exit_code(error: &Error) -> u8 {
+    match error.kind() {
+        ErrorKind::Usage
+        | ErrorKind::UnknownName
+        | ErrorKind::Ambiguous
+        | ErrorKind::InvalidArgument
+        | ErrorKind::NotApplicable
+        | ErrorKind::NothingToDo
+        | ErrorKind::DataNotNamed
+        | ErrorKind::EnergyRange
+        | ErrorKind::AlreadyExists
+        | ErrorKind::ChangedMeanwhile
+        | ErrorKind::Port => 2,
+        _ => 1,
+    }
+}
+
 pub fn is_broken_pipe(error: &Error) -> bool {
     matches!(error, Error::File { source, .. } if source.kind() == io::ErrorKind::BrokenPipe)
 }
@@ -145,7 +183,7 @@ fn error_object(error: &Error) -> Value {
         "format": "leverrier.error/1",
         "message": error.to_string(),
         "hint": null,
-        "exit_code": error.exit_code(),
+        "exit_code": exit_code(error),
         "file": null,
         "line": null,
         "row_group": null,
@@ -166,14 +204,12 @@ fn error_object(error: &Error) -> Value {
             object["row_group"] = json!(data.row_group);
             object["column"] = json!(data.column);
         }
-        Error::Fit { message, hint } | Error::Usage { message, hint } => {
+        Error::Refused { path, message, hint, .. } => {
             object["message"] = json!(message);
             object["hint"] = json!(hint);
-        }
-        Error::Model { path, message, hint } => {
-            object["message"] = json!(message);
-            object["hint"] = json!(hint);
-            object["file"] = json!(path.display().to_string());
+            if let Some(path) = path {
+                object["file"] = json!(path.display().to_string());
+            }
         }
         Error::File { path, .. } => object["file"] = json!(path.display().to_string()),
         Error::Interrupted => {}

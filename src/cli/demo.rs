@@ -10,6 +10,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::console::Console;
+use super::console::usage;
 use super::progress::Progress;
 use super::project::learned::{learn, origin, write_model};
 use super::project::{ModelFile, Project};
@@ -104,7 +105,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let demo = DEMOS.iter().find(|demo| name.is_none_or(|name| name == demo.name));
     let Some(demo) = demo else {
         let names: Vec<&str> = DEMOS.iter().map(|demo| demo.name).collect();
-        return Err(Error::usage(
+        return Err(usage(
             format!("there is no demo `{}`", name.unwrap_or_default()),
             format!("choose one of {}", names.join(", ")),
         ));
@@ -115,7 +116,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
             let failed = |error| Error::file("create", folder, error);
             std::fs::create_dir_all(folder).map_err(failed)?;
             if std::fs::read_dir(folder).map_err(failed)?.next().is_some() {
-                return Err(Error::usage(
+                return Err(usage(
                     format!("the folder {} is not empty", folder.display()),
                     "name another one with -o",
                 ));

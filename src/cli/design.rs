@@ -6,18 +6,21 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::asked::Asked;
-use super::bench::{Bench, Splitting};
+use super::bench::Bench;
 use super::console::Console;
+use super::console::usage;
 use super::progress::Progress;
+use super::splitting::Splitting;
 use super::values::{example, matching, number_or_range, range_of};
 use crate::diagnose::context::Context;
-use crate::diagnose::design::{self, Allowed, Goal};
+use crate::diagnose::design::{self, Allowed, Goal, Proposal};
 use crate::diagnose::missing::{self, Leader, Verdict};
 use crate::diagnose::rival::Rival;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::expr::System;
 use crate::fit::Model;
-use crate::report::{design_text, measured_by};
+use crate::report::design_text;
+use crate::simplify::significant;
 use crate::simulate::Box;
 
 /// Say which run to measure next.
@@ -76,12 +79,12 @@ struct Purpose {
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     if arguments.between.len() == 1 {
-        return Err(Error::usage(
+        return Err(usage(
             "one effect has nothing to be told apart from",
             "name two or more after --between",
         ));
     }
-    let bench = Bench::open(&arguments.spec, &arguments.splitting, console)?;
+    let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let allowed = arguments.allowed(bench.project.system())?;
     let progress = Progress::new();
     let (model, terms) = bench.model(&progress)?;
@@ -90,7 +93,8 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let plan = design::design(&purpose.rivals, &purpose.goal, data, window, &allowed, &progress)?;
     drop(progress);
     let spec = bench.project.name();
-    let text = design_text(&plan, &purpose.why, &spec, console.width());
+    let simulate = simulating(&plan.best, &spec);
+    let text = design_text(&plan, &purpose.why, &spec, &simulate, console.width());
     let mut object = json!({
         "format": "leverrier.design/1",
         "system": bench.project.system().name,
@@ -101,8 +105,25 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     if let (Some(object), Value::Object(fields)) = (object.as_object_mut(), json!(plan)) {
         object.extend(fields);
     }
-    object["simulate"] = json!(measured_by(&plan.best, &spec));
+    object["simulate"] = json!(simulate);
     console.result(&text, &object)
+}
+
+/// The command that simulates a run.
+fn simulating(run: &Proposal, spec: &str) -> String {
+    let from = if run.from == 0.0 {
+        String::new()
+    } else {
+        format!(" --from {}", significant(run.from, 12))
+    };
+    let start: Vec<String> =
+        run.start.iter().map(|n| format!("{}={}", n.name, significant(n.value, 6))).collect();
+    let start = start.join(",");
+    format!(
+        "leverrier simulate {spec} --start {start}{from} --duration {} --dt {}",
+        significant(run.duration, 12),
+        significant(run.step, 12)
+    )
 }
 
 /// What to design for: what was asked for, or else what `diagnose` cannot decide.
@@ -122,13 +143,13 @@ fn purpose(
         for text in &arguments.between {
             let mut asked = Asked::new(text, project)?;
             if asked.place(&project.text).is_some() {
-                return Err(Error::usage(
+                return Err(usage(
                     format!("{} has `{}` already", project.name(), asked.label),
                     "`leverrier remove` takes it out; rivals are judged by adding them",
                 ));
             }
             if rivals.iter().any(|rival| rival.label == asked.label) {
-                return Err(Error::usage(
+                return Err(usage(
                     format!("`{}` is named twice", asked.label),
                     "name different effects after --between",
                 ));
@@ -224,7 +245,7 @@ impl Arguments {
             let Some(text) = text else { return Ok(Vec::new()) };
             let range = number_or_range(text)?;
             if range.lower <= 0.0 {
-                return Err(Error::usage(
+                return Err(usage(
                     format!("{what} must be positive"),
                     "give a time, such as 20, or a range of it, such as 5..20",
                 ));
@@ -232,7 +253,7 @@ impl Arguments {
             Ok(between(&range, count))
         };
         if self.from.is_some_and(|from| !from.is_finite()) {
-            return Err(Error::usage("--from must be a finite time", "give a time, such as 0"));
+            return Err(usage("--from must be a finite time", "give a time, such as 0"));
         }
         Ok(Allowed {
             start: boxes("--within", &self.within, system)?,
@@ -251,7 +272,7 @@ fn boxes(option: &str, texts: &[String], system: &System) -> Result<Vec<Option<B
     let mut out = vec![None; names.len()];
     for text in texts {
         let (name, range) = text.split_once('=').ok_or_else(|| {
-            Error::usage(
+            usage(
                 format!("`{text}` bounds nothing"),
                 format!("write {option} {}", example(&names[..1]).replace("0.1", "-1..1")),
             )

@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::bench::{Bench, Splitting};
+use super::bench::Bench;
 use super::console::Console;
 use super::progress::Progress;
+use super::splitting::Splitting;
 use crate::diagnose::context::Context;
 use crate::diagnose::detectors::detect;
 use crate::diagnose::missing::{self, Diagnosis};
@@ -33,7 +34,7 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
-    let bench = Bench::open(&arguments.spec, &arguments.splitting, console)?;
+    let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
     let (project, split) = (&bench.project, &bench.split);
     let lacking = suffices::lacking(project.system(), &split.training, bench.unseen());

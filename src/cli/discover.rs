@@ -5,12 +5,13 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::bench::{Bench, Splitting};
+use super::bench::Bench;
 use super::console::Console;
 use super::ledger::{Judged, Ledger};
 use super::progress::Progress;
 use super::project::learned::{origin, write_model};
 use super::project::{ModelFile, Project};
+use super::splitting::Splitting;
 use crate::data::write_atomically;
 use crate::diagnose::discover::{Discovery, discover};
 use crate::diagnose::missing::Verdict;
@@ -42,7 +43,7 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
-    let bench = Bench::open(&arguments.spec, &arguments.splitting, console)?;
+    let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let system = bench.project.system();
     let lacking = suffices::lacking(system, &bench.split.training, bench.unseen());
     let (None, Some(unseen)) = (&lacking, bench.unseen()) else {

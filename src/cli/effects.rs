@@ -4,7 +4,8 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::console::Console;
-use crate::error::{Error, Result};
+use super::console::usage;
+use crate::error::Result;
 use crate::report::layout::{WIDTH, table, wrapped};
 use crate::spec::effects::{EffectRow, Kind, On, Scene, by_name, catalogue, hint_for};
 
@@ -22,9 +23,8 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let width = console.width().map_or(WIDTH, |width| usize::from(width).max(40));
     if let Some(name) = &arguments.name {
-        let row = by_name(name).ok_or_else(|| {
-            Error::usage(format!("there is no effect `{name}`"), hint_for(name, &[]))
-        })?;
+        let row = by_name(name)
+            .ok_or_else(|| usage(format!("there is no effect `{name}`"), hint_for(name, &[])))?;
         let mut object = json!({ "format": "leverrier.effects/1" });
         object["effect"] = about(row);
         return console.result(&explained(row, width), &object);

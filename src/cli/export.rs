@@ -6,10 +6,11 @@ use clap::Args;
 use serde_json::json;
 
 use super::console::Console;
+use super::console::usage;
 use super::project::written::{output, write_folder};
 use super::project::{Project, refuse_overwrite};
 use crate::data::write_atomically;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::export::{EXPORTERS, Output};
 
 /// Write the model as LaTeX, code or data for others to read and run.
@@ -46,7 +47,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let name = match (arguments.document, arguments.to.as_str()) {
         (true, "latex") => "latex-document",
         (true, other) if other != "latex-document" => {
-            return Err(Error::usage(
+            return Err(usage(
                 format!("--document does not go with {other}"),
                 "leave it out, or export latex",
             ));

@@ -7,6 +7,7 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use super::console::Console;
+use super::console::usage;
 use super::measurements::Measurements;
 use super::memory;
 use super::progress::Progress;
@@ -95,10 +96,10 @@ impl Arguments {
     fn options(&self) -> Result<Options> {
         let positive = |x: f64| x.is_finite() && x > 0.0;
         if self.step.is_some_and(|step| !positive(step)) {
-            return Err(Error::usage("--step must be positive", "give a time, such as 0.01"));
+            return Err(usage("--step must be positive", "give a time, such as 0.01"));
         }
         if self.window.is_some_and(|window| window < 2) {
-            return Err(Error::usage(
+            return Err(usage(
                 "--window must be at least 2",
                 "motion takes two samples; leave it out to let the fit choose",
             ));

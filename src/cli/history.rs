@@ -6,9 +6,10 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::console::Console;
+use super::console::usage;
 use super::ledger::{Judged, Ledger, date};
 use super::project::undo::{self, spec_text};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::report::layout::{WIDTH, table, wrapped};
 
 /// Bring back the spec as it was before the last `add` or `remove`.
@@ -65,7 +66,7 @@ pub fn history(arguments: &History, console: &Console) -> Result<()> {
     let current = ledger.current();
     if let Some(number) = arguments.show {
         let Some(revision) = ledger.revisions.get(number) else {
-            return Err(Error::usage(
+            return Err(usage(
                 format!("{} has no revision {number}", path.display()),
                 format!("`leverrier history {}` lists them", path.display()),
             ));

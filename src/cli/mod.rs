@@ -16,6 +16,7 @@ mod progress;
 mod report;
 mod revise;
 mod simulate;
+mod splitting;
 mod studio;
 mod values;
 
@@ -24,7 +25,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand, ValueEnum};
 
-use console::Console;
+use console::{Console, exit_code, options_for};
 
 // Where the commands find what they share with the studio.
 use crate::project::{self, asked, bench, ledger, measurements, memory};
@@ -111,8 +112,12 @@ pub fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if console::is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
+            let error = match options_for(error.kind()) {
+                Some(options) => error.with_remedy(options),
+                None => error,
+            };
             console.error(&error);
-            ExitCode::from(error.exit_code())
+            ExitCode::from(exit_code(&error))
         }
     }
 }
@@ -140,7 +145,7 @@ fn misused(error: &clap::Error) -> ExitCode {
         let text = error.render().to_string();
         let text = text.strip_prefix("error: ").unwrap_or(&text);
         let (message, hint) = text.split_once("\n\n").unwrap_or((text, ""));
-        let error = crate::error::Error::usage(message.trim(), hint.trim());
+        let error = console::usage(message.trim(), hint.trim());
         Console::new(Format::Json).error(&error);
     } else {
         let _ = error.print();

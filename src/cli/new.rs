@@ -6,9 +6,10 @@ use clap::Args;
 use serde_json::json;
 
 use super::console::Console;
+use super::console::usage;
 use super::project::refuse_overwrite;
 use crate::data::{self, Column, Table, write_atomically};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::expr::{self, FunctionSpace, Unit};
 
 /// Look at the columns of a data file and write a first spec for it.
@@ -117,7 +118,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let table = data::read(&arguments.data)?;
     let path = arguments.output.clone().unwrap_or_else(|| arguments.data.with_extension("ham"));
     if path == arguments.data {
-        return Err(Error::usage("the spec would take the place of the data", "name it with -o"));
+        return Err(usage("the spec would take the place of the data", "name it with -o"));
     }
     refuse_overwrite(&path, arguments.force)?;
     let guess = guess(&table)?;

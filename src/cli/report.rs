@@ -7,10 +7,12 @@ use clap::Args;
 use clap::builder::PossibleValuesParser;
 use serde_json::json;
 
-use super::bench::{Bench, Splitting};
+use super::bench::Bench;
 use super::console::Console;
+use super::console::usage;
 use super::progress::Progress;
 use super::project::page;
+use super::splitting::Splitting;
 use crate::data::write_atomically;
 use crate::diagnose::missing::Diagnosis;
 use crate::error::{Error, Result};
@@ -65,7 +67,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         arguments.output.clone().unwrap_or_else(|| arguments.spec.with_extension("report.html"));
     require_page(&path, arguments.force)?;
     require_scale(arguments.scale)?;
-    let bench = Bench::open(&arguments.spec, &arguments.splitting, console)?;
+    let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
     let (model, terms) = bench.model(&progress)?;
     let seen = page::seen(&bench, &model, &progress)?;
@@ -74,12 +76,13 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         false => page::diagnosis(&bench, &model, &progress)?,
     };
     let model = (&model, terms);
-    let (drawn, document) = page::with_page(&bench, model, &seen, diagnosis.as_ref(), |page| {
-        let drawn = html::page(page);
-        let folder = Document::beside(&path);
-        let document = folder.map(|folder| Document::of(page, &drawn, folder));
-        (drawn, document)
-    })?;
+    let (drawn, document) =
+        page::with_page(&bench, model, &seen, diagnosis.as_ref(), reproduce, |page| {
+            let drawn = html::page(page);
+            let folder = Document::beside(&path);
+            let document = folder.map(|folder| Document::of(page, &drawn, folder));
+            (drawn, document)
+        })?;
     drop(progress);
     let bytes = match &document {
         Some(document) => document.write(&path, &drawn)?,
@@ -145,7 +148,7 @@ fn require_page(path: &Path, force: bool) -> Result<()> {
     if page || force {
         return Ok(());
     }
-    Err(Error::usage(
+    Err(usage(
         format!("{} exists and is not a page", path.display()),
         "give --force to overwrite it, or another name with -o",
     ))
@@ -213,4 +216,27 @@ fn tell(
         "verdict": diagnosis.map(|diagnosis| diagnosis.verdict),
     });
     console.result(&text, &object)
+}
+
+/// Commands that make the page again; files by their names alone.
+pub fn reproduce(bench: &Bench, diagnosed: bool) -> Vec<String> {
+    let name = |path: &Path| -> String {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if name.contains([' ', '\'', '"', '(', ')', '&', ';']) {
+            format!("'{}'", name.replace('\'', "'\\''"))
+        } else {
+            name.into_owned()
+        }
+    };
+    let spec = name(&bench.project.path);
+    let splitting = &bench.splitting;
+    let data = splitting.data.as_ref().map_or(String::new(), |d| format!(" --data {}", name(d)));
+    let more = if !diagnosed { " --no-diagnosis" } else { "" };
+    vec![
+        format!("leverrier fit {spec}{data}"),
+        format!(
+            "leverrier report {spec}{data} --unseen {} --seed {}{more}",
+            splitting.unseen, splitting.seed
+        ),
+    ]
 }

@@ -5,11 +5,12 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::bench::{Bench, Splitting};
+use super::bench::Bench;
 use super::console::Console;
 use super::ledger::Ledger;
 use super::progress::Progress;
 use super::project::revise::{self, Revision};
+use super::splitting::Splitting;
 use crate::error::Result;
 use crate::report::present;
 use crate::report::{Revised, revision_text};
@@ -46,7 +47,7 @@ pub struct Remove {
 
 /// Runs `add`.
 pub fn add(arguments: &Add, console: &Console) -> Result<()> {
-    let bench = Bench::open(&arguments.spec, &arguments.splitting, console)?;
+    let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
     let revision = revise::add(&bench, None, &arguments.effect, &progress)?;
     drop(progress);
@@ -56,7 +57,7 @@ pub fn add(arguments: &Add, console: &Console) -> Result<()> {
 
 /// Runs `remove`.
 pub fn remove(arguments: &Remove, console: &Console) -> Result<()> {
-    let bench = Bench::open(&arguments.spec, &arguments.splitting, console)?;
+    let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
     let revision = revise::remove(&bench, None, &arguments.effect, &progress)?;
     drop(progress);

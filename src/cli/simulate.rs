@@ -6,10 +6,11 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::console::Console;
+use super::console::usage;
 use super::project::{Project, refuse_overwrite};
 use super::values::{example, matching, noise, range_of, state};
 use crate::data::{Dataset, Layout, to_bytes, to_csv, write_atomically};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::expr::{DataColumns, System};
 use crate::report::layout::counted;
 use crate::simulate::{
@@ -115,7 +116,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let noise = noise(system, &arguments.noise)?;
     if starts.len().saturating_mul(times.len()).saturating_mul(2 * system.degrees()) > MOST_NUMBERS
     {
-        return Err(Error::usage(
+        return Err(usage(
             format!("{} runs of {} samples do not fit in memory", starts.len(), times.len()),
             "ask for fewer",
         ));
@@ -128,7 +129,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let sigmas = add_noise(&mut data, &noise, arguments.seed)?;
     if let Some(fraction) = arguments.gaps {
         if !(0.0..1.0).contains(&fraction) {
-            return Err(Error::usage("--gaps must be from 0 to below 1", "0.1 loses every tenth"));
+            return Err(usage("--gaps must be from 0 to below 1", "0.1 loses every tenth"));
         }
         drop_samples(&mut data, fraction, arguments.seed);
     }
@@ -193,17 +194,17 @@ impl Arguments {
     fn times(&self) -> Result<Vec<f64>> {
         let positive = |name: &str, value: Option<f64>| match value {
             Some(x) if !(x.is_finite() && x > 0.0) => {
-                Err(Error::usage(format!("{name} must be positive"), "give a time, such as 0.1"))
+                Err(usage(format!("{name} must be positive"), "give a time, such as 0.1"))
             }
             _ => Ok(()),
         };
         positive("--dt", self.dt)?;
         positive("--duration", self.duration)?;
         if !self.from.is_finite() {
-            return Err(Error::usage("--from must be a finite time", "give a time, such as 0"));
+            return Err(usage("--from must be a finite time", "give a time, such as 0"));
         }
         if self.samples.is_some_and(|n| n < 2) {
-            return Err(Error::usage("--samples must be at least 2", "motion takes two samples"));
+            return Err(usage("--samples must be at least 2", "motion takes two samples"));
         }
         let (dt, samples) = match (self.dt, self.duration, self.samples) {
             (Some(dt), None, None) if self.pairs => (dt, 2),
@@ -211,29 +212,29 @@ impl Arguments {
             (Some(dt), Some(duration), None) => {
                 let intervals = (duration / dt * (1.0 + 1e-12)).floor();
                 if intervals >= MOST_NUMBERS as f64 {
-                    return Err(Error::usage("too many samples", "lengthen --dt"));
+                    return Err(usage("too many samples", "lengthen --dt"));
                 }
                 (dt, intervals as usize + 1)
             }
             (None, Some(duration), Some(samples)) => (duration / (samples - 1) as f64, samples),
             (None, None, None) | (None, _, None) | (None, None, _) if self.pairs => {
-                return Err(Error::usage("--pairs needs --dt", "give the time between the two"));
+                return Err(usage("--pairs needs --dt", "give the time between the two"));
             }
             (Some(_), Some(_), Some(_)) => {
-                return Err(Error::usage(
+                return Err(usage(
                     "--dt, --duration and --samples together say it twice",
                     "leave one of them out",
                 ));
             }
             _ => {
-                return Err(Error::usage(
+                return Err(usage(
                     "when to sample is not said",
                     "give two of --dt, --duration and --samples, such as --duration 20 --dt 0.1",
                 ));
             }
         };
         if !(2..=MOST_NUMBERS).contains(&samples) {
-            return Err(Error::usage(
+            return Err(usage(
                 format!("{samples} samples cannot be made"),
                 "--duration must hold at least one --dt",
             ));
@@ -246,7 +247,7 @@ impl Arguments {
         if self.method != "taylor" {
             return match self.tolerance {
                 None => Ok(Integrator::Chosen),
-                Some(_) => Err(Error::usage(
+                Some(_) => Err(usage(
                     "--tolerance goes with --method taylor",
                     "leave it out: equal steps reach the limit of double precision",
                 )),
@@ -254,7 +255,7 @@ impl Arguments {
         }
         let tolerance = self.tolerance.unwrap_or(0.0);
         if !(0.0..=0.01).contains(&tolerance) {
-            return Err(Error::usage(
+            return Err(usage(
                 format!("--tolerance must be from 0 to 0.01, not {tolerance}"),
                 "1e-9 is a fair choice; 0 is as accurate as numbers are",
             ));
@@ -267,7 +268,7 @@ impl Arguments {
         let names = state_names(system);
         if self.sample.is_empty() {
             if self.start.is_empty() {
-                return Err(Error::usage(
+                return Err(usage(
                     "no initial state is given",
                     format!("give one with --start {}", example(&names)),
                 ));
@@ -275,7 +276,7 @@ impl Arguments {
             if let Some(what) =
                 self.energy.as_ref().map(|_| "--energy").or(self.runs.map(|_| "--runs"))
             {
-                return Err(Error::usage(
+                return Err(usage(
                     format!("{what} goes with --sample"),
                     "draw the initial states with --sample NAME=LOW..HIGH",
                 ));
@@ -294,7 +295,7 @@ impl Arguments {
                     if missing.is_empty() {
                         return Ok(state.into_iter().flatten().collect());
                     }
-                    Err(Error::usage(
+                    Err(usage(
                         format!("the initial state `{text}` does not say {}", missing.join(", ")),
                         format!("give all of it, as in --start {}", example(&names)),
                     ))
@@ -309,7 +310,7 @@ impl Arguments {
         }
         for text in &self.sample {
             let (name, range) = text.split_once('=').ok_or_else(|| {
-                Error::usage(format!("`{text}` is no box"), "write --sample NAME=LOW..HIGH")
+                usage(format!("`{text}` is no box"), "write --sample NAME=LOW..HIGH")
             })?;
             let range = range_of(range)?;
             let found = matching(&names, name.trim())?;
@@ -324,7 +325,7 @@ impl Arguments {
             .map(|(_, name)| name.as_str())
             .collect();
         if !missing.is_empty() {
-            return Err(Error::usage(
+            return Err(usage(
                 format!("nothing is said about {}", missing.join(", ")),
                 "give a --sample box or a --start value for every component of the state",
             ));

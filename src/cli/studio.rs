@@ -9,6 +9,7 @@ use serde_json::json;
 use tempfile::NamedTempFile;
 
 use super::console::Console;
+use super::report::reproduce;
 use crate::error::Result;
 use crate::studio::{Options, serve};
 
@@ -34,7 +35,7 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
-    let options = Options { spec: arguments.spec.clone(), port: arguments.port };
+    let options = Options { spec: arguments.spec.clone(), port: arguments.port, reproduce };
     serve(&options, |address| {
         let object = json!({ "format": "leverrier.studio/1", "address": address });
         let text = format!("{} is open at\n  {address}", arguments.spec.display());

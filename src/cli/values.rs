@@ -1,6 +1,7 @@
 //! Numbers, ranges and states as they are written on the command line.
 
-use crate::error::{Error, Result};
+use super::console::usage;
+use crate::error::Result;
 use crate::expr::{System, candidates};
 use crate::simulate::{Box, Noise};
 use crate::spec::ast::{Expression, ExpressionKind};
@@ -29,7 +30,7 @@ pub fn matching(names: &[String], name: &str) -> Result<Vec<usize>> {
         Some(near) => format!("did you mean `{near}`?"),
         None => format!("the state has {}", names.join(", ")),
     };
-    Err(Error::usage(format!("the state has no component `{name}`"), hint))
+    Err(usage(format!("the state has no component `{name}`"), hint))
 }
 
 /// `q=0.1,p=0` or `0.1,0`; `None` for what is not said.
@@ -50,7 +51,7 @@ pub fn state(text: &str, names: &[String]) -> Result<Vec<Option<f64>>> {
     }
     if !text.contains('=') {
         if parts.len() != names.len() {
-            return Err(Error::usage(
+            return Err(usage(
                 format!("`{text}` has {} numbers, but the state has {}", parts.len(), names.len()),
                 format!("give {}, in this order, or by name", names.join(", ")),
             ));
@@ -60,10 +61,7 @@ pub fn state(text: &str, names: &[String]) -> Result<Vec<Option<f64>>> {
     let mut out = vec![None; names.len()];
     for part in parts {
         let (name, value) = part.split_once('=').ok_or_else(|| {
-            Error::usage(
-                format!("`{part}` is not NAME=NUMBER"),
-                format!("write {}", example(names)),
-            )
+            usage(format!("`{part}` is not NAME=NUMBER"), format!("write {}", example(names)))
         })?;
         let value = number(value)?;
         for at in matching(names, name.trim())? {
@@ -75,8 +73,7 @@ pub fn state(text: &str, names: &[String]) -> Result<Vec<Option<f64>>> {
 
 /// A number, a fraction `1/12` or a multiple of pi: any constant of the mini-language.
 fn number(text: &str) -> Result<f64> {
-    let wrong =
-        || Error::usage(format!("`{}` is not a number", text.trim()), "write it as 0.1 or 1/12");
+    let wrong = || usage(format!("`{}` is not a number", text.trim()), "write it as 0.1 or 1/12");
     let expression = crate::spec::expression(text.trim()).map_err(|_| wrong())?;
     constant(&expression).filter(|x| x.is_finite()).ok_or_else(wrong)
 }
@@ -109,8 +106,7 @@ fn constant(expression: &Expression) -> Option<f64> {
 
 /// `-1..1`.
 pub fn range_of(text: &str) -> Result<Box> {
-    let wrong =
-        |message: String| Error::usage(message, "write the range as LOW..HIGH, such as -1..1");
+    let wrong = |message: String| usage(message, "write the range as LOW..HIGH, such as -1..1");
     let (lower, upper) =
         text.split_once("..").ok_or_else(|| wrong(format!("`{}` is not a range", text.trim())))?;
     let (lower, upper) = (number(lower)?, number(upper)?);

@@ -9,7 +9,7 @@ use rand_pcg::Pcg64;
 
 use super::header::counted;
 use super::{Dataset, Run};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 
 /// A data set in two parts.
 #[derive(Debug, Clone, PartialEq)]
@@ -217,7 +217,8 @@ pub fn concatenate(sets: &[Dataset]) -> Result<Dataset> {
             .collect();
         let places =
             places.filter(|places| places.len() == set.observables.len()).ok_or_else(|| {
-                Error::usage(
+                Error::new(
+                    ErrorKind::InvalidArgument,
                     format!(
                         "data sets of {} and of {} cannot be put together",
                         first.observables.join(", "),

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::cell::format_number;
 use super::table::wrong;
 use super::{Dataset, Run};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 
 /// How a data set is laid out in a file.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,7 +74,8 @@ pub fn to_csv(path: &Path, data: &Dataset, layout: &Layout) -> Result<Vec<u8>> {
 /// Several runs need a column that tells them apart.
 pub(super) fn check_runs(layout: &Layout, runs: usize) -> Result<()> {
     if layout.run.is_none() && runs > 1 {
-        return Err(Error::usage(
+        return Err(Error::new(
+            ErrorKind::InvalidArgument,
             format!("{runs} runs cannot be told apart in one file without a run column"),
             "name a run column, or write one run",
         ));

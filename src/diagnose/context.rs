@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::score::Scores;
 use crate::data::{Dataset, Packed};
 use crate::dynamics::{Dynamics, Method};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::eval::Backend;
 use crate::expr::{System, Term};
 use crate::fit::factor::Factor;
@@ -62,7 +62,8 @@ impl<'a> Context<'a> {
     /// When the model belongs to another spec.
     pub fn new(system: &'a System, model: &Model, dataset: &'a Dataset) -> Result<Self> {
         let foreign = || {
-            Error::fit(
+            Error::new(
+                ErrorKind::Model,
                 "the model belongs to another spec",
                 "fit the spec again, then ask what is missing",
             )
@@ -220,7 +221,8 @@ impl Settled<'_> {
         let linearised = linearise(&problem, &dynamics, &theta, states);
         if linearised.sums.rows <= count + dynamics.parameters().len() {
             let Sums { rows, exploded, .. } = linearised.sums;
-            return Err(Error::fit(
+            return Err(Error::new(
+                ErrorKind::InsufficientData,
                 format!(
                     "{rows} independent residuals do not suffice to ask what is missing \
                      ({exploded} of {} predictions left the finite numbers)",

@@ -11,7 +11,7 @@ use super::round::CLOSE;
 use super::search::{Found, about_as_good, at_rest, round_to, score, search};
 use super::trial::{Jury, Question, Sampling, Trial};
 use crate::data::Dataset;
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::fit::Monitor;
 use crate::fit::segments::typical_step;
 use crate::fit::uncertainty::covariance;
@@ -49,7 +49,8 @@ pub fn design(
 ) -> Result<Plan> {
     let wanted = if *goal == Goal::Rivals { 2 } else { 1 };
     let Some(first) = rivals.first().filter(|_| rivals.len() >= wanted) else {
-        return Err(Error::fit(
+        return Err(Error::new(
+            ErrorKind::InvalidArgument,
             format!("a run is designed between {wanted} models or more, not {}", rivals.len()),
             "name at least two effects",
         ));
@@ -94,7 +95,8 @@ pub fn design(
     }
     found.sort_by(|a, b| b.score.total_cmp(&a.score));
     let Some(best) = found.first().map(|found| found.score) else {
-        return Err(Error::fit(
+        return Err(Error::new(
+            ErrorKind::NothingFound,
             format!(
                 "none of the {} runs that were tried stays within its bounds and finite",
                 search.tried
@@ -191,13 +193,18 @@ fn sought(known: &Known, name: Option<&str>) -> Result<(usize, Sought)> {
                     Some(near) => format!("did you mean `{near}`?"),
                     None => format!("it has {}", names().collect::<Vec<_>>().join(", ")),
                 };
-                return Err(Error::usage(format!("the model has no coefficient `{name}`"), hint));
+                return Err(Error::new(
+                    ErrorKind::UnknownName,
+                    format!("the model has no coefficient `{name}`"),
+                    hint,
+                ));
             }
             at
         }
     };
     let Some(at) = at else {
-        return Err(Error::fit(
+        return Err(Error::new(
+            ErrorKind::NothingFound,
             "nothing is missing and nothing is learned: there is nothing to design a run for",
             "put the unknown part into `span{ ... }`, or name two effects to tell apart",
         ));
@@ -272,7 +279,8 @@ fn samplings(dataset: &Dataset, allowed: &Allowed) -> Result<Vec<Sampling>> {
         for &step in &steps {
             let intervals = (duration / step * (1.0 + 1e-9)).floor();
             if !(intervals >= 1.0 && intervals < MOST_SAMPLES as f64) {
-                return Err(Error::usage(
+                return Err(Error::new(
+                    ErrorKind::InvalidArgument,
                     format!("a run of {duration} with a sample every {step} is not possible"),
                     format!("a run has from 2 to {MOST_SAMPLES} samples"),
                 ));

@@ -123,7 +123,7 @@ fn outliers(
         p_value,
         sentence: format!(
             "column {name} has {:.2} % outliers: {} of {count} readings stand out from their \
-             neighbours, by {size:.3} in the median; `leverrier fit --loss huber` counts them less",
+             neighbours, by {size:.3} in the median; the loss `huber` of a fit counts them less",
             100.0 * share,
             far.len(),
         ),

@@ -6,7 +6,7 @@ use super::context::Context;
 use super::leader::support_in;
 use crate::data::{Dataset, Packed};
 use crate::dynamics::{Batch, Dynamics, Kind, Method, Scratch, advance, observe};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::eval::Backend;
 use crate::expr::{Bounds, Observed, System, build};
 use crate::fit::factor::Factor;
@@ -171,7 +171,8 @@ impl<'a> Known<'a> {
         let problem = problem(rival, stepping, &measured, &segments, &weights);
         let best = refit(&problem, &dynamics, &bounds, &theta, states, CONVERGED, &Silent);
         if !best.sums().loss.is_finite() || best.sums().rows <= best.theta.len() {
-            return Err(Error::fit(
+            return Err(Error::new(
+                ErrorKind::InsufficientData,
                 format!("{} cannot be fitted to the measurements so far", rival.label),
                 "measure longer runs, or leave it out",
             ));

@@ -19,8 +19,7 @@ pub fn lacking(system: &System, training: &Dataset, unseen: Option<&Dataset>) ->
     }
     let Some(unseen) = unseen.filter(|data| !data.runs.is_empty()) else {
         return Some(
-            "no samples are left to judge an effect on: put some aside with --unseen, or measure \
-             more runs"
+            "no samples are left to judge an effect on: put some aside, or measure more runs"
                 .to_string(),
         );
     };

@@ -7,7 +7,7 @@ use math_core::{LatexToMathML, MathCoreConfig, MathDisplay};
 use super::latex;
 use super::tex::width;
 use super::{Export, Output};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 
 /// One equation of a model.
 pub struct Formula {
@@ -123,7 +123,8 @@ fn cut(tex: &str) -> Vec<String> {
 
 fn converted(tex: &str) -> Result<String> {
     let wrong = |message: String| {
-        Error::fit(
+        Error::new(
+            ErrorKind::Export,
             format!("an equation cannot be written as MathML: {message}"),
             "export it as LaTeX instead",
         )

@@ -18,7 +18,7 @@ pub mod tex;
 pub use mathml::{Formula, formulas};
 pub use pretty::{Pretty, PrettyNumber};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
 
 /// A fitted model and where it comes from: everything that an exporter may write.
@@ -186,7 +186,8 @@ pub static EXPORTERS: &[Exporter] = &[
 pub fn exporter(name: &str) -> Result<&'static Exporter> {
     EXPORTERS.iter().find(|row| row.name == name).ok_or_else(|| {
         let names: Vec<_> = EXPORTERS.iter().map(|row| row.name).collect();
-        Error::usage(
+        Error::new(
+            ErrorKind::UnknownName,
             format!("there is no export format `{name}`"),
             format!("choose one of {}", names.join(", ")),
         )

@@ -3,7 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use super::{Export, IntegratorKind};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::expr::{Expr, Function, Graph, Node, Symbol};
 
 /// Equations of motion in a graph of their own. Coefficients and parameters are symbols,
@@ -44,7 +44,9 @@ impl Model {
     /// Derives the equations of motion; an error when the integrator cannot take them.
     pub fn new(export: &Export) -> Result<Model> {
         let mut system = export.system.clone();
-        let wrong = |message: &str| Error::fit(message, "fit the model again before exporting it");
+        let wrong = |message: &str| {
+            Error::new(ErrorKind::Model, message, "fit the model again before exporting it")
+        };
         if export.active.len() != export.coefficients.len()
             || export.active.iter().any(|&k| k >= system.terms.len())
             || system.forces.len() != system.degrees()
@@ -85,7 +87,8 @@ impl Model {
                 && accelerations.iter().all(|&a| !graph.depends_on(a, p))
         });
         if matches!(export.integrator.kind, IntegratorKind::Splitting { .. }) && !separable {
-            return Err(Error::fit(
+            return Err(Error::new(
+                ErrorKind::Export,
                 format!(
                     "`{}` cannot integrate this model: dq/dt depends on q, or dp/dt on p",
                     export.integrator.name
@@ -105,7 +108,8 @@ impl Model {
         roots.extend([energy, power]);
         let infinite = |part: Expr| graph.as_number(part).is_some_and(|x| !x.is_finite());
         if graph.topological(&roots).into_iter().any(infinite) {
-            return Err(Error::fit(
+            return Err(Error::new(
+                ErrorKind::Export,
                 "the equations of motion hold a number that is not finite",
                 "look for a division by zero in the spec",
             ));

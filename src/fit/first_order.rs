@@ -22,7 +22,7 @@ use crate::data::{Dataset, Packed};
 use crate::dynamics::{
     Batch, Dynamics, Method, Recording, Scratch, advance, observe, pull_back_observed,
 };
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::eval::Backend;
 use crate::expr::System;
 
@@ -165,7 +165,8 @@ impl<'a> Trainer<'a> {
         let (training, held_back): (Vec<Segment>, Vec<Segment>) =
             (strip(training), strip(held_back));
         if training.is_empty() {
-            return Err(Error::fit(
+            return Err(Error::new(
+                ErrorKind::InsufficientData,
                 "there are no transitions to learn from",
                 "measure runs of at least two samples",
             ));

@@ -4,7 +4,7 @@ use super::LARGEST_FACTOR;
 use super::options::{Options, Trainer};
 use super::pass::shares;
 use super::segments::FOLDS;
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
 
 /// Triangles beside those of the folds: merged ones, and copies that the search works on.
@@ -35,14 +35,15 @@ pub fn check(system: &System, options: &Options) -> Result<()> {
     if needed <= allowed {
         return Ok(());
     }
-    Err(Error::fit(
+    Err(Error::new(
+        ErrorKind::MemoryLimit,
         format!(
             "the function space has {terms} terms, and their triangular factors take {} of \
              memory, but {} are allowed",
             size(needed),
             size(allowed)
         ),
-        "train with the first-order trainer (`--trainer first-order`), whose memory grows with \
+        "train with the first-order trainer whose memory grows with \
          the number of terms and not with its square; or allow more memory; or write a smaller \
          function space",
     ))

@@ -52,7 +52,7 @@ pub use options::{Options, Selection, Trainer};
 pub use resume::{Start, resume};
 
 use crate::data::{Dataset, Held, Source, Survey, survey};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
 
 /// Learns the coefficients and inner parameters of `system` from `dataset`.
@@ -107,7 +107,8 @@ fn settled(
 ) -> Result<Model> {
     if let Some(settled) = gauge::settle_scale(system, dataset) {
         if settled.system.terms.is_empty() && settled.system.parameters.is_empty() {
-            return Err(Error::fit(
+            return Err(Error::new(
+                ErrorKind::NotIdentifiable,
                 "without momenta and known parts the only term sets the scale of H",
                 "put more terms into `span{ ... }`, or measure momenta",
             ));

@@ -6,7 +6,7 @@ use super::segments::Segment;
 use super::states::States;
 use super::train::Training;
 use crate::dynamics::{Batch, Dynamics, Method, Scratch, choose_steps};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
 
 /// An integrator with what it can resolve.
@@ -60,7 +60,8 @@ pub fn coarse(
 ) -> Result<Choice> {
     let method = options.method.unwrap_or_else(|| usual(separable));
     if method.needs_separable() && !separable {
-        return Err(Error::usage(
+        return Err(Error::new(
+            ErrorKind::NotApplicable,
             format!(
                 "`{}` needs H = T(p) + V(q) and forces without momenta, which this system is not",
                 method.row().name

@@ -23,7 +23,7 @@ use super::stream::Stream;
 use super::support::{self, Candidate, Columns, Search};
 use crate::data::{Dataset, Packed};
 use crate::dynamics::Dynamics;
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::expr::{Bounds, Observed, Place, Symbol, System};
 
 /// Rounds at one length of segments.
@@ -116,7 +116,8 @@ pub struct Round {
 /// Segments, if there are any.
 fn not_empty(segments: Segments) -> Result<Segments> {
     if segments.list.is_empty() {
-        return Err(Error::fit(
+        return Err(Error::new(
+            ErrorKind::InsufficientData,
             "the data have no two samples close enough in time to learn from",
             "check the time column and its unit",
         ));
@@ -155,7 +156,8 @@ impl<'a> Training<'a> {
         let (scales, typical) =
             rayon::join(|| scales(&measured, 2 * degrees), || measured.typical_step());
         if scales[..degrees].iter().all(|scale| scale.spread.is_none()) {
-            return Err(Error::fit(
+            return Err(Error::new(
+                ErrorKind::InsufficientData,
                 "no coordinate is measured",
                 "name the columns of the coordinates in the spec's data block",
             ));
@@ -317,7 +319,8 @@ impl<'a> Training<'a> {
         };
         self.states = states;
         if sums.rows == 0 {
-            return Err(Error::fit(
+            return Err(Error::new(
+                ErrorKind::InsufficientData,
                 "the measurements do not outnumber the unknown initial states",
                 "measure momenta or velocities too, or longer runs",
             ));
@@ -346,7 +349,11 @@ impl<'a> Training<'a> {
             super::unseen::prefer_unseen(&mut search.candidates, &folds, &columns);
         }
         let best = search.candidates.first().cloned().ok_or_else(|| {
-            Error::fit("no model was found", "check that the function space is not empty")
+            Error::new(
+                ErrorKind::NothingFound,
+                "no model was found",
+                "check that the function space is not empty",
+            )
         })?;
         let refit = match self.confirmed(&best, &merged, &sums) {
             true => self.settle_on(&best, &columns, &folds, sums),

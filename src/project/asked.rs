@@ -3,7 +3,7 @@
 use crate::diagnose::candidates::candidates;
 use crate::diagnose::context::Context;
 use crate::diagnose::scan::scan;
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::spec::ast::{Statement, StatementKind};
 use crate::spec::edit;
 use crate::spec::effects::{EffectRow, Scene, by_name, hint_for, instances};
@@ -80,11 +80,16 @@ impl Asked {
         }
         let row = by_name(&name).ok_or_else(|| {
             let own: Vec<&str> = own.iter().map(String::as_str).collect();
-            Error::usage(format!("there is no effect `{name}`"), hint_for(&name, &own))
+            Error::new(
+                ErrorKind::UnknownName,
+                format!("there is no effect `{name}`"),
+                hint_for(&name, &own),
+            )
         })?;
         let scene = project.system().scene();
         if let Some(reason) = row.cannot(&scene) {
-            return Err(Error::usage(
+            return Err(Error::new(
+                ErrorKind::NotApplicable,
                 format!("`{}` does not apply here: {reason}", row.name),
                 format!("`leverrier effects {}` says what it needs", row.name),
             ));
@@ -96,10 +101,15 @@ impl Asked {
                 Some(near) => format!("did you mean `{near}`?"),
                 None => format!("it acts on {}: {}", row.on.text(), names.join(", ")),
             };
-            return Err(Error::usage(format!("`{}` cannot be on `{strange}`", row.name), hint));
+            return Err(Error::new(
+                ErrorKind::UnknownName,
+                format!("`{}` cannot be on `{strange}`", row.name),
+                hint,
+            ));
         }
         if arguments.len() != row.on.count() {
-            return Err(Error::usage(
+            return Err(Error::new(
+                ErrorKind::InvalidArgument,
                 format!("`{}` is on {}, not on {}", row.name, row.on.text(), arguments.len()),
                 format!("name {} in parentheses", row.on.text()),
             ));
@@ -150,7 +160,8 @@ fn only(row: &EffectRow, scene: &Scene) -> Result<Vec<String>> {
         1 => Ok(places.remove(0)),
         _ => {
             let some: Vec<String> = places.iter().take(6).map(|on| row.label(on)).collect();
-            Err(Error::usage(
+            Err(Error::new(
+                ErrorKind::Ambiguous,
                 format!("`{}` has {} places here", row.name, places.len()),
                 format!("say which: {}", some.join(", ")),
             ))

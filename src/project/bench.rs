@@ -1,8 +1,8 @@
 //! A spec with its measurements in two parts: what a model learns from and what judges it.
 
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-use clap::Args;
 use serde_json::{Value, json};
 
 use super::learned::{learn, on_threads};
@@ -10,32 +10,30 @@ use super::{Listener, Project};
 use crate::data::{DataReport, Dataset, Split};
 use crate::diagnose::compare;
 use crate::diagnose::context::Context;
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::fit::model::fingerprint;
 use crate::fit::{Loss, Model, Monitor, Options, Start, resume};
 
 /// Share of the samples that is put aside where nothing is said.
-const UNSEEN: f64 = 0.25;
+pub const UNSEEN: f64 = 0.25;
+/// Shares that leave something to learn from.
+pub const SHARES: RangeInclusive<f64> = 0.0..=0.9;
 
 /// How the measurements are split.
-#[derive(Args, Debug, Clone)]
+#[derive(Debug, Clone)]
 pub struct Splitting {
     /// Measurements, instead of those that the spec names.
-    #[arg(long, value_name = "FILE")]
     pub data: Option<PathBuf>,
     /// Share of the samples that no model sees before it is judged on them.
-    #[arg(long, value_name = "FRACTION", default_value_t = UNSEEN)]
     pub unseen: f64,
     /// Seed of the choice of unseen runs: the same seed makes the same choice.
-    #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
     /// Threads to use; by default all cores. The result does not depend on it.
-    #[arg(long, value_name = "N")]
     pub threads: Option<usize>,
 }
 
 impl Default for Splitting {
-    /// As on the command line where nothing is said.
+    /// What is meant where nothing is said.
     fn default() -> Self {
         Splitting { data: None, unseen: UNSEEN, seed: 0, threads: None }
     }
@@ -53,9 +51,10 @@ pub struct Bench {
 impl Bench {
     /// Reads a spec and its data, and splits these.
     pub fn open(spec: &Path, splitting: &Splitting, listener: &dyn Listener) -> Result<Self> {
-        if !(0.0..=0.9).contains(&splitting.unseen) {
-            return Err(Error::usage(
-                "--unseen must be between 0 and 0.9",
+        if !SHARES.contains(&splitting.unseen) {
+            return Err(Error::new(
+                ErrorKind::InvalidArgument,
+                "the share of unseen samples must be between 0 and 0.9",
                 "give the share of the samples to put aside, such as 0.25",
             ));
         }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::{FileDigest, ModelFile, Origin, Project, digest};
 use crate::data::{DataReport, Dataset, write_atomically};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::expr::{Observed, System};
 use crate::fit::{self, Model, Monitor, Options};
 
@@ -25,7 +25,13 @@ pub fn on_threads<T: Send>(
     work: impl FnOnce() -> Result<T> + Send,
 ) -> Result<T> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build().map_err(
-        |error| Error::fit(format!("cannot start the threads: {error}"), "ask for fewer"),
+        |error| {
+            Error::new(
+                ErrorKind::Threads,
+                format!("cannot start the threads: {error}"),
+                "ask for fewer",
+            )
+        },
     )?;
     pool.install(work)
 }

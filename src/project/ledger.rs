@@ -80,11 +80,8 @@ impl Ledger {
             }
             Err(error) => return Err(Error::file("read", &path, error)),
         };
-        let wrong = |message: String| Error::Model {
-            path: path.clone(),
-            message,
-            hint: "move it away to begin a new ledger".to_string(),
-        };
+        let wrong =
+            |message: String| Error::model(&path, message, "move it away to begin a new ledger");
         let ledger: Ledger = serde_json::from_slice(&bytes)
             .map_err(|error| wrong(format!("this is not a ledger, or it is damaged ({error})")))?;
         if ledger.format != FORMAT {

@@ -1,6 +1,6 @@
 //! How much memory data may take: as asked for, or a part of the machine's.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 
 /// Without a word from the user, data may take this part of the memory that is free.
 const SHARE: u64 = 2;
@@ -52,8 +52,9 @@ pub const LEAST: u64 = 64 << 20;
 /// Less than any fit takes.
 pub fn allowed(asked: Option<u64>) -> Result<u64> {
     match asked {
-        Some(bytes) if bytes < LEAST => Err(Error::usage(
-            "--memory is less than any fit takes",
+        Some(bytes) if bytes < LEAST => Err(Error::new(
+            ErrorKind::InvalidArgument,
+            "the memory allowed is less than any fit takes",
             "allow 64MiB or more; data that take more are read part by part",
         )),
         Some(bytes) => Ok(bytes),

@@ -22,7 +22,7 @@ use crate::data::{
     self, Cells, Column, ColumnMap, DataReport, Dataset, FileSource, Mapping, ObservableMap, Table,
 };
 use crate::diagnostic::Diagnostic;
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::expr::{self, Compiled, System};
 use crate::fit::Model;
 use crate::fit::model::FORMAT;
@@ -152,9 +152,10 @@ impl Project {
             return Ok(path.to_path_buf());
         }
         let Some(data) = &self.compiled.data else {
-            return Err(Error::usage(
+            return Err(Error::new(
+                ErrorKind::DataNotNamed,
                 format!("{} does not name its data", self.name()),
-                "write `data \"file.csv\" { time t }` in it, or give --data FILE",
+                "write `data \"file.csv\" { time t }` in it, or give a file",
             ));
         };
         let folder = self.path.parent().unwrap_or(Path::new(""));
@@ -255,8 +256,7 @@ impl Project {
             return Ok(Law { active, coefficients, parameters, covariance, errors, file });
         }
         let again = format!("run `leverrier fit {}`", self.name());
-        let wrong =
-            |message: String, hint: String| Error::Model { path: path.clone(), message, hint };
+        let wrong = |message: String, hint: String| Error::model(&path, message, hint);
         let bytes = match std::fs::read(&path) {
             Ok(bytes) => bytes,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
@@ -338,7 +338,7 @@ fn number_pairs(table: &mut Table, run: Option<&str>) -> Result<String> {
 
 const NO_SPEC: &str = "there is no such file; `leverrier new DATA.csv` writes a first spec";
 const NO_DATA: &str = "there is no such file; the spec's `data` line names it, as seen from the \
-                       spec's folder, or give --data FILE";
+                       spec's folder, or give another file";
 
 fn not_there(error: Error, path: &Path) -> Error {
     match error {
@@ -371,8 +371,9 @@ pub fn refuse_overwrite(path: &Path, force: bool) -> Result<()> {
     if std::fs::metadata(path).is_ok_and(|about| !about.is_file() && !about.is_dir()) {
         return Ok(());
     }
-    Err(Error::usage(
+    Err(Error::new(
+        ErrorKind::AlreadyExists,
         format!("{} exists", path.display()),
-        "give --force to overwrite it, or another name with -o",
+        "overwrite it deliberately, or choose another name",
     ))
 }

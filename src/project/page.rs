@@ -1,7 +1,5 @@
 //! A model with all that there is to show of it: what the report and the studio draw.
 
-use std::path::Path;
-
 use super::bench::Bench;
 use super::learned::origin;
 use super::ledger::{Judged, Ledger, date};
@@ -13,7 +11,7 @@ use crate::diagnose::detectors::detect;
 use crate::diagnose::floor::noise_floor;
 use crate::diagnose::missing::{self, Diagnosis};
 use crate::diagnose::view::{Quantity, View, view};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::export::formulas;
 use crate::expr::{Observed, Variable};
 use crate::fit::segments::typical_step;
@@ -21,6 +19,9 @@ use crate::fit::{Model, Monitor};
 use crate::report::html::{Entry, Page};
 use crate::report::plots::{Material, Stage};
 use crate::report::present;
+
+/// Gives the commands that make a page again, with or without a diagnosis.
+pub type Reproduce = fn(&Bench, bool) -> Vec<String>;
 
 /// A model held against its measurements.
 pub struct Seen {
@@ -106,12 +107,14 @@ pub fn diagnosis(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<
 
 /// Hands everything that a report tells to `tell`.
 ///
-/// `terms` says where the terms of the `model` come from.
+/// `terms` says where the terms of the `model` come from, `reproduce` with which commands the
+/// page is made again.
 pub fn with_page<T>(
     bench: &Bench,
     (model, terms): (&Model, &str),
     seen: &Seen,
     diagnosis: Option<&Diagnosis>,
+    reproduce: Reproduce,
     tell: impl FnOnce(&Page) -> T,
 ) -> Result<T> {
     let ledger = Ledger::open(&bench.project.path)?;
@@ -145,7 +148,7 @@ pub fn with_page<T>(
         spec: &bench.project.text,
         history: &entries(&ledger),
         facts: &facts(bench, &law),
-        commands: &commands(bench, diagnosis.is_some()),
+        commands: &reproduce(bench, diagnosis.is_some()),
     }))
 }
 
@@ -159,7 +162,11 @@ fn law(bench: &Bench, model: &Model) -> Result<Law> {
     let origin = origin(&bench.project, &bench.dataset, &bench.about);
     let file = ModelFile { model: model.clone(), origin };
     bench.project.law_of(file).ok_or_else(|| {
-        Error::fit("the model belongs to another spec", "fit the spec again, then report it")
+        Error::new(
+            ErrorKind::Model,
+            "the model belongs to another spec",
+            "fit the spec again, then report it",
+        )
     })
 }
 
@@ -226,27 +233,4 @@ fn facts(bench: &Bench, law: &Law) -> Vec<(String, String)> {
     let splitting = &bench.splitting;
     fact("split", format!("unseen {}, seed {}", splitting.unseen, splitting.seed));
     out
-}
-
-/// Commands that make the page again; files by their names alone.
-fn commands(bench: &Bench, diagnosed: bool) -> Vec<String> {
-    let name = |path: &Path| -> String {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if name.contains([' ', '\'', '"', '(', ')', '&', ';']) {
-            format!("'{}'", name.replace('\'', "'\\''"))
-        } else {
-            name.into_owned()
-        }
-    };
-    let spec = name(&bench.project.path);
-    let splitting = &bench.splitting;
-    let data = splitting.data.as_ref().map_or(String::new(), |d| format!(" --data {}", name(d)));
-    let more = if !diagnosed { " --no-diagnosis" } else { "" };
-    vec![
-        format!("leverrier fit {spec}{data}"),
-        format!(
-            "leverrier report {spec}{data} --unseen {} --seed {}{more}",
-            splitting.unseen, splitting.seed
-        ),
-    ]
 }

@@ -10,7 +10,7 @@ use crate::diagnose::compare::windows;
 use crate::diagnose::context::Context;
 use crate::diagnose::floor::noise_floor;
 use crate::diagnostic::Diagnostic;
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::expr;
 use crate::fit::{Model, Monitor, Start};
 use crate::report::Moved;
@@ -57,7 +57,8 @@ pub fn add(
 ) -> Result<Revision> {
     let mut asked = Asked::new(effect, &bench.project)?;
     if asked.place(&bench.project.text).is_some() {
-        return Err(Error::usage(
+        return Err(Error::new(
+            ErrorKind::NothingToDo,
             format!("{} has `{}` already", bench.project.name(), asked.label),
             format!(
                 "`leverrier remove` takes it out; `leverrier fit {}` learns it",
@@ -106,7 +107,8 @@ pub fn remove(
             (Some(shorter), _) => (effect.to_string(), shorter),
             (None, Err(error)) => return Err(not_there(effect, bench, error)),
             (None, Ok(asked)) => {
-                return Err(Error::usage(
+                return Err(Error::new(
+                    ErrorKind::UnknownName,
                     format!("{} does not have `{}`", bench.project.name(), asked.label),
                     removable(text),
                 ));
@@ -182,7 +184,8 @@ impl Revision {
 fn not_there(effect: &str, bench: &Bench, error: Error) -> Error {
     let names = edit::term_names(&bench.project.text);
     match crate::spec::nearest(effect, names.iter().map(String::as_str)) {
-        Some(near) => Error::usage(
+        Some(near) => Error::new(
+            ErrorKind::UnknownName,
             format!("{} has no term `{}`", bench.project.name(), effect),
             format!("did you mean `{near}`?"),
         ),
@@ -204,7 +207,8 @@ fn removable(text: &str) -> String {
 fn edited(bench: &Bench, text: String) -> Result<Project> {
     let old = &bench.project;
     let compiled = expr::build(&old.name(), &text).map_err(|error| match error {
-        Error::Spec { diagnostics, .. } => Error::usage(
+        Error::Spec { diagnostics, .. } => Error::new(
+            ErrorKind::NotApplicable,
             format!("{} cannot be without it, or with it: {}", old.name(), first(&diagnostics)),
             "nothing was changed; edit the spec by hand",
         ),

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::ledger::{BY_HAND, Ledger};
 use crate::data::write_atomically;
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 
 /// What was taken back.
 pub struct Undone {
@@ -31,20 +31,25 @@ pub fn undo(path: &Path, force: bool) -> Result<Undone> {
     };
     let edited = newest(&ledger).is_some_and(|(action, spec)| spec != text || action == BY_HAND);
     if edited && !force {
-        return Err(Error::usage(
+        return Err(Error::new(
+            ErrorKind::ChangedMeanwhile,
             format!("{} was edited by hand since the last revision", path.display()),
-            "give --force to go back nevertheless; the edited text stays in the ledger, and \
-             `history --show NUMBER` prints it",
+            "go back nevertheless if that is meant; the edited text stays in the ledger",
         ));
     }
     let nothing = || {
         let what = format!("there is nothing to undo in {}", path.display());
         match lost.first() {
-            Some(lost) => Error::usage(
+            Some(lost) => Error::new(
+                ErrorKind::NothingToDo,
                 format!("{what}: `{lost}` never came to its end"),
                 "the spec is as it was before; `leverrier add` does it again",
             ),
-            None => Error::usage(what, "`leverrier add` and `leverrier remove` make revisions"),
+            None => Error::new(
+                ErrorKind::NothingToDo,
+                what,
+                "`leverrier add` and `leverrier remove` make revisions",
+            ),
         }
     };
     if edited {

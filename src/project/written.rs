@@ -5,7 +5,7 @@ use std::path::Path;
 use super::{Law, Project, digest};
 use crate::data::write_atomically;
 use crate::dynamics::{Dynamics, Method};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::eval::Backend;
 use crate::export::{self, Export, Output, Provenance};
 use crate::expr::System;
@@ -32,7 +32,8 @@ pub fn the_export<'a>(
         Some(file) => {
             let used = &file.model.integrator;
             let method = Method::by_name(&used.method).ok_or_else(|| {
-                Error::fit(
+                Error::new(
+                    ErrorKind::Model,
                     format!("the model was fitted with an unknown integrator `{}`", used.method),
                     "fit it again",
                 )
@@ -64,8 +65,9 @@ pub fn the_export<'a>(
 fn known_integrator(system: &System) -> Result<(Method, f64)> {
     let separable = Dynamics::new(system, &[], Backend::default()).separable();
     let name = if separable { "suzuki-umeno-8" } else { "gauss-legendre-6" };
-    let method = Method::by_name(name)
-        .ok_or_else(|| Error::fit(format!("there is no integrator `{name}`"), "report this"))?;
+    let method = Method::by_name(name).ok_or_else(|| {
+        Error::new(ErrorKind::Internal, format!("there is no integrator `{name}`"), "report this")
+    })?;
     Ok((method, KNOWN_STEP))
 }
 
@@ -74,17 +76,19 @@ pub fn write_folder(folder: &Path, files: &[(String, String)], force: bool) -> R
     let occupied = match std::fs::read_dir(folder) {
         Ok(mut entries) => entries.next().is_some(),
         Err(_) if folder.exists() => {
-            return Err(Error::usage(
+            return Err(Error::new(
+                ErrorKind::AlreadyExists,
                 format!("{} is not a folder", folder.display()),
-                "name a folder that does not exist yet with -o",
+                "name a folder that does not exist yet",
             ));
         }
         Err(_) => false,
     };
     if occupied && !force {
-        return Err(Error::usage(
+        return Err(Error::new(
+            ErrorKind::AlreadyExists,
             format!("the folder {} is not empty", folder.display()),
-            "give --force to write into it, or another folder with -o",
+            "write into it deliberately, or choose another folder",
         ));
     }
     let failed = |path: &Path| {

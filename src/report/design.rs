@@ -8,7 +8,15 @@ use crate::simplify::{significant, uncertain};
 const ALTERNATIVES: usize = 5;
 
 /// Why a run is designed, the run, what it would bring, and what else would do.
-pub fn design_text(plan: &Plan, why: &str, spec: &str, width: Option<u16>) -> String {
+///
+/// `simulate` is the command that simulates the best run.
+pub fn design_text(
+    plan: &Plan,
+    why: &str,
+    spec: &str,
+    simulate: &str,
+    width: Option<u16>,
+) -> String {
     let width = width.map_or(WIDTH, |width| usize::from(width).max(40));
     let why = format!("{why}{}", so_far(plan));
     let mut sections = vec![wrapped(&why, width, 2)];
@@ -54,7 +62,7 @@ pub fn design_text(plan: &Plan, why: &str, spec: &str, width: Option<u16>) -> St
     sections.push(format!(
         "What the fitted model expects of it:\n  {}\nOnce it is measured, append it to the data \
          as a run of its own, and\n  leverrier {then} {spec}",
-        measured_by(best, spec)
+        simulate
     ));
     sections.join("\n\n")
 }
@@ -72,21 +80,6 @@ fn so_far(plan: &Plan) -> String {
         ),
         _ => String::new(),
     }
-}
-
-/// The command that simulates a run.
-pub fn measured_by(run: &Proposal, spec: &str) -> String {
-    let from = if run.from == 0.0 {
-        String::new()
-    } else {
-        format!(" --from {}", significant(run.from, 12))
-    };
-    let start = values(&run.start).replace(' ', "");
-    format!(
-        "leverrier simulate {spec} --start {start}{from} --duration {} --dt {}",
-        significant(run.duration, 12),
-        significant(run.step, 12)
-    )
 }
 
 fn values(of: &[Named]) -> String {

@@ -11,7 +11,7 @@ mod text;
 
 use serde_json::{Value, json};
 
-pub use design::{design_text, measured_by};
+pub use design::design_text;
 pub use diagnosis::{
     About, Moved, Revised, compare_text, diagnosis_text, discovery_text, revision_text,
 };

@@ -4,7 +4,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use super::trajectory::Simulator;
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 
 /// Candidates that are judged at a time.
 const BATCH: usize = 1024;
@@ -45,12 +45,13 @@ pub fn draw(
     let mut tried = 0usize;
     while found.len() < count {
         if tried > PATIENCE.saturating_mul(count) {
-            return Err(Error::usage(
+            return Err(Error::new(
+                ErrorKind::EnergyRange,
                 format!(
                     "of {tried} states in the boxes only {} have an energy in the range",
                     found.len()
                 ),
-                "widen --energy, or draw from boxes nearer to it",
+                "widen the range of energies, or draw from boxes nearer to it",
             ));
         }
         let many = if sampling.energy.is_some() { BATCH } else { count - found.len() };

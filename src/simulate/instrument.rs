@@ -6,7 +6,7 @@ use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 
 use crate::data::{Dataset, Run};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 
 /// Standard deviation of the noise of one observable.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,7 +40,8 @@ pub fn add_noise(data: &mut Dataset, noise: &[Noise], seed: u64) -> Result<Vec<f
         .map(|&sigma| {
             let sound = sigma.is_finite() && sigma >= 0.0;
             sound.then(|| Normal::new(0.0, sigma).ok()).flatten().ok_or_else(|| {
-                Error::usage(
+                Error::new(
+                    ErrorKind::InvalidArgument,
                     "noise must be zero or more",
                     "give a standard deviation, such as 0.01",
                 )

@@ -4,7 +4,7 @@ use crate::data::{Dataset, Run};
 use crate::dynamics::{
     Batch, Dynamics, Scratch, StepChoice, Stop, advance, choose_steps, observe, taylor,
 };
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::eval::Backend;
 use crate::expr::System;
 
@@ -216,14 +216,15 @@ impl<'a> Simulator<'a> {
                     return Err(exploded(run, &format!("after t = {after}")));
                 }
                 Stop::Unresolved { after } => {
-                    return Err(Error::fit(
+                    return Err(Error::new(
+                        ErrorKind::TaylorSeries,
                         format!(
                             "the Taylor series of run {} cannot be followed after t = {after}: \
                              its steps become too short, or its terms are not numbers",
                             run + 1
                         ),
                         "start away from singularities and the ends of roots and logarithms, \
-                         shorten the duration, or leave --method out",
+                         shorten the duration, or take equal steps",
                     ));
                 }
             }
@@ -237,13 +238,18 @@ impl<'a> Simulator<'a> {
     }
 
     fn no_series(&self) -> Error {
-        let hint = "leave --method out: equal steps can do it";
+        let hint = "equal steps can do it";
         match self.dynamics.kink() {
-            Some(function) => Error::fit(
+            Some(function) => Error::new(
+                ErrorKind::TaylorSeries,
                 format!("there is no Taylor series of `{function}`, which has a kink or a jump"),
                 hint,
             ),
-            None => Error::fit("the Taylor series of this law has too many terms", hint),
+            None => Error::new(
+                ErrorKind::TaylorSeries,
+                "the Taylor series of this law has too many terms",
+                hint,
+            ),
         }
     }
 
@@ -301,7 +307,8 @@ impl<'a> Simulator<'a> {
 }
 
 fn exploded(run: usize, when: &str) -> Error {
-    Error::fit(
+    Error::new(
+        ErrorKind::NotFinite,
         format!("the trajectory of run {} leaves the finite numbers {when}", run + 1),
         "shorten the duration, or start where the motion stays bounded",
     )

@@ -5,12 +5,13 @@ use std::io::{Cursor, Write};
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 
 /// A zip archive of files: names with forward slashes, and what they hold.
 pub fn zip(folder: &str, files: &[(String, impl AsRef<[u8]>)]) -> Result<Vec<u8>> {
-    let failed =
-        |error: String| Error::fit(format!("cannot pack {folder}: {error}"), "export it again");
+    let failed = |error: String| {
+        Error::new(ErrorKind::Export, format!("cannot pack {folder}: {error}"), "export it again")
+    };
     let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
     for (name, bytes) in files {
         archive

@@ -10,7 +10,7 @@ use crate::data::write_atomically;
 use crate::diagnose::missing::Diagnosis;
 use crate::diagnose::suffices;
 use crate::diagnostic::Diagnostic;
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::fit::{Model, Monitor, Options, StopReason};
 use crate::project::bench::{Bench, Splitting};
 use crate::project::learned::{origin, write_model};
@@ -42,7 +42,11 @@ impl Held {
     /// It was not held against the measurements yet.
     pub fn seen(&self) -> Result<&Seen> {
         self.seen.as_deref().ok_or_else(|| {
-            Error::usage("the plots are not drawn yet", "wait until the studio has drawn them")
+            Error::new(
+                ErrorKind::NotReady,
+                "the plots are not drawn yet",
+                "wait until the studio has drawn them",
+            )
         })
     }
 }
@@ -216,7 +220,8 @@ impl Engine {
         if files::read_spec(&self.studio.path)? == project.text {
             return Ok(());
         }
-        Err(Error::usage(
+        Err(Error::new(
+            ErrorKind::ChangedMeanwhile,
             "the spec was changed by another program meanwhile, so nothing was written",
             "look at the text as it is now, then do it again",
         ))
@@ -260,7 +265,8 @@ impl Engine {
         let old = files::read_spec(&path)?;
         if files::hash(&old) != base {
             self.post_files()?;
-            return Err(Error::usage(
+            return Err(Error::new(
+                ErrorKind::ChangedMeanwhile,
                 "the file was changed by another program since it was read here",
                 "compare: Reload shows what is in the file, Save keeps what stands here",
             ));
@@ -279,7 +285,11 @@ impl Engine {
             self.open(false)?;
         }
         let held = self.studio.held().ok_or_else(|| {
-            Error::usage("the spec has no model yet", "mend the spec, then learn it")
+            Error::new(
+                ErrorKind::NotReady,
+                "the spec has no model yet",
+                "mend the spec, then learn it",
+            )
         })?;
         let studio = Arc::clone(&self.studio);
         let what = format!("{} {effect}", if adds { "Adding" } else { "Removing" });
@@ -327,9 +337,10 @@ impl Engine {
             return Ok(());
         }
         let seen = page::glimpse(bench, judged);
-        let (law, figures) = page::with_page(bench, model, &seen, None, |page| {
-            (wire::law(page), wire::first_figures(&page.material))
-        })?;
+        let (law, figures) =
+            page::with_page(bench, model, &seen, None, self.studio.reproduce, |page| {
+                (wire::law(page), wire::first_figures(&page.material))
+            })?;
         let board = &self.studio.board;
         board.post("law", &law);
         board.post("figures", &figures);
@@ -340,10 +351,14 @@ impl Engine {
     fn show(&self, held: Held) -> Result<()> {
         let seen = held.seen()?;
         let model = (&*held.training, held.terms);
-        let (law, figures) =
-            page::with_page(&held.bench, model, seen, held.diagnosis.as_deref(), |page| {
-                (wire::law(page), wire::figures(&page.material))
-            })?;
+        let (law, figures) = page::with_page(
+            &held.bench,
+            model,
+            seen,
+            held.diagnosis.as_deref(),
+            self.studio.reproduce,
+            |page| (wire::law(page), wire::figures(&page.material)),
+        )?;
         let board = &self.studio.board;
         board.post("trouble", &());
         board.post("law", &law);

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::project::{Project, digest};
 
 /// Larger specs are not taken from the page, nor shown in it.
@@ -75,7 +75,8 @@ impl Fence {
         if inside || real.is_ok() && real.ok() == self.first {
             return Ok(());
         }
-        Err(Error::usage(
+        Err(Error::new(
+            ErrorKind::Forbidden,
             "the data lie outside the spec's folder, where the studio does not read",
             "copy them beside the spec, or start the studio anew with the spec as it is",
         ))

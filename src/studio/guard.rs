@@ -8,7 +8,7 @@
 use hyper::header::{HOST, HeaderMap, HeaderName, HeaderValue, ORIGIN};
 use hyper::{Method, StatusCode};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 
 /// The header in which the page sends its token.
 pub const TOKEN: HeaderName = HeaderName::from_static("x-leverrier-token");
@@ -42,7 +42,11 @@ impl Guard {
     pub fn new(port: u16) -> Result<Self> {
         let mut bytes = [0; 24];
         getrandom::fill(&mut bytes).map_err(|error| {
-            Error::fit(format!("the system has no random numbers: {error}"), "start it again")
+            Error::new(
+                ErrorKind::System,
+                format!("the system has no random numbers: {error}"),
+                "start it again",
+            )
         })?;
         let token = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
         Ok(Guard { hosts: ["127.0.0.1", "localhost"].map(|name| format!("{name}:{port}")), token })

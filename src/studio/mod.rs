@@ -18,7 +18,8 @@ mod worker;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
+use crate::project::page::Reproduce;
 use board::Board;
 use engine::Engine;
 use guard::Guard;
@@ -30,12 +31,15 @@ pub struct Options {
     pub spec: PathBuf,
     /// 0 takes one that is free.
     pub port: u16,
+    /// How a report says that it is made again.
+    pub reproduce: Reproduce,
 }
 
 /// What the page, its routes and the worker share.
 pub struct Studio {
     /// The spec.
     path: PathBuf,
+    reproduce: Reproduce,
     guard: Guard,
     board: Board,
     jobs: Jobs,
@@ -71,6 +75,7 @@ pub fn serve(options: &Options, ready: impl FnOnce(&str)) -> Result<()> {
         jobs: Jobs::new(),
         held: std::sync::Mutex::new(None),
         path,
+        reproduce: options.reproduce,
     });
     let address = format!("http://127.0.0.1:{port}/#{}", studio.guard.token());
     let engine = Engine::new(Arc::clone(&studio))?;
@@ -82,9 +87,10 @@ pub fn serve(options: &Options, ready: impl FnOnce(&str)) -> Result<()> {
 }
 
 fn server_error(error: &std::io::Error) -> Error {
-    Error::fit(
+    Error::new(
+        ErrorKind::System,
         format!("the studio cannot serve: {error}"),
-        "start it again, or with another --port",
+        "start it again, or at another port",
     )
 }
 

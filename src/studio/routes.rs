@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use super::jobs::Wish;
 use super::{Studio, archive, files, name, wire};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::export::{EXPORTERS, Output};
 use crate::expr;
 use crate::project::Project;
@@ -118,7 +118,11 @@ impl Route {
                 let work = move || reply(&studio, &query, &body);
                 match tokio::task::spawn_blocking(work).await {
                     Ok(answered) => answered,
-                    Err(_) => Err(Error::fit("this failed in the program itself", "report it")),
+                    Err(_) => Err(Error::new(
+                        ErrorKind::Internal,
+                        "this failed in the program itself",
+                        "report it",
+                    )),
                 }
             }
         };
@@ -145,7 +149,8 @@ struct Text {
 
 fn read<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Result<T> {
     serde_json::from_slice(body).map_err(|error| {
-        Error::usage(
+        Error::new(
+            ErrorKind::InvalidArgument,
             format!("this is not what the studio understands ({error})"),
             "reload the page",
         )
@@ -167,7 +172,11 @@ fn too_long(text: &str) -> Result<()> {
     if text.len() <= files::LARGEST {
         return Ok(());
     }
-    Err(Error::usage("that is too large for a spec", "1 MB is the most that the studio takes"))
+    Err(Error::new(
+        ErrorKind::InvalidArgument,
+        "that is too large for a spec",
+        "1 MB is the most that the studio takes",
+    ))
 }
 
 fn ask(studio: &Studio, _: &str, body: &[u8]) -> Result<Answer> {
@@ -222,10 +231,10 @@ fn ending(format: &str) -> &str {
 fn drawn<T>(studio: &Studio, what: &str, tell: impl FnOnce(&html::Page) -> T) -> Result<T> {
     let held = studio.held().ok_or_else(|| {
         let nothing = format!("there is nothing to {what} yet");
-        Error::usage(nothing, "wait until the plots are drawn")
+        Error::new(ErrorKind::NotReady, nothing, "wait until the plots are drawn")
     })?;
     let model = (&*held.training, held.terms);
-    with_page(&held.bench, model, held.seen()?, held.diagnosis.as_deref(), tell)
+    with_page(&held.bench, model, held.seen()?, held.diagnosis.as_deref(), studio.reproduce, tell)
 }
 
 fn report(studio: &Studio, _: &str, _: &[u8]) -> Result<Answer> {
@@ -238,7 +247,11 @@ fn report(studio: &Studio, _: &str, _: &[u8]) -> Result<Answer> {
 fn plots(studio: &Studio, query: &str, _: &[u8]) -> Result<Answer> {
     let kind = value(query, "as").and_then(image).ok_or_else(|| {
         let known: Vec<&str> = IMAGES.iter().map(|row| row.name).collect();
-        Error::usage("there is no such kind of picture", format!("one of {}", known.join(", ")))
+        Error::new(
+            ErrorKind::UnknownName,
+            "there is no such kind of picture",
+            format!("one of {}", known.join(", ")),
+        )
     })?;
     let paper = value(query, "paper").map(|name| match name {
         "dark" => Paper::Dark,
@@ -259,7 +272,11 @@ fn plots(studio: &Studio, query: &str, _: &[u8]) -> Result<Answer> {
     let at: usize = value(query, "at").and_then(|at| at.parse().ok()).unwrap_or(0);
     let own = drawn.iter().find(|(plot, _)| *plot == name);
     let figure = own.and_then(|(_, figures)| figures.get(at)).ok_or_else(|| {
-        Error::usage("there is no such plot any more", "look which plots the page shows now")
+        Error::new(
+            ErrorKind::UnknownName,
+            "there is no such plot any more",
+            "look which plots the page shows now",
+        )
     })?;
     let bytes = (kind.draw)(figure, look)?;
     let save_as = Some(format!("{}-{}", stem(studio), file(figure, kind)));

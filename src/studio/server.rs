@@ -16,7 +16,7 @@ use tokio::sync::Semaphore;
 use super::guard::ALWAYS;
 use super::routes::{self, Answer};
 use super::{Studio, files, server_error};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 
 /// Connections at a time; more are turned away.
 const CONNECTIONS: usize = 256;
@@ -35,9 +35,10 @@ const BODY: usize = 6 * files::LARGEST;
 /// The port is taken.
 pub fn listen(port: u16) -> Result<TcpListener> {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(|error| {
-        Error::usage(
+        Error::new(
+            ErrorKind::Port,
             format!("port {port} cannot be served: {error}"),
-            "give another --port, or none to take one that is free",
+            "choose another port, or none to take one that is free",
         )
     })?;
     listener.set_nonblocking(true).map_err(|error| server_error(&error))?;

@@ -57,10 +57,7 @@ pub struct Failure {
 /// An error in words.
 pub fn failure(error: &Error) -> Failure {
     match error {
-        Error::Fit { message, hint } | Error::Usage { message, hint } => {
-            Failure { message: message.clone(), hint: Some(hint.clone()) }
-        }
-        Error::Model { message, hint, .. } => {
+        Error::Refused { message, hint, .. } => {
             Failure { message: message.clone(), hint: Some(hint.clone()) }
         }
         Error::Spec { diagnostics, .. } => {

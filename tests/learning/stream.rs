@@ -7,7 +7,7 @@ use leverrier::data::{
     memory_needed, read, survey, survey_file, to_csv, to_parquet,
 };
 use leverrier::dynamics::Dynamics;
-use leverrier::error::{Error, Result};
+use leverrier::error::{Error, ErrorKind, Result};
 use leverrier::eval::Backend;
 use leverrier::expr::{Compiled, build};
 use leverrier::fit::pass::{Problem, Sums, settle_and_linearise};
@@ -390,7 +390,9 @@ fn a_function_space_too_large_for_memory_is_said_with_its_size_and_the_trainer()
     );
     let options = Options { memory: Some(64 << 20), ..Options::default() };
     let refused = fit(&space.system, &data, &options, &Silent);
-    let Err(Error::Fit { message, hint }) = refused else { panic!("{refused:?}") };
+    let Err(Error::Refused { kind: ErrorKind::MemoryLimit, message, hint, .. }) = refused else {
+        panic!("{refused:?}")
+    };
     assert!(message.contains("880 terms") && message.contains("64.0 MiB"), "{message}");
-    assert!(hint.contains("--trainer first-order"), "{hint}");
+    assert!(hint.contains("first-order trainer"), "{hint}");
 }

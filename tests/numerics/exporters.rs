@@ -85,7 +85,7 @@ fn every_exporter_writes_every_model() {
 #[test]
 fn an_unknown_format_is_named_with_those_that_exist() {
     let error = exporter("fortran").err().unwrap();
-    assert_eq!(error.exit_code(), 2);
+    assert_eq!(error.kind(), leverrier::error::ErrorKind::UnknownName);
     assert!(error.to_string().contains("fortran") && error.to_string().contains("latex"));
 }
 

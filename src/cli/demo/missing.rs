@@ -7,13 +7,14 @@ use serde_json::{Value, json};
 
 use super::{Stage, indented};
 use crate::cli::progress::Progress;
+use crate::cli::splitting::Splitting;
 use crate::cli::{compare, diagnose, revise};
 use crate::data::{Layout, write_atomically, write_csv};
 use crate::diagnose::discover::discover;
 use crate::error::{Error, Result};
 use crate::expr;
 use crate::fit::Options;
-use crate::project::bench::{Bench, Splitting};
+use crate::project::bench::Bench;
 use crate::project::{Law, Project};
 use crate::report::layout::{WIDTH, table, wrapped};
 use crate::simplify::{significant, uncertain};
@@ -72,7 +73,7 @@ fn story(stage: &Stage, runs: usize) -> Result<Value> {
             .collect::<Vec<_>>(),
     });
     if stage.console.is_json() {
-        let bench = Bench::open(&spec, &splitting, stage.console)?;
+        let bench = Bench::open(&spec, &splitting.asked()?, stage.console)?;
         let unseen = bench.unseen().unwrap_or(&bench.dataset);
         let (training, options) = (&bench.split.training, Options::default());
         let progress = Progress::new();

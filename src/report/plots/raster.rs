@@ -12,7 +12,7 @@ use resvg::usvg::{Options, Tree};
 use super::figure::Figure;
 use super::style::Paper;
 use super::svg::{For, draw};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 
 /// Largest and smallest number of pixels of a picture for one of a screen.
 pub const SCALES: std::ops::RangeInclusive<f64> = 0.25..=8.0;
@@ -56,7 +56,8 @@ pub fn require_scale(scale: f64) -> Result<()> {
     if SCALES.contains(&scale) {
         return Ok(());
     }
-    Err(Error::usage(
+    Err(Error::new(
+        ErrorKind::InvalidArgument,
         format!("a picture cannot be drawn at a scale of {scale}"),
         format!("give a scale from {} to {}", SCALES.start(), SCALES.end()),
     ))
@@ -69,7 +70,8 @@ pub fn require_scale(scale: f64) -> Result<()> {
 pub fn png(figure: &Figure, paper: Paper, scale: f64) -> Result<Vec<u8>> {
     require_scale(scale)?;
     let failed = |why: String| {
-        Error::fit(
+        Error::new(
+            ErrorKind::Export,
             format!("the figure `{}` cannot be drawn as PNG: {why}", figure.id),
             "write it as SVG instead",
         )

@@ -1,0 +1,40 @@
+//! The options that say how measurements are split.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::console::usage;
+use crate::error::Result;
+use crate::project::bench::{self, UNSEEN};
+
+/// How the measurements are split.
+#[derive(Args, Debug, Clone)]
+pub struct Splitting {
+    /// Measurements, instead of those that the spec names.
+    #[arg(long, value_name = "FILE")]
+    pub data: Option<PathBuf>,
+    /// Share of the samples that no model sees before it is judged on them.
+    #[arg(long, value_name = "FRACTION", default_value_t = UNSEEN)]
+    pub unseen: f64,
+    /// Seed of the choice of unseen runs: the same seed makes the same choice.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Threads to use; by default all cores. The result does not depend on it.
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+}
+
+impl Splitting {
+    /// What was asked for, where it is possible.
+    pub fn asked(&self) -> Result<bench::Splitting> {
+        let Splitting { data, unseen, seed, threads } = self.clone();
+        if !bench::SHARES.contains(&unseen) {
+            return Err(usage(
+                "--unseen must be between 0 and 0.9",
+                "give the share of the samples to put aside, such as 0.25",
+            ));
+        }
+        Ok(bench::Splitting { data, unseen, seed, threads })
+    }
+}
