@@ -9,7 +9,7 @@ pub const TURNS: usize = 15;
 
 /// Time of a diagnosis with the whole catalogue, in seconds.
 pub struct Asked {
-    /// That the model was fitted to; as many again are unseen.
+    /// That the model was fitted to; as many again are held out.
     pub samples: usize,
     /// Candidates times grid points.
     pub tried: usize,

@@ -194,7 +194,7 @@ impl Page {
             "\n## A diagnosis, with the data\n\n\
              A trap of two coordinates with a drag that its model lacks; the whole catalogue, {} \
              candidates and values of their inner parameters, on one core. As many samples again \
-             are unseen.\n\n\
+             are held_out.\n\n\
              | samples | fastest of {TURNS} | median | named |\n|---|---|---|---|\n",
             last.tried
         );

@@ -21,11 +21,11 @@ pub struct Trap {
     learned: Compiled,
     model: Model,
     training: Dataset,
-    unseen: Dataset,
+    held_out: Dataset,
 }
 
 impl Trap {
-    /// With so many noisy samples, and as many again that are unseen.
+    /// With so many noisy samples, and as many again that are held out.
     pub fn new(samples: usize) -> Trap {
         let truth = build("truth", &format!("{VARIABLES}{LAW}")).expect("a sound spec");
         let mut generator = Pcg64::seed_from_u64(1);
@@ -40,17 +40,17 @@ impl Trap {
             let draw: f64 = StandardNormal.sample(&mut generator);
             *x += 0.01 * draw;
         }
-        let split = data.split_unseen(0.5, 1);
+        let split = data.split_held_out(0.5, 1);
         let text = format!("{VARIABLES}{SPACE}");
         let learned = build("learned", &text).expect("a sound spec");
         let options = Options::default();
         let model = fit(&learned.system, &split.training, &options, &Silent).expect("a model");
-        Trap { text, learned, model, training: split.training, unseen: split.unseen }
+        Trap { text, learned, model, training: split.training, held_out: split.held_out }
     }
 
     /// Asks the whole catalogue what is missing.
     pub fn diagnose(&self) -> Diagnosis {
-        let Trap { text, learned, model, training, unseen } = self;
-        diagnose("learned", text, learned, model, training, unseen, &Silent).expect("an answer")
+        let Trap { text, learned, model, training, held_out } = self;
+        diagnose("learned", text, learned, model, training, held_out, &Silent).expect("an answer")
     }
 }

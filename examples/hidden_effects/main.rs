@@ -93,7 +93,7 @@ pub struct Two {
     seed: u64,
     found: Vec<String>,
     stop: String,
-    unseen_error: f64,
+    held_out_error: f64,
 }
 
 fn two(wanted: impl Fn(&Pair, f64, u64) -> bool) -> Vec<Two> {
@@ -106,8 +106,8 @@ fn two(wanted: impl Fn(&Pair, f64, u64) -> bool) -> Vec<Two> {
     all.retain(|&(pair, noise, seed)| wanted(pair, noise, seed));
     let run = |&(pair, noise, seed): &(&'static Pair, f64, u64)| {
         let (discovery, found) = pair.discovered(noise, seed);
-        let unseen_error = discovery.unseen_error.1;
-        let two = Two { pair, noise, seed, found, stop: discovery.stop, unseen_error };
+        let held_out_error = discovery.held_out_error.1;
+        let two = Two { pair, noise, seed, found, stop: discovery.stop, held_out_error };
         println!("{}", table::line_of_two(&two));
         two
     };

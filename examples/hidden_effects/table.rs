@@ -30,13 +30,13 @@ pub fn line(task: &Task, outcome: &Outcome) -> String {
 /// One case of two effects in a line.
 pub fn line_of_two(two: &Two) -> String {
     format!(
-        "{:<12} {:<44} noise {:<4} seed {} found {:<44} unseen {:.3}  {}",
+        "{:<12} {:<44} noise {:<4} seed {} found {:<44} held-out {:.3}  {}",
         two.pair.base,
         two.pair.effects.join(" and "),
         two.noise,
         two.seed,
         two.found.join(" and "),
-        two.unseen_error,
+        two.held_out_error,
         two.stop
     )
 }
@@ -54,11 +54,11 @@ pub fn leaders(outcome: &Outcome) -> String {
     for leader in diagnosis.ranking.iter().chain(&diagnosis.then).chain(&diagnosis.unnamed) {
         let _ = writeln!(
             out,
-            "    {:<60} deviance {:9.1}  unseen {:.3} -> {:.3}  {:?}",
+            "    {:<60} deviance {:9.1}  held-out {:.3} -> {:.3}  {:?}",
             leader.snippet,
             leader.deviance,
-            leader.unseen_error_before,
-            leader.unseen_error_after,
+            leader.held_out_error_before,
+            leader.held_out_error_after,
             leader.coefficient
         );
     }
@@ -110,7 +110,7 @@ pub fn page(done: &[(Task, Outcome)], pairs: &[Two]) -> String {
         );
         row(
             &mut out,
-            "... and its addition brings unseen runs to 1.1 times the noise",
+            "... and its addition brings held-out runs to 1.1 times the noise",
             noise,
             "",
             listed.clone().filter(|c| named(c)).map(|c| c.1.after.is_some_and(|x| x <= 1.1)),
@@ -144,7 +144,7 @@ const HEAD: &str = "# Hidden effects\n\n\
     Every effect of the catalogue is hidden in simulated measurements of a known system, with the\n\
     strength at which it moves the samples by a fifth of their spread; what the catalogue does not\n\
     have moves them by half of it, because a weak delay or a distant body is, up to the noise, what\n\
-    some damping or spring does. 8 runs of 200 samples from random starts, two runs unseen. Whoever\n\
+    some damping or spring does. 8 runs of 200 samples from random starts, two runs held_out. Whoever\n\
     asks knows the system's terms, but not its numbers, and not the effect. Noise is in parts of\n\
     each column's spread.\n\n\
     `cargo run --release --example hidden_effects` makes this page.\n";
@@ -154,7 +154,7 @@ fn at_once(out: &mut String, pairs: &[Two]) {
     out.push_str(
         "\n## Two effects at once\n\nWhat `discover` adds to the bare spec. The goal is both of \
          them and nothing else in 90 %.\n\n| hidden | in | noise | both, nothing else | both | \
-         unseen error at the end | instead |\n|---|---|---|---|---|---|---|\n",
+         held-out error at the end | instead |\n|---|---|---|---|---|---|---|\n",
     );
     for pair in PAIRS {
         for noise in TWO_NOISES {
@@ -163,7 +163,7 @@ fn at_once(out: &mut String, pairs: &[Two]) {
             let exact = here.iter().filter(|two| two.found == pair.effects).count();
             let has = |two: &Two| pair.effects.iter().all(|e| two.found.iter().any(|f| f == e));
             let both = here.iter().filter(|two| has(two)).count();
-            let worst = here.iter().map(|two| two.unseen_error).fold(0.0, f64::max);
+            let worst = here.iter().map(|two| two.held_out_error).fold(0.0, f64::max);
             let others: BTreeSet<String> = here
                 .iter()
                 .filter(|two| two.found != pair.effects)

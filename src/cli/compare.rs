@@ -22,7 +22,7 @@ use crate::report::compare_text;
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     leverrier compare pendulum.ham\n  \
-    leverrier compare pendulum.ham --unseen 0.5 --seed 3\n  \
+    leverrier compare pendulum.ham --held-out 0.5 --seed 3\n  \
     leverrier compare pendulum.ham --format json")]
 pub struct Arguments {
     /// The spec.
@@ -40,15 +40,15 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let detections = detect(&training, &model);
     // A model that fails takes a part of what it lacks for noise; the floor is the instrument's.
     training.noise = noise_floor(&training, &model);
-    let unseen = bench.unseen().map(|data| training.with_data(data));
-    let mut comparison = compare::compare(&training, unseen.as_ref())?;
+    let held_out = bench.held_out().map(|data| training.with_data(data));
+    let mut comparison = compare::compare(&training, held_out.as_ref())?;
     comparison.findings.extend(detections.iter().map(|found| found.sentence.clone()));
     drop(progress);
     let time = &bench.project.system().time;
     let unit = time.unit_text.as_deref().unwrap_or("");
     let text = compare_text(&comparison, &bench.split.how, terms, unit, console.width());
     let mut object = json!({
-        "format": "leverrier.compare/1",
+        "format": "leverrier.compare/2",
         "system": bench.project.system().name,
         "split": bench.split_json(),
         "terms_from": terms,

@@ -130,7 +130,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         }
     };
     let mut object = (demo.run)(&Stage { folder, quick: arguments.quick, console })?;
-    object["format"] = json!("leverrier.demo/1");
+    object["format"] = json!("leverrier.demo/2");
     object["demo"] = json!(demo.name);
     object["folder"] = json!(arguments.output.as_ref().map(|path| path.display().to_string()));
     if console.is_json() {

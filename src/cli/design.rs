@@ -96,7 +96,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let simulate = simulating(&plan.best, &spec);
     let text = design_text(&plan, &purpose.why, &spec, &simulate, console.width());
     let mut object = json!({
-        "format": "leverrier.design/1",
+        "format": "leverrier.design/2",
         "system": bench.project.system().name,
         "split": bench.split_json(),
         "terms_from": terms,
@@ -170,13 +170,13 @@ fn purpose(
     let worst = Goal::Coefficient(None);
     let measures = "so the run is the one that best measures the coefficient known worst.";
     let as_it_is = || vec![Rival::as_it_is(&context, "the model")];
-    let Some(unseen) = bench.unseen() else {
+    let Some(held_out) = bench.held_out() else {
         let why = format!("Too little was measured to ask what is missing, {measures}");
         return Ok(Purpose { goal: worst, rivals: as_it_is(), why });
     };
     let training = &bench.split.training;
     let (name, text, base) = (project.name(), &project.text, &project.compiled);
-    let found = missing::diagnose(&name, text, base, model, training, unseen, progress)?;
+    let found = missing::diagnose(&name, text, base, model, training, held_out, progress)?;
     let tied = |leader: &&Leader| found.indistinguishable.contains(&leader.effect);
     let first = found.ranking.first();
     let mut rivals: Vec<Rival> = Vec::new();
@@ -188,7 +188,7 @@ fn purpose(
     let alone = rivals.len() == 1;
     let among = listed(&rivals);
     if rivals.len() > 1 {
-        // The diagnosis kept some runs unseen; all of them together may have the answer.
+        // The diagnosis held some runs out; all of them together may have the answer.
         let behind = design::standings(&rivals, &bench.dataset, model.evidence.window)?;
         let mut behind = behind.iter().map(|standing| standing.behind);
         rivals.retain(|_| behind.next().is_some_and(|behind| behind <= design::TOLD_APART));

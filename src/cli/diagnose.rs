@@ -23,7 +23,7 @@ use crate::report::{About, diagnosis_text};
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     leverrier diagnose pendulum.ham\n  \
-    leverrier diagnose pendulum.ham --unseen 0.5 --format json\n\n\
+    leverrier diagnose pendulum.ham --held-out 0.5 --format json\n\n\
     `leverrier effects` lists what is tried; `leverrier add` puts one into the spec.")]
 pub struct Arguments {
     /// The spec.
@@ -37,9 +37,9 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
     let (project, split) = (&bench.project, &bench.split);
-    let lacking = suffices::lacking(project.system(), &split.training, bench.unseen());
-    let (diagnosis, terms, detections) = match (lacking, bench.unseen()) {
-        (None, Some(unseen)) => {
+    let lacking = suffices::lacking(project.system(), &split.training, bench.held_out());
+    let (diagnosis, terms, detections) = match (lacking, bench.held_out()) {
+        (None, Some(held_out)) => {
             let (model, terms) = bench.model(&progress)?;
             let diagnosis = missing::diagnose(
                 &project.name(),
@@ -47,7 +47,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
                 &project.compiled,
                 &model,
                 &split.training,
-                unseen,
+                held_out,
                 &progress,
             )?;
             let context = Context::new(project.system(), &model, &split.training)?;
@@ -63,7 +63,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let about = About { how: &split.how, terms, spec: &project.name(), detections: &found };
     let text = diagnosis_text(&diagnosis, &about, console.width());
     let mut object = json!({
-        "format": "leverrier.diagnose/1",
+        "format": "leverrier.diagnose/2",
         "system": project.system().name,
         "split": bench.split_json(),
         "terms_from": terms,

@@ -23,7 +23,7 @@ use crate::report::discovery_text;
 use crate::report::layout::{WIDTH, wrapped};
 use crate::spec::edit::insert;
 
-/// Ask what is missing, add it, learn again, until nothing pays on unseen runs.
+/// Ask what is missing, add it, learn again, until nothing pays on held-out runs.
 ///
 /// Every addition becomes a statement of the spec and a revision of its ledger; `undo` takes
 /// them back one by one.
@@ -45,8 +45,8 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let system = bench.project.system();
-    let lacking = suffices::lacking(system, &bench.split.training, bench.unseen());
-    let (None, Some(unseen)) = (&lacking, bench.unseen()) else {
+    let lacking = suffices::lacking(system, &bench.split.training, bench.held_out());
+    let (None, Some(held_out)) = (&lacking, bench.held_out()) else {
         return too_little(&bench, &lacking.unwrap_or_default(), console);
     };
     let project = &bench.project;
@@ -57,7 +57,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         &project.name(),
         &project.text,
         &bench.split.training,
-        unseen,
+        held_out,
         &options,
         &progress,
     )?;
@@ -68,7 +68,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     drop(progress);
     let text = discovery_text(&found, &bench.split.how, written, &project.name(), console.width());
     let mut object = json!({
-        "format": "leverrier.discover/1",
+        "format": "leverrier.discover/2",
         "system": project.system().name,
         "split": bench.split_json(),
         "written": written,
@@ -82,7 +82,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
 /// Nothing was done, for nothing could have been judged.
 fn too_little(bench: &Bench, why: &str, console: &Console) -> Result<()> {
     let object = json!({
-        "format": "leverrier.discover/1",
+        "format": "leverrier.discover/2",
         "system": bench.project.system().name,
         "split": bench.split_json(),
         "written": false,
@@ -91,7 +91,7 @@ fn too_little(bench: &Bench, why: &str, console: &Console) -> Result<()> {
         "verdict": Verdict::TooLittleData,
         "text": bench.project.text,
         "model": null,
-        "unseen_error": [null, null],
+        "held_out_error": [null, null],
     });
     let text = format!("Too little data to say: {why}.\n\nSplit: {}", bench.split.how);
     let width = console.width().map_or(WIDTH, |width| usize::from(width).max(40));
@@ -110,15 +110,15 @@ fn keep(bench: &Bench, found: &Discovery, progress: &Progress) -> Result<()> {
     for step in &found.steps {
         text = insert(&text, &step.snippet);
         let judged = |error: f64| Judged {
-            unseen_error: Some(error),
+            held_out_error: Some(error),
             samples: found.model.evidence.window,
             ..Judged::unknown()
         };
         ledger.push(
             format!("add {}", step.effect),
             text.clone(),
-            Some(judged(step.unseen_error_before)),
-            Some(judged(step.unseen_error_after)),
+            Some(judged(step.held_out_error_before)),
+            Some(judged(step.held_out_error_after)),
         );
     }
     ledger.write(&old.path)?;

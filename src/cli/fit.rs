@@ -27,7 +27,7 @@ use crate::report::{self, FitReport, present};
     leverrier fit pendulum.ham\n  \
     leverrier fit pendulum.ham --data tuesday.csv -o tuesday.model.json\n  \
     leverrier fit pendulum.ham --loss huber            outliers in the data\n  \
-    leverrier fit pendulum.ham --select unseen         choose terms by error on unseen data\n  \
+    leverrier fit pendulum.ham --select held-out       choose terms by error on held-out data\n  \
     leverrier fit stars.ham --memory 1GiB              larger data are read part by part\n  \
     leverrier fit pendulum.ham --format json > fit.json\n\n\
     Ctrl-C keeps the best model so far; a second Ctrl-C ends at once.")]
@@ -82,8 +82,9 @@ pub struct Arguments {
 pub enum Select {
     /// By the extended Bayesian information criterion.
     Information,
-    /// By the error on data that a candidate was not fitted to.
-    Unseen,
+    /// By the error on held-out data, to which a candidate was not fitted.
+    #[value(alias = "unseen")]
+    HeldOut,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -111,7 +112,7 @@ impl Arguments {
             },
             selection: match self.select {
                 Select::Information => Selection::Information,
-                Select::Unseen => Selection::Unseen,
+                Select::HeldOut => Selection::HeldOut,
             },
             loss: Loss::by_name(&self.loss).unwrap_or(Loss::SQUARES),
             method: self.method.as_deref().and_then(Method::by_name),

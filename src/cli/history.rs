@@ -72,14 +72,14 @@ pub fn history(arguments: &History, console: &Console) -> Result<()> {
             ));
         };
         let object = json!({
-            "format": "leverrier.revision/1",
+            "format": "leverrier.revision/2",
             "number": number,
             "revision": revision,
         });
         return console.result(&revision.spec, &object);
     }
     let error = |judged: &Option<Judged>| {
-        let error = judged.as_ref().and_then(|j| j.unseen_error);
+        let error = judged.as_ref().and_then(|j| j.held_out_error);
         error.map_or(String::new(), |error| format!("{error:.2}"))
     };
     let rows: Vec<Vec<String>> = ledger
@@ -101,7 +101,7 @@ pub fn history(arguments: &History, console: &Console) -> Result<()> {
     let mut out = if rows.is_empty() {
         format!("{} has no revisions yet.", path.display())
     } else {
-        let header = ["", "time (UTC)", "action", "unseen error before", "after", ""];
+        let header = ["", "time (UTC)", "action", "held-out error before", "after", ""];
         table(&header, rows, &[0, 3, 4], width)
     };
     let mut note = |sentence: &str| {
@@ -129,7 +129,7 @@ pub fn history(arguments: &History, console: &Console) -> Result<()> {
         })
         .collect();
     let object = json!({
-        "format": "leverrier.history/1",
+        "format": "leverrier.history/2",
         "spec": path.display().to_string(),
         "edited_by_hand": edited,
         "revisions": revisions,

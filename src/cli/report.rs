@@ -27,7 +27,7 @@ use crate::report::plots::{IMAGES, Look, Paper, escaped_id, image, plot, require
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     leverrier report pendulum.ham                     writes pendulum.report.html\n  \
-    leverrier report pendulum.ham -o tuesday.html --unseen 0.5\n  \
+    leverrier report pendulum.ham -o tuesday.html --held-out 0.5\n  \
     leverrier report pendulum.ham -o pendulum.tex     a document for LaTeX, and so for PDF\n  \
     leverrier report pendulum.ham --plots figures     every plot as an SVG file too\n  \
     leverrier report pendulum.ham --plots slides --as png --dark --scale 3")]
@@ -235,8 +235,8 @@ pub fn reproduce(bench: &Bench, diagnosed: bool) -> Vec<String> {
     vec![
         format!("leverrier fit {spec}{data}"),
         format!(
-            "leverrier report {spec}{data} --unseen {} --seed {}{more}",
-            splitting.unseen, splitting.seed
+            "leverrier report {spec}{data} --held-out {} --seed {}{more}",
+            splitting.held_out, splitting.seed
         ),
     ]
 }

@@ -15,7 +15,7 @@ use crate::error::Result;
 use crate::report::present;
 use crate::report::{Revised, revision_text};
 
-/// Add an effect to a spec, learn again, and show before and after on unseen runs.
+/// Add an effect to a spec, learn again, and show before and after on held-out runs.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     leverrier add pendulum.ham viscous_drag\n  \
@@ -77,7 +77,7 @@ fn show(bench: &Bench, revision: &Revision, console: &Console) -> Result<()> {
         why: &revision.why,
     };
     let object = json!({
-        "format": if revision.adds { "leverrier.add/1" } else { "leverrier.remove/1" },
+        "format": if revision.adds { "leverrier.add/2" } else { "leverrier.remove/2" },
         "system": bench.project.system().name,
         "action": revision.action,
         "split": bench.split_json(),

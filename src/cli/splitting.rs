@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::console::usage;
 use crate::error::Result;
-use crate::project::bench::{self, UNSEEN};
+use crate::project::bench::{self, HELD_OUT};
 
 /// How the measurements are split.
 #[derive(Args, Debug, Clone)]
@@ -14,10 +14,11 @@ pub struct Splitting {
     /// Measurements, instead of those that the spec names.
     #[arg(long, value_name = "FILE")]
     pub data: Option<PathBuf>,
-    /// Share of the samples that no model sees before it is judged on them.
-    #[arg(long, value_name = "FRACTION", default_value_t = UNSEEN)]
-    pub unseen: f64,
-    /// Seed of the choice of unseen runs: the same seed makes the same choice.
+    /// Share of the samples that are held out: no model is fitted to them before it is judged on
+    /// them.
+    #[arg(long, alias = "unseen", value_name = "FRACTION", default_value_t = HELD_OUT)]
+    pub held_out: f64,
+    /// Seed of the choice of held-out runs: the same seed makes the same choice.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
     /// Threads to use; by default all cores. The result does not depend on it.
@@ -28,13 +29,13 @@ pub struct Splitting {
 impl Splitting {
     /// What was asked for, where it is possible.
     pub fn asked(&self) -> Result<bench::Splitting> {
-        let Splitting { data, unseen, seed, threads } = self.clone();
-        if !bench::SHARES.contains(&unseen) {
+        let Splitting { data, held_out, seed, threads } = self.clone();
+        if !bench::SHARES.contains(&held_out) {
             return Err(usage(
-                "--unseen must be between 0 and 0.9",
+                "--held-out must be between 0 and 0.9",
                 "give the share of the samples to put aside, such as 0.25",
             ));
         }
-        Ok(bench::Splitting { data, unseen, seed, threads })
+        Ok(bench::Splitting { data, held_out, seed, threads })
     }
 }

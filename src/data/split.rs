@@ -17,7 +17,7 @@ pub struct Split {
     /// What the fit sees.
     pub training: Dataset,
     /// What it does not see; without runs when there are too few samples to put any aside.
-    pub unseen: Dataset,
+    pub held_out: Dataset,
     /// How the split was made, as a sentence.
     pub how: String,
 }
@@ -54,10 +54,10 @@ impl Dataset {
     /// them, otherwise blocks of consecutive samples of every run, at random times:
     /// three, or fewer where each would see less than a turn and a half of the slowest motion.
     /// The stretches that a run is cut into become runs of their own (`1, part 2`), so that
-    /// nothing integrates across what is unseen. The same seed gives the same split.
+    /// nothing integrates across what is held out. The same seed gives the same split.
     ///
     /// A fraction outside 0 to 0.9 is brought into it.
-    pub fn split_unseen(&self, fraction: f64, seed: u64) -> Split {
+    pub fn split_held_out(&self, fraction: f64, seed: u64) -> Split {
         let fraction = if fraction.is_nan() { 0.0 } else { fraction.clamp(0.0, 0.9) };
         let mut generator = Pcg64::seed_from_u64(seed);
         let wanted = (fraction * self.runs.len() as f64).round() as usize;
@@ -83,22 +83,22 @@ impl Dataset {
                 samples += more;
             }
         }
-        let part = |unseen: bool| {
-            let runs = (0..self.runs.len()).filter(|at| aside.contains(at) == unseen);
+        let part = |held_out: bool| {
+            let runs = (0..self.runs.len()).filter(|at| aside.contains(at) == held_out);
             self.with(runs.map(|at| self.runs[at].clone()).collect())
         };
-        let (training, unseen) = (part(false), part(true));
+        let (training, held_out) = (part(false), part(true));
         let how = format!(
-            "{} of {} ({}) unseen, chosen at random.",
-            unseen.runs.len(),
+            "{} of {} ({}) held out, chosen at random.",
+            held_out.runs.len(),
             counted(self.runs.len(), "run"),
-            counted(unseen.samples(), "sample"),
+            counted(held_out.samples(), "sample"),
         );
-        Split { training, unseen, how }
+        Split { training, held_out, how }
     }
 
     fn split_by_blocks(&self, fraction: f64, generator: &mut Pcg64) -> Split {
-        let (mut training, mut unseen) = (Vec::new(), Vec::new());
+        let (mut training, mut held_out) = (Vec::new(), Vec::new());
         let mut blocks_aside = 0;
         for run in &self.runs {
             let samples = run.times.len();
@@ -127,28 +127,28 @@ impl Dataset {
                 if start > seen {
                     training.push(part(seen, start));
                 }
-                unseen.push(part(start, start + length));
+                held_out.push(part(start, start + length));
                 seen = start + length;
             }
             if seen < samples {
                 training.push(part(seen, samples));
             }
         }
-        let (training, unseen) = (self.with(training), self.with(unseen));
-        let how = if unseen.runs.is_empty() {
-            "Nothing is unseen: there are too few samples to put any aside, or none was asked \
+        let (training, held_out) = (self.with(training), self.with(held_out));
+        let how = if held_out.runs.is_empty() {
+            "Nothing is held out: there are too few samples to put any aside, or none was asked \
              for."
                 .to_string()
         } else {
             format!(
-                "{} of consecutive samples ({} of {}) unseen, cut at random out of {}.",
+                "{} of consecutive samples ({} of {}) held out, cut at random out of {}.",
                 counted(blocks_aside, "block"),
-                unseen.samples(),
+                held_out.samples(),
                 counted(self.samples(), "sample"),
                 counted(self.runs.len(), "run"),
             )
         };
-        Split { training, unseen, how }
+        Split { training, held_out, how }
     }
 
     fn with(&self, runs: Vec<Run>) -> Dataset {
@@ -271,17 +271,17 @@ mod tests {
         for lengths in [vec![2; 50], vec![100], vec![7, 400], vec![4], vec![10, 200, 3, 3, 3]] {
             let all = data(&lengths);
             for seed in 0..20 {
-                let split = all.split_unseen(0.2, seed);
+                let split = all.split_held_out(0.2, seed);
                 let mut together = values(&split.training);
-                together.extend(values(&split.unseen));
+                together.extend(values(&split.held_out));
                 together.sort_by(f64::total_cmp);
                 assert_eq!(together, values(&all), "{lengths:?}: {}", split.how);
-                assert!(!split.training.runs.is_empty() && !split.unseen.runs.is_empty());
-                for run in split.training.runs.iter().chain(&split.unseen.runs) {
+                assert!(!split.training.runs.is_empty() && !split.held_out.runs.is_empty());
+                for run in split.training.runs.iter().chain(&split.held_out.runs) {
                     assert!(run.times.len() >= 2, "{lengths:?}: {}", split.how);
                     assert_eq!(run.lines.len(), run.times.len());
                 }
-                assert_eq!(split, all.split_unseen(0.2, seed));
+                assert_eq!(split, all.split_held_out(0.2, seed));
             }
         }
     }
@@ -289,12 +289,12 @@ mod tests {
     #[test]
     fn about_the_fraction_is_put_aside_and_the_seed_decides_what() {
         let all = data(&[2; 500]);
-        let split = all.split_unseen(0.2, 1);
-        assert_eq!(split.unseen.samples(), 200);
-        assert_eq!(split.how, "100 of 500 runs (200 samples) unseen, chosen at random.");
-        assert_ne!(split.unseen, all.split_unseen(0.2, 2).unseen);
-        let single = data(&[1000]).split_unseen(0.3, 1);
-        assert_eq!(single.unseen.samples(), 300);
+        let split = all.split_held_out(0.2, 1);
+        assert_eq!(split.held_out.samples(), 200);
+        assert_eq!(split.how, "100 of 500 runs (200 samples) held out, chosen at random.");
+        assert_ne!(split.held_out, all.split_held_out(0.2, 2).held_out);
+        let single = data(&[1000]).split_held_out(0.3, 1);
+        assert_eq!(single.held_out.samples(), 300);
     }
 
     #[test]
@@ -308,9 +308,9 @@ mod tests {
             };
             all.observables.push("fast".to_string());
             all.runs[0].values = vec![wave(turns), wave(100.0)];
-            let split = all.split_unseen(0.25, 3);
-            assert_eq!(split.unseen.runs.len(), blocks, "{turns}: {}", split.how);
-            assert_eq!(split.unseen.samples(), 250);
+            let split = all.split_held_out(0.25, 3);
+            assert_eq!(split.held_out.runs.len(), blocks, "{turns}: {}", split.how);
+            assert_eq!(split.held_out.samples(), 250);
         }
     }
 
@@ -321,8 +321,8 @@ mod tests {
             all.runs[0].values[0] = (0..samples).map(|i| (i % 2) as f64).collect();
             for seed in 0..20 {
                 for fraction in [0.1, 0.25, 0.5, 0.9] {
-                    let split = all.split_unseen(fraction, seed);
-                    for run in split.training.runs.iter().chain(&split.unseen.runs) {
+                    let split = all.split_held_out(fraction, seed);
+                    for run in split.training.runs.iter().chain(&split.held_out.runs) {
                         assert!(run.times.len() >= 2, "{samples} {fraction}: {}", split.how);
                     }
                 }
@@ -333,9 +333,9 @@ mod tests {
     #[test]
     fn too_few_samples_stay_together() {
         for (lengths, fraction) in [(vec![3], 0.2), (vec![100], 0.0), (vec![100], f64::NAN)] {
-            let split = data(&lengths).split_unseen(fraction, 1);
-            assert_eq!(split.unseen.runs, []);
-            assert!(split.how.starts_with("Nothing is unseen"));
+            let split = data(&lengths).split_held_out(fraction, 1);
+            assert_eq!(split.held_out.runs, []);
+            assert!(split.how.starts_with("Nothing is held out"));
         }
     }
 

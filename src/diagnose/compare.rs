@@ -39,8 +39,8 @@ pub struct Horizon {
     pub duration: f64,
     /// Error on the runs that the model was trained on.
     pub training: f64,
-    /// `None` without unseen runs.
-    pub unseen: Option<f64>,
+    /// `None` without held-out runs.
+    pub held_out: Option<f64>,
     /// The same for the guess that nothing moves.
     pub baseline: f64,
     /// Predictions that left the finite numbers.
@@ -84,9 +84,9 @@ const HATS: usize = 9;
 /// Maps below this chance are spoken of (after the number of maps is paid for).
 const SIGNIFICANT: f64 = 1e-3;
 
-/// Compares a model with the runs that it was trained on, and with unseen ones.
-pub fn compare(training: &Context, unseen: Option<&Context>) -> Result<Comparison> {
-    let horizons = horizons(training, unseen);
+/// Compares a model with the runs that it was trained on, and with held-out ones.
+pub fn compare(training: &Context, held_out: Option<&Context>) -> Result<Comparison> {
+    let horizons = horizons(training, held_out);
     let maps = residual_maps(training)?;
     let energy = energy_drift(training);
     let names = training.system.observables();
@@ -118,7 +118,7 @@ pub fn windows(dataset: &Dataset) -> Vec<usize> {
     windows
 }
 
-fn horizons(training: &Context, unseen: Option<&Context>) -> Vec<Horizon> {
+fn horizons(training: &Context, held_out: Option<&Context>) -> Vec<Horizon> {
     let step = typical_step(training.dataset);
     windows(training.dataset)
         .into_iter()
@@ -128,7 +128,7 @@ fn horizons(training: &Context, unseen: Option<&Context>) -> Vec<Horizon> {
                 samples,
                 duration: step * (samples - 1) as f64,
                 training: seen,
-                unseen: unseen.map(|context| error(context, samples).0),
+                held_out: held_out.map(|context| error(context, samples).0),
                 baseline: baseline(training, samples),
                 exploded,
             }

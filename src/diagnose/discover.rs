@@ -1,4 +1,4 @@
-//! The loop: ask what is missing, add it, fit again, until nothing pays on unseen runs.
+//! The loop: ask what is missing, add it, fit again, until nothing pays on held-out runs.
 
 use serde::Serialize;
 
@@ -26,8 +26,8 @@ pub struct Discovery {
     pub text: String,
     /// The model of that spec, fitted to the training runs.
     pub model: Model,
-    /// Error on unseen runs at the start and at the end, in units of the last noise estimate.
-    pub unseen_error: (f64, f64),
+    /// Error on held-out runs at the start and at the end, in units of the last noise estimate.
+    pub held_out_error: (f64, f64),
 }
 
 /// One addition.
@@ -43,17 +43,17 @@ pub struct Step {
     pub standard_error: Vec<f64>,
     /// Chance that noise does as well, all tries paid for.
     pub p_value: f64,
-    /// Error on unseen runs over a segment without it, in units of the noise.
-    pub unseen_error_before: f64,
+    /// Error on held-out runs over a segment without it, in units of the noise.
+    pub held_out_error_before: f64,
     /// The same with it.
-    pub unseen_error_after: f64,
+    pub held_out_error_after: f64,
     /// Leaders that these data could not tell from it.
     pub indistinguishable: Vec<String>,
 }
 
 /// Additions, at most.
 const MOST: usize = 8;
-/// An addition pays when the unseen deviance falls by more than this (odds of 1,000 to 1).
+/// An addition pays when the held-out deviance falls by more than this (odds of 1,000 to 1).
 const PAYS: f64 = 14.0;
 /// Where the catalogue does not explain the misfit, each effect of it a little of what another
 /// law does: an addition then takes away at least this part of the squares above the noise.
@@ -68,7 +68,7 @@ pub fn discover(
     name: &str,
     text: &str,
     training: &Dataset,
-    unseen: &Dataset,
+    held_out: &Dataset,
     options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Discovery> {
@@ -82,7 +82,7 @@ pub fn discover(
     let first = (compiled.clone(), model.clone());
     let (stop, verdict) = loop {
         monitor.stage(&format!("what is missing, round {}", steps.len() + 1), 0.1);
-        let diagnosis = diagnose(name, &text, &compiled, &model, training, unseen, monitor)?;
+        let diagnosis = diagnose(name, &text, &compiled, &model, training, held_out, monitor)?;
         if !goes_on(&diagnosis) {
             break (diagnosis.reason, diagnosis.verdict);
         }
@@ -93,12 +93,12 @@ pub fn discover(
         if monitor.stopped() {
             break ("interrupted: what was found so far was kept".to_string(), Verdict::Missing);
         }
-        let context = Context::new(&compiled.system, &model, unseen)?;
+        let context = Context::new(&compiled.system, &model, held_out)?;
         let (_, _, sums) = context.settle(context.window);
         let partial = diagnosis.verdict == Verdict::Unexplained;
         let pays = |leader: &&Leader| {
-            let before = leader.unseen_error_before.powi(2);
-            let after = leader.unseen_error_after.powi(2);
+            let before = leader.held_out_error_before.powi(2);
+            let after = leader.held_out_error_after.powi(2);
             (before - after) * sums.rows as f64 > PAYS * after
                 && (!partial || before - after > PART * (before - 1.0))
         };
@@ -126,10 +126,10 @@ pub fn discover(
                 Some(effect) => format!("{effect} looked missing, but a full fit does not keep it"),
                 None if partial => {
                     "what is left is no effect of the catalogue, and none takes away \
-                                    a quarter of it on unseen runs"
+                                    a quarter of it on held-out runs"
                         .to_string()
                 }
-                None => "what looks missing does not lower the error on unseen runs".to_string(),
+                None => "what looks missing does not lower the error on held-out runs".to_string(),
             };
             let verdict = match diagnosis.verdict {
                 Verdict::Unexplained => Verdict::Unexplained,
@@ -144,7 +144,7 @@ pub fn discover(
     if steps.len() > 1 {
         for (step, rivals) in steps.iter_mut().zip(&rivals) {
             let found = Found { name, text: &text, compiled: &compiled, model: &model };
-            let mut alike = found.alike(step, rivals, training, unseen, monitor)?;
+            let mut alike = found.alike(step, rivals, training, held_out, monitor)?;
             // One that now explains more takes the step's place, and so does a simpler one.
             let beaten = !alike.iter().any(|leader| leader.effect == step.effect);
             let simpler = |rival: &&Leader| rival.coefficient.len() < step.coefficient.len();
@@ -159,18 +159,18 @@ pub fn discover(
         }
     }
     let noise: Vec<f64> = model.noise.iter().map(|n| n.standard_deviation).collect();
-    let unseen_error = |compiled: &crate::expr::Compiled, of: &Model| -> Result<f64> {
-        let mut context = Context::new(&compiled.system, of, unseen)?;
+    let held_out_error = |compiled: &crate::expr::Compiled, of: &Model| -> Result<f64> {
+        let mut context = Context::new(&compiled.system, of, held_out)?;
         context.noise.clone_from(&noise);
         Ok(super::compare::error(&context, model.evidence.window).0)
     };
     let before = if start == text {
-        unseen_error(&compiled, &model)?
+        held_out_error(&compiled, &model)?
     } else {
-        unseen_error(&first.0, &first.1)?
+        held_out_error(&first.0, &first.1)?
     };
-    let after = unseen_error(&compiled, &model)?;
-    Ok(Discovery { steps, stop, verdict, text, model, unseen_error: (before, after) })
+    let after = held_out_error(&compiled, &model)?;
+    Ok(Discovery { steps, stop, verdict, text, model, held_out_error: (before, after) })
 }
 
 /// Whether the best named effect may be added: always when it explains the misfit; as a part of
@@ -200,7 +200,7 @@ impl Found<'_> {
         step: &Step,
         rivals: &[Leader],
         training: &Dataset,
-        unseen: &Dataset,
+        held_out: &Dataset,
         monitor: &dyn Monitor,
     ) -> Result<Vec<Leader>> {
         let text = self.text.replacen(&step.snippet, "", 1);
@@ -220,7 +220,7 @@ impl Found<'_> {
             |label: &str| label == step.effect || rivals.iter().any(|rival| rival.effect == label);
         let mut all = candidates(self.name, &text, &base, training);
         all.retain(|candidate| asked(&candidate.label));
-        let found = round(&context, unseen, &all, all.len(), monitor)?;
+        let found = round(&context, held_out, &all, all.len(), monitor)?;
         Ok(found.leaders.into_iter().take(found.close).map(|l| l.leader).collect())
     }
 
@@ -252,7 +252,7 @@ impl Step {
         self.coefficient.clone_from(&rival.coefficient);
         self.standard_error.clone_from(&rival.standard_error);
         self.p_value = rival.p_value;
-        self.unseen_error_after = rival.unseen_error_after;
+        self.held_out_error_after = rival.held_out_error_after;
     }
 }
 
@@ -278,8 +278,8 @@ fn step(diagnosis: &Diagnosis, leader: &Leader) -> Step {
         coefficient: leader.coefficient.clone(),
         standard_error: leader.standard_error.clone(),
         p_value: leader.p_value,
-        unseen_error_before: leader.unseen_error_before,
-        unseen_error_after: leader.unseen_error_after,
+        held_out_error_before: leader.held_out_error_before,
+        held_out_error_after: leader.held_out_error_after,
         indistinguishable: others,
     }
 }

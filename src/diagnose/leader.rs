@@ -31,9 +31,9 @@ pub struct Leader {
     /// Fall of the training deviance in the full refit.
     pub deviance: f64,
     /// In units of the noise.
-    pub unseen_error_before: f64,
+    pub held_out_error_before: f64,
     /// The same with the effect in the model.
-    pub unseen_error_after: f64,
+    pub held_out_error_after: f64,
 }
 
 /// A model with one more effect, as far as the diagnosis needs it.
@@ -59,8 +59,8 @@ pub struct Refitted {
     /// Samples of such a segment, and how many there were; `None` where they were not weighed by
     /// the noise alone, or where the fit gained nothing.
     fitted: Option<(usize, usize)>,
-    /// Fall of the weighted squares of unseen runs.
-    unseen_fall: f64,
+    /// Fall of the weighted squares of held-out runs.
+    held_out_fall: f64,
     /// What the unknowns cost, and the choice among the grid's points (as in the trainer's
     /// criterion).
     pub price: f64,
@@ -79,9 +79,9 @@ impl Refitted {
         self.fall / variance - self.price
     }
 
-    /// The same with what unseen runs say. They cost nothing: no number was fitted to them.
+    /// The same with what held-out runs say. They cost nothing: no number was fitted to them.
     pub fn evidence(&self, variance: f64) -> f64 {
-        self.merit(variance) + self.unseen_fall / variance
+        self.merit(variance) + self.held_out_fall / variance
     }
 
     /// The model with the effect, as the start of further questions.
@@ -171,7 +171,7 @@ impl Refitted {
         self,
         settled: &Settled,
         candidate: &Candidate,
-        unseen: &Settled,
+        held_out: &Settled,
         care: Care,
     ) -> Option<Refitted> {
         if self.finished {
@@ -179,23 +179,23 @@ impl Refitted {
         }
         let mut refitted = fit(settled, candidate, self.into(), care)?;
         refitted.finished = true;
-        refitted.judge(settled, unseen);
+        refitted.judge(settled, held_out);
         Some(refitted)
     }
 
-    /// What it leaves of the misfit, and of the error on unseen runs.
-    pub fn judge(&mut self, settled: &Settled, unseen: &Settled) {
+    /// What it leaves of the misfit, and of the error on held-out runs.
+    pub fn judge(&mut self, settled: &Settled, held_out: &Settled) {
         let sums = self.left(settled);
         self.fall = settled.sums.loss - sums.loss;
         self.variance = (sums.loss / sums.rows.max(1) as f64).max(1e-12);
         self.price = self.price_beside(sums.rows);
-        let far = self.before(unseen);
-        let ((before, lost), (after, more)) = (error_of(&unseen.sums), error_of(&far));
-        self.leader.unseen_error_before = before;
+        let far = self.before(held_out);
+        let ((before, lost), (after, more)) = (error_of(&held_out.sums), error_of(&far));
+        self.leader.held_out_error_before = before;
         let fall = (before.powi(2) - after.powi(2)) * far.freedom.iter().sum::<f64>();
-        self.unseen_fall = if fall.is_finite() && more <= lost { fall } else { 0.0 };
+        self.held_out_fall = if fall.is_finite() && more <= lost { fall } else { 0.0 };
         // Runs that it does not follow any more are no gain.
-        self.leader.unseen_error_after = if more > lost { f64::INFINITY } else { after };
+        self.leader.held_out_error_after = if more > lost { f64::INFINITY } else { after };
     }
 
     /// Whether it was fitted to all the data.
@@ -207,20 +207,20 @@ impl Refitted {
     pub fn judge_by(
         &mut self,
         few: &Settled,
-        few_unseen: &Settled,
+        few_held_out: &Settled,
         settled: &Settled,
-        unseen: &Settled,
+        held_out: &Settled,
     ) {
-        self.judge(few, few_unseen);
+        self.judge(few, few_held_out);
         let times =
             |all: &Settled, part: &Settled| all.sums.rows as f64 / part.sums.rows.max(1) as f64;
         self.fall *= times(settled, few);
-        self.unseen_fall *= times(unseen, few_unseen);
+        self.held_out_fall *= times(held_out, few_held_out);
         self.price = self.price_beside(settled.sums.rows);
         // The part has an error of its own; what the effect does to it is what counts.
-        let (before, _) = error_of(&unseen.sums);
-        self.leader.unseen_error_after *= before / self.leader.unseen_error_before;
-        self.leader.unseen_error_before = before;
+        let (before, _) = error_of(&held_out.sums);
+        self.leader.held_out_error_after *= before / self.leader.held_out_error_before;
+        self.leader.held_out_error_before = before;
     }
 
     /// What its unknowns cost beside so many residuals.
@@ -337,8 +337,8 @@ fn fit(settled: &Settled, candidate: &Candidate, start: Start, care: Care) -> Op
             standard_error,
             p_value: start.p_value,
             deviance: 0.0,
-            unseen_error_before: f64::NAN,
-            unseen_error_after: f64::NAN,
+            held_out_error_before: f64::NAN,
+            held_out_error_after: f64::NAN,
         },
         system: start.system,
         support,
@@ -350,7 +350,7 @@ fn fit(settled: &Settled, candidate: &Candidate, start: Start, care: Care) -> Op
         left: refit.sums().clone(),
         fitted: (resolved && gained(refit.sums(), settled))
             .then_some((context.window, settled.segments.list.len())),
-        unseen_fall: 0.0,
+        held_out_fall: 0.0,
         price: 0.0,
         choice: 2.0 * (candidate.grid.len().max(1) as f64).ln(),
         finished: false,

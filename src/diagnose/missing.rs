@@ -42,8 +42,8 @@ pub struct Diagnosis {
     pub candidates: usize,
     /// Candidates times the grid points of their inner parameters.
     pub tried: usize,
-    /// Error on unseen runs over a segment, in units of the noise, before anything is added.
-    pub unseen_error: f64,
+    /// Error on held-out runs over a segment, in units of the noise, before anything is added.
+    pub held_out_error: f64,
     /// Noise of each observable, as predictions over few samples show it.
     pub noise_floor: Vec<f64>,
 }
@@ -90,7 +90,7 @@ impl Diagnosis {
             shape: None,
             candidates: 0,
             tried: 0,
-            unseen_error: f64::NAN,
+            held_out_error: f64::NAN,
             noise_floor: Vec::new(),
         }
     }
@@ -118,31 +118,31 @@ const AT_NOISE: f64 = 4.0;
 /// Asks what a model misses.
 ///
 /// `text` is the spec that the model was fitted from; `training` the runs that it was fitted to,
-/// `unseen` others.
+/// `held_out` others.
 pub fn diagnose(
     name: &str,
     text: &str,
     base: &Compiled,
     model: &Model,
     training: &Dataset,
-    unseen: &Dataset,
+    held_out: &Dataset,
     monitor: &dyn Monitor,
 ) -> Result<Diagnosis> {
     let mut context = Context::new(&base.system, model, training)?;
     context.noise = noise_floor(&context, model);
-    if let Some(reason) = super::suffices::lacking_beside(&context, &context.with_data(unseen)) {
+    if let Some(reason) = super::suffices::lacking_beside(&context, &context.with_data(held_out)) {
         return Ok(Diagnosis::too_little(reason));
     }
-    let asked = Asked { name, text, base, unseen, context: &context, monitor };
+    let asked = Asked { name, text, base, held_out, context: &context, monitor };
     monitor.stage("scoring candidates", 0.1);
     let all = candidates(name, text, base, training);
-    let first = round(&context, unseen, &all, LEADERS, monitor)?;
+    let first = round(&context, held_out, &all, LEADERS, monitor)?;
     let close = first.leaders.iter().take(first.close).skip(1);
     let mut diagnosis = Diagnosis {
         verdict: Verdict::NothingMissing,
         candidates: all.len(),
         tried: first.tried,
-        unseen_error: first.before,
+        held_out_error: first.before,
         noise_floor: context.noise.clone(),
         ranking: first.leaders.iter().map(|l| l.leader.clone()).collect(),
         indistinguishable: close.map(|l| l.leader.effect.clone()).collect(),
@@ -188,7 +188,7 @@ struct Asked<'a, 'b> {
     name: &'b str,
     text: &'b str,
     base: &'a Compiled,
-    unseen: &'a Dataset,
+    held_out: &'a Dataset,
     context: &'b Context<'a>,
     monitor: &'b dyn Monitor,
 }
@@ -295,7 +295,7 @@ impl Asked<'_, '_> {
             let compiled = build(self.name, &text)?;
             let present = Context { system: &compiled.system, ..present };
             let more = candidates(self.name, &text, &compiled, self.context.dataset);
-            let next = round(&present, self.unseen, &more, LATER, self.monitor);
+            let next = round(&present, self.held_out, &more, LATER, self.monitor);
             links.push(last);
             // A model that loses the motion answers no further question.
             let Ok(next) = next else { break (true, false) };
@@ -330,7 +330,7 @@ impl Asked<'_, '_> {
     /// The best term without a name, and by how much it explains more than a chain, prices paid.
     fn unnamed(&self, chain: &Chain) -> Result<Option<(Refitted, f64)>> {
         let all = generic(self.name, self.text, self.base, self.context.dataset);
-        let Ok(found) = round(self.context, self.unseen, &all, LATER, self.monitor) else {
+        let Ok(found) = round(self.context, self.held_out, &all, LATER, self.monitor) else {
             return Ok(None);
         };
         let Some(best) = found.leaders.into_iter().next() else { return Ok(None) };
@@ -348,14 +348,16 @@ impl Asked<'_, '_> {
         let Some(first) = chain.links.first() else { return Ok(()) };
         diagnosis.verdict = Verdict::Missing;
         diagnosis.reason = format!(
-            "{} takes the error on unseen runs from {:.2} to {:.2} times the noise",
-            first.leader.effect, first.leader.unseen_error_before, first.leader.unseen_error_after
+            "{} takes the error on held-out runs from {:.2} to {:.2} times the noise",
+            first.leader.effect,
+            first.leader.held_out_error_before,
+            first.leader.held_out_error_after
         );
         for link in &chain.links[1..] {
             let _ = write!(
                 diagnosis.reason,
                 ", {} after it to {:.2}",
-                link.leader.effect, link.leader.unseen_error_after
+                link.leader.effect, link.leader.held_out_error_after
             );
         }
         diagnosis.then = chain.links[1..].iter().map(|l| l.leader.clone()).collect();

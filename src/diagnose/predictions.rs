@@ -16,7 +16,7 @@ pub struct Prediction {
     /// Name of the run.
     pub run: String,
     /// Whether the model was not trained on it.
-    pub unseen: bool,
+    pub held_out: bool,
     /// Times of the samples, in the spec's unit.
     pub times: Vec<f64>,
     /// `[observable][sample]`; NaN (null in JSON) where nothing was measured.
@@ -39,7 +39,7 @@ const LANES: usize = 64;
 
 /// Predictions of every run, in the order of the data, each over as long as its data have no
 /// hole.
-pub fn predictions(context: &Context, unseen: bool) -> Vec<Prediction> {
+pub fn predictions(context: &Context, held_out: bool) -> Vec<Prediction> {
     let rows = 2 * context.system.degrees();
     let mut out: Vec<Prediction> = context
         .dataset
@@ -49,7 +49,7 @@ pub fn predictions(context: &Context, unseen: bool) -> Vec<Prediction> {
             let missing = vec![vec![f64::NAN; run.times.len()]; rows];
             Prediction {
                 run: run.name.clone(),
-                unseen,
+                held_out,
                 times: run.times.clone(),
                 measured: run.values.clone(),
                 predicted: missing.clone(),

@@ -38,7 +38,7 @@ pub struct Round {
     pub variance: f64,
     /// Samples of a segment when they were ranked.
     pub window: usize,
-    /// Error of the model before unseen runs, over such segments.
+    /// Error of the model before held-out runs, over such segments.
     pub before: f64,
     /// Candidates times grid points.
     pub tried: usize,
@@ -60,13 +60,13 @@ struct Field<'a, 'b> {
 /// are refitted on the longer ones.
 pub fn round(
     context: &Context,
-    unseen: &Dataset,
+    held_out: &Dataset,
     all: &[Candidate],
     most: usize,
     monitor: &dyn Monitor,
 ) -> Result<Round> {
     let mut context = context.clone();
-    let unseen = context.with_data(unseen);
+    let held_out = context.with_data(held_out);
     let (mut settled, mut few) = on_part_and_all(&context);
     let mut scores = scan(&settled, few.as_ref(), all)?;
     let mut tried = scores.tried;
@@ -105,12 +105,12 @@ pub fn round(
                 continue;
             }
         }
-        let unseen = Context { window: context.window, ..unseen.clone() };
-        let (unseen, few_unseen) = on_part_and_all(&unseen);
-        let leaders = field.judged(fitted, &unseen, few_unseen.as_ref());
+        let held_out = Context { window: context.window, ..held_out.clone() };
+        let (held_out, few_held_out) = on_part_and_all(&held_out);
+        let leaders = field.judged(fitted, &held_out, few_held_out.as_ref());
         let window = leaders.first().map_or(context.window, |(_, best)| grown(best, &settled));
         if window == context.window || monitor.stopped() {
-            return Ok(field.rank(leaders, &unseen, tried));
+            return Ok(field.rank(leaders, &held_out, tried));
         }
         starts = leaders.into_iter().map(|(c, leader)| (c, Start::from(leader))).collect();
         context.window = window;
@@ -140,16 +140,16 @@ impl Field<'_, '_> {
     fn judged(
         &self,
         mut leaders: Vec<(usize, Refitted)>,
-        unseen: &Settled,
-        few_unseen: Option<&Settled>,
+        held_out: &Settled,
+        few_held_out: Option<&Settled>,
     ) -> Vec<(usize, Refitted)> {
         let usable = |l: &Refitted| l.fall.is_finite() && l.fall > 0.0;
         for (_, leader) in &mut leaders {
             match self.few {
                 Some(few) if !leader.is_finished() => {
-                    leader.judge_by(few, few_unseen.unwrap_or(unseen), self.settled, unseen);
+                    leader.judge_by(few, few_held_out.unwrap_or(held_out), self.settled, held_out);
                 }
-                _ => leader.judge(self.settled, unseen),
+                _ => leader.judge(self.settled, held_out),
             }
         }
         leaders.retain(|(_, leader)| leader.fall.is_finite());
@@ -167,7 +167,7 @@ impl Field<'_, '_> {
                     return usable(&l).then_some((candidate, l));
                 }
                 let care = if place > 0 { Care::Ranking } else { Care::Full };
-                let l = l.finish(self.settled, &self.all[candidate], unseen, care)?;
+                let l = l.finish(self.settled, &self.all[candidate], held_out, care)?;
                 usable(&l).then_some((candidate, l))
             })
             .collect()
@@ -179,11 +179,11 @@ impl Field<'_, '_> {
         if least.is_finite() { least.max(f64::MIN_POSITIVE) } else { self.variance }
     }
 
-    fn rank(&self, mut leaders: Vec<(usize, Refitted)>, unseen: &Settled, tried: usize) -> Round {
+    fn rank(&self, mut leaders: Vec<(usize, Refitted)>, held_out: &Settled, tried: usize) -> Round {
         let variance = self.yardstick(leaders.iter().map(|(_, l)| l));
-        let (before, _) = error_of(&unseen.sums);
-        // What a full fit does not keep, or unseen runs do not thank for, is not missing.
-        let pays = |l: &Refitted| l.leader.unseen_error_after < l.leader.unseen_error_before;
+        let (before, _) = error_of(&held_out.sums);
+        // What a full fit does not keep, or held-out runs do not thank for, is not missing.
+        let pays = |l: &Refitted| l.leader.held_out_error_after < l.leader.held_out_error_before;
         leaders.retain(|(_, l)| l.merit(variance) > 0.0 && (pays(l) || before.is_nan()));
         if leaders.iter().any(|(_, l)| !l.pinned) {
             leaders.retain(|(_, l)| !l.pinned);

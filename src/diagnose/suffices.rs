@@ -7,36 +7,36 @@ use crate::fit::segments::{cut, packed};
 
 /// Independent residuals beside the model's unknowns below which chance rules.
 const LEAST: usize = 20;
-/// The same for the unseen part, which has no unknowns but the states.
-const LEAST_UNSEEN: usize = 8;
+/// The same for the held-out part, which has no unknowns but the states.
+const LEAST_HELD_OUT: usize = 8;
 
 /// What no model could make up for: fewer measured values than a verdict asks for even if the
 /// initial state of every run were all that is unknown. A sentence, or none.
-pub fn lacking(system: &System, training: &Dataset, unseen: Option<&Dataset>) -> Option<String> {
+pub fn lacking(system: &System, training: &Dataset, held_out: Option<&Dataset>) -> Option<String> {
     let seen = independent(system, training);
     if seen < LEAST {
         return Some(short_of("the training part", seen, LEAST));
     }
-    let Some(unseen) = unseen.filter(|data| !data.runs.is_empty()) else {
+    let Some(held_out) = held_out.filter(|data| !data.runs.is_empty()) else {
         return Some(
             "no samples are left to judge an effect on: put some aside, or measure more runs"
                 .to_string(),
         );
     };
-    let judge = independent(system, unseen);
-    (judge < LEAST_UNSEEN).then(|| short_of("the unseen part", judge, LEAST_UNSEEN))
+    let judge = independent(system, held_out);
+    (judge < LEAST_HELD_OUT).then(|| short_of("the held-out part", judge, LEAST_HELD_OUT))
 }
 
 /// The same of a model, whose segments may be shorter than the runs.
-pub(super) fn lacking_beside(training: &Context, unseen: &Context) -> Option<String> {
+pub(super) fn lacking_beside(training: &Context, held_out: &Context) -> Option<String> {
     let unknowns = training.support.len() + training.parameters.len();
     let (_, _, sums) = training.settle(training.window);
     let seen = sums.rows.saturating_sub(unknowns);
     if seen < LEAST {
         return Some(short_of("the training part", seen, LEAST));
     }
-    let (_, _, sums) = unseen.settle(unseen.window);
-    (sums.rows < LEAST_UNSEEN).then(|| short_of("the unseen part", sums.rows, LEAST_UNSEEN))
+    let (_, _, sums) = held_out.settle(held_out.window);
+    (sums.rows < LEAST_HELD_OUT).then(|| short_of("the held-out part", sums.rows, LEAST_HELD_OUT))
 }
 
 /// Measured values beyond those that the initial states of uninterrupted stretches take up.

@@ -24,7 +24,7 @@ pub struct View {
     pub time: Quantity,
     /// Standard deviation of the noise of each observable.
     pub noise: Vec<f64>,
-    /// Predictions of all runs: those that the model was trained on, then unseen ones.
+    /// Predictions of all runs: those that the model was trained on, then held-out ones.
     pub predictions: Vec<Prediction>,
     /// Whether momenta are measured, rather than velocities.
     pub momenta_measured: bool,
@@ -57,7 +57,7 @@ pub struct EnergySeries {
     /// Name of the run.
     pub run: String,
     /// Whether the model was not trained on it.
-    pub unseen: bool,
+    pub held_out: bool,
     /// (time, energy), sorted by time: one for each stretch that a state was found for.
     pub points: Vec<(f64, f64)>,
 }
@@ -95,12 +95,12 @@ const MOST: usize = 6;
 /// # Errors
 ///
 /// When the data do not suffice to ask for a residual force.
-pub fn view(training: &Context, unseen: Option<&Context>) -> Result<View> {
+pub fn view(training: &Context, held_out: Option<&Context>) -> Result<View> {
     let system = training.system;
     let momenta_measured = system.observed == Observed::Momenta;
     let mut all = predictions(training, false);
     let seen = all.len();
-    if let Some(context) = unseen {
+    if let Some(context) = held_out {
         all.extend(predictions(context, true));
     }
     let planes = force_planes(training, &|row| {
@@ -120,9 +120,11 @@ pub fn view(training: &Context, unseen: Option<&Context>) -> Result<View> {
         time: Quantity::of(&system.time),
         noise: training.noise.clone(),
         momenta_measured,
-        energies: [(Some(training), false), (unseen, true)]
+        energies: [(Some(training), false), (held_out, true)]
             .into_iter()
-            .flat_map(|(context, unseen)| context.map(|c| series(c, unseen)).unwrap_or_default())
+            .flat_map(|(context, held_out)| {
+                context.map(|c| series(c, held_out)).unwrap_or_default()
+            })
             .collect(),
         portraits: portraits(training, &all),
         predictions: all,
@@ -130,12 +132,12 @@ pub fn view(training: &Context, unseen: Option<&Context>) -> Result<View> {
     })
 }
 
-fn series(context: &Context, unseen: bool) -> Vec<EnergySeries> {
+fn series(context: &Context, held_out: bool) -> Vec<EnergySeries> {
     // Where the model follows whole runs, these are cut more finely than for training.
     let mut finer = context.clone();
     finer.window = context.window.min((longest_run(context.dataset) / STRETCHES).max(4));
     let runs = context.dataset.runs.iter().zip(energies(&finer));
-    runs.map(|(run, points)| EnergySeries { run: run.name.clone(), unseen, points }).collect()
+    runs.map(|(run, points)| EnergySeries { run: run.name.clone(), held_out, points }).collect()
 }
 
 /// The plane of every coordinate and its momentum; of two coordinates, also the plane of both.

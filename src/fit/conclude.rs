@@ -108,7 +108,7 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
                 Selection::Information => {
                     "Bayesian information criterion and description length".to_string()
                 }
-                Selection::Unseen => "error on unseen folds".to_string(),
+                Selection::HeldOut => "error on held-out folds".to_string(),
             },
             loss: training.options.loss.row().name.to_string(),
             supports_tried: round.search.tried,

@@ -17,6 +17,7 @@ pub mod first_order;
 mod gathered;
 mod gauge;
 pub mod gauss_newton;
+pub mod held_out;
 pub mod loss;
 pub mod memory;
 pub mod model;
@@ -42,7 +43,6 @@ mod streamed;
 pub mod support;
 pub mod train;
 pub mod uncertainty;
-pub mod unseen;
 
 pub use gauss_newton::StopReason;
 pub use loss::{LOSSES, Loss};

@@ -10,7 +10,7 @@ pub enum Selection {
     Information,
     /// The error on folds of the data that a candidate was not fitted to: the smallest
     /// support within one standard error of the best.
-    Unseen,
+    HeldOut,
 }
 
 /// Which trainer.

@@ -32,7 +32,7 @@ pub struct Segments {
     pub list: Vec<Segment>,
     /// Ranges of `list`, in each of which short segments come first. A fold holds whole runs
     /// where there are enough of them, else whole stretches of time, so that leaving one out is
-    /// leaving out something unseen.
+    /// leaving out something held out.
     pub folds: Vec<Range<usize>>,
 }
 

@@ -345,8 +345,8 @@ impl<'a> Training<'a> {
             Extent::Rough => support::rough(&merged, &columns, criterion),
             Extent::Near => support::near(&merged, &columns, criterion, &self.support),
         };
-        if self.options.selection == super::options::Selection::Unseen {
-            super::unseen::prefer_unseen(&mut search.candidates, &folds, &columns);
+        if self.options.selection == super::options::Selection::HeldOut {
+            super::held_out::prefer_held_out(&mut search.candidates, &folds, &columns);
         }
         let best = search.candidates.first().cloned().ok_or_else(|| {
             Error::new(

@@ -15,7 +15,7 @@ use crate::fit::model::fingerprint;
 use crate::fit::{Loss, Model, Monitor, Options, Start, resume};
 
 /// Share of the samples that is put aside where nothing is said.
-pub const UNSEEN: f64 = 0.25;
+pub const HELD_OUT: f64 = 0.25;
 /// Shares that leave something to learn from.
 pub const SHARES: RangeInclusive<f64> = 0.0..=0.9;
 
@@ -24,9 +24,10 @@ pub const SHARES: RangeInclusive<f64> = 0.0..=0.9;
 pub struct Splitting {
     /// Measurements, instead of those that the spec names.
     pub data: Option<PathBuf>,
-    /// Share of the samples that no model sees before it is judged on them.
-    pub unseen: f64,
-    /// Seed of the choice of unseen runs: the same seed makes the same choice.
+    /// Share of the samples that are held out: no model is fitted to them before it is judged on
+    /// them.
+    pub held_out: f64,
+    /// Seed of the choice of held-out runs: the same seed makes the same choice.
     pub seed: u64,
     /// Threads to use; by default all cores. The result does not depend on it.
     pub threads: Option<usize>,
@@ -35,7 +36,7 @@ pub struct Splitting {
 impl Default for Splitting {
     /// What is meant where nothing is said.
     fn default() -> Self {
-        Splitting { data: None, unseen: UNSEEN, seed: 0, threads: None }
+        Splitting { data: None, held_out: HELD_OUT, seed: 0, threads: None }
     }
 }
 
@@ -51,10 +52,10 @@ pub struct Bench {
 impl Bench {
     /// Reads a spec and its data, and splits these.
     pub fn open(spec: &Path, splitting: &Splitting, listener: &dyn Listener) -> Result<Self> {
-        if !SHARES.contains(&splitting.unseen) {
+        if !SHARES.contains(&splitting.held_out) {
             return Err(Error::new(
                 ErrorKind::InvalidArgument,
-                "the share of unseen samples must be between 0 and 0.9",
+                "the share of held-out samples must be between 0 and 0.9",
                 "give the share of the samples to put aside, such as 0.25",
             ));
         }
@@ -64,13 +65,13 @@ impl Bench {
         for warning in &about.warnings {
             listener.warning(warning);
         }
-        let split = dataset.split_unseen(splitting.unseen, splitting.seed);
+        let split = dataset.split_held_out(splitting.held_out, splitting.seed);
         Ok(Bench { project, dataset, about, split, splitting: splitting.clone() })
     }
 
-    /// Unseen runs, if there are any.
-    pub fn unseen(&self) -> Option<&Dataset> {
-        (!self.split.unseen.runs.is_empty()).then_some(&self.split.unseen)
+    /// Held-out runs, if there are any.
+    pub fn held_out(&self) -> Option<&Dataset> {
+        (!self.split.held_out.runs.is_empty()).then_some(&self.split.held_out)
     }
 
     /// The split, for programs.
@@ -80,10 +81,10 @@ impl Bench {
         };
         json!({
             "how": self.split.how,
-            "fraction": self.splitting.unseen,
+            "fraction": self.splitting.held_out,
             "seed": self.splitting.seed,
             "training": names(&self.split.training),
-            "unseen": names(&self.split.unseen),
+            "held_out": names(&self.split.held_out),
         })
     }
 

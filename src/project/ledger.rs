@@ -8,17 +8,20 @@ use serde::{Deserialize, Serialize};
 use crate::data::write_atomically;
 use crate::error::{Error, Result};
 
-const FORMAT: &str = "leverrier.ledger/1";
+const FORMAT: &str = "leverrier.ledger/2";
+/// Formats that are read. In the first, errors on held-out runs were called `unseen_error`.
+const READ: [&str; 2] = ["leverrier.ledger/1", FORMAT];
 /// The action of a revision that no command made.
 pub const BY_HAND: &str = "edited by hand";
 
-/// Error of a model on unseen runs.
+/// Error of a model on held-out runs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Judged {
-    /// Root mean square in units of the noise, over `samples` at a time; null without unseen
+    /// Root mean square in units of the noise, over `samples` at a time; null without held-out
     /// runs.
-    pub unseen_error: Option<f64>,
-    /// What `unseen_error` is when only noise is left: 1.
+    #[serde(alias = "unseen_error")]
+    pub held_out_error: Option<f64>,
+    /// What `held_out_error` is when only noise is left: 1.
     pub noise_floor: f64,
     pub samples: usize,
     /// (samples, error) at every length of prediction.
@@ -29,10 +32,10 @@ pub struct Judged {
 }
 
 impl Judged {
-    /// Where nothing is unseen.
+    /// Where nothing is held out.
     pub fn unknown() -> Self {
         Judged {
-            unseen_error: None,
+            held_out_error: None,
             noise_floor: 1.0,
             samples: 0,
             horizons: Vec::new(),
@@ -82,12 +85,13 @@ impl Ledger {
         };
         let wrong =
             |message: String| Error::model(&path, message, "move it away to begin a new ledger");
-        let ledger: Ledger = serde_json::from_slice(&bytes)
+        let mut ledger: Ledger = serde_json::from_slice(&bytes)
             .map_err(|error| wrong(format!("this is not a ledger, or it is damaged ({error})")))?;
-        if ledger.format != FORMAT {
+        if !READ.contains(&ledger.format.as_str()) {
             let found = &ledger.format;
             return Err(wrong(format!("its format is `{found}`, but this version reads {FORMAT}")));
         }
+        ledger.format = FORMAT.to_string();
         Ok(ledger)
     }
 
@@ -210,6 +214,26 @@ mod tests {
         assert_eq!(ledger.take_back(), Some((BY_HAND.to_string(), "c".to_string())));
         assert_eq!(ledger.take_back(), Some(("add y".to_string(), "a".to_string())));
         assert_eq!(ledger.take_back(), None);
+    }
+
+    #[test]
+    fn ledgers_of_the_first_format_are_read_and_written_as_the_second() {
+        let folder = tempfile::tempdir().unwrap();
+        let spec = folder.path().join("swings.ham");
+        let old = r#"{"format": "leverrier.ledger/1", "revisions": [
+            {"action": "start", "time": 1, "spec": "a", "undone": false,
+             "before": null, "after": null},
+            {"action": "add x", "time": 2, "spec": "b", "undone": false, "before":
+             {"unseen_error": 9.5, "noise_floor": 1.0, "samples": 8, "horizons": [[8, 9.5]]},
+             "after": null}]}"#;
+        std::fs::write(Ledger::path(&spec), old).unwrap();
+        let ledger = Ledger::open(&spec).unwrap();
+        let before = ledger.revisions[1].before.as_ref().unwrap();
+        assert_eq!(before.held_out_error, Some(9.5));
+        ledger.write(&spec).unwrap();
+        let written = std::fs::read_to_string(Ledger::path(&spec)).unwrap();
+        assert!(written.contains(FORMAT) && written.contains("\"held_out_error\": 9.5"));
+        assert_eq!(Ledger::open(&spec).unwrap(), ledger);
     }
 
     #[test]

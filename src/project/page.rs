@@ -36,16 +36,16 @@ pub fn seen(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<Seen>
     let detections = detect(&training, model);
     // A model that fails takes a part of what it lacks for noise; the floor is the instrument's.
     training.noise = noise_floor(&training, model);
-    let unseen = bench.unseen().map(|data| training.with_data(data));
-    let mut comparison = compare::compare(&training, unseen.as_ref())?;
+    let held_out = bench.held_out().map(|data| training.with_data(data));
+    let mut comparison = compare::compare(&training, held_out.as_ref())?;
     comparison.findings.extend(detections.into_iter().map(|found| found.sentence));
     monitor.stage("what there is to see", 0.3);
-    let view = view(&training, unseen.as_ref())?;
+    let view = view(&training, held_out.as_ref())?;
     Ok(Seen { view, comparison })
 }
 
 /// What is known of a model that was just judged, before it is held against the measurements
-/// again: its errors on the unseen runs.
+/// again: its errors on the held-out runs.
 pub fn glimpse(bench: &Bench, judged: &Judged) -> Seen {
     let system = bench.project.system();
     let step = typical_step(&bench.split.training);
@@ -53,7 +53,7 @@ pub fn glimpse(bench: &Bench, judged: &Judged) -> Seen {
         samples,
         duration: step * samples.saturating_sub(1) as f64,
         training: f64::NAN,
-        unseen: Some(error),
+        held_out: Some(error),
         baseline: f64::NAN,
         exploded: 0,
     });
@@ -89,9 +89,9 @@ pub fn glimpse(bench: &Bench, judged: &Judged) -> Seen {
     Seen { view, comparison }
 }
 
-/// What is missing from a model of the training part; none without unseen runs.
+/// What is missing from a model of the training part; none without held-out runs.
 pub fn diagnosis(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<Option<Diagnosis>> {
-    let Some(unseen) = bench.unseen() else { return Ok(None) };
+    let Some(held_out) = bench.held_out() else { return Ok(None) };
     let project = &bench.project;
     missing::diagnose(
         &project.name(),
@@ -99,7 +99,7 @@ pub fn diagnosis(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<
         &project.compiled,
         model,
         &bench.split.training,
-        unseen,
+        held_out,
         monitor,
     )
     .map(Some)
@@ -174,16 +174,16 @@ fn law(bench: &Bench, model: &Model) -> Result<Law> {
 fn stages(ledger: &Ledger) -> Vec<Stage> {
     let mut out: Vec<Stage> = Vec::new();
     for revision in &ledger.revisions {
-        let unseen = |judged: &Option<Judged>| judged.as_ref()?.unseen_error;
+        let held_out = |judged: &Option<Judged>| judged.as_ref()?.held_out_error;
         // What was there before the first step was judged with it.
         if let Some(before) = out.last_mut()
             && before.error.is_none()
         {
-            before.error = unseen(&revision.before);
+            before.error = held_out(&revision.before);
         }
         out.push(Stage {
             action: revision.action.clone(),
-            error: unseen(&revision.after),
+            error: held_out(&revision.after),
             undone: revision.undone,
         });
     }
@@ -191,14 +191,14 @@ fn stages(ledger: &Ledger) -> Vec<Stage> {
 }
 
 fn entries(ledger: &Ledger) -> Vec<Entry> {
-    let unseen = |judged: &Option<Judged>| judged.as_ref()?.unseen_error;
+    let held_out = |judged: &Option<Judged>| judged.as_ref()?.held_out_error;
     let revisions = ledger.revisions.iter();
     revisions
         .map(|revision| Entry {
             date: date(revision.time),
             action: revision.action.clone(),
-            before: unseen(&revision.before),
-            after: unseen(&revision.after),
+            before: held_out(&revision.before),
+            after: held_out(&revision.after),
             undone: revision.undone,
         })
         .collect()
@@ -231,6 +231,6 @@ fn facts(bench: &Bench, law: &Law) -> Vec<(String, String)> {
     );
     fact("meaning of the spec", model.fingerprint.clone());
     let splitting = &bench.splitting;
-    fact("split", format!("unseen {}, seed {}", splitting.unseen, splitting.seed));
+    fact("split", format!("held out {}, seed {}", splitting.held_out, splitting.seed));
     out
 }

@@ -18,7 +18,7 @@ use crate::spec::edit;
 
 /// Standard errors that the coefficient of a warranted effect is from zero, at least.
 const CLEAR: f64 = 4.0;
-/// Rise of the unseen error up to which a removal costs nothing.
+/// Rise of the held-out error up to which a removal costs nothing.
 const FREE: f64 = 1.02;
 
 /// An edited spec that was learned and judged, and is not written yet.
@@ -32,14 +32,14 @@ pub struct Revision {
     pub training: Model,
     /// Its model from all measurements.
     pub whole: Model,
-    /// The model before and after on the unseen runs, in the same units.
+    /// The model before and after on the held-out runs, in the same units.
     pub was: Judged,
     pub is: Judged,
     /// How earlier coefficients moved.
     pub moved: Vec<Moved>,
     /// Terms of the effect, then its inner parameters: name, value, standard error.
     pub effect: Vec<(String, f64, f64)>,
-    /// Whether it pays; `None` without unseen runs.
+    /// Whether it pays; `None` without held-out runs.
     pub warranted: Option<bool>,
     /// Why, in a sentence.
     pub why: String,
@@ -221,14 +221,14 @@ fn first(diagnostics: &[Diagnostic]) -> String {
     diagnostics.first().map_or(String::new(), |diagnostic| diagnostic.message.clone())
 }
 
-/// Both models on the unseen runs, in the same units: the noise floor of the better of the two.
+/// Both models on the held-out runs, in the same units: the noise floor of the better of the two.
 fn judge(
     bench: &Bench,
     before: &Model,
     project: &Project,
     after: &Model,
 ) -> Result<(Judged, Judged)> {
-    let data = bench.unseen().unwrap_or(&bench.split.unseen);
+    let data = bench.held_out().unwrap_or(&bench.split.held_out);
     let old = Context::new(bench.project.system(), before, data)?;
     let new = Context::new(project.system(), after, data)?;
     let noise = floor_of_both(bench, (&old, before), (&new, after));
@@ -236,12 +236,12 @@ fn judge(
     let noise_of: Vec<(String, f64)> = names.into_iter().zip(noise.iter().copied()).collect();
     let samples = old.window.max(new.window);
     let of = |context: &Context| {
-        if bench.unseen().is_none() {
+        if bench.held_out().is_none() {
             return Judged { samples, noise: noise_of.clone(), ..Judged::unknown() };
         }
         let error = errors(context, &noise, &[samples]);
         Judged {
-            unseen_error: error.first().map(|e| e.1),
+            held_out_error: error.first().map(|e| e.1),
             noise_floor: 1.0,
             samples,
             horizons: errors(context, &noise, &windows(data)),
@@ -285,34 +285,34 @@ fn effect_terms(
     if terms.is_empty() { terms } else { [terms, inner].concat() }
 }
 
-const NO_JUDGE: &str = "there are no unseen runs to judge it on";
+const NO_JUDGE: &str = "there are no held-out runs to judge it on";
 
-/// Whether an addition pays; `None` without unseen runs.
+/// Whether an addition pays; `None` without held-out runs.
 fn added(was: &Judged, is: &Judged, effect: &[(String, f64, f64)]) -> (Option<bool>, String) {
     if effect.is_empty() {
         return (Some(false), "the fit does not choose it: its coefficient is zero".to_string());
     }
-    let Some((was, is)) = was.unseen_error.zip(is.unseen_error) else {
+    let Some((was, is)) = was.held_out_error.zip(is.held_out_error) else {
         return (None, NO_JUDGE.to_string());
     };
     let clear = effect.iter().map(|(_, x, s)| (x / s).abs()).fold(0.0, f64::max);
     let how = if is < was {
-        format!("the unseen error falls from {was:.2} to {is:.2} times the noise")
+        format!("the held-out error falls from {was:.2} to {is:.2} times the noise")
     } else {
-        format!("the unseen error does not fall: {was:.2} times the noise before, {is:.2} after")
+        format!("the held-out error does not fall: {was:.2} times the noise before, {is:.2} after")
     };
     let why = format!("{how}, and its coefficient is {clear:.0} standard errors from zero");
     (Some(is < was && clear > CLEAR), why)
 }
 
-/// Whether a removal costs nothing; `None` without unseen runs.
+/// Whether a removal costs nothing; `None` without held-out runs.
 fn removed(was: &Judged, is: &Judged) -> (Option<bool>, String) {
-    let Some((was, is)) = was.unseen_error.zip(is.unseen_error) else {
+    let Some((was, is)) = was.held_out_error.zip(is.held_out_error) else {
         return (None, NO_JUDGE.to_string());
     };
     let free = is <= FREE * was;
     let how = if free { "does not rise" } else { "rises" };
-    let why = format!("the unseen error {how}: {was:.2} times the noise before, {is:.2} after");
+    let why = format!("the held-out error {how}: {was:.2} times the noise before, {is:.2} after");
     (Some(free), why)
 }
 

@@ -38,12 +38,12 @@ pub fn compare_text(
             h.samples.to_string(),
             significant(h.duration, 4),
             times(h.training),
-            h.unseen.map_or(String::new(), times),
+            h.held_out.map_or(String::new(), times),
             times(h.baseline),
             if h.exploded > 0 { format!("{} exploded", h.exploded) } else { String::new() },
         ]
     });
-    let header = ["samples", duration.as_str(), "training", "unseen", "nothing moves", ""];
+    let header = ["samples", duration.as_str(), "training", "held out", "nothing moves", ""];
     sections.push(format!(
         "Error by length of prediction, in units of the noise (1 is the noise floor):\n{}",
         table(&header, rows.collect(), &[0, 1, 2, 3, 4], width)
@@ -152,7 +152,7 @@ pub fn discovery_text(
     width: Option<u16>,
 ) -> String {
     let width = width.map_or(WIDTH, |width| usize::from(width).max(40));
-    let (before, after) = found.unseen_error;
+    let (before, after) = found.held_out_error;
     let count = match found.steps.len() {
         0 => "Nothing was added".to_string(),
         1 => "One effect was added".to_string(),
@@ -160,7 +160,7 @@ pub fn discovery_text(
     };
     let mut sections = vec![wrapped(
         &format!(
-            "{count}: the error on unseen runs went from {} to {} times the noise. Why it ended: {}.",
+            "{count}: the error on held-out runs went from {} to {} times the noise. Why it ended: {}.",
             times(before),
             times(after),
             found.stop.trim_end_matches('.')
@@ -228,12 +228,12 @@ pub fn diagnosis_text(diagnosis: &Diagnosis, about: &About, width: Option<u16>) 
             leader.effect.clone(),
             numbers.join(", "),
             chance(leader.p_value),
-            times(leader.unseen_error_before),
-            times(leader.unseen_error_after),
+            times(leader.held_out_error_before),
+            times(leader.held_out_error_after),
         ]
     });
     if let Some(first) = diagnosis.ranking.first() {
-        let header = ["effect", "coefficient", "chance", "unseen error before", "after"];
+        let header = ["effect", "coefficient", "chance", "held-out error before", "after"];
         sections.push(table(&header, rows.collect(), &[1, 2, 3, 4], width));
         if !diagnosis.indistinguishable.is_empty() {
             let others = diagnosis.indistinguishable.join(", ");
@@ -268,20 +268,20 @@ fn unexplained(diagnosis: &Diagnosis, width: usize) -> Vec<String> {
     if let (Some(first), Some(last)) = (diagnosis.ranking.first(), diagnosis.then.last()) {
         let names: Vec<&str> = diagnosis.then.iter().map(|l| l.effect.as_str()).collect();
         let sentence = format!(
-            "With {} in the model, {} would take the error on unseen runs further, to {}.",
+            "With {} in the model, {} would take the error on held-out runs further, to {}.",
             first.effect,
             names.join(" and "),
-            times(last.unseen_error_after),
+            times(last.held_out_error_after),
         );
         sections.push(wrapped(&sentence, width, 2));
     }
     if let Some(unnamed) = &diagnosis.unnamed {
         let sentence = format!(
-            "The best term without a name is {}: it takes the error on unseen runs from {} to {}. \
+            "The best term without a name is {}: it takes the error on held-out runs from {} to {}. \
              It may be written into the spec:",
             unnamed.effect,
-            times(unnamed.unseen_error_before),
-            times(unnamed.unseen_error_after),
+            times(unnamed.held_out_error_before),
+            times(unnamed.held_out_error_after),
         );
         sections.push(format!("{}\n  {}", wrapped(&sentence, width, 2), unnamed.snippet));
     }
@@ -314,7 +314,7 @@ pub struct Revised<'a> {
     pub action: &'a str,
     /// How the data were split.
     pub how: &'a str,
-    /// Samples and error on unseen runs, at every length of prediction.
+    /// Samples and error on held-out runs, at every length of prediction.
     pub before: &'a [(usize, f64)],
     /// Samples and error after, for every length of prediction.
     pub after: &'a [(usize, f64)],
@@ -348,7 +348,7 @@ pub fn revision_text(revised: &Revised, width: Option<u16>) -> String {
         .collect();
     if !rows.is_empty() {
         sections.push(format!(
-            "Error on unseen runs by length of prediction, in units of the noise:\n{}",
+            "Error on held-out runs by length of prediction, in units of the noise:\n{}",
             table(&["samples", "before", "after", "noise floor"], rows, &[0, 1, 2, 3], width)
         ));
     }

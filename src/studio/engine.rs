@@ -380,12 +380,12 @@ impl Engine {
         let teller = Teller::new(&studio, "Asking what is missing", true);
         let bench = &held.bench;
         let lacking =
-            suffices::lacking(bench.project.system(), &bench.split.training, bench.unseen());
+            suffices::lacking(bench.project.system(), &bench.split.training, bench.held_out());
         let diagnosis = match lacking {
             Some(why) => Diagnosis::too_little(why),
             None => match page::diagnosis(bench, &held.training, &teller)? {
                 Some(diagnosis) => diagnosis,
-                None => Diagnosis::too_little("there are no unseen runs".to_string()),
+                None => Diagnosis::too_little("there are no held-out runs".to_string()),
             },
         };
         if teller.stopped() {

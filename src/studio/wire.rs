@@ -106,8 +106,8 @@ pub fn law(page: &Page) -> Value {
         "numbers": parts.numbers,
         "findings": parts.findings,
         "data": parts.data,
-        "error": last.map(|last| last.unseen.unwrap_or(last.training)),
-        "unseen": last.is_some_and(|last| last.unseen.is_some()),
+        "error": last.map(|last| last.held_out.unwrap_or(last.training)),
+        "held_out": last.is_some_and(|last| last.held_out.is_some()),
     })
 }
 
@@ -182,8 +182,8 @@ fn leader(leader: &Leader) -> Value {
         "physics": by_name(name).map(|row| row.physics),
         "chance": chance,
         "deviance": leader.deviance,
-        "before": leader.unseen_error_before,
-        "after": leader.unseen_error_after,
+        "before": leader.held_out_error_before,
+        "after": leader.held_out_error_after,
     })
 }
 
@@ -192,7 +192,7 @@ pub fn ledger(ledger: &Ledger, text: &str) -> Value {
     let mut ledger = ledger.clone();
     ledger.recover(text);
     let current = ledger.current();
-    let error = |judged: &Option<Judged>| judged.as_ref().and_then(|judged| judged.unseen_error);
+    let error = |judged: &Option<Judged>| judged.as_ref().and_then(|judged| judged.held_out_error);
     let newest = current.and_then(|at| ledger.revisions.get(at));
     let edited = newest.is_some_and(|r| r.spec != text || r.action == BY_HAND);
     let mut ahead = ledger.clone();

@@ -336,7 +336,7 @@ proptest! {
         content.extend(bytes);
         let _ = load(&content, &mapping(None, &["x"])).map(|(data, report)| {
             let _ = report.to_text();
-            data.split_unseen(0.3, 1)
+            data.split_held_out(0.3, 1)
         });
     }
 }

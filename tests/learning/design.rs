@@ -66,9 +66,9 @@ impl Bench {
         ok(Context::new(&self.compiled.system, &self.model, &self.data))
     }
 
-    fn diagnosis(&self, unseen: &Dataset) -> Diagnosis {
+    fn diagnosis(&self, held_out: &Dataset) -> Diagnosis {
         let Bench { text, compiled, data, model } = self;
-        ok(diagnose("learned", text, compiled, model, data, unseen, &Silent))
+        ok(diagnose("learned", text, compiled, model, data, held_out, &Silent))
     }
 
     fn rival(&self, label: &str, statement: &str, start: &[f64]) -> Rival {
@@ -118,9 +118,9 @@ fn behind(rivals: &[Rival], data: &Dataset, window: usize, label: &str) -> f64 {
 #[test]
 fn the_run_that_is_proposed_settles_what_a_repeat_leaves_open() {
     for ((label, force), other, seed) in [(VISCOUS, COULOMB.0, 3), (COULOMB, VISCOUS.0, 4)] {
-        let unseen = swings(force, seed + 100);
+        let held_out = swings(force, seed + 100);
         let before = bench(SPACE, swings(force, seed), &Options::default());
-        let found = before.diagnosis(&unseen);
+        let found = before.diagnosis(&held_out);
         let tied = before.tied(&found);
         let has = |label: &str| tied.iter().any(|rival| rival.label == label);
         assert!(has(label) && has(other), "{label}: {:?}", found.indistinguishable);
@@ -144,7 +144,7 @@ fn the_run_that_is_proposed_settles_what_a_repeat_leaves_open() {
                 behind(&tied, &after, window, &rival.label) - behind(&tied, &after, window, label);
             assert!(gap > 6.0, "{label}: {} is only {gap} behind", rival.label);
         }
-        let settled = bench(SPACE, after, &Options::default()).diagnosis(&unseen);
+        let settled = bench(SPACE, after, &Options::default()).diagnosis(&held_out);
         assert_eq!(settled.ranking[0].effect, label, "{settled:?}");
         assert!(!settled.indistinguishable.iter().any(|l| l == other), "{settled:?}");
 

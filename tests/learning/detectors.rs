@@ -129,11 +129,11 @@ fn velocities_or_coordinates_alone_name_a_hidden_force() {
                 format!("coordinates q\n{observed}\nT = {momentum}^2/2\nV = span{{ cos(q) }}\n");
             let compiled = build("spec", &spec).unwrap_or_else(|error| panic!("{error}"));
             data.observables = compiled.system.observables();
-            let split = data.split_unseen(0.25, 1);
+            let split = data.split_held_out(0.25, 1);
             let model = fit(&compiled.system, &split.training, &Options::default(), &Silent)
                 .unwrap_or_else(|error| panic!("{error}"));
-            let (training, unseen) = (&split.training, &split.unseen);
-            let found = diagnose("spec", &spec, &compiled, &model, training, unseen, &Silent)
+            let (training, held_out) = (&split.training, &split.held_out);
+            let found = diagnose("spec", &spec, &compiled, &model, training, held_out, &Silent)
                 .unwrap_or_else(|error| panic!("{error}"));
             assert_eq!(found.verdict, Verdict::Missing, "{observed}, {hidden}: {}", found.reason);
             let place = found.ranking.iter().position(|leader| leader.effect == effect);

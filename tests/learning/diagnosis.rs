@@ -38,7 +38,7 @@ struct Case {
     text: String,
     compiled: Compiled,
     training: Dataset,
-    unseen: Dataset,
+    held_out: Dataset,
     model: Model,
 }
 
@@ -71,10 +71,10 @@ fn case(base: &Base, hidden: &str, noise: f64, seed: u64) -> Case {
     }
     let text = format!("{}{}", base.variables, base.space);
     let compiled = build("learned", &text).unwrap_or_else(|error| panic!("{error}"));
-    let split = data.split_unseen(0.25, seed);
+    let split = data.split_held_out(0.25, seed);
     let model = fit(&compiled.system, &split.training, &Options::default(), &Silent)
         .unwrap_or_else(|error| panic!("{error}"));
-    Case { text, compiled, training: split.training, unseen: split.unseen, model }
+    Case { text, compiled, training: split.training, held_out: split.held_out, model }
 }
 
 impl Case {
@@ -85,7 +85,7 @@ impl Case {
             &self.compiled,
             &self.model,
             &self.training,
-            &self.unseen,
+            &self.held_out,
             &Silent,
         )
         .unwrap_or_else(|error| panic!("{error}"))
@@ -113,7 +113,7 @@ fn hidden_effects_are_named_with_their_size() {
         let (found, error) = (leader.coefficient[0], leader.standard_error[0]);
         assert!((found.abs() - size).abs() < 5.0 * error, "{hidden}: {found} +- {error}");
         assert!(leader.p_value < 1e-6);
-        assert!(leader.unseen_error_after < leader.unseen_error_before);
+        assert!(leader.held_out_error_after < leader.held_out_error_before);
     }
 }
 
@@ -137,7 +137,7 @@ fn nothing_is_named_where_nothing_is_hidden() {
         let diagnosis = case.diagnosis();
         assert_eq!(diagnosis.verdict, Verdict::NothingMissing, "{diagnosis:?}");
         assert!(diagnosis.ranking.is_empty());
-        assert!((diagnosis.unseen_error - 1.0).abs() < 0.1, "{}", diagnosis.unseen_error);
+        assert!((diagnosis.held_out_error - 1.0).abs() < 0.1, "{}", diagnosis.held_out_error);
     }
 }
 
@@ -146,12 +146,12 @@ fn a_comparison_sees_lost_energy_and_a_right_model_at_the_noise_floor() {
     let damped = case(&PENDULUM, "force q += -0.05*p", 0.01, 4);
     let context = Context::new(&damped.compiled.system, &damped.model, &damped.training)
         .unwrap_or_else(|error| panic!("{error}"));
-    let unseen = context.with_data(&damped.unseen);
-    let report = compare(&context, Some(&unseen)).unwrap_or_else(|error| panic!("{error}"));
+    let held_out = context.with_data(&damped.held_out);
+    let report = compare(&context, Some(&held_out)).unwrap_or_else(|error| panic!("{error}"));
     assert!(report.findings.iter().any(|line| line.contains("loses energy")), "{report:?}");
     assert!(report.energy.iter().all(|drift| drift.rate < 0.0));
     let last = report.horizons.last().unwrap();
-    assert!(last.training > 2.0 && last.unseen.unwrap() > 2.0 && last.baseline > last.training);
+    assert!(last.training > 2.0 && last.held_out.unwrap() > 2.0 && last.baseline > last.training);
     // The residual force against the momentum is a straight line of slope -0.05.
     let map = report.maps.iter().find(|map| map.against == "p").unwrap();
     assert!(map.p_value < 1e-9);
@@ -169,14 +169,20 @@ fn a_comparison_sees_lost_energy_and_a_right_model_at_the_noise_floor() {
 fn two_effects_at_once_are_found_and_nothing_else() {
     let hidden = "force q += -0.05*p\nforce q += 0.08";
     let case = case(&PENDULUM, hidden, 0.01, 6);
-    let found =
-        discover("learned", &case.text, &case.training, &case.unseen, &Options::default(), &Silent)
-            .unwrap_or_else(|error| panic!("{error}"));
+    let found = discover(
+        "learned",
+        &case.text,
+        &case.training,
+        &case.held_out,
+        &Options::default(),
+        &Silent,
+    )
+    .unwrap_or_else(|error| panic!("{error}"));
     let mut effects: Vec<&str> = found.steps.iter().map(|step| step.effect.as_str()).collect();
     effects.sort_unstable();
     assert_eq!(effects, ["constant_force(q)", "viscous_drag(q)"], "{found:?}");
     assert_eq!(found.verdict, Verdict::NothingMissing, "{}", found.stop);
     assert!(found.text.starts_with(case.text.trim_end()));
-    let (before, after) = found.unseen_error;
+    let (before, after) = found.held_out_error;
     assert!(before > 2.0 && (after - 1.0).abs() < 0.1, "{before} {after}");
 }

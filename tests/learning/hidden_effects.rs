@@ -31,7 +31,7 @@ fn every_effect_with_a_statement_is_hidden_somewhere() {
 }
 
 #[test]
-fn effects_of_every_kind_are_named_and_bring_unseen_runs_to_the_noise() {
+fn effects_of_every_kind_are_named_and_bring_held_out_runs_to_the_noise() {
     let rows: [(&str, &str, &[&str]); 7] = [
         ("pendulum", "coulomb_friction", &["q"]),
         ("pendulum", "sensor_scale", &["q"]),

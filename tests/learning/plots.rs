@@ -62,19 +62,19 @@ fn measured(law: &str, starts: &[Vec<f64>], samples: usize, noise: f64) -> Datas
     data
 }
 
-fn story(spec: &str, data: Dataset, unseen: f64, ask: bool) -> Story {
+fn story(spec: &str, data: Dataset, held_out: f64, ask: bool) -> Story {
     let compiled = build("learned", spec).unwrap_or_else(|error| panic!("{error}"));
-    let split = data.split_unseen(unseen, 0);
+    let split = data.split_held_out(held_out, 0);
     let model = fit(&compiled.system, &split.training, &Options::default(), &Silent)
         .unwrap_or_else(|error| panic!("{error}"));
     let training = Context::new(&compiled.system, &model, &split.training).expect("its own");
-    let far = training.with_data(&split.unseen);
-    let far = (!split.unseen.runs.is_empty()).then_some(&far);
+    let far = training.with_data(&split.held_out);
+    let far = (!split.held_out.runs.is_empty()).then_some(&far);
     let comparison = compare(&training, far).unwrap_or_else(|error| panic!("{error}"));
     let view = view(&training, far).unwrap_or_else(|error| panic!("{error}"));
     let diagnosis = ask.then(|| {
-        let (training, unseen) = (&split.training, &split.unseen);
-        diagnose("learned", spec, &compiled, &model, training, unseen, &Silent)
+        let (training, held_out) = (&split.training, &split.held_out);
+        diagnose("learned", spec, &compiled, &model, training, held_out, &Silent)
             .unwrap_or_else(|error| panic!("{error}"))
     });
     Story { compiled, data, model, view, comparison, diagnosis, history: Vec::new() }
@@ -110,7 +110,7 @@ fn pairs() -> Story {
     story(spec, measured(law, &starts, 2, 0.002), 0.25, false)
 }
 
-/// One run of velocities with a hole, missing cells, and nothing unseen.
+/// One run of velocities with a hole, missing cells, and nothing held out.
 fn holes() -> Story {
     let law = "coordinates x\nmomenta p\nT = p^2/2\nV = x^2/2\n";
     let mut data = measured(law, &[vec![1.0, 0.0]], 200, 0.01);
@@ -139,7 +139,7 @@ fn broken(value: f64) -> Story {
         noise: vec![value, value],
         predictions: vec![Prediction {
             run: "a \"b\" & <c>\u{1}".into(),
-            unseen: false,
+            held_out: false,
             times: vec![0.0, 1.0, 2.0, 3.0, value],
             measured: vec![series.clone(), vec![0.0, 1.0, value, 3.0, 4.0]],
             predicted: vec![series.clone(), vec![1e300, -1e300, value, 0.0, 1e-300]],
@@ -151,7 +151,7 @@ fn broken(value: f64) -> Story {
         momenta_measured: true,
         energies: vec![EnergySeries {
             run: "a".into(),
-            unseen: true,
+            held_out: true,
             points: vec![(0.0, value), (1.0, 2.0), (value, 3.0)],
         }],
         portraits: vec![Portrait {
@@ -185,7 +185,7 @@ fn broken(value: f64) -> Story {
                 samples: 2,
                 duration: 0.1,
                 training: value,
-                unseen: Some(value),
+                held_out: Some(value),
                 baseline: 1e300,
                 exploded: 3,
             },
@@ -193,7 +193,7 @@ fn broken(value: f64) -> Story {
                 samples: 4,
                 duration: value,
                 training: 2.0,
-                unseen: None,
+                held_out: None,
                 baseline: 0.0,
                 exploded: 0,
             },
@@ -236,8 +236,8 @@ fn broken(value: f64) -> Story {
         standard_error: vec![value],
         p_value: value,
         deviance: value,
-        unseen_error_before: value,
-        unseen_error_after: 1.0,
+        held_out_error_before: value,
+        held_out_error_after: 1.0,
     };
     story.diagnosis = Some(Diagnosis {
         verdict: Verdict::Missing,
@@ -247,7 +247,7 @@ fn broken(value: f64) -> Story {
         unnamed: Some(leader),
         unnamed_explains_more: true,
         shape: story.comparison.maps.first().cloned(),
-        unseen_error: value,
+        held_out_error: value,
         ..Diagnosis::too_little("x < y".into())
     });
     let stage = |error| Stage { action: "add".into(), error, undone: false };
@@ -515,7 +515,7 @@ fn a_hundred_thousand_samples_stay_small() {
             let series = |phase: f64| (0..count).map(|i| noisy(i, phase)).collect::<Vec<f64>>();
             Prediction {
                 run: run.to_string(),
-                unseen: run == 1,
+                held_out: run == 1,
                 times: (0..count).map(|i| 0.01 * i as f64).collect(),
                 measured: vec![series(0.0), series(1.6)],
                 predicted: vec![series(0.1), series(1.7)],

@@ -323,9 +323,9 @@ fn robust_losses_stand_outliers_that_squares_do_not() {
 }
 
 #[test]
-fn selection_by_unseen_folds_recovers_too() {
+fn selection_by_held_out_folds_recovers_too() {
     let data = noisy(measure(DUFFING, &spiral(24, 1, 1.4), &even(30, 0.1)), 2e-3, 2);
-    let options = Options { selection: Selection::Unseen, ..Options::default() };
+    let options = Options { selection: Selection::HeldOut, ..Options::default() };
     let model = learn(DUFFING_SPACE, &data, &options);
     assert_within(&model, &DUFFING_TRUTH, 4.0);
 }

@@ -36,7 +36,7 @@ fn a_run_is_proposed_between_two_effects_and_can_be_simulated() {
     let words = "design s.ham --between viscous_drag coulomb_friction(theta) --within theta=0.4..1.1 \
                  --within p=-0.2..0.5 --duration 8 --step 0.1";
     let words: Vec<&str> = words.split_whitespace().collect();
-    let plan = json(folder.path(), &words, "leverrier.design/1");
+    let plan = json(folder.path(), &words, "leverrier.design/2");
     assert_eq!(plan["rivals"][0]["effect"], "viscous_drag(theta)");
     assert_eq!(plan["rivals"][1]["effect"], "coulomb_friction(theta)");
     let best = &plan["best"];
@@ -68,7 +68,7 @@ fn what_is_tied_is_settled_by_the_run_that_is_proposed() {
         let rivals = plan["rivals"].as_array().expect("rivals").iter();
         rivals.map(|rival| rival["effect"].as_str().expect("a name").to_string()).collect()
     };
-    let before = json(folder.path(), &["design", "s.ham"], "leverrier.design/1");
+    let before = json(folder.path(), &["design", "s.ham"], "leverrier.design/2");
     let tied = rivals(&before);
     assert!(tied.contains(&"viscous_drag(theta)".to_string()) && tied.len() > 2, "{before}");
     let line = before["simulate"].as_str().expect("a command").replace("s.ham", "truth.ham");
@@ -78,10 +78,10 @@ fn what_is_tied_is_settled_by_the_run_that_is_proposed() {
     let new = read("next.csv");
     let rows: String = new.lines().skip(1).map(|row| format!("5,{row}\n")).collect();
     fs::write(folder.path().join("swings.csv"), read("swings.csv") + &rows).expect("written");
-    // Whichever runs are kept unseen.
+    // Whichever runs are held out.
     for seed in ["0", "1", "2"] {
         let words = ["design", "s.ham", "--seed", seed];
-        let after = json(folder.path(), &words, "leverrier.design/1");
+        let after = json(folder.path(), &words, "leverrier.design/2");
         let why = after["why"].as_str().expect("a sentence");
         assert!(why.contains("viscous_drag(theta) is missing"), "{why}");
         assert_eq!(rivals(&after).len(), 0, "{after}");
@@ -91,7 +91,7 @@ fn what_is_tied_is_settled_by_the_run_that_is_proposed() {
 #[test]
 fn without_a_tie_the_worst_coefficient_is_measured() {
     let folder = bench("");
-    let plan = json(folder.path(), &["design", "s.ham"], "leverrier.design/1");
+    let plan = json(folder.path(), &["design", "s.ham"], "leverrier.design/2");
     assert!(plan["why"].as_str().expect("a sentence").contains("Nothing is missing"), "{plan}");
     assert_eq!(plan["coefficient"]["what"], "weight");
     let error = |of: &serde_json::Value| of.as_f64().expect("an error");

@@ -40,18 +40,18 @@ fn bench() -> TempDir {
 fn the_loop_finds_adds_and_takes_back_a_hidden_drag() {
     let folder = bench();
     let path = folder.path();
-    let compared = json(path, &["compare", "s.ham"], "leverrier.compare/1");
+    let compared = json(path, &["compare", "s.ham"], "leverrier.compare/2");
     let findings = compared["findings"].as_array().expect("findings");
     let loses = findings.iter().filter_map(|f| f.as_str()).any(|f| f.contains("loses energy"));
     assert!(loses, "{findings:?}");
-    assert_eq!(compared["split"]["unseen"].as_array().map(Vec::len), Some(2));
+    assert_eq!(compared["split"]["held_out"].as_array().map(Vec::len), Some(2));
 
-    let found = json(path, &["diagnose", "s.ham"], "leverrier.diagnose/1");
+    let found = json(path, &["diagnose", "s.ham"], "leverrier.diagnose/2");
     assert_eq!(found["verdict"], "missing", "{found}");
     assert_eq!(found["ranking"][0]["effect"], "viscous_drag(theta)", "{found}");
 
-    let added = json(path, &["add", "s.ham", "viscous_drag"], "leverrier.add/1");
-    let error = |side: &str| added[side]["unseen_error"].as_f64().expect("an error");
+    let added = json(path, &["add", "s.ham", "viscous_drag"], "leverrier.add/2");
+    let error = |side: &str| added[side]["held_out_error"].as_f64().expect("an error");
     let floor = added["after"]["noise_floor"].as_f64().expect("a floor");
     assert!(error("before") > 1.5 * error("after"), "{added}");
     assert!(error("after") < 1.1 * floor, "{added}");
@@ -64,7 +64,7 @@ fn the_loop_finds_adds_and_takes_back_a_hidden_drag() {
     let twice = run(path, &["add", "s.ham", "viscous_drag(theta)"]);
     assert_eq!(twice.code, Some(2));
     assert!(twice.err.contains("already"), "{}", twice.err);
-    let listed = json(path, &["history", "s.ham"], "leverrier.history/1");
+    let listed = json(path, &["history", "s.ham"], "leverrier.history/2");
     assert_eq!(listed["revisions"].as_array().map(Vec::len), Some(2));
     assert!(good(path, &["history", "s.ham"]).out.contains("add viscous_drag(theta)"));
 
@@ -130,7 +130,7 @@ fn the_demo_ends_at_the_noise_floor_with_the_truth_beside() {
     };
     assert!(row(" cos(q) ").abs() < 4.0 && row(" -p ").abs() < 4.0, "{shown}");
     assert!(!shown.contains(&*folder.path().to_string_lossy()) && !shown.contains("/tmp"));
-    let object = json(folder.path(), &["demo", "--quick"], "leverrier.demo/1");
+    let object = json(folder.path(), &["demo", "--quick"], "leverrier.demo/2");
     assert_eq!(object["demo"], "missing-drag");
     assert_eq!(object["steps"][0]["effect"], object["truth"]["hidden"]);
 }
@@ -138,7 +138,7 @@ fn the_demo_ends_at_the_noise_floor_with_the_truth_beside() {
 #[test]
 fn discover_writes_what_pays_and_keeps_the_comments() {
     let folder = bench();
-    let found = json(folder.path(), &["discover", "s.ham"], "leverrier.discover/1");
+    let found = json(folder.path(), &["discover", "s.ham"], "leverrier.discover/2");
     assert_eq!(found["verdict"], "nothing_missing");
     assert_eq!(found["steps"].as_array().map(Vec::len), Some(1));
     assert_eq!(found["steps"][0]["effect"], "viscous_drag(theta)");

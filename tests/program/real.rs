@@ -70,7 +70,7 @@ fn two_carts_have_three_springs_and_friction() {
         assert!((0.28..0.8).contains(&sigma), "about half a pixel: {sigma}");
     }
     // Whole pixels: said of both columns.
-    let compared = json(folder.path(), &["compare", "s.ham"], "leverrier.compare/1");
+    let compared = json(folder.path(), &["compare", "s.ham"], "leverrier.compare/2");
     let found = compared["detections"].as_array().expect("detections");
     let rounded: Vec<&Value> = found.iter().filter(|d| d["effect"] == "quantisation").collect();
     assert_eq!(rounded.len(), 2, "{found:?}");
@@ -79,7 +79,7 @@ fn two_carts_have_three_springs_and_friction() {
 
 /// Names of the effects that the loop adds, each with what it could also be.
 fn discovered(folder: &Path) -> Vec<Vec<String>> {
-    let found = json(folder, &["discover", "s.ham"], "leverrier.discover/1");
+    let found = json(folder, &["discover", "s.ham"], "leverrier.discover/2");
     let names = |step: &Value| -> Vec<String> {
         let others = step["indistinguishable"].as_array().expect("others").iter();
         let all = std::iter::once(&step["effect"]).chain(others);
@@ -95,7 +95,7 @@ fn the_loop_finds_the_spring_between_two_carts_and_their_friction() {
     let apart = apart.replace("span{ p2^2 }", "0.204*p2^2");
     let Some(folder) = rig("real_double_oscillator.csv", 4, 500, &apart) else { return };
     good(folder.path(), &["fit", "s.ham"]);
-    let asked = json(folder.path(), &["diagnose", "s.ham"], "leverrier.diagnose/1");
+    let asked = json(folder.path(), &["diagnose", "s.ham"], "leverrier.diagnose/2");
     let first = &asked["ranking"][0];
     assert_eq!(first["effect"], "coupling_spring(x1, x2)", "{asked}");
     let spring = first["coefficient"][0].as_f64().expect("a number");
@@ -109,9 +109,9 @@ fn the_loop_finds_the_spring_between_two_carts_and_their_friction() {
     assert!(first.contains(&"viscous_drag(x1)".to_string()), "{found:?}");
     // Somebody touches the carts at the end, and the camera looks at them from one side.
     assert!(found.len() <= 4, "{found:?}");
-    let compared = json(folder.path(), &["compare", "s.ham"], "leverrier.compare/1");
+    let compared = json(folder.path(), &["compare", "s.ham"], "leverrier.compare/2");
     let last = compared["horizons"].as_array().expect("horizons").last().expect("one");
-    assert!(last["unseen"].as_f64().expect("an error") < 1.6, "{last}");
+    assert!(last["held_out"].as_f64().expect("an error") < 1.6, "{last}");
 }
 
 /// T of two arms, with masses and lengths in two numbers: H does not separate.
@@ -155,14 +155,14 @@ T = omega^2/2
 V = span{ cos(theta) }
 ";
 
-/// Error on unseen runs of predictions over about ten seconds, in radians.
+/// Error on held-out runs of predictions over about ten seconds, in radians.
 fn ten_seconds(folder: &Path) -> f64 {
-    let compared = json(folder, &["compare", "s.ham"], "leverrier.compare/1");
+    let compared = json(folder, &["compare", "s.ham"], "leverrier.compare/2");
     let horizons = compared["horizons"].as_array().expect("horizons");
     let long = |h: &&Value| h["duration"].as_f64().expect("a duration") > 9.0;
-    let error = horizons.iter().find(long).expect("ten seconds")["unseen"].as_f64();
+    let error = horizons.iter().find(long).expect("ten seconds")["held_out"].as_f64();
     let noise = compared["noise_floor"][0][1].as_f64().expect("the noise of theta");
-    error.expect("unseen runs") * noise
+    error.expect("held-out runs") * noise
 }
 
 #[test]

@@ -16,7 +16,7 @@ fn a_report_is_one_page_with_its_plots_beside() {
     assert!(html.starts_with("<!DOCTYPE html>") && html.trim_end().ends_with("</html>"));
     // The law, typeset, with its units and where it comes from.
     assert!(html.contains("<math") && html.contains("[rad/s]"));
-    assert!(html.contains("leverrier report swings.ham --unseen 0.25 --seed 0"));
+    assert!(html.contains("leverrier report swings.ham --held-out 0.25 --seed 0"));
     assert!(html.matches("SHA-256").count() >= 2);
     assert!(html.contains("span{ poly(theta; 2), cos(theta) }"));
     let place = path.to_string_lossy();
@@ -43,17 +43,17 @@ fn a_report_is_one_page_with_its_plots_beside() {
 }
 
 #[test]
-fn a_report_without_a_model_or_unseen_runs_is_still_one() {
+fn a_report_without_a_model_or_held_out_runs_is_still_one() {
     let folder = pendulum();
     let path = folder.path();
     let told = json(
         path,
-        &["report", "swings.ham", "--unseen", "0", "-o", "page.html"],
+        &["report", "swings.ham", "--held-out", "0", "-o", "page.html"],
         "leverrier.report/1",
     );
     assert!(told["verdict"].is_null(), "{told}");
     let html = fs::read_to_string(path.join("page.html")).expect("the page");
-    assert!(html.contains("Nothing is unseen") && !html.contains("id=\"missing\""));
+    assert!(html.contains("Nothing is held out") && !html.contains("id=\"missing\""));
     assert!(!path.join("swings.model.json").exists());
     good(path, &["report", "swings.ham", "--no-diagnosis", "-o", "page.html"]);
     let html = fs::read_to_string(path.join("page.html")).expect("the page");

@@ -64,16 +64,16 @@ fn a_spec_in_which_all_is_known_can_be_asked_what_it_lacks() {
     assert!(path.join("k.model.json").exists());
     good(path, &["export", "k.ham", "latex"]);
     good(path, &["simulate", "k.ham", "--start", "1,0", "--duration", "1", "--dt", "0.1"]);
-    let compared = json(path, &["compare", "k.ham"], "leverrier.compare/1");
+    let compared = json(path, &["compare", "k.ham"], "leverrier.compare/2");
     assert!(compared["findings"].to_string().contains("loses energy"), "{compared}");
-    let found = json(path, &["diagnose", "k.ham"], "leverrier.diagnose/1");
+    let found = json(path, &["diagnose", "k.ham"], "leverrier.diagnose/2");
     assert_eq!(found["verdict"], "missing");
     assert_eq!(found["ranking"][0]["effect"], "viscous_drag(theta)");
-    let added = json(path, &["add", "k.ham", "viscous_drag"], "leverrier.add/1");
+    let added = json(path, &["add", "k.ham", "viscous_drag"], "leverrier.add/2");
     assert_eq!(added["warranted"], true, "{added}");
     good(path, &["undo", "k.ham"]);
     assert_eq!(read(path, "k.ham"), before);
-    let loop_ = json(path, &["discover", "k.ham"], "leverrier.discover/1");
+    let loop_ = json(path, &["discover", "k.ham"], "leverrier.discover/2");
     assert_eq!(loop_["steps"][0]["effect"], "viscous_drag(theta)", "{loop_}");
     assert!(read(path, "k.ham").contains("effect viscous_drag(theta)"));
 }
@@ -83,7 +83,7 @@ fn add_shows_before_and_after_in_the_same_units() {
     let folder = eight(DRAG);
     let path = folder.path();
     spec(path, "s.ham", "V = span{ cos(theta), theta^2, theta^4 }");
-    let added = json(path, &["add", "s.ham", "viscous_drag"], "leverrier.add/1");
+    let added = json(path, &["add", "s.ham", "viscous_drag"], "leverrier.add/2");
     assert_eq!(added["before"]["noise"], added["after"]["noise"]);
     for side in ["before", "after"] {
         assert_eq!(number(&added[side]["noise_floor"]), 1.0);
@@ -117,7 +117,7 @@ fn a_drive_is_added_with_its_frequency() {
     let folder = eight("force theta += 0.08*cos(1.9*t)");
     let path = folder.path();
     spec(path, "s.ham", "V = span{ cos(theta) }");
-    let added = json(path, &["add", "s.ham", "harmonic_drive"], "leverrier.add/1");
+    let added = json(path, &["add", "s.ham", "harmonic_drive"], "leverrier.add/2");
     assert_eq!(added["warranted"], true, "{added}");
     let effect = added["effect"].as_array().expect("the effect");
     let frequency = effect
@@ -125,7 +125,7 @@ fn a_drive_is_added_with_its_frequency() {
         .find(|term| term["term"].as_str().is_some_and(|name| name.contains("frequency")))
         .expect("the frequency is reported");
     assert!((number(&frequency["coefficient"]) - 1.9).abs() < 0.02, "{frequency}");
-    assert!(number(&added["after"]["unseen_error"]) < 1.15, "{added}");
+    assert!(number(&added["after"]["held_out_error"]) < 1.15, "{added}");
 }
 
 #[test]
@@ -140,21 +140,21 @@ candidates {
 }";
     spec(path, "s.ham", own);
     let before = read(path, "s.ham");
-    let found = json(path, &["diagnose", "s.ham"], "leverrier.diagnose/1");
+    let found = json(path, &["diagnose", "s.ham"], "leverrier.diagnose/2");
     assert_eq!(found["verdict"], "missing", "{found}");
     let first = &found["ranking"][0];
     assert_eq!((&first["effect"], &first["snippet"]), (&"oil".into(), &"effect oil".into()));
     assert_eq!(first["on"], serde_json::json!(["theta"]));
     let (value, error) = (number(&first["coefficient"][0]), number(&first["standard_error"][0]));
     assert!((value - 0.06).abs() < 5.0 * error, "{value} +- {error}");
-    let added = json(path, &["add", "s.ham", "oil"], "leverrier.add/1");
+    let added = json(path, &["add", "s.ham", "oil"], "leverrier.add/2");
     assert_eq!(added["warranted"], true, "{added}");
     let twice = run(path, &["add", "s.ham", "oil"]);
     assert_eq!(twice.code, Some(2));
     assert!(twice.err.contains("already"), "{}", twice.err);
     good(path, &["remove", "s.ham", "oil"]);
     assert_eq!(read(path, "s.ham"), before);
-    let loop_ = json(path, &["discover", "s.ham"], "leverrier.discover/1");
+    let loop_ = json(path, &["discover", "s.ham"], "leverrier.discover/2");
     let steps: Vec<&Value> = loop_["steps"].as_array().expect("steps").iter().collect();
     assert_eq!(steps.len(), 1, "{steps:?}");
     assert_eq!(steps[0]["effect"], "oil");
@@ -170,7 +170,7 @@ fn an_inner_parameter_of_ones_own_candidate_is_looked_for() {
 param w = 1 in 0.5..4
 candidates { ripple: V += span{ sin(w*theta) } }";
     spec(path, "s.ham", own);
-    let added = json(path, &["add", "s.ham", "ripple"], "leverrier.add/1");
+    let added = json(path, &["add", "s.ham", "ripple"], "leverrier.add/2");
     assert_eq!(added["warranted"], true, "{added}");
     let effect = added["effect"].as_array().expect("the effect");
     let w = effect.iter().find(|term| term["term"] == "w").expect("w is reported");
@@ -187,7 +187,7 @@ fn a_term_with_a_name_can_be_removed() {
         "V = span{ gravity: cos(theta),  # the weight\n          spring: theta^2 }",
     );
     let before = read(path, "s.ham");
-    let removed = json(path, &["remove", "s.ham", "spring"], "leverrier.remove/1");
+    let removed = json(path, &["remove", "s.ham", "spring"], "leverrier.remove/2");
     assert_eq!(removed["action"], "remove spring");
     assert_eq!(removed["warranted"], true, "{removed}");
     let text = read(path, "s.ham");
@@ -230,7 +230,7 @@ fn undo_never_destroys_what_was_edited_by_hand() {
     assert_eq!(done["undone"], "add viscous_drag(theta)");
     assert_eq!(done["edits_kept"], true);
     assert_eq!(read(path, "s.ham"), start);
-    let history = json(path, &["history", "s.ham"], "leverrier.history/1");
+    let history = json(path, &["history", "s.ham"], "leverrier.history/2");
     let kept = history["revisions"].as_array().expect("revisions").iter();
     let kept = kept.filter(|r| r["spec"] == edited.as_str()).collect::<Vec<_>>();
     assert_eq!(kept.len(), 1, "{history}");
@@ -259,10 +259,10 @@ fn a_command_that_was_killed_leaves_what_the_next_one_understands() {
     assert!(nothing.err.contains("nothing to undo"), "{}", nothing.err);
     assert_eq!(read(path, "s.ham"), start);
     // The model belongs to the other text; asking goes on all the same.
-    json(path, &["diagnose", "s.ham"], "leverrier.diagnose/1");
-    let again = json(path, &["add", "s.ham", "viscous_drag"], "leverrier.add/1");
+    json(path, &["diagnose", "s.ham"], "leverrier.diagnose/2");
+    let again = json(path, &["add", "s.ham", "viscous_drag"], "leverrier.add/2");
     assert_eq!(again["warranted"], true);
-    let history = json(path, &["history", "s.ham"], "leverrier.history/1");
+    let history = json(path, &["history", "s.ham"], "leverrier.history/2");
     let actions: Vec<String> = history["revisions"]
         .as_array()
         .expect("revisions")
@@ -278,7 +278,7 @@ fn a_command_that_was_killed_leaves_what_the_next_one_understands() {
     fs::write(path.join("s.ham"), &added).expect("written");
     fs::write(path.join("s.ledger.json"), &ledger).expect("written");
     fs::remove_file(path.join("s.model.json")).expect("removed");
-    json(path, &["compare", "s.ham"], "leverrier.compare/1");
+    json(path, &["compare", "s.ham"], "leverrier.compare/2");
     good(path, &["undo", "s.ham"]);
     assert_eq!(read(path, "s.ham"), start);
 
@@ -301,13 +301,13 @@ fn too_little_data_is_a_verdict() {
     for (more, arguments, says) in [
         ("--runs 1 --samples=4", &[][..], "independent residuals"),
         ("--runs 2 --samples=5", &[], "independent residuals"),
-        ("--runs 8 --samples=120", &["--unseen", "0"], "no samples are left"),
+        ("--runs 8 --samples=120", &["--held-out", "0"], "no samples are left"),
     ] {
         let folder = swings(DRAG, more);
         let path = folder.path();
         spec(path, "s.ham", "V = span{ cos(theta) }");
         for (command, format) in
-            [("diagnose", "leverrier.diagnose/1"), ("discover", "leverrier.discover/1")]
+            [("diagnose", "leverrier.diagnose/2"), ("discover", "leverrier.discover/2")]
         {
             let mut words = vec![command, "s.ham"];
             words.extend(arguments);
@@ -327,7 +327,7 @@ fn a_single_run_is_judged_on_blocks_in_time() {
     let folder = swings(DRAG, "--runs 1 --samples=600");
     let path = folder.path();
     spec(path, "s.ham", "V = span{ cos(theta) }");
-    let found = json(path, &["diagnose", "s.ham"], "leverrier.diagnose/1");
+    let found = json(path, &["diagnose", "s.ham"], "leverrier.diagnose/2");
     let how = found["split"]["how"].as_str().expect("a sentence");
     assert!(how.contains("of consecutive samples"), "{how}");
     assert_eq!(found["verdict"], "missing");
@@ -373,7 +373,7 @@ fn velocities_or_coordinates_alone_name_a_hidden_force_with_its_size() {
                  T = {momentum}^2/2\nV = span{{ cos(theta) }}\n"
             );
             fs::write(path.join("s.ham"), text).expect("written");
-            let found = json(path, &["diagnose", "s.ham"], "leverrier.diagnose/1");
+            let found = json(path, &["diagnose", "s.ham"], "leverrier.diagnose/2");
             assert_eq!(found["verdict"], "missing", "{observed}: {found}");
             let named = found["ranking"].as_array().expect("a ranking");
             let place = named.iter().position(|leader| leader["effect"] == effect);

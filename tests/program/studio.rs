@@ -117,7 +117,7 @@ fn the_whole_story() {
     assert_eq!(missing["verdict"], "missing");
     assert_eq!(missing["leaders"][0]["effect"], "viscous_drag(q)");
     let error = number(&studio.parts["law"]["error"]);
-    assert!(error > 3.0 && studio.parts["law"]["unseen"] == true, "{error}");
+    assert!(error > 3.0 && studio.parts["law"]["held_out"] == true, "{error}");
     let plots = studio.parts["figures"].as_array().expect("plots").clone();
     let shown = |name: &str| {
         let plot = plots.iter().find(|plot| plot["plot"] == name);
@@ -136,7 +136,7 @@ fn the_whole_story() {
     assert!((0.8..1.2).contains(&error), "{error}");
     assert_eq!(studio.parts["effects"], json!(["viscous_drag(q)"]));
     // The same files as the command line's.
-    let listed = program::json(path, &["history", "fit.ham"], "leverrier.history/1");
+    let listed = program::json(path, &["history", "fit.ham"], "leverrier.history/2");
     assert_eq!(listed["revisions"][1]["action"], "add viscous_drag(q)");
     // Everything can be taken away.
     for format in studio.parts["spec"]["formats"].as_array().expect("formats") {

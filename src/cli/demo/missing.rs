@@ -64,7 +64,7 @@ pub fn drag(stage: &Stage) -> Result<Value> {
 fn story(stage: &Stage, runs: usize) -> Result<Value> {
     let spec = PathBuf::from("pendulum.ham");
     write_atomically(&spec, SPEC.as_bytes())?;
-    let splitting = Splitting { data: None, unseen: 0.25, seed: 0, threads: None };
+    let splitting = Splitting { data: None, held_out: 0.25, seed: 0, threads: None };
     let truth = json!({
         "hidden": HIDDEN,
         "terms": TERMS
@@ -74,15 +74,15 @@ fn story(stage: &Stage, runs: usize) -> Result<Value> {
     });
     if stage.console.is_json() {
         let bench = Bench::open(&spec, &splitting.asked()?, stage.console)?;
-        let unseen = bench.unseen().unwrap_or(&bench.dataset);
+        let held_out = bench.held_out().unwrap_or(&bench.dataset);
         let (training, options) = (&bench.split.training, Options::default());
         let progress = Progress::new();
-        let found = discover("pendulum.ham", SPEC, training, unseen, &options, &progress)?;
+        let found = discover("pendulum.ham", SPEC, training, held_out, &options, &progress)?;
         return Ok(json!({
             "truth": truth,
             "steps": found.steps,
             "terms": found.model.terms,
-            "unseen_error": found.unseen_error,
+            "held_out_error": found.held_out_error,
         }));
     }
     let say = |text: &str| stage.console.text(&format!("{}\n\n", wrapped(text, WIDTH, 0)));

@@ -49,7 +49,7 @@ pub struct Entry {
     pub date: String,
     /// What was done.
     pub action: String,
-    /// Error on unseen runs before, in units of the noise.
+    /// Error on held-out runs before, in units of the noise.
     pub before: Option<f64>,
     /// The same after.
     pub after: Option<f64>,

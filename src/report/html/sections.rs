@@ -52,8 +52,8 @@ pub fn cards(page: &Page) -> String {
     let comparison = page.material.comparison;
     if let Some(last) = comparison.horizons.last() {
         let over = amount(last.duration, 3, page.material.view.time.unit.as_deref());
-        let (error, runs) = match last.unseen {
-            Some(error) => (error, "unseen runs"),
+        let (error, runs) = match last.held_out {
+            Some(error) => (error, "held-out runs"),
             None => (last.training, "runs of the training"),
         };
         card(

@@ -121,13 +121,13 @@ pub fn horizons(comparison: &Comparison) -> Table {
                 h.samples.to_string(),
                 number(h.duration, 4),
                 times(h.training),
-                h.unseen.map_or(String::new(), times),
+                h.held_out.map_or(String::new(), times),
                 times(h.baseline),
                 if h.exploded > 0 { h.exploded.to_string() } else { String::new() },
             ]
         })
         .collect();
-    let head = ["samples", "time", "training", "unseen", "nothing moves", "exploded"];
+    let head = ["samples", "time", "training", "held out", "nothing moves", "exploded"];
     table(&head, rows, &[0, 1, 2, 3, 4, 5])
 }
 
@@ -169,12 +169,12 @@ pub fn leaders(diagnosis: &Diagnosis) -> Table {
                 numbers.join(", "),
                 tenths(leader.deviance),
                 chance(leader.p_value),
-                number(leader.unseen_error_before, 3),
-                number(leader.unseen_error_after, 3),
+                number(leader.held_out_error_before, 3),
+                number(leader.held_out_error_after, 3),
             ]
         })
         .collect();
-    let head = ["effect", "coefficient", "deviance", "chance", "unseen before", "after"];
+    let head = ["effect", "coefficient", "deviance", "chance", "held-out before", "after"];
     table(&head, rows, &[1, 2, 3, 4, 5])
 }
 
@@ -210,7 +210,7 @@ pub fn ledger(history: &[Entry]) -> Table {
             ]
         })
         .collect();
-    table(&["time (UTC)", "action", "unseen error before", "after", ""], rows, &[2, 3])
+    table(&["time (UTC)", "action", "held-out error before", "after", ""], rows, &[2, 3])
 }
 
 /// What was measured.

@@ -22,7 +22,7 @@ fn energy_unit(view: &View) -> Option<String> {
 pub fn figures(material: &Material) -> Vec<Figure> {
     let view = material.view;
     let drift = |series: &EnergySeries| -> Option<&EnergyDrift> {
-        material.comparison.energy.iter().find(|e| !series.unseen && e.run == series.run)
+        material.comparison.energy.iter().find(|e| !series.held_out && e.run == series.run)
     };
     let change = |series: &EnergySeries| -> f64 {
         match (series.points.first(), series.points.last()) {
@@ -82,9 +82,9 @@ pub fn figures(material: &Material) -> Vec<Figure> {
         let rate = drift(series).map_or(String::new(), |e| {
             format!(": dH/dt = {}", label::measured(e.rate, e.rate_error, 2))
         });
-        let unseen = if series.unseen { " (unseen)" } else { "" };
+        let held_out = if series.held_out { " (held out)" } else { "" };
         let shape = if series.points.len() <= 40 { Shape::Both } else { Shape::Line };
-        figure.key(Style::Series(at as u8), shape, &format!("run {}{unseen}{rate}", series.run));
+        figure.key(Style::Series(at as u8), shape, &format!("run {}{held_out}{rate}", series.run));
     }
     if all.len() > NAMED {
         let text = format!("{} more", all.len() - NAMED);

@@ -87,7 +87,7 @@ pub enum Style {
     /// What the model says.
     Model,
     /// Runs that the model was not trained on.
-    Unseen,
+    HeldOut,
     /// The noise floor, zero: what to hold things against.
     Reference,
     /// A guess to beat.

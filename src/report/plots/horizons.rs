@@ -5,7 +5,7 @@ use super::figure::{About, Figure, Mark, Panel, Shape, Style};
 use super::{Material, label, times};
 use crate::diagnose::compare::Horizon;
 
-/// One figure: training, unseen, the guess that nothing moves.
+/// One figure: training, held-out, the guess that nothing moves.
 pub fn figures(material: &Material) -> Vec<Figure> {
     let horizons = &material.comparison.horizons;
     let (Some(last), true) = (horizons.last(), horizons.len() > 1) else { return Vec::new() };
@@ -16,7 +16,7 @@ pub fn figures(material: &Material) -> Vec<Figure> {
     };
     let curves = [
         (Style::Model, "training", of(&|h| Some(h.training))),
-        (Style::Unseen, "unseen runs", of(&|h| h.unseen)),
+        (Style::HeldOut, "held-out runs", of(&|h| h.held_out)),
         (Style::Baseline, "nothing moves", of(&|h| Some(h.baseline))),
     ];
     let all = || curves.iter().flat_map(|(_, _, points)| points.iter());
@@ -28,9 +28,9 @@ pub fn figures(material: &Material) -> Vec<Figure> {
          noise: 1 is the noise floor. Over the longest prediction ({}) it is ",
         label::amount(last.duration, 3, time.unit.as_deref()),
     );
-    // Before the training runs are judged again, only the unseen ones are known.
+    // Before the training runs are judged again, only the held-out ones are known.
     let training = (!last.training.is_nan()).then_some((last.training, "runs of the training"));
-    let judged = training.into_iter().chain(last.unseen.map(|error| (error, "unseen runs")));
+    let judged = training.into_iter().chain(last.held_out.map(|error| (error, "held-out runs")));
     let judged: Vec<String> =
         judged.map(|(error, runs)| format!("{} on {runs}", times(error))).collect();
     caption += &format!("{}.", judged.join(" and "));

@@ -1,4 +1,4 @@
-//! The ledger: the error on unseen runs, falling with every addition.
+//! The ledger: the error on held-out runs, falling with every addition.
 
 use super::axes::Axis;
 use super::figure::{About, Figure, Mark, Panel, Shape, Style};
@@ -18,7 +18,7 @@ pub fn figures(material: &Material) -> Vec<Figure> {
     let error = |stage: &Stage| stage.error.unwrap_or(f64::NAN);
     let kept: Vec<&&Stage> = stages.iter().filter(|stage| !stage.undone).collect();
     let ends = kept.first().zip(kept.last());
-    let mut caption = "Error on unseen runs after every step, in units of the noise.".to_string();
+    let mut caption = "Error on held-out runs after every step, in units of the noise.".to_string();
     if let Some((first, last)) = ends {
         caption += &format!(" It went from {} to {}.", times(error(first)), times(error(last)));
     }
@@ -29,7 +29,7 @@ pub fn figures(material: &Material) -> Vec<Figure> {
         if stage.undone { format!("({})", stage.action) } else { stage.action.clone() }
     });
     let x = Axis::logarithmic(stages.iter().map(|s| error(s)).chain([0.9, 1.2]))
-        .words("error on unseen runs / noise");
+        .words("error on held-out runs / noise");
     let mut panel = Panel::new(1.0, x, Axis::rows(names));
     panel.marks.push(Mark::Upright { style: Style::Reference, x: 1.0 });
     let mut points = Vec::new();

@@ -20,7 +20,7 @@ pub fn class(style: Style) -> String {
     match style {
         Style::Measured => "measured".to_string(),
         Style::Model => "model".to_string(),
-        Style::Unseen => "unseen".to_string(),
+        Style::HeldOut => "held_out".to_string(),
         Style::Reference => "reference".to_string(),
         Style::Baseline => "baseline".to_string(),
         Style::Faint => "faint".to_string(),
@@ -36,7 +36,7 @@ pub fn class(style: Style) -> String {
 pub fn marker(style: Style, x: f64, y: f64, text: &str) -> String {
     let class = class(style);
     let form = match style {
-        Style::Unseen | Style::Negative | Style::Series(1 | 5) => {
+        Style::HeldOut | Style::Negative | Style::Series(1 | 5) => {
             format!("M{:.1} {:.1}h7v7h-7z", x - 3.5, y - 3.5)
         }
         Style::Baseline | Style::Series(2 | 6) => {

@@ -61,12 +61,12 @@ pub struct Material<'a> {
     pub history: &'a [Stage],
 }
 
-/// A state of the spec, and the error on unseen runs that its model had.
+/// A state of the spec, and the error on held-out runs that its model had.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Stage {
     /// What was done: `start`, `add viscous_drag(theta)`.
     pub action: String,
-    /// Error on unseen runs in units of the noise; none where it was not judged.
+    /// Error on held-out runs in units of the noise; none where it was not judged.
     pub error: Option<f64>,
     /// Whether it was taken back.
     pub undone: bool,

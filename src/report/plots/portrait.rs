@@ -53,13 +53,13 @@ fn figure(view: &View, portrait: &Portrait) -> Option<Figure> {
     let mut panel = Panel::new(1.0, across, up);
     figure.key(Style::Contour, Shape::Line, "H = const.");
     tracks(view, portrait, &mut panel);
-    let seen = view.predictions.iter().any(|p| !p.unseen);
+    let seen = view.predictions.iter().any(|p| !p.held_out);
     let what = if view.momenta_measured { "measured" } else { "from the best states" };
     if seen {
         figure.key(Style::Measured, Shape::Cloud, what);
     }
-    if view.predictions.iter().any(|p| p.unseen) {
-        figure.key(Style::Unseen, Shape::Cloud, "unseen runs");
+    if view.predictions.iter().any(|p| p.held_out) {
+        figure.key(Style::HeldOut, Shape::Cloud, "held-out runs");
     }
     contours(portrait, &mut panel);
     figure.panels.push(panel);
@@ -72,10 +72,10 @@ fn component(prediction: &Prediction, row: usize) -> impl Iterator<Item = f64> +
 
 fn tracks(view: &View, portrait: &Portrait, panel: &mut Panel) {
     let separate = view.predictions.len() <= RUNS;
-    for unseen in [false, true] {
-        let style = if unseen { Style::Unseen } else { Style::Measured };
+    for held_out in [false, true] {
+        let style = if held_out { Style::HeldOut } else { Style::Measured };
         let mut points = Vec::new();
-        for prediction in view.predictions.iter().filter(|p| p.unseen == unseen) {
+        for prediction in view.predictions.iter().filter(|p| p.held_out == held_out) {
             let xs = component(prediction, portrait.across);
             let ys = component(prediction, portrait.up);
             points.extend(xs.zip(ys));
@@ -89,7 +89,7 @@ fn tracks(view: &View, portrait: &Portrait, panel: &mut Panel) {
             }
         }
         if !points.is_empty() {
-            let about = About::named(if unseen { "unseen" } else { "training" });
+            let about = About::named(if held_out { "held_out" } else { "training" });
             panel.marks.push(Mark::Cloud { style, points, about });
         }
     }

@@ -9,7 +9,7 @@ use crate::diagnose::view::View;
 /// Figures of a report, at most.
 const MOST: usize = 8;
 
-/// The runs that say most: the worst unseen one, the worst that the model was trained on, and
+/// The runs that say most: the worst held-out one, the worst that the model was trained on, and
 /// the one in the middle.
 pub fn figures(material: &Material) -> Vec<Figure> {
     let view = material.view;
@@ -22,10 +22,10 @@ pub fn figures(material: &Material) -> Vec<Figure> {
     }
     order.sort_by(|&a, &b| view.predictions[b].error.total_cmp(&view.predictions[a].error));
     let worst =
-        |unseen: bool| order.iter().copied().find(|&i| view.predictions[i].unseen == unseen);
+        |held_out: bool| order.iter().copied().find(|&i| view.predictions[i].held_out == held_out);
     let mut chosen: Vec<(usize, &str)> = Vec::new();
     let candidates = [
-        (worst(true), "worst unseen run"),
+        (worst(true), "worst held-out run"),
         (worst(false), "worst run of the training"),
         (order.get(order.len() / 2).copied(), "middling run"),
     ];
@@ -70,8 +70,8 @@ pub fn figure(view: &View, run: usize, observable: usize, why: &str) -> Option<F
     );
     let mut figure = Figure::new(&format!("predictions-{run}-{}", quantity.name), title, caption);
     figure.key(Style::Measured, Shape::Cloud, "measured");
-    let style = if prediction.unseen { Style::Unseen } else { Style::Model };
-    let what = if prediction.unseen { "predicted, unseen run" } else { "predicted" };
+    let style = if prediction.held_out { Style::HeldOut } else { Style::Model };
+    let what = if prediction.held_out { "predicted, held-out run" } else { "predicted" };
     figure.key(style, Shape::Line, what);
     figure.key(Style::Reference, Shape::Area, "2σ of the noise");
     let points = |values: &[f64]| -> Vec<(f64, f64)> {
@@ -144,8 +144,8 @@ fn broken(points: Vec<(f64, f64)>, starts: &[usize]) -> Vec<(f64, f64)> {
 fn pairs(view: &View) -> Vec<Figure> {
     let mut out = Vec::new();
     for (observable, quantity) in view.observables.iter().enumerate().take(MOST) {
-        let part = |unseen: bool| -> Vec<(f64, f64)> {
-            let runs = view.predictions.iter().filter(|p| p.unseen == unseen);
+        let part = |held_out: bool| -> Vec<(f64, f64)> {
+            let runs = view.predictions.iter().filter(|p| p.held_out == held_out);
             runs.flat_map(|p| {
                 let last = p.times.len().saturating_sub(1);
                 let value = |all: &[Vec<f64>]| all.get(observable)?.get(last).copied();
@@ -154,8 +154,8 @@ fn pairs(view: &View) -> Vec<Figure> {
             .filter(|(a, b)| a.is_finite() && b.is_finite())
             .collect()
         };
-        let (training, unseen) = (part(false), part(true));
-        let all = || training.iter().chain(&unseen);
+        let (training, held_out) = (part(false), part(true));
+        let all = || training.iter().chain(&held_out);
         if all().next().is_none() {
             continue;
         }
@@ -171,8 +171,8 @@ fn pairs(view: &View) -> Vec<Figure> {
         let mut figure =
             Figure::new(&format!("predictions-pairs-{}", quantity.name), title, caption);
         figure.key(Style::Measured, Shape::Cloud, "training");
-        if !unseen.is_empty() {
-            figure.key(Style::Unseen, Shape::Cloud, "unseen");
+        if !held_out.is_empty() {
+            figure.key(Style::HeldOut, Shape::Cloud, "held_out");
         }
         figure.key(Style::Reference, Shape::Area, "2σ of the noise");
         let x = || {
@@ -192,7 +192,7 @@ fn pairs(view: &View) -> Vec<Figure> {
         below.marks.push(Mark::Band { style: Style::Reference, points: band.to_vec() });
         below.marks.push(Mark::Level { style: Style::Reference, y: 0.0 });
         for (points, style, what) in
-            [(&training, Style::Measured, "training"), (&unseen, Style::Unseen, "unseen")]
+            [(&training, Style::Measured, "training"), (&held_out, Style::HeldOut, "held_out")]
         {
             let about = About::named(what);
             above.marks.push(Mark::Cloud { style, points: points.clone(), about: about.clone() });

@@ -1,5 +1,5 @@
 //! The effects that could be missing: how much evidence there is for each, and what each does
-//! to the error on unseen runs.
+//! to the error on held-out runs.
 
 use super::axes::Axis;
 use super::figure::{Arrangement, Figure, Mark, Panel, Shape, Style};
@@ -23,7 +23,7 @@ fn ranking(diagnosis: &Diagnosis) -> Option<Figure> {
     let first = ranking.first()?;
     let mut caption = format!(
         "Left, the evidence for each effect: by how much the deviance of the training runs falls \
-         when it is added and all is fitted again. Right, the error on unseen runs before and \
+         when it is added and all is fitted again. Right, the error on held-out runs before and \
          after, in units of the noise. {} effects were asked, in {} tries.",
         diagnosis.candidates, diagnosis.tried
     );
@@ -43,8 +43,8 @@ fn ranking(diagnosis: &Diagnosis) -> Option<Figure> {
     let most = ranking.iter().map(|l| l.deviance).filter(|d| d.is_finite()).fold(1.0, f64::max);
     let x = Axis::between(0.0, 1.06 * most, 3).words("evidence");
     let mut evidence = Panel::new(0.5, x, rows());
-    let errors = ranking.iter().flat_map(|l| [l.unseen_error_before, l.unseen_error_after]);
-    let x = Axis::logarithmic(errors.chain([0.9, 1.2])).words("unseen error");
+    let errors = ranking.iter().flat_map(|l| [l.held_out_error_before, l.held_out_error_after]);
+    let x = Axis::logarithmic(errors.chain([0.9, 1.2])).words("held-out error");
     let mut error = Panel::new(0.5, x, rows());
     error.marks.push(Mark::Upright { style: Style::Reference, x: 1.0 });
     let like_first = |effect: &str| {
@@ -54,11 +54,11 @@ fn ranking(diagnosis: &Diagnosis) -> Option<Figure> {
         let row = row(at);
         let style = if like_first(&leader.effect) { Style::Chosen } else { Style::Faint };
         let text = format!(
-            "{}: deviance falls by {}; unseen error {} to {}",
+            "{}: deviance falls by {}; held-out error {} to {}",
             leader.effect,
             tenths(leader.deviance),
-            times(leader.unseen_error_before),
-            times(leader.unseen_error_after)
+            times(leader.held_out_error_before),
+            times(leader.held_out_error_after)
         );
         evidence.marks.push(Mark::Bar {
             style,
@@ -67,7 +67,7 @@ fn ranking(diagnosis: &Diagnosis) -> Option<Figure> {
             to: leader.deviance.clamp(0.0, most),
             text: text.clone(),
         });
-        let (before, after) = (leader.unseen_error_before, leader.unseen_error_after);
+        let (before, after) = (leader.held_out_error_before, leader.held_out_error_after);
         if !(before > 0.0 && after > 0.0 && before.is_finite() && after.is_finite()) {
             continue;
         }

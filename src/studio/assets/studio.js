@@ -297,7 +297,7 @@
         bars.append(make("span", "", name), bar(value, most, level(value)), make("b", "", two(value)));
       }
       bars.setAttribute("role", "img");
-      bars.setAttribute("aria-label", `Error on unseen runs: ${two(leader.before)} times the noise now, ${two(leader.after)} with it`);
+      bars.setAttribute("aria-label", `Error on held-out runs: ${two(leader.before)} times the noise now, ${two(leader.after)} with it`);
       row.append(bars);
     }
     row.append(make("p", "soft", `Chance that it is noise: ${leader.chance}`));

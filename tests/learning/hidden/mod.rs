@@ -24,7 +24,7 @@ pub const SAMPLES: usize = 200;
 /// A hidden effect moves the samples by this part of their spread (root mean square).
 pub const REACH: f64 = 0.2;
 /// Runs put aside.
-const UNSEEN: f64 = 0.25;
+const HELD_OUT: f64 = 0.25;
 
 /// Measurements of a system with something hidden, and the spec of one who does not know.
 pub struct Case {
@@ -35,7 +35,7 @@ pub struct Case {
     /// What the model is fitted to.
     pub training: Dataset,
     /// What it is not fitted to.
-    pub unseen: Dataset,
+    pub held_out: Dataset,
     /// True noise of each observable.
     pub noise: Vec<f64>,
 }
@@ -161,12 +161,12 @@ pub fn measured(base: &Base, data: Dataset, noise: f64, seed: u64) -> Case {
     let mut data = data;
     let sigma = spoil(&mut data, noise, seed);
     let text = format!("{}{}", base.variables, base.space);
-    let split = data.split_unseen(UNSEEN, seed);
+    let split = data.split_held_out(HELD_OUT, seed);
     Case {
         compiled: compiled("learned", &text),
         text,
         training: split.training,
-        unseen: split.unseen,
+        held_out: split.held_out,
         noise: sigma,
     }
 }

@@ -42,7 +42,7 @@ pub struct Outcome {
     pub first: Option<String>,
     /// Those that are said to explain as much as the first.
     pub group: Vec<String>,
-    /// Error on unseen runs with the first effect added, in units of the true noise; without
+    /// Error on held-out runs with the first effect added, in units of the true noise; without
     /// noise in units of what the fit takes for noise.
     pub after: Option<f64>,
     /// Seconds of the diagnosis.
@@ -63,7 +63,7 @@ pub fn outcome(case: &Case, hidden: &str) -> Outcome {
         &case.compiled,
         &model,
         &case.training,
-        &case.unseen,
+        &case.held_out,
         &Silent,
     )
     .unwrap_or_else(|error| panic!("{error}"));
@@ -87,7 +87,7 @@ pub fn outcome(case: &Case, hidden: &str) -> Outcome {
     Outcome { verdict: diagnosis.verdict, place, first, group, after, seconds, diagnosis, model }
 }
 
-/// Error on unseen runs, over segments of the model's own window, once a statement is added and
+/// Error on held-out runs, over segments of the model's own window, once a statement is added and
 /// everything is fitted again.
 pub fn added(case: &Case, snippet: &str) -> f64 {
     let text = insert(&case.text, snippet);
@@ -95,7 +95,7 @@ pub fn added(case: &Case, snippet: &str) -> f64 {
     let Ok(model) = fit(&compiled.system, &case.training, &Options::default(), &Silent) else {
         return f64::INFINITY;
     };
-    let Ok(mut context) = Context::new(&compiled.system, &model, &case.unseen) else {
+    let Ok(mut context) = Context::new(&compiled.system, &model, &case.held_out) else {
         return f64::INFINITY;
     };
     if case.noise.iter().all(|noise| *noise > 0.0) {

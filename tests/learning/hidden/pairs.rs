@@ -44,8 +44,8 @@ impl Pair {
         let base = BASES.iter().find(|base| base.name == self.base).expect("a row of BASES");
         let case = case(base, self.statement, noise, seed);
         let options = Options::default();
-        let (text, training, unseen) = (&case.text, &case.training, &case.unseen);
-        let found = discover("learned", text, training, unseen, &options, &Silent)
+        let (text, training, held_out) = (&case.text, &case.training, &case.held_out);
+        let found = discover("learned", text, training, held_out, &options, &Silent)
             .unwrap_or_else(|error| panic!("{error}"));
         let mut labels: Vec<String> = found
             .steps

@@ -7,19 +7,19 @@ use super::support::{Candidate, Columns};
 /// Candidates that are compared, at most.
 const COMPARED: usize = 120;
 
-/// Puts the candidate first that predicts unseen folds best: the smallest support whose error
+/// Puts the candidate first that predicts held-out folds best: the smallest support whose error
 /// is within one standard error of the least (Breiman, Friedman, Olshen and Stone,
 /// Classification and Regression Trees, 1984, section 3.4.3).
 ///
 /// `folds` are factors of disjoint parts of the data, unknowns absolute. With a single fold
 /// the order is left alone.
-pub fn prefer_unseen(candidates: &mut [Candidate], folds: &[Factor], columns: &Columns) {
+pub fn prefer_held_out(candidates: &mut [Candidate], folds: &[Factor], columns: &Columns) {
     if folds.len() < 2 {
         return;
     }
     let compared = candidates.len().min(COMPARED);
     let errors: Vec<(f64, f64)> =
-        candidates[..compared].iter().map(|c| unseen_error(c, folds, columns)).collect();
+        candidates[..compared].iter().map(|c| held_out_error(c, folds, columns)).collect();
     let Some(&(least, spread)) = errors.iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { return };
     let chosen = (0..compared)
         .filter(|&i| errors[i].0 <= least + spread)
@@ -30,7 +30,7 @@ pub fn prefer_unseen(candidates: &mut [Candidate], folds: &[Factor], columns: &C
 }
 
 /// Mean squared error a row over the left-out folds, and its standard error.
-fn unseen_error(candidate: &Candidate, folds: &[Factor], columns: &Columns) -> (f64, f64) {
+fn held_out_error(candidate: &Candidate, folds: &[Factor], columns: &Columns) -> (f64, f64) {
     let chosen = columns.of(&candidate.support);
     let selected: Vec<Factor> = folds.iter().map(|fold| fold.select(&chosen)).collect();
     let mut errors = Vec::with_capacity(folds.len());
