@@ -25,7 +25,7 @@ pub fn centres(values: &mut Vec<f64>, count: usize) -> Vec<f64> {
 
 /// The hat functions of `variable` around the centres; the outermost ones stay 1 beyond them.
 pub fn hats(graph: &mut Graph, variable: Expr, centres: &[f64]) -> Vec<Expr> {
-    let abs = Function::by_name("abs").expect("a row of FUNCTIONS");
+    let abs = Function::ABS;
     let Some(width) = centres.windows(2).map(|pair| pair[1] - pair[0]).next() else {
         return Vec::new();
     };

@@ -87,7 +87,7 @@ pub static SYSTEMS: &[SystemRow] = &[
         build: || {
             known_system("pendulum", 1, |g, q, p, _| {
                 let zero = g.number(0.0);
-                let cos = g.apply(Function::known("cos"), q[0]);
+                let cos = g.apply(Function::COS, q[0]);
                 (half_squares(g, p), g.negate(cos), zero, vec![])
             })
         },
@@ -242,7 +242,7 @@ pub static SYSTEMS: &[SystemRow] = &[
 /// cos(1.7 t) / 2.
 fn drive(graph: &mut Graph, t: Expr) -> Expr {
     let phase = graph.scale(1.7, t);
-    let cos = graph.apply(Function::known("cos"), phase);
+    let cos = graph.apply(Function::COS, phase);
     graph.scale(0.5, cos)
 }
 

@@ -10,12 +10,10 @@
 
 use super::InstructionSet;
 use super::processor::dispatched;
-use crate::expr::Function;
+use crate::expr::{Function, Kernel};
 
-/// A function with a straight line: one row of [`KERNELS`].
-pub struct Kernel {
-    /// Its name in the table of functions.
-    pub name: &'static str,
+/// The code of a [`Kernel`].
+pub struct Code {
     /// The function of every number of a row.
     pub row: fn(InstructionSet, &[f64], &mut [f64]),
     /// Where machine code finds the function of one number.
@@ -24,14 +22,14 @@ pub struct Kernel {
 }
 
 /// The straight line of a function, if it has one.
-pub fn kernel(function: Function) -> Option<&'static Kernel> {
-    KERNELS.iter().find(|kernel| kernel.name == function.row().name)
+pub fn code(function: Function) -> Option<Code> {
+    function.row().kernel.map(code_of)
 }
 
 /// function(x) for every number of a row.
 pub fn apply(set: InstructionSet, function: Function, from: &[f64], to: &mut [f64]) {
-    match kernel(function) {
-        Some(kernel) => (kernel.row)(set, from, to),
+    match code(function) {
+        Some(code) => (code.row)(set, from, to),
         None => {
             let value = function.row().value;
             to.iter_mut().zip(from).for_each(|(to, &x)| *to = value(x));
@@ -92,14 +90,17 @@ fn again(
 }
 
 macro_rules! kernels {
-    ($($name:ident: $fast:path, $fits:path, $slow:path;)*) => {
-        /// Every function that has a straight line.
-        pub static KERNELS: &[Kernel] = &[$(Kernel {
-            name: stringify!($name),
-            row: $name::row_of,
-            #[cfg(target_arch = "x86_64")]
-            entry: $name::entry,
-        }),*];
+    ($($kernel:ident, $name:ident: $fast:path, $fits:path, $slow:path;)*) => {
+        fn code_of(kernel: Kernel) -> Code {
+            match kernel {
+                $(Kernel::$kernel => Code {
+                    row: $name::row_of,
+                    #[cfg(target_arch = "x86_64")]
+                    entry: $name::entry,
+                },)*
+            }
+        }
+
         $(mod $name {
             use super::*;
 
@@ -128,17 +129,17 @@ macro_rules! kernels {
 }
 
 kernels! {
-    sin: super::sine, super::is_small_angle, f64::sin;
-    cos: super::cosine, super::is_small_angle, f64::cos;
-    tan: super::tangent, super::is_small_angle, f64::tan;
-    exp: super::exponential, super::always, f64::exp;
-    log: super::logarithm, super::always, f64::ln;
-    sinh: super::hyperbolic_sine, super::always, f64::sinh;
-    cosh: super::hyperbolic_cosine, super::always, f64::cosh;
-    tanh: super::hyperbolic_tangent, super::always, f64::tanh;
-    sqrt: f64::sqrt, super::always, f64::sqrt;
-    abs: f64::abs, super::always, f64::abs;
-    sign: super::sign, super::always, super::sign;
+    Sine, sin: super::sine, super::is_small_angle, f64::sin;
+    Cosine, cos: super::cosine, super::is_small_angle, f64::cos;
+    Tangent, tan: super::tangent, super::is_small_angle, f64::tan;
+    Exponential, exp: super::exponential, super::always, f64::exp;
+    Logarithm, log: super::logarithm, super::always, f64::ln;
+    HyperbolicSine, sinh: super::hyperbolic_sine, super::always, f64::sinh;
+    HyperbolicCosine, cosh: super::hyperbolic_cosine, super::always, f64::cosh;
+    HyperbolicTangent, tanh: super::hyperbolic_tangent, super::always, f64::tanh;
+    SquareRoot, sqrt: f64::sqrt, super::always, f64::sqrt;
+    AbsoluteValue, abs: f64::abs, super::always, f64::abs;
+    Sign, sign: super::sign, super::always, super::sign;
 }
 
 #[inline(always)]

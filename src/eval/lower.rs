@@ -384,7 +384,7 @@ impl Lowering<'_> {
             return (a, None);
         }
         if root {
-            let function = Function::known("sqrt");
+            let function = Function::SQRT;
             let root = self.emit(Instruction::Apply { a, function });
             let whole = size.floor();
             return match whole {

@@ -212,9 +212,9 @@ impl Parts<'_> {
                 }
             }
             Node::Power(base, exponent) => {
-                let log = self.graph.apply(Function::known("log"), base);
+                let log = self.graph.apply(Function::LOG, base);
                 let product = self.graph.multiply(exponent, log);
-                let exp = self.graph.apply(Function::known("exp"), product);
+                let exp = self.graph.apply(Function::EXP, product);
                 self.of(exp)?
             }
             Node::Apply(function, argument) => {

@@ -7,7 +7,7 @@ use super::model::{Identifiers, Model};
 use super::number::with_uncertainty;
 use super::{Export, IntegratorKind, Output, Tableau, one_line};
 use crate::error::Result;
-use crate::expr::{Expr, Function, Symbol};
+use crate::expr::{Expr, FUNCTIONS, Function, Symbol};
 
 const DIALECT: Dialect = Dialect { apply, whole_power, power };
 
@@ -16,8 +16,8 @@ const IMPLICIT: &str = include_str!("templates/c/implicit.c.txt");
 const EXPLICIT: &str = include_str!("templates/c/explicit.c.txt");
 const EXAMPLE: &str = include_str!("templates/c/example.c.txt");
 
-/// Words of C, functions of math.h that have names of one's own, and what the file uses itself.
-const RESERVED: &[&str] = &[
+/// Words of C, and names that the file uses itself; those of functions stand in their rows.
+const KEYWORDS: &[&str] = &[
     "auto",
     "break",
     "case",
@@ -52,21 +52,7 @@ const RESERVED: &[&str] = &[
     "void",
     "volatile",
     "while",
-    "sin",
-    "cos",
-    "tan",
-    "asin",
-    "acos",
-    "atan",
-    "sinh",
-    "cosh",
-    "tanh",
-    "exp",
-    "log",
-    "sqrt",
-    "fabs",
     "pow",
-    "sign",
     "qs",
     "ps",
     "time",
@@ -98,8 +84,13 @@ const RESERVED: &[&str] = &[
     "FP_INFINITE",
 ];
 
+/// Names that a symbol of the model must not have.
+fn reserved() -> impl Iterator<Item = &'static str> {
+    KEYWORDS.iter().copied().chain(FUNCTIONS.iter().map(|row| row.c.name))
+}
+
 fn apply(function: Function, argument: &str, _: bool) -> String {
-    format!("{}({argument})", function.row().c)
+    format!("{}({argument})", function.row().c.name)
 }
 
 fn whole_power(base: &str, exponent: i32, _: bool) -> String {
@@ -170,7 +161,7 @@ int model_step(double q[MODEL_DEGREES], double p[MODEL_DEGREES], double t, doubl
 }
 
 fn source(export: &Export, model: &Model) -> String {
-    let names = Identifiers::new(export, model, RESERVED, true);
+    let names = Identifiers::new(export, model, reserved(), true);
     let mut out = String::from(
         "#include \"model.h\"\n\n#include <math.h>\n\n#define DEGREES MODEL_DEGREES\n\n",
     );
@@ -187,8 +178,9 @@ fn source(export: &Export, model: &Model) -> String {
         );
     }
     out.push('\n');
-    if model.functions().iter().any(|f| f.row().c == "sign") {
-        out += "/* -1, 0 or 1. */\nstatic double sign(double x) {\n    return (double)((x > 0.0) - (x < 0.0));\n}\n\n";
+    for definition in model.functions().iter().filter_map(|f| f.row().c.definition) {
+        out += definition;
+        out.push('\n');
     }
     let (time, start) = export.start_or_default();
     out += "double model_start(double q[DEGREES], double p[DEGREES]) {\n";

@@ -202,11 +202,14 @@ pub struct Identifiers {
 impl Identifiers {
     /// `reserved` are the words that the language and the generated code use themselves.
     /// Constants get capital letters when `capitals`, and variables small ones.
-    pub fn new(export: &Export, model: &Model, reserved: &[&str], capitals: bool) -> Identifiers {
-        let mut identifiers = Identifiers {
-            names: HashMap::new(),
-            taken: reserved.iter().map(|word| word.to_string()).collect(),
-        };
+    pub fn new<'a>(
+        export: &Export,
+        model: &Model,
+        reserved: impl Iterator<Item = &'a str>,
+        capitals: bool,
+    ) -> Identifiers {
+        let mut identifiers =
+            Identifiers { names: HashMap::new(), taken: reserved.map(str::to_string).collect() };
         let names = export.system.names();
         for symbol in export.system.state().into_iter().chain([Symbol::Time]) {
             let mut name = identifier(&names.of(symbol));

@@ -5,12 +5,12 @@ use std::fmt::Write;
 use super::model::{Identifiers, Model};
 use super::{Export, Output, one_line};
 use crate::error::Result;
-use crate::expr::{Expr, Function, Names, Place, Symbol, System, Variable};
+use crate::expr::{Expr, FUNCTIONS, Function, Names, Place, Symbol, System, Variable};
 
 const TEMPLATE: &str = include_str!("templates/model.py.txt");
 
-/// Words of Python, names of the module, and functions of SymPy that are used by name.
-const RESERVED: &[&str] = &[
+/// Words of Python, and names of the module; those of functions stand in their rows.
+const KEYWORDS: &[&str] = &[
     "False",
     "None",
     "True",
@@ -48,20 +48,6 @@ const RESERVED: &[&str] = &[
     "yield",
     "sympy",
     "math",
-    "sin",
-    "cos",
-    "tan",
-    "asin",
-    "acos",
-    "atan",
-    "sinh",
-    "cosh",
-    "tanh",
-    "exp",
-    "log",
-    "sqrt",
-    "Abs",
-    "sign",
     "kinetic",
     "potential",
     "hamiltonian",
@@ -83,11 +69,16 @@ const RESERVED: &[&str] = &[
     "_",
 ];
 
+/// Names that a symbol of the model must not have.
+fn reserved() -> impl Iterator<Item = &'static str> {
+    KEYWORDS.iter().copied().chain(FUNCTIONS.iter().map(|row| row.sympy))
+}
+
 /// Writes the module.
 pub fn export(export: &Export) -> Result<Output> {
     let model = Model::new(export)?;
     let system = export.system;
-    let identifiers = Identifiers::new(export, &model, RESERVED, false);
+    let identifiers = Identifiers::new(export, &model, reserved(), false);
     let n = system.degrees();
     let list = |symbols: &mut dyn Iterator<Item = Symbol>| -> Vec<String> {
         symbols.map(|symbol| identifiers.of(symbol).to_string()).collect()

@@ -9,7 +9,7 @@ use super::model::{Identifiers, Model, identifier};
 use super::number::with_uncertainty;
 use super::{Export, IntegratorKind, Output, Tableau, one_line};
 use crate::error::Result;
-use crate::expr::{Expr, Function, Symbol};
+use crate::expr::{Expr, FUNCTIONS, Function, Symbol};
 
 const DIALECT: Dialect = Dialect { apply, whole_power, power };
 
@@ -19,8 +19,9 @@ const SPLITTING: &str = include_str!("templates/simulator/splitting.rs.txt");
 const IMPLICIT: &str = include_str!("templates/simulator/implicit.rs.txt");
 const EXPLICIT: &str = include_str!("templates/simulator/explicit.rs.txt");
 
-/// Words of Rust, and names that the generated functions use themselves.
-const RESERVED: &[&str] = &[
+/// Words of Rust, and names that the generated code uses itself; those of functions stand in
+/// their rows.
+const KEYWORDS: &[&str] = &[
     "as",
     "async",
     "await",
@@ -76,7 +77,6 @@ const RESERVED: &[&str] = &[
     "ps",
     "time",
     "out",
-    "sign",
     "_",
     "NAME",
     "DEGREES",
@@ -94,10 +94,17 @@ const RESERVED: &[&str] = &[
     "SMOOTH",
 ];
 
+/// Names that a symbol of the model must not have. Methods of f64 are not among them.
+fn reserved() -> impl Iterator<Item = &'static str> {
+    let defined = FUNCTIONS.iter().filter(|row| row.rust.definition.is_some());
+    KEYWORDS.iter().copied().chain(defined.map(|row| row.rust.name))
+}
+
 fn apply(function: Function, argument: &str, atom: bool) -> String {
-    match function.row().rust {
-        "sign" => format!("sign({argument})"),
-        method => call(method, argument, "", atom),
+    let target = function.row().rust;
+    match target.definition {
+        Some(_) => format!("{}({argument})", target.name),
+        None => call(target.name, argument, "", atom),
     }
 }
 
@@ -219,7 +226,7 @@ fn literals(names: impl Iterator<Item = String>) -> String {
 fn model_file(export: &Export, model: &Model) -> String {
     let system = export.system;
     let n = system.degrees();
-    let names = Identifiers::new(export, model, RESERVED, true);
+    let names = Identifiers::new(export, model, reserved(), true);
     let (start_time, start) = export.start_or_default();
     let mut out = format!("//! The model {}.\n//!\n", one_line(&system.name));
     out += "//! dq/dt = dH/dp and dp/dt = F - dH/dq.\n\n";
@@ -301,8 +308,9 @@ fn model_file(export: &Export, model: &Model) -> String {
     if !model.constants.is_empty() {
         out.push('\n');
     }
-    if model.functions().iter().any(|f| f.row().rust == "sign") {
-        out += "/// -1, 0 or 1.\nfn sign(x: f64) -> f64 {\n    if x == 0.0 {\n        0.0\n    } else {\n        x.signum()\n    }\n}\n\n";
+    for definition in model.functions().iter().filter_map(|f| f.row().rust.definition) {
+        out += definition;
+        out.push('\n');
     }
     let functions = Functions { model, names: &names };
     out += &functions.scalar("The energy H.", "energy", model.energy);

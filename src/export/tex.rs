@@ -3,7 +3,7 @@
 use super::letters::name;
 use super::number::{Measured, fraction, shortest, significant};
 use super::pretty::PrettyNumber;
-use crate::expr::{Expr, Function, Graph, Names, Node, Strength, Symbol};
+use crate::expr::{Expr, FUNCTIONS, Function, Graph, Latex, Names, Node, Strength, Symbol};
 
 /// Largest denominator of a number that is printed as a fraction.
 const LARGEST_DENOMINATOR: u32 = 100;
@@ -182,11 +182,11 @@ impl Writer<'_> {
         let inside = self.expression(argument);
         let row = function.row();
         let raised = if exponent.is_empty() { String::new() } else { format!("^{{{exponent}}}") };
-        let text = match row.name {
-            "sqrt" if exponent.is_empty() => format!(r"\sqrt{{{inside}}}"),
-            "sqrt" => format!(r"\left(\sqrt{{{inside}}}\right){raised}"),
-            "abs" => format!(r"\left|{inside}\right|{raised}"),
-            _ => format!(r"{}{raised}\left({inside}\right)", row.latex),
+        let text = match row.latex {
+            Latex::Radical if exponent.is_empty() => format!(r"\sqrt{{{inside}}}"),
+            Latex::Radical => format!(r"\left(\sqrt{{{inside}}}\right){raised}"),
+            Latex::Bars => format!(r"\left|{inside}\right|{raised}"),
+            Latex::Command(command) => format!(r"{command}{raised}\left({inside}\right)"),
         };
         (text, Strength::Power)
     }
@@ -309,6 +309,14 @@ fn snapped_tex(text: &str) -> String {
     out.trim().to_string()
 }
 
+/// Whether a command, without its backslash, is the name of a function and printed as such.
+fn is_function(command: &str) -> bool {
+    FUNCTIONS.iter().any(|row| match row.latex {
+        Latex::Command(text) => text.strip_prefix('\\') == Some(command),
+        Latex::Radical | Latex::Bars => false,
+    })
+}
+
 /// About how many characters are printed.
 pub(super) fn width(tex: &str) -> usize {
     let mut count = 0;
@@ -319,7 +327,7 @@ pub(super) fn width(tex: &str) -> usize {
             let command = &rest[1..1 + length];
             count += match command {
                 "left" | "right" | "frac" | "mathrm" | "sqrt" | "operatorname" => 0,
-                "sin" | "cos" | "tan" | "sinh" | "cosh" | "tanh" | "exp" | "ln" => length,
+                _ if is_function(command) => length,
                 _ => 1,
             };
             let escaped = usize::from(length == 0 && rest.len() > 1);
@@ -391,10 +399,10 @@ mod tests {
         let functions = tex(|g| {
             let q = g.symbol(q);
             let shifted = g.linear(1.0, &[(1.0, q)]);
-            let sin = g.apply(Function::known("sin"), shifted);
+            let sin = g.apply(Function::SIN, shifted);
             let square = g.power(sin, 2.0);
-            let abs = g.apply(Function::known("abs"), q);
-            let root = g.apply(Function::known("sqrt"), shifted);
+            let abs = g.apply(Function::ABS, q);
+            let root = g.apply(Function::SQRT, shifted);
             let product = g.product(-1.0, &[(square, 1.0), (abs, 1.0), (root, -1.0)]);
             let half = g.power(shifted, 1.5);
             g.add(product, half)

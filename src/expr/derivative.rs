@@ -65,7 +65,7 @@ impl Graph {
         let (of_base, of_exponent) = (known[&base], known[&exponent]);
         let mut sum = Vec::new();
         if !self.is_zero(of_exponent) {
-            let log = self.apply(Function::known("log"), base);
+            let log = self.apply(Function::LOG, base);
             sum.push(self.product(1.0, &[(whole, 1.0), (of_exponent, 1.0), (log, 1.0)]));
         }
         if !self.is_zero(of_base) {

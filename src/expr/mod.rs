@@ -14,7 +14,10 @@ pub mod unit;
 
 pub use columns::{ColumnScale, DataColumns, ObservedColumn, candidates};
 pub use effects::instances;
-pub use functions::{Domain, FUNCTIONS, Function, FunctionRow};
+pub use functions::{
+    Domain, FUNCTIONS, Function, FunctionRow, Kernel, Latex, MachineInstruction, SignRule, Target,
+    UnitRule,
+};
 pub use graph::{Expr, Graph, Node, Number, Symbol, raise};
 pub use independence::{Dependence, MOST_EXAMINED, dependences};
 pub use lower::{Candidate, Compiled, MOST_TERMS, build};

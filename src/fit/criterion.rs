@@ -95,7 +95,7 @@ mod tests {
         let p = graph.symbol(Symbol::Momentum(0));
         let cubic = graph.product(-2.5, &[(q, 2.0), (p, 1.0)]);
         assert_eq!(complexity(&graph, cubic), 3);
-        let cos = graph.apply(Function::by_name("cos").unwrap(), q);
+        let cos = graph.apply(Function::COS, q);
         assert_eq!(complexity(&graph, cos), 2);
         let inverse = graph.power(q, -1.0);
         assert_eq!(complexity(&graph, inverse), 2);

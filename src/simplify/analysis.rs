@@ -3,7 +3,7 @@
 use egg::{Analysis, DidMerge, EGraph, Id, Language};
 
 use super::lang::{Math, Rational};
-use crate::expr::Domain;
+use crate::expr::{Function, SignRule};
 
 /// What is certain about the sign of a value, wherever it is defined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
@@ -35,6 +35,13 @@ fn sign_of(rational: Rational) -> Sign {
     }
 }
 
+/// function(argument), where the function's row says that it is exact.
+fn exact(function: Function, argument: Rational) -> Option<Rational> {
+    let whole = argument.0.is_integer().then(|| *argument.0.numer())?;
+    let row = function.row().exact.iter().find(|(argument, _)| *argument == whole)?;
+    Rational::new(row.1.into(), 1)
+}
+
 impl Analysis<Math> for Folding {
     type Data = Known;
 
@@ -50,6 +57,7 @@ impl Analysis<Math> for Folding {
             Math::Raise([a, b]) => {
                 of(a).rational.zip(of(b).rational).and_then(|(a, b)| a.raised(b))
             }
+            Math::Apply(name, [a]) => of(a).rational.and_then(|a| exact(name.0, a)),
             _ => None,
         };
         if let Some(rational) = rational {
@@ -67,13 +75,11 @@ impl Analysis<Math> for Folding {
                 (_, Some(e)) if e.0.is_integer() && e.0.numer() % 2 == 0 => Sign::NonNegative,
                 (sign, _) => sign,
             },
-            Math::Apply(name, [a]) => match (name.0.row().name, of(a).sign) {
-                ("exp" | "cosh", _) => Sign::Positive,
-                ("abs", sign) => sign.max(Sign::NonNegative),
-                ("sqrt" | "sign" | "sinh" | "tanh" | "atan", Sign::Positive) => Sign::Positive,
-                ("sinh" | "tanh" | "atan", sign) => sign,
-                _ if name.0.row().domain == Domain::NonNegative => Sign::NonNegative,
-                _ => Sign::Unknown,
+            Math::Apply(name, [a]) => match name.0.row().sign {
+                SignRule::Positive => Sign::Positive,
+                SignRule::NonNegative => of(a).sign.max(Sign::NonNegative),
+                SignRule::OfArgument => of(a).sign,
+                SignRule::Unknown => Sign::Unknown,
             },
             _ => Sign::Unknown,
         };

@@ -202,11 +202,10 @@ impl Writer<'_, '_> {
             argument = turned;
             negative = row.odd;
         }
-        let wave = matches!(row.name, "sin" | "cos" | "tan");
-        if !wave {
+        let Some(half_turn) = row.half_turn else {
             let inner = self.argument(&argument);
             return (negative, self.add(Math::Apply(Name(function), [inner])));
-        }
+        };
         let phase = argument.0.remove(&Vec::new());
         let mut addends = Vec::new();
         for (monomial, quantity) in self.atoms.ordered(&argument) {
@@ -223,6 +222,7 @@ impl Writer<'_, '_> {
         let mut inner = self.sum(addends);
         if let Some(phase) = phase {
             let (turned, phase) = self.reduced(phase, row.name);
+            let turned = turned && half_turn < 0.0;
             negative ^= turned;
             let what = || format!("phase in {}", row.name);
             let (_, minus, number) = self.number(&phase, Niceness::Phase, &what);
@@ -232,7 +232,7 @@ impl Writer<'_, '_> {
         (negative, self.add(Math::Apply(Name(function), [inner])))
     }
 
-    /// A phase without whole turns; without half turns too (true: the sign changes), unless
+    /// A phase without whole turns; without half turns too (true: one was taken out), unless
     /// it is a multiple of a quarter turn, which rewrites deal with.
     fn reduced(&mut self, phase: Quantity, name: &str) -> (bool, Quantity) {
         use std::f64::consts::PI;
@@ -245,6 +245,6 @@ impl Writer<'_, '_> {
         if quarter || phase.value.abs() <= PI / 2.0 {
             return (false, phase);
         }
-        (name != "tan", phase.shifted(-PI * phase.value.signum()))
+        (true, phase.shifted(-PI * phase.value.signum()))
     }
 }

@@ -98,7 +98,7 @@ fn pattern(atoms: &Atoms, monomial: &Monomial) -> String {
 
 /// A sin x + B cos x becomes C cos(x - phi), C = hypot(A, B), phi = atan2(A, B).
 fn merge_waves(form: &Polynomial, atoms: &mut Atoms) -> Option<Polynomial> {
-    let (sin, cos) = (Function::by_name("sin")?, Function::by_name("cos")?);
+    let (sin, cos) = (Function::SIN, Function::COS);
     let alone = |function: Function, atoms: &Atoms, monomial: &Monomial| match monomial[..] {
         [(atom, exponent)] if exponent == Number::new(1.0) => match atoms.get(atom) {
             Atom::Apply(f, argument) if *f == function => Some(argument.clone()),

@@ -7,15 +7,23 @@
 pub enum Member {
     /// Product of variable ^ exponent, by the variable's place; no exponent is 0.
     Monomial(Vec<(usize, u32)>),
-    /// function(harmonic * variable).
+    /// wave(harmonic * variable).
     Harmonic {
-        /// Name of an elementary function.
-        function: &'static str,
+        /// The function.
+        wave: Wave,
         /// Place of the variable.
         variable: usize,
         /// Whole factor of the variable, from 1 on.
         harmonic: u32,
     },
+}
+
+/// A function of a Fourier series.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum Wave {
+    Sine,
+    Cosine,
 }
 
 /// A family of functions of `n` variables up to an order `d`.
@@ -76,7 +84,11 @@ pub static FAMILIES: &[FamilyRow] = &[
         members: |n, d| {
             let of = |harmonic| {
                 (0..n).flat_map(move |variable| {
-                    ["sin", "cos"].map(|function| Member::Harmonic { function, variable, harmonic })
+                    [Wave::Sine, Wave::Cosine].map(|wave| Member::Harmonic {
+                        wave,
+                        variable,
+                        harmonic,
+                    })
                 })
             };
             (1..=d).flat_map(of).collect()

@@ -330,8 +330,8 @@ fn call(straight: &mut Straight, instruction: Instruction) {
     }
     let address = match instruction {
         Instruction::Power { .. } => power::entry(),
-        Instruction::Apply { function: f, .. } => match elementary::kernel(f) {
-            Some(kernel) => (kernel.entry)(),
+        Instruction::Apply { function: f, .. } => match elementary::code(f) {
+            Some(code) => (code.entry)(),
             None => {
                 let row: *const FunctionRow = f.row();
                 let row = Machine::with2(Code::Mov_r64_imm64, Register::RDI, row as u64);

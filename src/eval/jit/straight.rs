@@ -8,6 +8,7 @@ use iced_x86::{Code, Instruction as Machine, MemoryOperand, Register};
 
 use super::assembler::{Assembler, Binary, Fused, Operand, Place};
 use crate::eval::instruction::{Instruction, Value};
+use crate::expr::MachineInstruction;
 
 /// Where a value is in memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -137,17 +138,20 @@ impl<'a> Straight<'a> {
             Instruction::AddScaled { a, b, slot } => self.fused(V(b), S(slot), V(a)),
             Instruction::MultiplyShift { a, b, slot } => self.fused(V(a), V(b), S(slot)),
             Instruction::MultiplyAdd { a, b, c } => self.fused(V(a), V(b), V(c)),
-            Instruction::Apply { a, function } if function.row().name == "abs" => {
-                self.binary(Binary::And, V(a), S(self.constants.magnitude))
-            }
-            Instruction::Apply { a, .. } => {
-                let from = self.in_register(V(a));
-                self.release(V(a));
-                let to = self.take();
-                self.assembler.square_root(to, from);
-                self.ended(V(a));
-                to
-            }
+            Instruction::Apply { a, function } => match function.row().instruction {
+                Some(MachineInstruction::ClearSign) => {
+                    self.binary(Binary::And, V(a), S(self.constants.magnitude))
+                }
+                Some(MachineInstruction::SquareRoot) => {
+                    let from = self.in_register(V(a));
+                    self.release(V(a));
+                    let to = self.take();
+                    self.assembler.square_root(to, from);
+                    self.ended(V(a));
+                    to
+                }
+                None => return,
+            },
             Instruction::Raise { .. } | Instruction::Power { .. } => return,
         };
         self.define(value, to);

@@ -9,7 +9,7 @@ use super::value::Value;
 use super::{Lowering, MOST_TERMS};
 use crate::diagnostic::{Diagnostic, Severity, Span};
 use crate::spec::ast::*;
-use crate::spec::families::{self, FamilyRow, Member};
+use crate::spec::families::{self, FamilyRow, Member, Wave};
 use crate::spec::resolve::{Force, Meaning};
 
 /// A term before labels and constraints.
@@ -357,9 +357,12 @@ impl Lowering<'_> {
                 }
                 Value { expr: self.graph.product(1.0, &parts), unit }
             }
-            Member::Harmonic { function, variable, harmonic } => {
+            Member::Harmonic { wave, variable, harmonic } => {
                 let argument = self.graph.scale(f64::from(*harmonic), variables[*variable].0.expr);
-                let function = Function::known(function);
+                let function = match wave {
+                    Wave::Sine => Function::SIN,
+                    Wave::Cosine => Function::COS,
+                };
                 Value { expr: self.graph.apply(function, argument), unit: Some(Unit::ONE) }
             }
         }

@@ -1,6 +1,6 @@
 //! Expressions of a spec as expressions of the graph, with their units.
 
-use super::super::functions::{FUNCTIONS, Function};
+use super::super::functions::{FUNCTIONS, Function, UnitRule};
 use super::super::graph::Expr;
 use super::super::unit::{Unit, simple_fraction};
 use super::{Context, Lowering, MOST_STEPS};
@@ -14,16 +14,6 @@ pub struct Value {
     pub expr: Expr,
     pub unit: Option<Unit>,
 }
-
-/// Other names that a function goes by.
-pub const ALIASES: &[(&str, &str)] = &[
-    ("ln", "log"),
-    ("arcsin", "asin"),
-    ("arccos", "acos"),
-    ("arctan", "atan"),
-    ("sgn", "sign"),
-    ("signum", "sign"),
-];
 
 impl Lowering<'_> {
     /// A number, its unit and its place; `None` after a diagnostic.
@@ -291,9 +281,7 @@ impl Lowering<'_> {
         if name == "rate" {
             return self.rate_of(arguments, order, span);
         }
-        let known =
-            ALIASES.iter().find(|(alias, _)| *alias == name).map_or(name, |&(_, name)| name);
-        let Some(function) = Function::by_name(known) else {
+        let Some(function) = Function::by_any_name(name) else {
             let functions = FUNCTIONS.iter().map(|row| row.name);
             let all: Vec<&str> =
                 functions.chain(families::FAMILIES.iter().map(|row| row.name)).collect();
@@ -326,11 +314,13 @@ impl Lowering<'_> {
             return None;
         }
         let value = self.value(argument)?;
-        let unit = match known {
-            "abs" => value.unit,
-            "sign" => Some(Unit::ONE),
-            "sqrt" => value.unit.and_then(|unit| unit.power(num_rational::Ratio::new(1, 2))),
-            _ => {
+        let unit = match function.row().unit {
+            UnitRule::Kept => value.unit,
+            UnitRule::Dropped => Some(Unit::ONE),
+            UnitRule::Power(over, under) => {
+                value.unit.and_then(|unit| unit.power(num_rational::Ratio::new(over, under)))
+            }
+            UnitRule::Number => {
                 let what = format!("the argument of `{name}`");
                 self.require_number(value.unit, argument.site.0, &what);
                 Some(Unit::ONE)
