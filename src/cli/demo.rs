@@ -200,7 +200,7 @@ fn henon_heiles(stage: &Stage) -> Result<Value> {
     let making = clock.elapsed().as_secs_f64();
     say(&wrapped(
         &format!(
-            "Nature: {pairs} pairs of states 0.1 apart in time, of a star in a galaxy, each of the \
+            "The measurements: {pairs} pairs of states 0.1 apart in time, of a star in a galaxy, each of the \
              four numbers with noise of {SIGMA}. Made in {}, written to pairs.csv.\n",
             seconds(making)
         ),

@@ -80,7 +80,7 @@ struct Purpose {
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     if arguments.between.len() == 1 {
         return Err(usage(
-            "one effect has nothing to be told apart from",
+            "one effect has no alternative to be distinguished from",
             "name two or more after --between",
         ));
     }
@@ -159,19 +159,19 @@ fn purpose(
             }
             rivals.push(with(&asked.label, &asked.statement, &[])?);
         }
-        let why = format!("Asked for: the run that best tells {} apart.", listed(&rivals));
+        let why = format!("The run that best distinguishes {}, as asked for.", listed(&rivals));
         return Ok(Purpose { goal: Goal::Rivals, rivals, why });
     }
     if let Some(name) = &arguments.coefficient {
         let rivals = vec![Rival::as_it_is(&context, "the model")];
-        let why = format!("Asked for: the run that best measures {name}.");
+        let why = format!("The run that best measures {name}, as asked for.");
         return Ok(Purpose { goal: Goal::Coefficient(Some(name.clone())), rivals, why });
     }
     let worst = Goal::Coefficient(None);
-    let measures = "so the run is the one that best measures the coefficient known worst.";
+    let measures = "so the run is the one that best measures the least known coefficient.";
     let as_it_is = || vec![Rival::as_it_is(&context, "the model")];
     let Some(held_out) = bench.held_out() else {
-        let why = format!("Too little was measured to ask what is missing, {measures}");
+        let why = format!("There are too few measurements to say what is missing, {measures}");
         return Ok(Purpose { goal: worst, rivals: as_it_is(), why });
     };
     let training = &bench.split.training;
@@ -200,7 +200,7 @@ fn purpose(
                 1 => " (one more comes close, and is left out)".to_string(),
                 _ => format!(" ({more} more come close, and are left out)"),
             };
-            let why = format!("These data cannot tell {} apart{more}.", listed(&rivals));
+            let why = format!("These data cannot distinguish {}{more}.", listed(&rivals));
             Purpose { goal: Goal::Rivals, rivals, why }
         }
         (1, _) => {
@@ -209,18 +209,16 @@ fn purpose(
                 format!("{label} is missing, and no other effect comes close: `leverrier add` it.")
             } else {
                 format!(
-                    "The training part alone cannot tell {among} apart, but all measurements \
-                     together can: {label} is missing, and `leverrier add` adds it."
+                    "The training part alone cannot distinguish {among}, but all measurements together can: {label} is missing, and `leverrier add` adds it."
                 )
             };
             let why = format!(
-                "{missing} The run is the one that best measures the coefficient known worst of \
-                 the model with it."
+                "{missing} The run is the one that best measures the least known coefficient of the model with it."
             );
             Purpose { goal: worst, rivals, why }
         }
         (_, Verdict::Unexplained) => {
-            let why = format!("What is missing has no name here, {measures}");
+            let why = format!("What is missing is not in the catalogue, {measures}");
             Purpose { goal: worst, rivals: as_it_is(), why }
         }
         _ => {

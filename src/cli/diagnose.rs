@@ -18,13 +18,13 @@ use crate::report::{About, diagnosis_text};
 
 /// Say which physical effect a model lacks, or that nothing is missing.
 ///
-/// Every effect of the catalogue is tried on every coordinate and pair that it can act on; the
-/// leaders are fitted in full and ranked.
+/// Every effect of the catalogue is tested on every coordinate and pair that it can act on (a
+/// score test, corrected for the number of tests); the best are fitted in full and ranked.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     leverrier diagnose pendulum.ham\n  \
     leverrier diagnose pendulum.ham --held-out 0.5 --format json\n\n\
-    `leverrier effects` lists what is tried; `leverrier add` puts one into the spec.")]
+    `leverrier effects` lists what is tested; `leverrier add` puts one into the spec.")]
 pub struct Arguments {
     /// The spec.
     pub spec: PathBuf,
@@ -55,7 +55,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         }
         (lacking, _) => {
             let diagnosis = Diagnosis::too_little(lacking.unwrap_or_default());
-            (diagnosis, "none was learned", Vec::new())
+            (diagnosis, "none was fitted", Vec::new())
         }
     };
     drop(progress);

@@ -23,7 +23,7 @@ use crate::report::discovery_text;
 use crate::report::layout::{WIDTH, wrapped};
 use crate::spec::edit::insert;
 
-/// Ask what is missing, add it, learn again, until nothing pays on held-out runs.
+/// Diagnose, add what is missing, fit again, until no effect lowers the error on held-out runs.
 ///
 /// Every addition becomes a statement of the spec and a revision of its ledger; `undo` takes
 /// them back one by one.

@@ -157,7 +157,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         let relative =
             drift.relative.map_or(String::new(), |r| format!(" ({r:.1e} of the energy)"));
         console.message(&format!(
-            "The energy of no run strays by more than {:.1e}{relative}; {} of order {}, {}{}.",
+            "The energy of every run stays within {:.1e}{relative} of its first value; {} of order {}, {}{}.",
             drift.largest,
             integration.method,
             integration.order,
@@ -310,7 +310,7 @@ impl Arguments {
         }
         for text in &self.sample {
             let (name, range) = text.split_once('=').ok_or_else(|| {
-                usage(format!("`{text}` is no box"), "write --sample NAME=LOW..HIGH")
+                usage(format!("`{text}` is not a range"), "write --sample NAME=LOW..HIGH")
             })?;
             let range = range_of(range)?;
             let found = matching(&names, name.trim())?;
@@ -327,7 +327,7 @@ impl Arguments {
         if !missing.is_empty() {
             return Err(usage(
                 format!("nothing is said about {}", missing.join(", ")),
-                "give a --sample box or a --start value for every component of the state",
+                "give a --sample range or a --start value for every component of the state",
             ));
         }
         let energy = self.energy.as_deref().map(range_of).transpose()?;

@@ -179,7 +179,7 @@ impl Rows {
         let mut rows: Option<Rows> = None;
         loop {
             let more = reader.read_record(&mut record).map_err(|error| {
-                let message = format!("the cells cannot be told apart ({error})");
+                let message = format!("the row cannot be divided into cells ({error})");
                 wrong(path, None, None, message, "export the measurements as CSV")
             })?;
             if !more {

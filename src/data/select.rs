@@ -243,7 +243,7 @@ impl Rows<'_> {
                     .to_string()
             }
             (None, Some(column)) => format!(
-                "if column `{0}` tells recordings apart, write `run {0}` into the spec's `data` \
+                "if column `{0}` names the recording, write `run {0}` into the spec's `data` \
                  line; if this is one recording, sort its rows by time",
                 column.name
             ),

@@ -317,7 +317,7 @@ impl FilePass<'_> {
     ) -> crate::error::Error {
         let hint = if self.source.mapping.run.is_none() && !self.source.pairs {
             "a file that is read part by part is not sorted: sort its rows by time, or name the \
-             column that tells recordings apart (`run` in the spec's `data` line)"
+             column that names the recording (`run` in the spec's `data` line)"
         } else {
             "a file that is read part by part is not sorted: keep the rows of a run together, by \
              rising time, or allow the memory that it takes to sort them"

@@ -76,7 +76,7 @@ pub(super) fn check_runs(layout: &Layout, runs: usize) -> Result<()> {
     if layout.run.is_none() && runs > 1 {
         return Err(Error::new(
             ErrorKind::InvalidArgument,
-            format!("{runs} runs cannot be told apart in one file without a run column"),
+            format!("{runs} runs need a run column to be written to one file"),
             "name a run column, or write one run",
         ));
     }

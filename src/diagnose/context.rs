@@ -225,7 +225,7 @@ impl Settled<'_> {
                 ErrorKind::InsufficientData,
                 format!(
                     "{rows} independent residuals do not suffice to ask what is missing \
-                     ({exploded} of {} predictions left the finite numbers)",
+                     ({exploded} of {} predictions diverged)",
                     segments.list.len()
                 ),
                 "measure longer runs, or more of them",

@@ -206,7 +206,7 @@ fn sought(known: &Known, name: Option<&str>) -> Result<(usize, Sought)> {
         return Err(Error::new(
             ErrorKind::NothingFound,
             "nothing is missing and nothing is learned: there is nothing to design a run for",
-            "put the unknown part into `span{ ... }`, or name two effects to tell apart",
+            "put the unknown part into `span{ ... }`, or name two effects to distinguish",
         ));
     };
     let what = unknowns[at].0.clone();

@@ -87,7 +87,9 @@ pub fn discover(
             break (diagnosis.reason, diagnosis.verdict);
         }
         if steps.len() == MOST {
-            let sentence = format!("stopped after {MOST} additions; more would pay");
+            let sentence = format!(
+                "stopped after {MOST} additions; more would lower the error on held-out runs"
+            );
             break (sentence, Verdict::Missing);
         }
         if monitor.stopped() {
@@ -123,7 +125,9 @@ pub fn discover(
         }
         let Some((step, longer, next, fitted)) = kept else {
             let sentence = match lost {
-                Some(effect) => format!("{effect} looked missing, but a full fit does not keep it"),
+                Some(effect) => {
+                    format!("{effect} looked missing, but a full fit does not select it")
+                }
                 None if partial => {
                     "what is left is no effect of the catalogue, and none takes away \
                                     a quarter of it on held-out runs"

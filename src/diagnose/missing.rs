@@ -147,7 +147,7 @@ pub fn diagnose(
         ranking: first.leaders.iter().map(|l| l.leader.clone()).collect(),
         indistinguishable: close.map(|l| l.leader.effect.clone()).collect(),
         ..Diagnosis::too_little(format!(
-            "none of {} tries explains more than noise would",
+            "none of {} tests finds more than noise explains",
             first.tried
         ))
     };

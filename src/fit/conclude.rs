@@ -249,7 +249,7 @@ fn sentence(system: &System, found: &Unlearnable) -> Option<String> {
     match found {
         Unlearnable::Untouched { column } => {
             let term = name(*column)?;
-            Some(format!("`{term}` changes nothing that was measured: it cannot be learned"))
+            Some(format!("`{term}` has no effect on what was measured: it cannot be learned"))
         }
         Unlearnable::Dependent { column, on } => {
             let term = name(*column)?;
@@ -257,11 +257,10 @@ fn sentence(system: &System, found: &Unlearnable) -> Option<String> {
                 on.iter().filter_map(|&(c, x)| Some(format!("{x:.4} * {}", name(c)?))).collect();
             Some(match parts.len() {
                 0 | SHOWN.. => format!(
-                    "`{term}` does what a combination of other terms does, to rounding: these \
-                     data cannot tell them apart"
+                    "on these data `{term}` is a linear combination of other terms, to rounding: its coefficient is not identifiable"
                 ),
                 _ => format!(
-                    "`{term}` does exactly what {} does: these data cannot tell them apart",
+                    "on these data `{term}` has exactly the effect of {}: their coefficients are not identifiable separately",
                     parts.join(" + ")
                 ),
             })

@@ -30,7 +30,7 @@ impl StopReason {
     pub fn sentence(self) -> &'static str {
         match self {
             StopReason::Converged => {
-                "converged: a further step would change nothing the data can see"
+                "converged: a further step would change nothing that the data resolve"
             }
             StopReason::NoProgress => "stopped: no step of any length lowered the loss",
             StopReason::IterationLimit => "stopped at the iteration limit",

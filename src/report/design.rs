@@ -124,16 +124,16 @@ fn brings(plan: &Plan, width: usize) -> Vec<String> {
             ]
         })
         .collect();
-    let header = ["if this is true", "against", "deviance", "odds", "settled", "a repeat"];
+    let header =
+        ["true effect", "alternative", "deviance", "odds", "decided", "deviance of a repeat"];
     let mut out = vec![format!(
-        "What it would bring, both effects fitted to all measurements and the new run:\n{}",
+        "Expected, with both effects fitted to all measurements and the new run:\n{}",
         table(&header, rows, &[2, 3, 4, 5], width)
     )];
     if !plan.alike.is_empty() {
         let sentences = plan.alike.iter().map(|(truth, against)| {
             let text = format!(
-                "If {truth} is true, no run within these bounds speaks against {against}, which \
-                 can do the same."
+                "If {truth} is true, no run within these bounds rules out {against}, which can produce the same motion."
             );
             wrapped(&text, width, 2)
         });
@@ -159,7 +159,7 @@ fn alternatives(plan: &Plan, width: usize) -> Option<String> {
     let rows: Vec<Vec<String>> = plan.alternatives.iter().take(ALTERNATIVES).map(row).collect();
     let brings = if plan.coefficient.is_some() { "standard error" } else { "least deviance" };
     let header = ["start", "duration", "step", "samples", brings, ""];
-    Some(format!("Others that would do:\n{}", table(&header, rows, &[1, 2, 3, 4], width)))
+    Some(format!("Alternatives:\n{}", table(&header, rows, &[1, 2, 3, 4], width)))
 }
 
 /// The standard error, or the growth of the deviance for the pair where it is least.
@@ -184,8 +184,8 @@ fn odds(deviance: f64) -> String {
     }
 }
 
-fn percent(chance: f64) -> String {
-    match 100.0 * chance {
+fn percent(probability: f64) -> String {
+    match 100.0 * probability {
         p if p > 99.0 => "> 99 %".to_string(),
         p if p < 1.0 => "< 1 %".to_string(),
         p => format!("{p:.0} %"),

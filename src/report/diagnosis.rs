@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::layout::{WIDTH, table, wrapped};
+use super::present;
 use crate::diagnose::compare::{Comparison, ResidualMap};
 use crate::diagnose::discover::Discovery;
 use crate::diagnose::missing::{Diagnosis, Verdict};
@@ -40,7 +41,7 @@ pub fn compare_text(
             times(h.training),
             h.held_out.map_or(String::new(), times),
             times(h.baseline),
-            if h.exploded > 0 { format!("{} exploded", h.exploded) } else { String::new() },
+            if h.exploded > 0 { format!("{} diverged", h.exploded) } else { String::new() },
         ]
     });
     let header = ["samples", duration.as_str(), "training", "held out", "nothing moves", ""];
@@ -71,7 +72,7 @@ pub fn compare_text(
         })
         .collect();
     if !rows.is_empty() {
-        let header = ["run", "energy, first", "last", "change a unit of time", "standard errors"];
+        let header = ["run", "initial energy", "final energy", "dH/dt", "in standard errors"];
         let more = comparison.energy.len().saturating_sub(RUNS);
         let more = if more > 0 { format!("\n... and {more} more runs") } else { String::new() };
         sections.push(format!("{}{more}", table(&header, rows, &[1, 2, 3, 4], width)));
@@ -84,10 +85,10 @@ pub fn compare_text(
             map.against.clone(),
             format!("{:.1}", map.deviance),
             map.degrees.to_string(),
-            chance(map.p_value),
+            p_value_text(map.p_value),
         ]
     });
-    let header = ["force on", "against", "deviance", "degrees", "chance if nothing is missing"];
+    let header = ["force on", "as a function of", "deviance", "degrees of freedom", "p-value"];
     if !maps.is_empty() {
         sections.push(table(&header, rows.collect(), &[2, 3, 4], width));
     }
@@ -139,7 +140,7 @@ fn times(error: f64) -> String {
 }
 
 /// A p-value.
-fn chance(p: f64) -> String {
+fn p_value_text(p: f64) -> String {
     if p < 1e-12 { "< 1e-12".to_string() } else { significant(p, 2) }
 }
 
@@ -160,7 +161,7 @@ pub fn discovery_text(
     };
     let mut sections = vec![wrapped(
         &format!(
-            "{count}: the error on held-out runs went from {} to {} times the noise. Why it ended: {}.",
+            "{count}: the error on held-out runs went from {} to {} times the noise. Why it stopped: {}.",
             times(before),
             times(after),
             found.stop.trim_end_matches('.')
@@ -177,13 +178,13 @@ pub fn discovery_text(
             vec![
                 step.effect.clone(),
                 numbers.join(", "),
-                chance(step.p_value),
+                p_value_text(step.p_value),
                 step.indistinguishable.join(", "),
             ]
         })
         .collect();
     if !rows.is_empty() {
-        let header = ["added", "coefficient", "chance", "could also be"];
+        let header = ["added", "coefficient", "p-value", "indistinguishable from"];
         sections.push(table(&header, rows, &[1, 2], width));
         let place =
             if written { format!("Written to {spec}:") } else { "To be added:".to_string() };
@@ -214,7 +215,7 @@ pub fn diagnosis_text(diagnosis: &Diagnosis, about: &About, width: Option<u16>) 
     let word = match diagnosis.verdict {
         Verdict::Missing => "Missing",
         Verdict::NothingMissing => "Nothing is missing",
-        Verdict::Unexplained => "Something is missing that has no name here",
+        Verdict::Unexplained => "Something is missing that the catalogue does not have",
         Verdict::TooLittleData => "Too little data to say",
     };
     let mut sections = vec![
@@ -227,17 +228,17 @@ pub fn diagnosis_text(diagnosis: &Diagnosis, about: &About, width: Option<u16>) 
         vec![
             leader.effect.clone(),
             numbers.join(", "),
-            chance(leader.p_value),
+            p_value_text(leader.p_value),
             times(leader.held_out_error_before),
             times(leader.held_out_error_after),
         ]
     });
     if let Some(first) = diagnosis.ranking.first() {
-        let header = ["effect", "coefficient", "chance", "held-out error before", "after"];
+        let header = ["effect", "coefficient", "p-value", "held-out error before", "after"];
         sections.push(table(&header, rows.collect(), &[1, 2, 3, 4], width));
         if !diagnosis.indistinguishable.is_empty() {
             let others = diagnosis.indistinguishable.join(", ");
-            let sentence = format!("These data cannot tell {} from {others}.", first.effect);
+            let sentence = format!("These data cannot distinguish {} from {others}.", first.effect);
             sections.push(wrapped(&sentence, width, 2));
         }
         let statement = first.snippet.strip_prefix("effect ").unwrap_or(&first.snippet);
@@ -253,11 +254,7 @@ pub fn diagnosis_text(diagnosis: &Diagnosis, about: &About, width: Option<u16>) 
         sections.push(format!("In the instrument:\n{}", lines.join("\n")));
     }
     if diagnosis.tried > 0 {
-        let sentence = format!(
-            "{} effects were asked, in {} tries; chances have all tries paid for.",
-            diagnosis.candidates, diagnosis.tried
-        );
-        sections.push(wrapped(&sentence, width, 2));
+        sections.push(wrapped(&present::tested(diagnosis), width, 2));
     }
     sections.join("\n\n")
 }
@@ -277,8 +274,7 @@ fn unexplained(diagnosis: &Diagnosis, width: usize) -> Vec<String> {
     }
     if let Some(unnamed) = &diagnosis.unnamed {
         let sentence = format!(
-            "The best term without a name is {}: it takes the error on held-out runs from {} to {}. \
-             It may be written into the spec:",
+            "The best term outside the catalogue is {}: it takes the error on held-out runs from {} to {}. To add it, write into the spec:",
             unnamed.effect,
             times(unnamed.held_out_error_before),
             times(unnamed.held_out_error_after),
@@ -333,12 +329,12 @@ pub fn revision_text(revised: &Revised, width: Option<u16>) -> String {
     let Revised { action, how, before, after, moved, effect, warranted, why } = *revised;
     let width = width.map_or(WIDTH, |width| usize::from(width).max(40));
     let word = match warranted {
-        Some(true) => "warranted",
-        Some(false) => "not warranted",
-        None => "not judged",
+        Some(true) => "The data support it",
+        Some(false) => "The data do not support it",
+        None => "It was not judged",
     };
     let mut sections = vec![
-        wrapped(&format!("Done: {action}. It is {word}: {why}."), width, 2),
+        wrapped(&format!("Done: {action}. {word}: {why}."), width, 2),
         wrapped(&format!("Split: {how}"), width, 2),
     ];
     let rows: Vec<Vec<String>> = before
@@ -377,7 +373,7 @@ pub fn revision_text(revised: &Revised, width: Option<u16>) -> String {
         .chain(new)
         .collect();
     if !rows.is_empty() {
-        let header = ["part", "term", "before", "after", "moved, in standard errors"];
+        let header = ["part", "term", "before", "after", "change, in standard errors"];
         sections.push(table(&header, rows, &[2, 3, 4], width));
     }
     if warranted == Some(false) {

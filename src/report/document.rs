@@ -89,7 +89,7 @@ pub fn latex(page: &Page, figures: &[(&'static str, Vec<Figure>)], folder: &str)
         table(&mut out, &tables::runners_up(model));
     }
     if !page.history.is_empty() {
-        section(&mut out, "How the spec came about");
+        section(&mut out, "History of the spec");
         pictures(&mut out, &own(&["ledger"]), folder);
         table(&mut out, &tables::ledger(page.history));
     }
@@ -97,7 +97,7 @@ pub fn latex(page: &Page, figures: &[(&'static str, Vec<Figure>)], folder: &str)
     paragraph(&mut out, &amount_of_data(page));
     table(&mut out, &tables::columns(page.data));
     list(&mut out, page.data.warnings.iter().map(|warning| sentence(warning)));
-    section(&mut out, "To make it again");
+    section(&mut out, "To reproduce this report");
     out += "{\\small\\begin{description}\n";
     for (name, value) in page.facts {
         // Hashes are longer than a line.
@@ -118,7 +118,10 @@ fn missing(out: &mut String, diagnosis: &Diagnosis, ranking: &[&Figure], folder:
     if let Some(first) = diagnosis.ranking.first() {
         if !diagnosis.indistinguishable.is_empty() {
             let others = diagnosis.indistinguishable.join(", ");
-            paragraph(out, &format!("These data cannot tell {} from {others}.", first.effect));
+            paragraph(
+                out,
+                &format!("These data cannot distinguish {} from {others}.", first.effect),
+            );
         }
         paragraph(out, "To add it, write into the spec:");
         verbatim(out, &first.snippet);

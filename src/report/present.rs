@@ -3,6 +3,7 @@
 use nalgebra::DMatrix;
 use serde_json::{Value, json};
 
+use crate::diagnose::missing::Diagnosis;
 use crate::dynamics::{Kind, Method, Tableau};
 use crate::export::{self, Export, Integrator, IntegratorKind, Pretty, PrettyNumber, Provenance};
 use crate::expr::{Place, Symbol, System};
@@ -146,6 +147,15 @@ fn place_name(simplified: &Simplified, place: Place) -> String {
             format!("sensor {}", simplified.names.of(symbol))
         }
     }
+}
+
+/// How many effects were tested, and what the p-values are corrected for.
+pub fn tested(diagnosis: &Diagnosis) -> String {
+    format!(
+        "{} effects of the catalogue were tested, with {} choices of where they act and of their \
+         inner parameters; p-values are corrected for that many tests (look-elsewhere correction).",
+        diagnosis.candidates, diagnosis.tried
+    )
 }
 
 /// JSON has no infinity: null.

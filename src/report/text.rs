@@ -110,7 +110,7 @@ fn quality(report: &FitReport, width: usize) -> String {
         vec![
             noise.observable.clone(),
             significant(noise.standard_deviation, 3),
-            if below { "no more than rounding".to_string() } else { String::new() },
+            if below { "at the rounding of the data".to_string() } else { String::new() },
         ]
     });
     let mut text = table(&["noise of", "standard deviation", ""], rows.collect(), &[1], width);
@@ -127,7 +127,7 @@ fn quality(report: &FitReport, width: usize) -> String {
     text.push_str(&wrapped(&sentence, width, 0));
     if let Some(samples) = evidence.searched_first {
         let sentence = format!(
-            "Terms were first looked for on {} drawn at random, then chosen and fitted on all.",
+            "Terms were first searched for on {} drawn at random, then chosen and fitted on all.",
             counted(samples, "sample"),
         );
         text.push('\n');
@@ -135,7 +135,7 @@ fn quality(report: &FitReport, width: usize) -> String {
     }
     if evidence.exploded > 0 {
         let sentence = format!(
-            "{} left the finite numbers under this model and did not count: something is missing \
+            "{} diverged under this model and did not count: something is missing \
              in the function space, or it is too large for these data.",
             counted(evidence.exploded, "segment"),
         );
@@ -216,7 +216,7 @@ fn runners_up(model: &Model, width: usize) -> String {
 fn doubts(model: &Model, width: usize) -> String {
     let exchanges = model.alternatives.iter().map(|exchange| {
         format!(
-            "These data can hardly tell {} from {} (criterion {:+.1}).",
+            "These data can hardly distinguish {} from {} (criterion {:+.1}).",
             exchange.term, exchange.instead, exchange.difference
         )
     });
@@ -225,7 +225,7 @@ fn doubts(model: &Model, width: usize) -> String {
     let rest = model.alternatives.len().saturating_sub(SENTENCES)
         + model.unlearnable.len().saturating_sub(SENTENCES);
     if rest > 0 {
-        lines.push(format!("... and {rest} more of this kind in the model file."));
+        lines.push(format!("... and {rest} more such sentences in the model file."));
     }
     lines.iter().map(|line| wrapped(line, width, 2)).collect::<Vec<_>>().join("\n")
 }

@@ -48,10 +48,10 @@ pub fn draw(
             return Err(Error::new(
                 ErrorKind::EnergyRange,
                 format!(
-                    "of {tried} states in the boxes only {} have an energy in the range",
+                    "of {tried} states in the given ranges only {} have an energy in its range",
                     found.len()
                 ),
-                "widen the range of energies, or draw from boxes nearer to it",
+                "widen the range of energies, or draw from ranges of the state nearer to it",
             ));
         }
         let many = if sampling.energy.is_some() { BATCH } else { count - found.len() };

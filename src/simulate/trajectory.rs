@@ -309,7 +309,7 @@ impl<'a> Simulator<'a> {
 fn exploded(run: usize, when: &str) -> Error {
     Error::new(
         ErrorKind::NotFinite,
-        format!("the trajectory of run {} leaves the finite numbers {when}", run + 1),
+        format!("the trajectory of run {} diverges {when}", run + 1),
         "shorten the duration, or start where the motion stays bounded",
     )
 }

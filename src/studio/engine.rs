@@ -312,7 +312,7 @@ impl Engine {
         self.hold(bench, training, terms);
         self.stamp();
         let doubt = match warranted {
-            Some(false) => " The data do not warrant it.",
+            Some(false) => " The data do not support it.",
             _ => "",
         };
         Ok(format!("Done: {action}. {}.{doubt}", wire::capital(&why)))

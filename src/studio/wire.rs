@@ -11,6 +11,7 @@ use crate::error::Error;
 use crate::project::ledger::{BY_HAND, Judged, Ledger, date};
 use crate::report::html::{self, Page};
 use crate::report::plots::{For, Material, PLOTS, Plot, draw, number};
+use crate::report::present;
 use crate::spec::effects::by_name;
 
 /// More diagnostics of one text than this are counted.
@@ -156,23 +157,20 @@ pub fn missing(diagnosis: &Diagnosis) -> Value {
         "verdict": diagnosis.verdict,
         "reason": capital(&diagnosis.reason),
         "leaders": diagnosis.ranking.iter().map(leader).collect::<Vec<_>>(),
-        "alike": diagnosis.indistinguishable,
+        "indistinguishable": diagnosis.indistinguishable,
         "then": diagnosis.then.iter().map(|leader| &leader.effect).collect::<Vec<_>>(),
         "unnamed": diagnosis.unnamed.as_ref().map(leader),
-        "asked": format!(
-            "{} effects of the catalogue were asked, in {} tries; chances have all tries paid for.",
-            diagnosis.candidates, diagnosis.tried
-        ),
+        "tested": present::tested(diagnosis),
     });
     if diagnosis.candidates == 0 {
-        object["asked"] = Value::Null;
+        object["tested"] = Value::Null;
     }
     object
 }
 
 fn leader(leader: &Leader) -> Value {
     let name = leader.effect.split('(').next().unwrap_or("");
-    let chance = match leader.p_value {
+    let p_value = match leader.p_value {
         p if p < 1e-12 => "< 10⁻¹²".to_string(),
         p => number(p, 2),
     };
@@ -180,7 +178,7 @@ fn leader(leader: &Leader) -> Value {
         "effect": leader.effect,
         "snippet": leader.snippet,
         "physics": by_name(name).map(|row| row.physics),
-        "chance": chance,
+        "p_value": p_value,
         "deviance": leader.deviance,
         "before": leader.held_out_error_before,
         "after": leader.held_out_error_after,

@@ -495,7 +495,7 @@ fn pages_stand_alone() {
     {
         let html = html(&story);
         inspect_page(&html);
-        assert!(html.contains("To make it again") && html.contains("a &lt; b"), "{what}");
+        assert!(html.contains("To reproduce this page") && html.contains("a &lt; b"), "{what}");
         assert!(!html.contains("NaN"), "{what}");
     }
     let html = html(&damped());

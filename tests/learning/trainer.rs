@@ -492,7 +492,7 @@ fn terms_that_do_the_same_are_named() {
                  V = span{ cos(q), sin(q/2)^2, cos(q)^2, sin(q)^2 }\n";
     let model = learn(space, &data, &Options::default());
     assert_eq!(model.unlearnable.len(), 3, "{:?}", model.unlearnable);
-    assert!(model.unlearnable.iter().all(|s| s.contains("cannot tell them apart")));
+    assert!(model.unlearnable.iter().all(|s| s.contains("not identifiable")));
     assert!(model.unlearnable.iter().any(|s| s.contains("sin(q/2)^2") && s.contains("cos(q)")));
 }
 

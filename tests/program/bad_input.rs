@@ -148,7 +148,7 @@ const BAD: &[Bad] = &[
         spec: "T = p^2/2\nV = -q^6",
         data: DATA,
         command: &["simulate", "s.ham", "--start", "q=1,p=1", "--dt=1", "--samples=30"],
-        says: &["run 1 leaves the finite numbers", "shorten"],
+        says: &["run 1 diverges", "shorten"],
     },
     Bad {
         what: "a series of a law with a jump",

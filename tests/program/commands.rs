@@ -106,7 +106,7 @@ fn simulate_makes_pairs_within_energies() {
     gaps.extend(["--gaps=0.4", "--check-energy"]);
     let done = good(path, &gaps);
     assert!((6..=8).contains(&done.out.lines().count()), "{}", done.out);
-    assert!(done.err.contains("strays by"), "{}", done.err);
+    assert!(done.err.contains("stays within"), "{}", done.err);
 }
 
 #[test]

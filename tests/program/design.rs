@@ -51,7 +51,7 @@ fn a_run_is_proposed_between_two_effects_and_can_be_simulated() {
     }
 
     let text = good(folder.path(), &words).out;
-    for part in ["Asked for", "Measure a run that starts at", "if this is true", "a repeat"] {
+    for part in ["as asked for", "Measure a run that starts at", "true effect", "a repeat"] {
         assert!(text.contains(part), "{part} in {text}");
     }
     good(folder.path(), &["fit", "s.ham"]);

@@ -109,7 +109,7 @@ pub fn walk(stage: &Stage, course: &Course) -> Result<Value> {
     let spec = stage.folder.join("fit.ham");
     write_atomically(&spec, course.spec.as_bytes())?;
     let opening = format!(
-        "Nature: {}, {} samples in {} runs, noise {}. The spec, as if nothing were known:",
+        "The measurements: {}, {} samples in {} runs, noise {}. The spec, as if nothing were known:",
         course.about,
         data.samples(),
         data.runs.len(),

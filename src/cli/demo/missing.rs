@@ -91,7 +91,7 @@ fn story(stage: &Stage, runs: usize) -> Result<Value> {
         stage.console.text(&format!("\n{line:=<width$}\n\n", width = WIDTH))
     };
     say(&format!(
-        "Nature: {runs} swings of a pendulum, with noise of {} % and an effect that the spec does \
+        "The measurements: {runs} swings of a pendulum, with noise of {} % and an effect that the spec does \
          not know of. The spec:",
         100.0 * NOISE
     ))?;

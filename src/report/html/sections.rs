@@ -5,6 +5,7 @@ use std::fmt::Write;
 use super::{Page, shown, tables};
 use crate::diagnose::missing::Verdict;
 use crate::report::plots::{Figure, amount, escaped, number, plot, term, times, unit};
+use crate::report::present;
 use crate::simplify::Style;
 
 /// A heading and what stands below it.
@@ -34,9 +35,9 @@ pub fn all(page: &Page, figures: &Drawn) -> Vec<Section> {
             body: several(figures, &["portrait", "energy"]),
         },
         Section { id: "search", title: "How the terms were found", body: search(page, figures) },
-        Section { id: "ledger", title: "How the spec came about", body: ledger(page, figures) },
+        Section { id: "ledger", title: "History of the spec", body: ledger(page, figures) },
         Section { id: "data", title: "The data", body: data(page) },
-        Section { id: "again", title: "To make it again", body: again(page) },
+        Section { id: "again", title: "To reproduce this page", body: again(page) },
     ];
     sections.retain(|section| !section.body.is_empty());
     sections
@@ -54,7 +55,7 @@ pub fn cards(page: &Page) -> String {
         let over = amount(last.duration, 3, page.material.view.time.unit.as_deref());
         let (error, runs) = match last.held_out {
             Some(error) => (error, "held-out runs"),
-            None => (last.training, "runs of the training"),
+            None => (last.training, "training runs"),
         };
         card(
             &format!("{} × noise", times(error)),
@@ -72,9 +73,7 @@ pub fn cards(page: &Page) -> String {
         let first = diagnosis.ranking.first().map_or("", |leader| leader.effect.as_str());
         match diagnosis.verdict {
             Verdict::Missing => card(first, "is missing, as far as these data can say"),
-            Verdict::NothingMissing => {
-                card("nothing", "is missing that would stand out of the noise")
-            }
+            Verdict::NothingMissing => card("nothing", "is missing that stands out of the noise"),
             Verdict::Unexplained => {
                 card("unnamed", "something is missing that the catalogue lacks")
             }
@@ -185,7 +184,7 @@ fn verdict(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Missing => "Something is missing",
         Verdict::NothingMissing => "Nothing is missing",
-        Verdict::Unexplained => "Something is missing that has no name here",
+        Verdict::Unexplained => "Something is missing that the catalogue does not have",
         Verdict::TooLittleData => "Too little data to say what is missing",
     }
 }
@@ -250,7 +249,7 @@ fn missing(page: &Page, figures: &Drawn) -> String {
         if !diagnosis.indistinguishable.is_empty() {
             let _ = writeln!(
                 out,
-                "<p>These data cannot tell {} from {}.</p>",
+                "<p>These data cannot distinguish {} from {}.</p>",
                 escaped(&first.effect),
                 escaped(&diagnosis.indistinguishable.join(", "))
             );
@@ -265,25 +264,20 @@ fn missing(page: &Page, figures: &Drawn) -> String {
         let then: Vec<&str> = diagnosis.then.iter().map(|leader| leader.effect.as_str()).collect();
         let _ = writeln!(
             out,
-            "<p>By its own merits there would follow: {}.</p>",
+            "<p>With it in the model, these would explain what is left: {}.</p>",
             escaped(&then.join(", then "))
         );
     }
     if let Some(unnamed) = &diagnosis.unnamed {
         let _ = writeln!(
             out,
-            "<p>The best term without a name ({}), to be understood before it is used:</p>\n\
+            "<p>The best term outside the catalogue ({}), to be understood before it is used:</p>\n\
              <pre>{}</pre>",
             escaped(&unnamed.effect),
             escaped(&unnamed.snippet)
         );
     }
-    let _ = writeln!(
-        out,
-        "<p class=\"soft\">{} effects of the catalogue were asked, in {} tries; chances have all \
-         tries paid for.</p>",
-        diagnosis.candidates, diagnosis.tried
-    );
+    let _ = writeln!(out, "<p class=\"soft\">{}</p>", escaped(&present::tested(diagnosis)));
     out
 }
 
@@ -302,7 +296,7 @@ fn search(page: &Page, figures: &Drawn) -> String {
     out += &tables::runners_up(model).html();
     let doubts = model.alternatives.iter().take(12).map(|exchange| {
         format!(
-            "These data can hardly tell {} from {} (criterion +{:.1})",
+            "These data can hardly distinguish {} from {} (criterion +{:.1})",
             term(&exchange.term),
             term(&exchange.instead),
             exchange.difference

@@ -143,16 +143,15 @@ pub fn forces(comparison: &Comparison) -> Table {
                 plain(&map.against),
                 tenths(map.deviance),
                 map.degrees.to_string(),
-                chance(map.p_value),
+                p_value_text(map.p_value),
             ]
         })
         .collect();
-    let head =
-        ["force on", "against", "deviance", "degrees of freedom", "chance if nothing is missing"];
+    let head = ["force on", "against", "deviance", "degrees of freedom", "p-value"];
     table(&head, rows, &[2, 3, 4])
 }
 
-fn chance(p: f64) -> String {
+fn p_value_text(p: f64) -> String {
     if p < 1e-12 { "< 10⁻¹²".to_string() } else { number(p, 2) }
 }
 
@@ -168,13 +167,13 @@ pub fn leaders(diagnosis: &Diagnosis) -> Table {
                 leader.effect.clone(),
                 numbers.join(", "),
                 tenths(leader.deviance),
-                chance(leader.p_value),
+                p_value_text(leader.p_value),
                 number(leader.held_out_error_before, 3),
                 number(leader.held_out_error_after, 3),
             ]
         })
         .collect();
-    let head = ["effect", "coefficient", "deviance", "chance", "held-out before", "after"];
+    let head = ["effect", "coefficient", "deviance", "p-value", "held-out error before", "after"];
     table(&head, rows, &[1, 2, 3, 4, 5])
 }
 

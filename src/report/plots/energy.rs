@@ -47,7 +47,7 @@ pub fn figures(material: &Material) -> Vec<Figure> {
     let losing = drifting.iter().filter(|e| e.rate < 0.0).count();
     let caption = format!(
         "Energy of the model at the states that were measured: constant where the motion keeps \
-         H and the model is right. It drifts in {} of {judged} runs of the training{}.",
+         H and the model is right. It drifts in {} of {judged} training runs{}.",
         drifting.len(),
         if drifting.is_empty() {
             String::new()

@@ -2,7 +2,7 @@
 
 use super::axes::Axis;
 use super::figure::{Figure, Mark, Panel};
-use super::forces::{chance, force_unit};
+use super::forces::{force_unit, p_value_text};
 use super::{Material, label};
 use crate::diagnose::plane::{ForceNode, ForcePlane};
 use crate::diagnose::view::View;
@@ -41,10 +41,9 @@ fn figure(view: &View, plane: &ForcePlane) -> Option<Figure> {
     let telling = plane.p_value < TELLING;
     let mut caption = format!(
         "Force on {name} that the model lacks, over {name} and {}. The stronger the colour, the \
-         larger the force (vermilion and + push up, blue and − push down). Noise does as much with \
-         a chance of {}",
+         larger the force (vermilion and + push up, blue and − push down). If nothing were missing, noise alone would reach this with a probability (p-value) of {}",
         label::plain(&p.name),
-        chance(plane.p_value),
+        p_value_text(plane.p_value),
     );
     caption += &if telling {
         format!(
@@ -53,7 +52,7 @@ fn figure(view: &View, plane: &ForcePlane) -> Option<Figure> {
             nodes.len()
         )
     } else {
-        ": nothing to see.".to_string()
+        ": not significant.".to_string()
     };
     let mut figure = Figure::new(&format!("force-map-{}", q.name), title, caption);
     let half = |all: &[f64]| 0.5 * (all[1] - all[0]);

@@ -39,15 +39,17 @@ pub fn figure(view: &View, map: &ResidualMap) -> Option<Figure> {
     );
     caption += &match worst {
         Some((x, force, error)) if map.p_value < 1e-3 => format!(
-            "Largest at {against} = {}: {}, {:.0} standard errors from zero. Noise does as much \
-             with a chance of {}.",
+            "Largest at {against} = {}: {}, {:.0} standard errors from zero. If nothing were missing, noise alone would reach this with a probability (p-value) of {}.",
             label::number(x, 2),
             label::number(force, 3),
             (force / error).abs(),
-            chance(map.p_value)
+            p_value_text(map.p_value)
         ),
         _ => {
-            format!("Noise does as much with a chance of {}: nothing to see.", chance(map.p_value))
+            format!(
+                "If nothing were missing, noise alone would reach this with a probability (p-value) of {}: not significant.",
+                p_value_text(map.p_value)
+            )
         }
     };
     let title = format!("Missing force on {on} against {against}");
@@ -104,7 +106,7 @@ pub fn in_units_of(axis: Axis, name: &str, unit: Option<String>) -> Axis {
 }
 
 /// A p-value in words.
-pub fn chance(p: f64) -> String {
+pub fn p_value_text(p: f64) -> String {
     if !p.is_finite() {
         return "?".to_string();
     }

@@ -29,7 +29,7 @@ pub fn figures(material: &Material) -> Vec<Figure> {
         label::amount(last.duration, 3, time.unit.as_deref()),
     );
     // Before the training runs are judged again, only the held-out ones are known.
-    let training = (!last.training.is_nan()).then_some((last.training, "runs of the training"));
+    let training = (!last.training.is_nan()).then_some((last.training, "training runs"));
     let judged = training.into_iter().chain(last.held_out.map(|error| (error, "held-out runs")));
     let judged: Vec<String> =
         judged.map(|(error, runs)| format!("{} on {runs}", times(error))).collect();

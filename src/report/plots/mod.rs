@@ -125,8 +125,8 @@ pub static PLOTS: &[Plot] = &[
     },
     Plot {
         name: "path",
-        title: "Coefficients along the path of penalties",
-        absent: "The terms were not searched with a penalty.",
+        title: "Coefficients along the regularization path",
+        absent: "The terms were not searched along a regularization path.",
         figures: path::figures,
     },
     Plot {
@@ -157,7 +157,7 @@ pub fn plot(name: &str) -> Option<&'static Plot> {
 /// A number of times the noise, in words.
 pub fn times(error: f64) -> String {
     match error {
-        e if !e.is_finite() => "beyond all bounds".to_string(),
+        e if !e.is_finite() => "diverges".to_string(),
         e if e < 100.0 => format!("{e:.2}"),
         e => number(e, 3),
     }

@@ -33,13 +33,12 @@ pub fn figures(material: &Material) -> Vec<Figure> {
         chosen(b).cmp(&chosen(a)).then(largest[b].total_cmp(&largest[a])).then(a.cmp(b))
     });
     let caption = format!(
-        "Every coefficient against the penalty that is put on it: from the right, where the \
-         penalty empties the model, to the left, where it hardly counts. {} of {} terms that \
+        "Every coefficient against the L1 penalty: from the right, where the penalty empties the model, to the left, where it hardly counts. {} of {} terms that \
          appear are in the model; the model's own numbers are fitted without a penalty.",
         terms.iter().filter(|term| chosen(term)).count(),
         terms.len(),
     );
-    let title = "Coefficients along the path of penalties".to_string();
+    let title = "Coefficients along the regularization path".to_string();
     let mut figure = Figure::new("path", title, caption);
     let value = |term: &str, at: usize| {
         let own = entries[at].coefficients.iter().find(|(name, _)| name == term);

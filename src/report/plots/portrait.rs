@@ -54,7 +54,7 @@ fn figure(view: &View, portrait: &Portrait) -> Option<Figure> {
     figure.key(Style::Contour, Shape::Line, "H = const.");
     tracks(view, portrait, &mut panel);
     let seen = view.predictions.iter().any(|p| !p.held_out);
-    let what = if view.momenta_measured { "measured" } else { "from the best states" };
+    let what = if view.momenta_measured { "measured" } else { "fitted states" };
     if seen {
         figure.key(Style::Measured, Shape::Cloud, what);
     }

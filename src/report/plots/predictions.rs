@@ -26,8 +26,8 @@ pub fn figures(material: &Material) -> Vec<Figure> {
     let mut chosen: Vec<(usize, &str)> = Vec::new();
     let candidates = [
         (worst(true), "worst held-out run"),
-        (worst(false), "worst run of the training"),
-        (order.get(order.len() / 2).copied(), "middling run"),
+        (worst(false), "worst training run"),
+        (order.get(order.len() / 2).copied(), "median run"),
     ];
     for (run, why) in candidates {
         if let Some(run) = run

@@ -5,6 +5,7 @@ use super::axes::Axis;
 use super::figure::{Arrangement, Figure, Mark, Panel, Shape, Style};
 use super::{Material, forces, tenths, times};
 use crate::diagnose::missing::Diagnosis;
+use crate::report::present;
 
 /// The leaders, the best on top; and the force that is left when all that has a name is in.
 pub fn figures(material: &Material) -> Vec<Figure> {
@@ -12,7 +13,7 @@ pub fn figures(material: &Material) -> Vec<Figure> {
     let shape = diagnosis.shape.as_ref().and_then(|map| forces::figure(material.view, map));
     let shape = shape.map(|mut figure| {
         figure.id = "ranking-shape".to_string();
-        figure.title = format!("Without a name: {}", figure.title);
+        figure.title = format!("Not in the catalogue: {}", figure.title);
         figure
     });
     ranking(diagnosis).into_iter().chain(shape).collect()
@@ -24,12 +25,12 @@ fn ranking(diagnosis: &Diagnosis) -> Option<Figure> {
     let mut caption = format!(
         "Left, the evidence for each effect: by how much the deviance of the training runs falls \
          when it is added and all is fitted again. Right, the error on held-out runs before and \
-         after, in units of the noise. {} effects were asked, in {} tries.",
-        diagnosis.candidates, diagnosis.tried
+         after, in units of the noise. {}",
+        present::tested(diagnosis)
     );
     if !diagnosis.indistinguishable.is_empty() {
         caption += &format!(
-            " These data cannot tell {} from {}.",
+            " These data cannot distinguish {} from {}.",
             first.effect,
             diagnosis.indistinguishable.join(", ")
         );
@@ -77,7 +78,7 @@ fn ranking(diagnosis: &Diagnosis) -> Option<Figure> {
             error.marks.push(Mark::Markers { style, points: vec![(x, row)], texts });
         }
     }
-    figure.key(Style::Chosen, Shape::Area, "best, and what these data cannot tell from it");
+    figure.key(Style::Chosen, Shape::Area, "best, and effects indistinguishable from it");
     figure.key(Style::Baseline, Shape::Point, "before");
     figure.key(Style::Model, Shape::Point, "after");
     figure.key(Style::Reference, Shape::Line, "noise floor");

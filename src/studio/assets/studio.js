@@ -300,14 +300,14 @@
       bars.setAttribute("aria-label", `Error on held-out runs: ${two(leader.before)} times the noise now, ${two(leader.after)} with it`);
       row.append(bars);
     }
-    row.append(make("p", "soft", `Chance that it is noise: ${leader.chance}`));
+    row.append(make("p", "soft", `p-value: ${leader.p_value}`));
     return row;
   };
   const showMissing = (missing) => {
     state.missing = missing;
     const verdict = $("verdict");
     const leaders = $("leaders");
-    $("asked").textContent = missing.asked ?? "";
+    $("tested").textContent = missing.tested ?? "";
     if (missing.state !== "answered") {
       verdict.replaceChildren(make("p", "soft", STATES[missing.state] ?? ""));
       if (missing.state === "stopped") {
@@ -322,8 +322,8 @@
     }
     const box = make("div", `verdict ${missing.verdict}`);
     box.append(make("strong", "", VERDICTS[missing.verdict] ?? missing.verdict), make("span", "", `${missing.reason}.`));
-    if (missing.alike.length && missing.leaders.length) {
-      box.append(make("p", "", `These data cannot tell ${missing.leaders[0].effect} from ${missing.alike.join(", ")}.`));
+    if (missing.indistinguishable.length && missing.leaders.length) {
+      box.append(make("p", "", `These data cannot distinguish ${missing.leaders[0].effect} from ${missing.indistinguishable.join(", ")}.`));
     }
     if (missing.then.length) box.append(make("p", "", `By its own merits there would follow: ${missing.then.join(", then ")}.`));
     verdict.replaceChildren(box);
