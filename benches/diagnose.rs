@@ -1,5 +1,12 @@
 //! Speed of a diagnosis with the whole catalogue, against the number of samples.
 
+#![allow(
+    clippy::expect_used,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "a benchmark that fails stops"
+)]
+
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 
 #[path = "../examples/growth/trap.rs"]

@@ -2,6 +2,13 @@
 //!
 //! `cargo bench --bench fit`; one core: `RAYON_NUM_THREADS=1`.
 
+#![allow(
+    clippy::expect_used,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "a benchmark that fails stops"
+)]
+
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};

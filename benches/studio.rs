@@ -5,6 +5,13 @@
 //! The studio is a program of its own here, started for every measurement, and asked over HTTP as
 //! the page asks it.
 
+#![allow(
+    clippy::expect_used,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "a benchmark that fails stops"
+)]
+
 #[path = "../tests/program/support/http.rs"]
 #[allow(dead_code)]
 mod http;

@@ -3,6 +3,13 @@
 //!
 //! `cargo bench --bench trajectory`; times are for 20,000 steps of 0.01, or for the same span.
 
+#![allow(
+    clippy::expect_used,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "a benchmark that fails stops"
+)]
+
 #[path = "../examples/peers/by_hand.rs"]
 mod by_hand;
 

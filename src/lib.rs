@@ -43,8 +43,6 @@
 //! # Ok::<(), leverrier::error::Error>(())
 //! ```
 
-#![warn(missing_docs)]
-
 pub mod cli;
 pub mod data;
 pub mod diagnose;

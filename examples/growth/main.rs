@@ -9,6 +9,13 @@
 //! Files of transitions are made in a temporary folder (`--folder` names another) and fitted in
 //! processes of their own, whose peak memory the operating system tells.
 
+#![allow(
+    clippy::expect_used,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "a benchmark that fails stops"
+)]
+
 mod diagnosis;
 mod make;
 mod page;

@@ -8,6 +8,13 @@
 //! $ cargo run --release --example hidden_effects -- two                 # two effects at once
 //! ```
 
+#![allow(
+    clippy::expect_used,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "a benchmark that fails stops"
+)]
+
 #[allow(dead_code, reason = "the tests use the rest")]
 #[path = "../../tests/learning/hidden/mod.rs"]
 mod hidden;

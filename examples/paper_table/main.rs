@@ -5,6 +5,13 @@
 //! $ cargo run --release --example paper_table
 //! ```
 
+#![allow(
+    clippy::expect_used,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "a benchmark that fails stops"
+)]
+
 #[allow(dead_code, reason = "the tests use the rest")]
 #[path = "../../tests/learning/paper/mod.rs"]
 mod paper;

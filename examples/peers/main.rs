@@ -10,6 +10,13 @@
 //! their own below `target/peers` (`--folder` names another place, `--python` another
 //! interpreter). What cannot be installed is left out, and the page says why.
 
+#![allow(
+    clippy::expect_used,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "a benchmark that fails stops"
+)]
+
 mod by_hand;
 mod gradient;
 mod learning;

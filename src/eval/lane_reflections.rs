@@ -3,6 +3,8 @@
 //! Every lane has reflections of its own, so that lanes fill registers and nothing is summed
 //! across them. Whatever the number of lanes, the results are the same bits.
 
+#![allow(unsafe_code, reason = "bounds are checked once, before the loops over rows")]
+
 use std::ops::Range;
 
 use super::lanes::{REGISTER, fused, load, load_unchecked, store_unchecked};

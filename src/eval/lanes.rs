@@ -4,6 +4,8 @@
 //! belongs to a lane stays in its register. The results are the same bits for every number of
 //! lanes.
 
+#![allow(unsafe_code, reason = "bounds are checked once, before the loops over rows")]
+
 use super::processor::dispatched;
 
 /// Lanes that fill the widest register.

@@ -41,6 +41,7 @@ impl InstructionSet {
 macro_rules! dispatched {
     ($(#[$about:meta])* $visible:vis fn $name:ident($($argument:ident: $type:ty),* $(,)?) = $body:path;) => {
         $(#[$about])*
+        #[allow(unsafe_code, reason = "code for an instruction set runs where the set was found")]
         $visible fn $name(set: $crate::eval::InstructionSet, $($argument: $type),*) {
             #[cfg(target_arch = "x86_64")]
             {

@@ -4,6 +4,8 @@
 //! products are taken in eight sums side by side, the last rows padded with zeros. What compilers
 //! make of such loops depends on chance, so AVX-512 has its own, with the same bits.
 
+#![allow(unsafe_code, reason = "instructions of AVX-512, on columns whose length was checked")]
+
 use super::processor::{InstructionSet, dispatched};
 
 /// Numbers that are summed side by side.

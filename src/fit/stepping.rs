@@ -41,6 +41,7 @@ const FINEST: f64 = 1e-5;
 const MARGIN: f64 = 3.0;
 
 /// The method of a first round.
+#[expect(clippy::expect_used, reason = "both names are literals of the table")]
 pub(super) fn usual(separable: bool) -> Method {
     let name = if separable { "forest-ruth" } else { "gauss-legendre-4" };
     Method::by_name(name).expect("a row of METHODS")

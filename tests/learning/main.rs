@@ -1,5 +1,12 @@
 //! From data to a law: files, fits, what is missing of a model, and how it is shown.
 
+#![allow(
+    clippy::expect_used,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "a panic is how a test fails"
+)]
+
 mod bad_data;
 mod data;
 mod design;

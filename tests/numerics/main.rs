@@ -1,6 +1,13 @@
 //! The language, its expressions, their evaluation and integration, and the laws that are
 //! simplified and exported.
 
+#![allow(
+    clippy::expect_used,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "a panic is how a test fails"
+)]
+
 mod derivatives;
 mod effects;
 mod elementary;

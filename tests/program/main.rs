@@ -1,5 +1,12 @@
 //! The program as its users meet it: the command line, the examples, the README and the studio.
 
+#![allow(
+    clippy::expect_used,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "a panic is how a test fails"
+)]
+
 mod bad_input;
 mod commands;
 mod design;

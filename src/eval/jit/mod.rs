@@ -5,6 +5,8 @@
 //! Elementary functions are not part of it: the code is cut into *phases*, and between them a
 //! function runs over a whole row as in the interpreter.
 
+#![allow(unsafe_code, reason = "machine code is made and called")]
+
 mod assembler;
 mod memory;
 pub mod steps;

@@ -4,6 +4,8 @@
 //! half of the state, carrying what rounding took: operation by operation what the integrator
 //! does for a batch, so that the trajectory is the same to the last bit.
 
+#![allow(unsafe_code, reason = "machine code is made and called")]
+
 use iced_x86::{Code, Instruction as Machine, Register};
 use memmap2::Mmap;
 
