@@ -76,7 +76,7 @@ pub fn format_number(number: f64) -> String {
 }
 
 /// A number to four significant digits.
-pub(super) fn short(number: f64) -> String {
+pub fn short(number: f64) -> String {
     match format!("{number:.3e}").parse::<f64>() {
         Ok(rounded) => format_number(rounded),
         Err(_) => format_number(number),

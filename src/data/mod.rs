@@ -16,6 +16,10 @@ mod header;
 mod mapping;
 mod order;
 mod packed;
+#[cfg(feature = "parquet")]
+mod parquet;
+#[cfg(not(feature = "parquet"))]
+#[path = "without_parquet.rs"]
 mod parquet;
 mod quality;
 mod read;
@@ -29,12 +33,13 @@ mod table;
 mod text;
 mod write;
 
-pub use cell::{Cell, format_number, parse_cell};
+pub use cell::{Cell, format_number, parse_cell, short};
 pub use cells::Cells;
 pub use delimiter::Delimiter;
 pub use format::{Format, read, read_bytes, to_bytes};
 pub use mapping::{ColumnMap, Mapping, ObservableMap, TIME_NAMES};
 pub use packed::{Packed, typical_step};
+#[cfg(feature = "parquet")]
 pub use parquet::{ParquetWriter, to_parquet};
 pub use quality::{Suspicion, SuspicionKind};
 pub use report::{ColumnReport, DataReport, FileReport, Gap, RunReport, Sampling, Streamed};

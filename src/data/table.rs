@@ -79,7 +79,7 @@ impl Reading {
     }
 
     /// In words, for people.
-    pub(super) fn sentence(&self) -> String {
+    pub(crate) fn sentence(&self) -> String {
         match self {
             Reading::Text(text) => format!(
                 "{}, {} between cells{}",

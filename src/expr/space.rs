@@ -1,9 +1,7 @@
 //! What `check` prints: the expanded function space, its units, and what cannot be learned.
 
 use std::collections::BTreeSet;
-use std::fmt::Write;
 
-use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use serde::Serialize;
 
 use super::graph::Expr;
@@ -173,93 +171,10 @@ impl FunctionSpace {
             warnings: compiled.warnings.clone(),
         }
     }
-
-    /// As text for people; `width` columns wide at most.
-    pub fn text(&self, width: u16) -> String {
-        let mut out = format!("{}\n", self.system);
-        let lists = [
-            ("coordinates", &self.coordinates),
-            ("momenta", &self.momenta),
-            ("velocities", &self.velocities),
-        ];
-        for (title, list) in lists {
-            if list.is_empty() {
-                continue;
-            }
-            let one = |v: &SpaceVariable| match &v.unit {
-                Some(unit) => format!("{} [{unit}]", v.name),
-                None => v.name.clone(),
-            };
-            let _ =
-                writeln!(out, "  {title}: {}", list.iter().map(one).collect::<Vec<_>>().join(", "));
-        }
-        if let Some(unit) = &self.energy_unit {
-            let _ = writeln!(out, "  unit of H: [{unit}]");
-        }
-        if !self.known.is_empty() {
-            out.push_str("\nknown\n");
-            for part in &self.known {
-                let _ = writeln!(out, "  {} = {}", part.place, part.expression);
-            }
-        }
-        let _ = writeln!(out, "\nlearned: {} terms", self.terms.len());
-        if !self.terms.is_empty() {
-            let with_units = self.terms.iter().any(|term| term.unit.is_some());
-            let with_bounds = self.terms.iter().any(|term| !term.bounds.is_empty());
-            let with_effects = self.terms.iter().any(|term| term.effect.is_some());
-            let mut table = plain_table(width);
-            let mut header = vec!["", "coefficient", "term"];
-            header.extend(with_units.then_some("unit"));
-            header.extend(with_bounds.then_some("bounds"));
-            header.extend(with_effects.then_some("effect"));
-            table.set_header(header);
-            for term in &self.terms {
-                let mut row = vec![term.place.clone(), term.name.clone(), term.label.clone()];
-                row.extend(with_units.then(|| term.unit.clone().unwrap_or_default()));
-                row.extend(with_bounds.then(|| term.bounds.clone()));
-                row.extend(with_effects.then(|| term.effect.clone().unwrap_or_default()));
-                table.add_row(row);
-            }
-            push_table(&mut out, &table);
-        }
-        if !self.parameters.is_empty() {
-            out.push_str("\nparameters\n");
-            let mut table = plain_table(width);
-            table.set_header(["", "start", "unit", "bounds"]);
-            for parameter in &self.parameters {
-                let starts: Vec<String> = parameter.starts.iter().map(f64::to_string).collect();
-                let unit = parameter.unit.clone().unwrap_or_default();
-                table.add_row([&parameter.name, &starts.join(", "), &unit, &parameter.bounds]);
-            }
-            push_table(&mut out, &table);
-        }
-        out.push_str("\ncannot be learned\n");
-        for sentence in &self.cannot_be_learned {
-            let _ = writeln!(out, "  - {sentence}");
-        }
-        out
-    }
 }
 
 fn join(parts: impl Iterator<Item = String>) -> String {
     parts.collect::<Vec<_>>().join(", ")
-}
-
-fn plain_table(width: u16) -> Table {
-    let mut table = Table::new();
-    table.load_style(presets::NOTHING);
-    table.set_content_arrangement(ContentArrangement::Dynamic);
-    table.set_width(width);
-    if let Some(column) = table.column_mut(0) {
-        column.set_cell_alignment(CellAlignment::Left);
-    }
-    table
-}
-
-fn push_table(out: &mut String, table: &Table) {
-    for line in table.to_string().lines() {
-        let _ = writeln!(out, "  {}", line.trim_end());
-    }
 }
 
 /// What no measurement can tell, as sentences.

@@ -1,12 +1,15 @@
 //! Results as people read them.
 
+mod data;
 mod design;
 mod diagnosis;
+mod diagnostic;
 pub mod document;
 pub mod html;
 pub mod layout;
 pub mod plots;
 pub mod present;
+mod space;
 mod text;
 
 use serde_json::{Value, json};
