@@ -1,6 +1,7 @@
 //! Writing files whole or not at all, and data sets as CSV.
 
-use std::io::Write;
+use std::fs::File;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use super::cell::format_number;
@@ -164,34 +165,50 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
         let message = format!("there is no folder {}", folder.display());
         return Err(failed(std::io::Error::other(message)));
     }
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".leverrier-");
-    // Temporary files are private by default; a result is as open as other new files.
-    #[cfg(unix)]
-    let open = <std::fs::Permissions as std::os::unix::fs::PermissionsExt>::from_mode(0o666);
-    #[cfg(unix)]
-    builder.permissions(open);
-    let mut file = builder.tempfile_in(&folder).map_err(|error| failed(without_path(&error)))?;
-    file.write_all(bytes)
-        .and_then(|()| file.as_file().sync_all())
-        .map_err(|error| failed(without_path(&error)))?;
+    let mut beside = Beside::create(&folder).map_err(failed)?;
+    beside.file.write_all(bytes).and_then(|()| beside.file.sync_all()).map_err(failed)?;
     if let Some(old) = old {
-        file.as_file().set_permissions(old.permissions()).map_err(failed)?;
+        beside.file.set_permissions(old.permissions()).map_err(failed)?;
     }
-    file.persist(&target).map_err(|error| failed(without_path(&error.error)))?;
-    Ok(())
+    beside.rename(&target).map_err(failed)
 }
 
-/// The error without the name of the temporary file, which would only confuse.
-fn without_path(error: &std::io::Error) -> std::io::Error {
-    let inner = error
-        .get_ref()
-        .and_then(|inner| inner.source())
-        .and_then(|source| source.downcast_ref::<std::io::Error>())
-        .and_then(std::io::Error::raw_os_error)
-        .or_else(|| error.raw_os_error());
-    match inner {
-        Some(code) => std::io::Error::from_raw_os_error(code),
-        None => std::io::Error::from(error.kind()),
+/// A file under a name of its own, which goes away unless it gets the name that it is meant for.
+struct Beside {
+    path: PathBuf,
+    file: File,
+    renamed: bool,
+}
+
+/// Names that are tried: so many files would have to be left over from killed programs.
+const NAMES: u32 = 10_000;
+
+impl Beside {
+    fn create(folder: &Path) -> io::Result<Beside> {
+        let mut taken = io::Error::from(io::ErrorKind::AlreadyExists);
+        for number in 0..NAMES {
+            let path = folder.join(format!(".leverrier-{}-{number}", std::process::id()));
+            match File::create_new(&path) {
+                Ok(file) => return Ok(Beside { path, file, renamed: false }),
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => taken = error,
+                Err(error) => return Err(error),
+            }
+        }
+        Err(taken)
+    }
+
+    fn rename(mut self, target: &Path) -> io::Result<()> {
+        std::fs::rename(&self.path, target)?;
+        self.renamed = true;
+        Ok(())
+    }
+}
+
+impl Drop for Beside {
+    fn drop(&mut self) {
+        if !self.renamed {
+            // What cannot be removed is left: there is nobody to tell.
+            let _ = std::fs::remove_file(&self.path);
+        }
     }
 }
