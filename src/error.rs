@@ -124,6 +124,8 @@ pub enum ErrorKind {
     AlreadyExists,
     /// A file was changed by somebody else since it was read or written here.
     ChangedMeanwhile,
+    /// It belongs to a feature of this crate that is not switched on.
+    NotBuiltIn,
     /// A model cannot be written in a format, or a figure cannot be drawn.
     Export,
     /// What is asked for is still being worked on.

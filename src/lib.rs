@@ -43,6 +43,10 @@
 //! # Ok::<(), leverrier::error::Error>(())
 //! ```
 
+// What only a feature uses is not worth a mark of its own: with all of them on, nothing is dead.
+#![cfg_attr(not(all(feature = "studio", feature = "parquet")), allow(dead_code, unused_imports))]
+
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod data;
 pub mod diagnose;
@@ -50,12 +54,17 @@ pub mod diagnostic;
 pub mod dynamics;
 pub mod error;
 pub mod eval;
+#[cfg(feature = "export")]
 pub mod export;
 pub mod expr;
 pub mod fit;
+#[cfg(feature = "cli")]
 mod project;
+#[cfg(feature = "cli")]
 pub mod report;
+#[cfg(feature = "export")]
 pub mod simplify;
 pub mod simulate;
 pub mod spec;
+#[cfg(feature = "studio")]
 mod studio;

@@ -17,6 +17,7 @@ mod report;
 mod revise;
 mod simulate;
 mod splitting;
+#[cfg(feature = "studio")]
 mod studio;
 mod values;
 
@@ -78,6 +79,7 @@ enum Command {
     Simulate(simulate::Arguments),
     Export(export::Arguments),
     Report(report::Arguments),
+    #[cfg(feature = "studio")]
     Studio(studio::Arguments),
     Demo(demo::Arguments),
 }
@@ -105,6 +107,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(arguments) => simulate::run(&arguments, &console),
         Command::Export(arguments) => export::run(&arguments, &console),
         Command::Report(arguments) => report::run(&arguments, &console),
+        #[cfg(feature = "studio")]
         Command::Studio(arguments) => studio::run(&arguments, &console),
         Command::Demo(arguments) => demo::run(&arguments, &console),
     };

@@ -18,7 +18,9 @@ use crate::diagnose::missing::Diagnosis;
 use crate::error::{Error, Result};
 use crate::report::document;
 use crate::report::html::{self, Drawn, Page};
-use crate::report::plots::{IMAGES, Look, Paper, escaped_id, image, plot, require_scale};
+use crate::report::plots::{
+    IMAGES, Look, Paper, escaped_id, image, plot, printable, require_scale,
+};
 
 /// Write one page that shows the law, where it fails, what is missing, and how it was found.
 ///
@@ -123,12 +125,12 @@ impl Document {
 
     /// Writes the figures, then the text; how many bytes the text has.
     fn write(&self, path: &Path, drawn: &Drawn) -> Result<usize> {
+        let kind = printable()?;
         let folder = path.with_file_name(&self.folder);
         std::fs::create_dir_all(&folder).map_err(|error| Error::file("create", &folder, error))?;
         let look = Look { paper: Some(Paper::Light), scale: FOR_PRINT };
         for (name, figure) in document::files(drawn) {
-            let kind = image("png").map_or_else(|| Ok(Vec::new()), |png| (png.draw)(figure, look));
-            write_atomically(&folder.join(name), &kind?)?;
+            write_atomically(&folder.join(name), &(kind.draw)(figure, look)?)?;
         }
         write_atomically(path, self.text.as_bytes())?;
         Ok(self.text.len())

@@ -1,10 +1,14 @@
 //! Kinds of picture files that figures are written as.
 
 use super::figure::Figure;
+#[cfg(feature = "pictures")]
 use super::raster::png;
 use super::style::Paper;
 use super::svg::{For, draw};
-use crate::error::Result;
+use crate::error::{Error, ErrorKind, Result};
+
+/// Largest and smallest number of pixels of a picture for one of a screen.
+pub const SCALES: std::ops::RangeInclusive<f64> = 0.25..=8.0;
 
 /// How a picture is wanted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,6 +48,7 @@ pub static IMAGES: &[Image] = &[
             Ok(draw(figure, target).into_bytes())
         },
     },
+    #[cfg(feature = "pictures")]
     Image {
         name: "png",
         media: "image/png",
@@ -55,4 +60,33 @@ pub static IMAGES: &[Image] = &[
 /// A kind by its name.
 pub fn image(name: &str) -> Option<&'static Image> {
     IMAGES.iter().find(|row| row.name == name)
+}
+
+/// The kind that goes into documents for print.
+///
+/// # Errors
+/// The program was built without pictures.
+pub fn printable() -> Result<&'static Image> {
+    image("png").ok_or_else(|| {
+        Error::new(
+            ErrorKind::NotBuiltIn,
+            "pictures of pixels are left out of this program",
+            "build it with the feature `pictures`",
+        )
+    })
+}
+
+/// That pictures can be drawn with so many pixels for each of a screen.
+///
+/// # Errors
+/// The scale is not one of [`SCALES`].
+pub fn require_scale(scale: f64) -> Result<()> {
+    if SCALES.contains(&scale) {
+        return Ok(());
+    }
+    Err(Error::new(
+        ErrorKind::InvalidArgument,
+        format!("a picture cannot be drawn at a scale of {scale}"),
+        format!("give a scale from {} to {}", SCALES.start(), SCALES.end()),
+    ))
 }

@@ -20,6 +20,7 @@ mod path;
 mod portrait;
 pub mod predictions;
 mod ranking;
+#[cfg(feature = "pictures")]
 mod raster;
 mod style;
 mod svg;
@@ -29,9 +30,8 @@ use serde::Serialize;
 
 pub use axes::{Axis, Scale, Tick};
 pub use figure::Figure;
-pub use image::{IMAGES, Image, Look, image};
+pub use image::{IMAGES, Image, Look, SCALES, image, printable, require_scale};
 pub use label::{amount, measured, number, plain, tenths, term, unit};
-pub use raster::{SCALES, require_scale};
 pub use style::{Paper, SCRIPT, live_sheet, sheet};
 pub use svg::{For, draw, escaped};
 

@@ -10,12 +10,10 @@ use resvg::usvg::fontdb::Database;
 use resvg::usvg::{Options, Tree};
 
 use super::figure::Figure;
+use super::image::require_scale;
 use super::style::Paper;
 use super::svg::{For, draw};
 use crate::error::{Error, ErrorKind, Result};
-
-/// Largest and smallest number of pixels of a picture for one of a screen.
-pub const SCALES: std::ops::RangeInclusive<f64> = 0.25..=8.0;
 
 const SANS: &str = "DejaVu Sans";
 const SERIF: &str = "DejaVu Serif";
@@ -46,21 +44,6 @@ fn own_fonts() -> Database {
     fonts.set_sans_serif_family(SANS);
     fonts.set_serif_family(SERIF);
     fonts
-}
-
-/// That pictures can be drawn with so many pixels for each of a screen.
-///
-/// # Errors
-/// The scale is not one of [`SCALES`].
-pub fn require_scale(scale: f64) -> Result<()> {
-    if SCALES.contains(&scale) {
-        return Ok(());
-    }
-    Err(Error::new(
-        ErrorKind::InvalidArgument,
-        format!("a picture cannot be drawn at a scale of {scale}"),
-        format!("give a scale from {} to {}", SCALES.start(), SCALES.end()),
-    ))
 }
 
 /// The figure as a PNG file, with `scale` pixels for each of a screen.
