@@ -3,9 +3,10 @@
 use std::fmt::Write;
 
 use super::code::{self, Dialect, number};
+use super::escape::c_comment as comment;
 use super::model::{Identifiers, Model};
 use super::number::with_uncertainty;
-use super::{Export, IntegratorKind, Output, Tableau, one_line};
+use super::{Export, IntegratorKind, Output, Tableau};
 use crate::error::Result;
 use crate::expr::{Expr, FUNCTIONS, Function, Symbol};
 
@@ -82,6 +83,8 @@ const KEYWORDS: &[&str] = &[
     "FP_NAN",
     "FP_ZERO",
     "FP_INFINITE",
+    "linux",
+    "unix",
 ];
 
 /// Names that a symbol of the model must not have.
@@ -110,11 +113,6 @@ pub fn export(export: &Export) -> Result<Output> {
         ("example.c", EXAMPLE.to_string()),
     ];
     Ok(Output::Files(files.into_iter().map(|(path, text)| (path.to_string(), text)).collect()))
-}
-
-/// User text inside a comment, which it must not end.
-fn comment(text: &str) -> String {
-    one_line(text).replace("*/", "* /").replace("/*", "/ *")
 }
 
 fn header(export: &Export) -> String {

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use super::escape::plain_latex as text;
 use super::letters;
 use super::model::Model;
 use super::number::Measured;
@@ -187,10 +188,4 @@ fn table<const N: usize>(columns: &str, head: &[&str; N], rows: &[[String; N]]) 
         out += "\\end{tabular}\n\n";
     }
     out
-}
-
-/// Text of a user; letters that plain LaTeX does not know are written as question marks.
-fn text(text: &str) -> String {
-    let known = |c: char| if c.is_ascii() || ('\u{a1}'..='\u{ff}').contains(&c) { c } else { '?' };
-    letters::escape(&text.chars().map(known).collect::<String>())
 }

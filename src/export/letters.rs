@@ -1,4 +1,4 @@
-//! Names and text of a user in LaTeX.
+//! Names of a user in LaTeX.
 
 /// Names that mean a Greek letter; LaTeX's command is the name itself.
 const GREEK: &[&str] = &[
@@ -113,28 +113,6 @@ fn word(text: &str) -> String {
     format!(r"\mathrm{{{plain}}}")
 }
 
-/// Text outside of mathematics: what LaTeX would take as a command is escaped.
-pub fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '\\' => out.push_str(r"\textbackslash{}"),
-            '~' => out.push_str(r"\textasciitilde{}"),
-            '^' => out.push_str(r"\textasciicircum{}"),
-            '<' => out.push_str(r"\textless{}"),
-            '>' => out.push_str(r"\textgreater{}"),
-            '|' => out.push_str(r"\textbar{}"),
-            '&' | '%' | '$' | '#' | '_' | '{' | '}' => {
-                out.push('\\');
-                out.push(c);
-            }
-            c if c.is_control() => out.push(' '),
-            c => out.push(c),
-        }
-    }
-    out
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -166,12 +144,6 @@ mod tests {
         assert_eq!(dotted("q[1]"), r"\dot{q}_{1}");
         assert_eq!(dotted("theta"), r"\dot{\theta}");
         assert_eq!(dotted("p_theta"), r"\dot{p}_{\theta}");
-    }
-
-    #[test]
-    fn text_cannot_give_commands() {
-        assert_eq!(escape(r"50% of \a_{b}"), r"50\% of \textbackslash{}a\_\{b\}");
-        assert_eq!(escape("a\nb"), "a b");
     }
 
     proptest! {

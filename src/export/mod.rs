@@ -4,6 +4,7 @@
 
 mod c;
 mod code;
+pub mod escape;
 mod json;
 mod latex;
 pub mod letters;
@@ -101,14 +102,14 @@ pub struct Provenance {
 }
 
 impl Provenance {
-    /// One line for each fact, without the end of the line.
+    /// One line for each fact, to be escaped for where it is to stand.
     fn lines(&self) -> Vec<String> {
         let mut lines = vec![
             format!("Leverrier {}", self.version),
-            format!("spec {} (SHA-256 {})", one_line(&self.spec.0), self.spec.1),
+            format!("spec {} (SHA-256 {})", self.spec.0, self.spec.1),
         ];
         if let Some((name, hash)) = &self.data {
-            lines.push(format!("data {} (SHA-256 {hash})", one_line(name)));
+            lines.push(format!("data {name} (SHA-256 {hash})"));
         }
         lines.push(format!("seed {}", self.seed));
         lines
@@ -216,9 +217,4 @@ impl Export<'_> {
     fn parameter_error(&self, i: usize) -> f64 {
         self.parameter_errors.get(i).copied().unwrap_or(f64::NAN)
     }
-}
-
-/// Text from a user that goes into a comment: no line may end inside it.
-fn one_line(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }

@@ -2,8 +2,9 @@
 
 use std::fmt::Write;
 
+use super::escape::{fill, python_comment, python_docstring, python_string as literal};
 use super::model::{Identifiers, Model};
-use super::{Export, Output, one_line};
+use super::{Export, Output};
 use crate::error::Result;
 use crate::expr::{Expr, FUNCTIONS, Function, Names, Place, Symbol, System, Variable};
 
@@ -62,6 +63,14 @@ const KEYWORDS: &[&str] = &[
     "field",
     "simulate",
     "numbers",
+    "abs",
+    "float",
+    "list",
+    "max",
+    "print",
+    "range",
+    "zip",
+    "ArithmeticError",
     "SEPARABLE",
     "STEP",
     "START",
@@ -117,7 +126,7 @@ pub fn export(export: &Export) -> Result<Output> {
             symbols,
             "{name} = sympy.Symbol({}, real=True)  # {}",
             literal(&constant.name),
-            one_line(&constant.meaning)
+            python_comment(&constant.meaning)
         );
     }
     let mut values = String::new();
@@ -143,23 +152,30 @@ pub fn export(export: &Export) -> Result<Output> {
                 && model.accelerations.iter().all(|&a| !graph.depends_on(a, Symbol::Momentum(i)))
         })
     };
-    let provenance: String =
-        export.provenance.lines().iter().map(|line| format!("{}\n", plain(line))).collect();
-    // User text last: it must not be searched for the places of other parts.
-    let text = TEMPLATE
-        .replace("@functions", &functions(&model))
-        .replace("@separable", if separable { "True" } else { "False" })
-        .replace("@step", &format!("{:?}", export.step))
-        .replace("@start_time", &format!("{start_time:?}"))
-        .replace("@start", &format!("{start:?}"))
-        .replace("@kinetic", &python(parts.kinetic))
-        .replace("@potential", &python(parts.potential))
-        .replace("@rest", &python(parts.rest))
-        .replace("@forces", &forces)
-        .replace("@values", &values)
-        .replace("@symbols", &symbols)
-        .replace("@provenance", provenance.trim_end())
-        .replace("@name", &plain(&system.name));
+    let provenance: String = export
+        .provenance
+        .lines()
+        .iter()
+        .map(|line| format!("{}\n", python_docstring(line)))
+        .collect();
+    let text = fill(
+        TEMPLATE,
+        &[
+            ("name", &python_docstring(&system.name)),
+            ("provenance", provenance.trim_end()),
+            ("functions", &functions(&model)),
+            ("symbols", &symbols),
+            ("values", &values),
+            ("kinetic", &python(parts.kinetic)),
+            ("potential", &python(parts.potential)),
+            ("rest", &python(parts.rest)),
+            ("forces", &forces),
+            ("start", &format!("{start:?}")),
+            ("start_time", &format!("{start_time:?}")),
+            ("step", &format!("{:?}", export.step)),
+            ("separable", if separable { "True" } else { "False" }),
+        ],
+    );
     Ok(Output::Text(text))
 }
 
@@ -204,7 +220,8 @@ fn symbol_list(variables: &[Variable]) -> String {
     variables
         .iter()
         .map(|variable| {
-            let unit = variable.unit_text.as_ref().map(|unit| format!("  # {}", one_line(unit)));
+            let unit =
+                variable.unit_text.as_ref().map(|unit| format!("  # {}", python_comment(unit)));
             let name = literal(&variable.name);
             format!("    sympy.Symbol({name}, real=True),{}\n", unit.unwrap_or_default())
         })
@@ -247,13 +264,4 @@ fn translate(text: &str, time: &str) -> String {
         }
     }
     out
-}
-
-fn literal(text: &str) -> String {
-    format!("\"{}\"", one_line(text).replace('\\', "\\\\").replace('"', "\\\""))
-}
-
-/// Text inside a docstring, which it must not end.
-fn plain(text: &str) -> String {
-    one_line(text).replace('\\', "/").replace('"', "'").replace('@', "(at)")
 }

@@ -5,9 +5,10 @@
 use std::fmt::Write;
 
 use super::code::{self, Dialect, number};
+use super::escape::{rust_doc as doc, rust_string as literal};
 use super::model::{Identifiers, Model, identifier};
 use super::number::with_uncertainty;
-use super::{Export, IntegratorKind, Output, Tableau, one_line};
+use super::{Export, IntegratorKind, Output, Tableau};
 use crate::error::Result;
 use crate::expr::{Expr, FUNCTIONS, Function, Symbol};
 
@@ -187,7 +188,7 @@ fn package_name(name: &str) -> String {
 }
 
 fn comment(start: &str, lines: &[String]) -> String {
-    lines.iter().map(|line| format!("{start}{line}\n")).collect()
+    lines.iter().map(|line| format!("{start}{}\n", doc(line))).collect()
 }
 
 fn array(name: &str, values: &[f64]) -> String {
@@ -206,19 +207,6 @@ fn with_tableau(template: &str, tableau: &Tableau) -> String {
         .replace("const NODES: [f64; 0] = [];", &array("NODES", &tableau.nodes))
 }
 
-/// A string literal.
-fn literal(text: &str) -> String {
-    let mut out = String::from("\"");
-    for c in one_line(text).chars() {
-        if matches!(c, '"' | '\\') {
-            out.push('\\');
-        }
-        out.push(c);
-    }
-    out.push('"');
-    out
-}
-
 fn literals(names: impl Iterator<Item = String>) -> String {
     names.map(|name| format!("    {},\n", literal(&name))).collect()
 }
@@ -228,7 +216,7 @@ fn model_file(export: &Export, model: &Model) -> String {
     let n = system.degrees();
     let names = Identifiers::new(export, model, reserved(), true);
     let (start_time, start) = export.start_or_default();
-    let mut out = format!("//! The model {}.\n//!\n", one_line(&system.name));
+    let mut out = format!("//! The model {}.\n//!\n", doc(&system.name));
     out += "//! dq/dt = dH/dp and dp/dt = F - dH/dq.\n\n";
     let _ = writeln!(
         out,
@@ -294,13 +282,13 @@ fn model_file(export: &Export, model: &Model) -> String {
         model.smooth
     );
     for constant in &model.constants {
-        let unit = constant.unit.as_ref().map(|unit| format!(" [{}]", one_line(unit)));
+        let unit = constant.unit.as_ref().map(|unit| format!(" [{unit}]"));
+        let value = with_uncertainty(constant.value, constant.standard_error);
+        let about = format!("{}: {value}{}", constant.meaning, unit.unwrap_or_default());
         let _ = writeln!(
             out,
-            "/// {}: {}{}\npub const {}: f64 = {};",
-            doc(&constant.meaning),
-            with_uncertainty(constant.value, constant.standard_error),
-            doc(&unit.unwrap_or_default()),
+            "/// {}\npub const {}: f64 = {};",
+            doc(&about),
             names.of(constant.symbol),
             number(constant.value),
         );
@@ -338,11 +326,6 @@ fn model_file(export: &Export, model: &Model) -> String {
     out.truncate(out.trim_end().len());
     out.push('\n');
     out
-}
-
-/// Text in a doc comment: brackets would be links.
-fn doc(text: &str) -> String {
-    one_line(text).replace('[', "\\[").replace(']', "\\]")
 }
 
 struct Functions<'a> {
@@ -423,10 +406,5 @@ mod tests {
         assert_eq!(package_name("Hénon-Heiles, 2"), "simulate_henon_heiles_x2");
         assert_eq!(package_name("\"\"/*"), "simulate");
         assert!(package_name(&"long ".repeat(50)).len() < 60);
-    }
-
-    #[test]
-    fn literals_cannot_be_left() {
-        assert_eq!(literal("a\"\\\nb"), "\"a\\\"\\\\ b\"");
     }
 }

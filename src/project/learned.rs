@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{FileDigest, ModelFile, Origin, Project, digest};
+use super::{FileDigest, ModelFile, Origin, Project, checked, digest};
 use crate::data::{DataReport, Dataset, write_atomically};
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::{Observed, System};
@@ -39,13 +39,10 @@ pub fn on_threads<T: Send>(
 /// Where a model comes from.
 pub fn origin(project: &Project, dataset: &Dataset, about: &DataReport) -> Origin {
     let source = about.source.as_ref();
-    let name = source.and_then(|s| s.file.file_name());
+    let name = checked::file_name(source.and_then(|s| s.file.file_name()));
     Origin {
         spec: digest(&project.path, project.text.as_bytes()),
-        data: FileDigest {
-            name: name.map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
-            sha256: source.map_or_else(String::new, |s| s.sha256.clone()),
-        },
+        data: FileDigest { name, sha256: source.map_or_else(String::new, |s| s.sha256.clone()) },
         ranges: ranges(project.system(), about),
         start: first_state(project.system(), dataset),
     }

@@ -5,6 +5,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 
+use super::checked::wrong_in_ledger;
 use crate::data::write_atomically;
 use crate::error::{Error, Result};
 
@@ -90,6 +91,9 @@ impl Ledger {
         if !READ.contains(&ledger.format.as_str()) {
             let found = &ledger.format;
             return Err(wrong(format!("its format is `{found}`, but this version reads {FORMAT}")));
+        }
+        if let Some(problem) = wrong_in_ledger(&ledger) {
+            return Err(wrong(format!("the file is damaged: {problem}")));
         }
         ledger.format = FORMAT.to_string();
         Ok(ledger)

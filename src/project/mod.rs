@@ -2,6 +2,7 @@
 
 pub mod asked;
 pub mod bench;
+pub mod checked;
 pub mod learned;
 pub mod ledger;
 pub mod measurements;
@@ -248,6 +249,7 @@ impl Project {
             let fitted = std::fs::read(&path).ok();
             let file = fitted
                 .and_then(|bytes| serde_json::from_slice::<ModelFile>(&bytes).ok())
+                .filter(|file| checked::wrong_in_model(file).is_none())
                 .filter(|file| file.model.active(system).is_some());
             let parameters: Vec<f64> = system.parameters.iter().map(|p| p.start).collect();
             let covariance = DMatrix::zeros(parameters.len(), parameters.len());
@@ -284,17 +286,16 @@ impl Project {
         let file: ModelFile = serde_json::from_value(value).map_err(|error| {
             wrong(format!("the file is damaged ({error})"), format!("{again} to write it anew"))
         })?;
+        if let Some(problem) = checked::wrong_in_model(&file) {
+            let message = format!("the file is damaged: {problem}");
+            return Err(wrong(message, format!("{again} to write it anew")));
+        }
         let other = format!(
             "this model was fitted to another spec (`{}`, or {} before it was edited)",
             file.model.system,
             self.name()
         );
-        let law = self.law_of(file).ok_or_else(|| wrong(other, format!("{again} again")))?;
-        if !law.coefficients.iter().chain(&law.parameters).all(|x| x.is_finite()) {
-            let message = "the file is damaged: it has a number that is not finite".to_string();
-            return Err(wrong(message, format!("{again} to write it anew")));
-        }
-        Ok(law)
+        self.law_of(file).ok_or_else(|| wrong(other, format!("{again} again")))
     }
 
     /// The law that a model says; none when it belongs to another spec.
@@ -357,8 +358,7 @@ fn explained(error: std::io::Error, advice: &str) -> std::io::Error {
 
 /// A file's name and digest.
 pub fn digest(path: &Path, bytes: &[u8]) -> FileDigest {
-    let name =
-        path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let name = checked::file_name(path.file_name());
     FileDigest { name, sha256: format!("{:x}", Sha256::digest(bytes)) }
 }
 

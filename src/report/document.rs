@@ -9,7 +9,7 @@ use super::html::sections::{amount_of_data, found, sentence};
 use super::html::tables::{self, Table};
 use super::html::{Drawn, Page};
 use crate::diagnose::missing::Diagnosis;
-use crate::export::letters::escape;
+use crate::export::escape;
 use crate::report::plots::{Figure, escaped_id};
 
 /// How every document begins: by this it is known as one that may be written over.
@@ -235,7 +235,7 @@ fn breakable(word: &str) -> String {
 /// Words as LaTeX: commands are escaped, and letters that its fonts lack are written as formulas.
 fn text(words: &str) -> String {
     let mut out = String::new();
-    for c in escape(words).chars() {
+    for c in escape::latex(words).chars() {
         match formula(c) {
             Some(formula) => {
                 let _ = write!(out, "\\ensuremath{{{formula}}}");
