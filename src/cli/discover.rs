@@ -10,6 +10,7 @@ use super::console::Console;
 use super::ledger::{Judged, Ledger};
 use super::progress::Progress;
 use super::project::learned::{origin, write_model};
+use super::project::lock::Lock;
 use super::project::{ModelFile, Project};
 use super::splitting::Splitting;
 use crate::data::write_atomically;
@@ -18,7 +19,7 @@ use crate::diagnose::missing::Verdict;
 use crate::diagnose::suffices;
 use crate::error::Result;
 use crate::expr;
-use crate::fit::Options;
+use crate::fit::{Options, Silent};
 use crate::report::discovery_text;
 use crate::report::layout::{WIDTH, wrapped};
 use crate::spec::edit::insert;
@@ -43,6 +44,10 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+    // Who only looks writes nothing, and need not wait.
+    let lock = (!arguments.dry_run)
+        .then(|| Lock::take(&arguments.spec, &Silent, |what| console.message(what)));
+    let _lock = lock.transpose()?;
     let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let system = bench.project.system();
     let lacking = suffices::lacking(system, &bench.split.training, bench.held_out());

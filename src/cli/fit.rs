@@ -12,10 +12,11 @@ use super::measurements::Measurements;
 use super::memory;
 use super::progress::Progress;
 use super::project::learned::{origin, write_model};
+use super::project::lock::Lock;
 use super::project::{ModelFile, Project};
 use crate::dynamics::{METHODS, Method};
 use crate::error::{Error, Result};
-use crate::fit::{LOSSES, Loss, Options, Selection, StopReason, Trainer};
+use crate::fit::{LOSSES, Loss, Options, Selection, Silent, StopReason, Trainer};
 use crate::report::{self, FitReport, present};
 
 /// Learn the unknown part of a spec's energy and forces from its data.
@@ -130,6 +131,10 @@ impl Arguments {
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let mut options = arguments.options()?;
+    // A model that goes elsewhere is nobody else's.
+    let lock = (arguments.output.is_none())
+        .then(|| Lock::take(&arguments.spec, &Silent, |what| console.message(what)));
+    let _lock = lock.transpose()?;
     let project = Project::open(&arguments.spec)?;
     options.parameter_starts.clone_from(&project.compiled.starts);
     console.diagnostics(&project.name(), &project.text, &project.compiled.warnings);

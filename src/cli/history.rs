@@ -8,8 +8,10 @@ use serde_json::{Value, json};
 use super::console::Console;
 use super::console::usage;
 use super::ledger::{Judged, Ledger, date};
+use super::project::lock::Lock;
 use super::project::undo::{self, spec_text};
 use crate::error::Result;
+use crate::fit::Silent;
 use crate::report::layout::{WIDTH, table, wrapped};
 
 /// Bring back the spec as it was before the last `add` or `remove`.
@@ -39,7 +41,9 @@ pub struct History {
 /// Runs `undo`.
 pub fn undo(arguments: &Undo, console: &Console) -> Result<()> {
     let path = &arguments.spec;
+    let lock = Lock::take(path, &Silent, |what| console.message(what))?;
     let undone = undo::undo(path, arguments.force)?;
+    drop(lock);
     let again = if undone.model_removed { "; its model is removed: fit again" } else { "" };
     let mut text =
         format!("Undone: {}. {} is as it was before{again}.", undone.action, path.display());

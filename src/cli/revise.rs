@@ -9,9 +9,11 @@ use super::bench::Bench;
 use super::console::Console;
 use super::ledger::Ledger;
 use super::progress::Progress;
+use super::project::lock::Lock;
 use super::project::revise::{self, Revision};
 use super::splitting::Splitting;
 use crate::error::Result;
+use crate::fit::Silent;
 use crate::report::present;
 use crate::report::{Revised, revision_text};
 
@@ -47,6 +49,7 @@ pub struct Remove {
 
 /// Runs `add`.
 pub fn add(arguments: &Add, console: &Console) -> Result<()> {
+    let _lock = Lock::take(&arguments.spec, &Silent, |what| console.message(what))?;
     let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
     let revision = revise::add(&bench, None, &arguments.effect, &progress)?;
@@ -57,6 +60,7 @@ pub fn add(arguments: &Add, console: &Console) -> Result<()> {
 
 /// Runs `remove`.
 pub fn remove(arguments: &Remove, console: &Console) -> Result<()> {
+    let _lock = Lock::take(&arguments.spec, &Silent, |what| console.message(what))?;
     let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
     let revision = revise::remove(&bench, None, &arguments.effect, &progress)?;

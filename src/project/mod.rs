@@ -5,6 +5,7 @@ pub mod bench;
 pub mod checked;
 pub mod learned;
 pub mod ledger;
+pub mod lock;
 pub mod measurements;
 pub mod memory;
 pub mod page;

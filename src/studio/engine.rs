@@ -15,6 +15,7 @@ use crate::fit::{Model, Monitor, Options, StopReason};
 use crate::project::bench::{Bench, Splitting};
 use crate::project::learned::{origin, write_model};
 use crate::project::ledger::{Judged, Ledger};
+use crate::project::lock::Lock;
 use crate::project::measurements::Measurements;
 use crate::project::memory;
 use crate::project::page::{self, Seen};
@@ -167,10 +168,17 @@ impl Engine {
 
     fn opened(&self, background: bool) -> Result<(Bench, Model, &'static str)> {
         let studio = Arc::clone(&self.studio);
-        let bench = self.bench()?;
+        let mut bench = self.bench()?;
         let teller = Teller::new(&studio, "Learning the spec", background);
         if bench.project.law(None).is_err() {
-            self.learned(&bench, &teller)?;
+            let _lock = self.lock(&teller)?;
+            // Another command may have changed the spec, or learned it, while this one waited.
+            if self.unchanged(&bench.project).is_err() {
+                bench = self.bench()?;
+            }
+            if bench.project.law(None).is_err() {
+                self.learned(&bench, &teller)?;
+            }
         }
         let (training, terms) = bench.model(&teller)?;
         if teller.stopped() {
@@ -196,6 +204,11 @@ impl Engine {
         board.post("figures", &Vec::<()>::new());
         board.post("missing", &wire::unasked("nothing"));
         board.post("trouble", &wire::failure(error));
+    }
+
+    /// Keeps commands off the spec while the studio writes.
+    fn lock(&self, monitor: &dyn Monitor) -> Result<Lock> {
+        Lock::take(&self.studio.path, monitor, |_| {})
     }
 
     /// Searches terms and numbers on all measurements and writes the model, as `fit` does.
@@ -235,9 +248,11 @@ impl Engine {
                 Ok(String::new())
             }
             Wish::Learn => {
-                let bench = self.bench()?;
                 let studio = Arc::clone(&self.studio);
-                self.learned(&bench, &Teller::new(&studio, "Learning the spec", false))?;
+                let teller = Teller::new(&studio, "Learning the spec", false);
+                let lock = self.lock(&teller)?;
+                self.learned(&self.bench()?, &teller)?;
+                drop((lock, teller));
                 self.open(false)?;
                 Ok(format!("Learned; the model is in {}.", self.model_name()))
             }
@@ -245,7 +260,10 @@ impl Engine {
             Wish::Add { effect } => self.revised(effect, true),
             Wish::Remove { effect } => self.revised(effect, false),
             Wish::Undo { force } => {
+                let studio = Arc::clone(&self.studio);
+                let lock = self.lock(&Teller::new(&studio, "Undoing", false))?;
                 let undone = undo(&self.studio.path, *force)?;
+                drop(lock);
                 self.open(false)?;
                 let kept = match undone.edits_kept {
                     true => " What was edited by hand is in the ledger.",
@@ -261,7 +279,9 @@ impl Engine {
     }
 
     fn save(&mut self, text: &str, base: &str, learn: bool) -> Result<String> {
-        let path = self.studio.path.clone();
+        let studio = Arc::clone(&self.studio);
+        let path = studio.path.clone();
+        let lock = self.lock(&Teller::new(&studio, "Saving", false))?;
         let old = files::read_spec(&path)?;
         if files::hash(&old) != base {
             self.post_files()?;
@@ -272,6 +292,7 @@ impl Engine {
             ));
         }
         write_atomically(&path, text.as_bytes())?;
+        drop(lock);
         let name = super::name(&path);
         self.open(false)?;
         if learn && old == text {
@@ -281,19 +302,26 @@ impl Engine {
     }
 
     fn revised(&mut self, effect: &str, adds: bool) -> Result<String> {
-        if self.changed() || self.studio.held().is_none() {
-            self.open(false)?;
-        }
-        let held = self.studio.held().ok_or_else(|| {
-            Error::new(
-                ErrorKind::NotReady,
-                "the spec has no model yet",
-                "mend the spec, then learn it",
-            )
-        })?;
         let studio = Arc::clone(&self.studio);
         let what = format!("{} {effect}", if adds { "Adding" } else { "Removing" });
-        let teller = Teller::new(&studio, &what, false);
+        let (held, teller, _lock) = loop {
+            if self.changed() || self.studio.held().is_none() {
+                self.open(false)?;
+            }
+            let held = self.studio.held().ok_or_else(|| {
+                Error::new(
+                    ErrorKind::NotReady,
+                    "the spec has no model yet",
+                    "mend the spec, then learn it",
+                )
+            })?;
+            let teller = Teller::new(&studio, &what, false);
+            let lock = self.lock(&teller)?;
+            // What another command wrote while this one waited is read before it is added to.
+            if !self.changed() {
+                break (held, teller, lock);
+            }
+        };
         let (bench, known) = (&held.bench, Some(&*held.training));
         let revision = match adds {
             true => revise::add(bench, known, effect, &teller)?,

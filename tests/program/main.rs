@@ -12,12 +12,14 @@ mod commands;
 mod design;
 mod diagnosis;
 mod examples;
+mod hostile_files;
 mod large_data;
 #[path = "../learning/measurements.rs"]
 mod measurements;
 mod readme;
 mod real;
 mod report;
+mod side_by_side;
 mod situations;
 mod studio;
 mod studio_browser;
