@@ -13,8 +13,8 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use leverrier::eval::{Backend, Inputs, InstructionSet, apply, compile_for};
-use leverrier::expr::{Expr, Function, Graph, Symbol};
+use leverrier::internals::eval::{Backend, Inputs, InstructionSet, apply, compile_for};
+use leverrier::internals::expr::{Expr, Function, Graph, Symbol};
 
 const POINTS: usize = 100_000;
 const DEGREE: usize = 6;

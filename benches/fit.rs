@@ -12,10 +12,10 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use leverrier::data::Dataset;
-use leverrier::expr::build;
-use leverrier::fit::{Options, Silent, fit};
-use leverrier::simulate::{Noise, Simulator, add_noise, consecutive_pairs};
+use leverrier::internals::data::Dataset;
+use leverrier::internals::expr::build;
+use leverrier::internals::fit::{Options, Silent, fit};
+use leverrier::internals::simulate::{Noise, Simulator, add_noise, consecutive_pairs};
 
 const HENON_HEILES: &str = "coordinates q[1..2]\nmomenta p[1..2]\n\
     T = (p[1]^2 + p[2]^2)/2\nV = (q[1]^2 + q[2]^2)/2 + q[1]^2*q[2] - q[2]^3/3\n";

@@ -17,9 +17,9 @@ use std::hint::black_box;
 
 use by_hand::by_hand;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use leverrier::dynamics::systems::SYSTEMS;
-use leverrier::dynamics::{Batch, Dynamics, Method, Scratch, advance, taylor};
-use leverrier::eval::Backend;
+use leverrier::internals::dynamics::systems::SYSTEMS;
+use leverrier::internals::dynamics::{Batch, Dynamics, Method, Scratch, advance, taylor};
+use leverrier::internals::eval::Backend;
 
 const STEPS: usize = 20_000;
 const STEP: f64 = 0.01;

@@ -15,7 +15,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 /// is [`kind`](Error::kind), and in some variants the place.
 ///
 /// ```
-/// use leverrier::error::{Error, ErrorKind};
+/// use leverrier::{Error, ErrorKind};
 ///
 /// let error = Error::new(ErrorKind::InvalidArgument, "noise must be zero or more", "give 0.01");
 /// assert_eq!(error.to_string(), "noise must be zero or more; give 0.01");
@@ -68,10 +68,10 @@ pub enum Error {
 /// What went wrong, for programs: the cases that a caller may want to treat differently.
 ///
 /// ```
-/// use leverrier::error::ErrorKind;
+/// use leverrier::ErrorKind;
 ///
-/// # fn fit() -> leverrier::error::Result<f64> {
-/// #     Err(leverrier::error::Error::new(ErrorKind::InsufficientData, "too few", "measure more"))
+/// # fn fit() -> leverrier::Result<f64> {
+/// #     Err(leverrier::Error::new(ErrorKind::InsufficientData, "too few", "measure more"))
 /// # }
 /// match fit() {
 ///     Ok(coefficient) => println!("{coefficient}"),

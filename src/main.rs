@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    leverrier::cli::main()
+    leverrier::internals::cli::main()
 }

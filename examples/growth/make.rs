@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::path::Path;
 
-use leverrier::data::{Dataset, Layout, ParquetWriter, Run};
+use leverrier::internals::data::{Dataset, Layout, ParquetWriter, Run};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use leverrier::diagnose::scan::FEW;
+use leverrier::internals::diagnose::scan::FEW;
 
 use super::diagnosis::{Asked, TURNS};
 use super::make::SIGMA;

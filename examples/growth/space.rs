@@ -2,14 +2,14 @@
 
 use std::time::Instant;
 
-use leverrier::data::{Dataset, Run};
-use leverrier::dynamics::Dynamics;
-use leverrier::eval::Backend;
-use leverrier::expr::build;
-use leverrier::fit::first_order::correlations;
-use leverrier::fit::pass::linearise;
-use leverrier::fit::train::Training;
-use leverrier::fit::{Options, support};
+use leverrier::internals::data::{Dataset, Run};
+use leverrier::internals::dynamics::Dynamics;
+use leverrier::internals::eval::Backend;
+use leverrier::internals::expr::build;
+use leverrier::internals::fit::first_order::correlations;
+use leverrier::internals::fit::pass::linearise;
+use leverrier::internals::fit::train::Training;
+use leverrier::internals::fit::{Options, support};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -79,7 +79,7 @@ fn cost(spec: &str, size: usize, degrees: usize, pairs_of: usize, factorised: bo
                 complexity: vec![1; terms],
                 costs: vec![2.0 * (terms as f64).ln(); terms],
             };
-            let criterion = leverrier::fit::criterion::Criterion { floor: 1e-6 };
+            let criterion = leverrier::internals::fit::criterion::Criterion { floor: 1e-6 };
             search = Some(seconds(|| {
                 support::quick_search(&factor, &columns, criterion);
             }));

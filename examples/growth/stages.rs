@@ -4,9 +4,9 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::time::Instant;
 
-use leverrier::data::{FileSource, Mapping, ObservableMap, survey_file};
-use leverrier::expr::build;
-use leverrier::fit::{Monitor, Options, SAMPLED, fit_stream};
+use leverrier::internals::data::{FileSource, Mapping, ObservableMap, survey_file};
+use leverrier::internals::expr::build;
+use leverrier::internals::fit::{Monitor, Options, SAMPLED, fit_stream};
 
 /// Seconds of the stages of a fit, and what it took.
 #[derive(Debug, Clone, Default)]

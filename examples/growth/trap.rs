@@ -1,10 +1,10 @@
 //! A trap with a drag that its model does not know of: what a diagnosis is timed on.
 
-use leverrier::data::Dataset;
-use leverrier::diagnose::missing::{Diagnosis, diagnose};
-use leverrier::expr::{Compiled, build};
-use leverrier::fit::{Model, Options, Silent, fit};
-use leverrier::simulate::Simulator;
+use leverrier::internals::data::Dataset;
+use leverrier::internals::diagnose::missing::{Diagnosis, diagnose};
+use leverrier::internals::expr::{Compiled, build};
+use leverrier::internals::fit::{Model, Options, Silent, fit};
+use leverrier::internals::simulate::Simulator;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;

@@ -25,7 +25,7 @@ use hidden::outcome::{Outcome, outcome};
 use hidden::pairs::{PAIRS, Pair};
 use hidden::strangers::STRANGERS;
 use hidden::{case, statement};
-use leverrier::spec::effects::by_name;
+use leverrier::internals::spec::effects::by_name;
 use rayon::prelude::*;
 
 /// Noise in parts of each column's spread.

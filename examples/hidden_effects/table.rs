@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
-use leverrier::diagnose::missing::Verdict;
-use leverrier::spec::effects::{Kind, by_name};
+use leverrier::internals::diagnose::missing::Verdict;
+use leverrier::internals::spec::effects::{Kind, by_name};
 
 use super::hidden::outcome::Outcome;
 use super::hidden::pairs::PAIRS;

@@ -20,8 +20,8 @@ mod picture;
 use std::fmt::Write as _;
 use std::time::Instant;
 
-use leverrier::dynamics::Method;
-use leverrier::fit::{Model, Options};
+use leverrier::internals::dynamics::Method;
+use leverrier::internals::fit::{Model, Options};
 use paper::bound;
 use paper::figures::{
     best_quintic, bytes, deviations, energy_stray, first_samples, fresh_starts, halves,

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use leverrier::eval::{Backend, Evaluator, Inputs, compile};
-use leverrier::expr::{Expr, Function, Graph, Symbol};
+use leverrier::internals::eval::{Backend, Evaluator, Inputs, compile};
+use leverrier::internals::expr::{Expr, Function, Graph, Symbol};
 use serde_json::Value;
 
 use crate::Asked;

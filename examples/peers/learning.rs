@@ -3,10 +3,10 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use leverrier::data::Dataset;
-use leverrier::expr::System;
-use leverrier::fit::{Model, Options, Silent, fit};
-use leverrier::simulate::Simulator;
+use leverrier::internals::data::Dataset;
+use leverrier::internals::expr::System;
+use leverrier::internals::fit::{Model, Options, Silent, fit};
+use leverrier::internals::simulate::Simulator;
 use serde_json::Value;
 
 use crate::Asked;

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use leverrier::fit::{Options, Silent, fit};
+use leverrier::internals::fit::{Options, Silent, fit};
 
 use crate::Asked;
 use crate::page::{Section, cores, ratio, time};

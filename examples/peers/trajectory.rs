@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use leverrier::dynamics::systems::SYSTEMS;
-use leverrier::dynamics::{Batch, Dynamics, Method, Scratch, advance, taylor};
-use leverrier::eval::Backend;
-use leverrier::export::{Output, exporter};
-use leverrier::expr::System;
-use leverrier::report::present;
-use leverrier::simplify::Fitted;
+use leverrier::internals::dynamics::systems::SYSTEMS;
+use leverrier::internals::dynamics::{Batch, Dynamics, Method, Scratch, advance, taylor};
+use leverrier::internals::eval::Backend;
+use leverrier::internals::export::{Output, exporter};
+use leverrier::internals::expr::System;
+use leverrier::internals::report::present;
+use leverrier::internals::simplify::Fitted;
 
 use crate::Asked;
 use crate::by_hand::by_hand;

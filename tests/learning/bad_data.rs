@@ -2,8 +2,10 @@
 
 use std::path::Path;
 
-use leverrier::data::{DataReport, Dataset, Mapping, ObservableMap, dataset, read_bytes};
-use leverrier::error::{Error, Result};
+use leverrier::internals::data::{
+    DataReport, Dataset, Mapping, ObservableMap, dataset, read_bytes,
+};
+use leverrier::internals::error::{Error, Result};
 
 fn mapping(run: Option<&str>, observables: &[&str]) -> Mapping {
     Mapping {

@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use leverrier::data::{
+use leverrier::internals::data::{
     ColumnMap, DataReport, Dataset, Layout, Mapping, ObservableMap, Run, SuspicionKind, dataset,
     read, read_bytes, to_csv, write_atomically, write_csv,
 };
-use leverrier::error::{Error, Result};
+use leverrier::internals::error::{Error, Result};
 use proptest::prelude::*;
 
 fn mapping(run: Option<&str>, observables: &[&str]) -> Mapping {

@@ -1,14 +1,14 @@
 //! The next run worth measuring: what is promised of it, and whether it keeps that.
 
-use leverrier::data::Dataset;
-use leverrier::diagnose::context::Context;
-use leverrier::diagnose::design::{Allowed, Goal, Plan, Proposal, design, standings};
-use leverrier::diagnose::missing::{Diagnosis, diagnose};
-use leverrier::diagnose::rival::Rival;
-use leverrier::error::Error;
-use leverrier::expr::{Compiled, build};
-use leverrier::fit::{Model, Options, Silent, fit};
-use leverrier::simulate::{Box, Noise, Simulator, add_noise};
+use leverrier::internals::data::Dataset;
+use leverrier::internals::diagnose::context::Context;
+use leverrier::internals::diagnose::design::{Allowed, Goal, Plan, Proposal, design, standings};
+use leverrier::internals::diagnose::missing::{Diagnosis, diagnose};
+use leverrier::internals::diagnose::rival::Rival;
+use leverrier::internals::error::Error;
+use leverrier::internals::expr::{Compiled, build};
+use leverrier::internals::fit::{Model, Options, Silent, fit};
+use leverrier::internals::simulate::{Box, Noise, Simulator, add_noise};
 
 const VARIABLES: &str = "coordinates q\nmomenta p\n";
 const SPACE: &str = "T = p^2/2\nV = span{ cos(q) }\n";
@@ -128,7 +128,7 @@ fn the_run_that_is_proposed_settles_what_a_repeat_leaves_open() {
         let plan = ok(before.plan(&tied, &Goal::Rivals, &lively()));
         let alike = |a: &str, b: &str| plan.alike.iter().any(|pair| pair.0 == a && pair.1 == b);
         assert!(!alike(label, other) && !alike(other, label), "{:?}", plan.alike);
-        let of = |gains: &[leverrier::diagnose::design::Gain]| {
+        let of = |gains: &[leverrier::internals::diagnose::design::Gain]| {
             let gain = gains.iter().find(|g| g.truth == label && g.against == other).unwrap();
             gain.deviance
         };

@@ -1,13 +1,13 @@
 //! Faults of the instrument that no term describes: found when there, silent when not; and
 //! hidden forces where velocities, or coordinates alone, are measured.
 
-use leverrier::data::Dataset;
-use leverrier::diagnose::context::Context;
-use leverrier::diagnose::detectors::{Detection, detect};
-use leverrier::diagnose::missing::{Verdict, diagnose};
-use leverrier::expr::build;
-use leverrier::fit::{Options, Silent, Start, fit, resume};
-use leverrier::simulate::Simulator;
+use leverrier::internals::data::Dataset;
+use leverrier::internals::diagnose::context::Context;
+use leverrier::internals::diagnose::detectors::{Detection, detect};
+use leverrier::internals::diagnose::missing::{Verdict, diagnose};
+use leverrier::internals::expr::build;
+use leverrier::internals::fit::{Options, Silent, Start, fit, resume};
+use leverrier::internals::simulate::Simulator;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -167,7 +167,7 @@ fn a_fit_that_goes_on_from_a_model_ends_where_a_fresh_one_does() {
     for start in [start, astray] {
         let warm =
             resume(&new.system, &data, &options, &start, &Silent).unwrap_or_else(|e| panic!("{e}"));
-        let terms = |model: &leverrier::fit::Model| -> Vec<String> {
+        let terms = |model: &leverrier::internals::fit::Model| -> Vec<String> {
             model.terms.iter().map(|t| format!("{} {}", t.place, t.term)).collect()
         };
         assert_eq!(terms(&warm), terms(&fresh));

@@ -1,13 +1,13 @@
 //! What is missing: effects hidden in data, and whether they are named.
 
-use leverrier::data::Dataset;
-use leverrier::diagnose::compare::compare;
-use leverrier::diagnose::context::Context;
-use leverrier::diagnose::discover::discover;
-use leverrier::diagnose::missing::{Diagnosis, Verdict, diagnose};
-use leverrier::expr::{Compiled, build};
-use leverrier::fit::{Model, Options, Silent, fit};
-use leverrier::simulate::Simulator;
+use leverrier::internals::data::Dataset;
+use leverrier::internals::diagnose::compare::compare;
+use leverrier::internals::diagnose::context::Context;
+use leverrier::internals::diagnose::discover::discover;
+use leverrier::internals::diagnose::missing::{Diagnosis, Verdict, diagnose};
+use leverrier::internals::expr::{Compiled, build};
+use leverrier::internals::fit::{Model, Options, Silent, fit};
+use leverrier::internals::simulate::Simulator;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;

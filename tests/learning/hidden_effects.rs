@@ -8,8 +8,8 @@ use crate::hidden::outcome::{Outcome, outcome};
 use crate::hidden::pairs::PAIRS;
 use crate::hidden::strangers::STRANGERS;
 use crate::hidden::{case, statement};
-use leverrier::diagnose::missing::Verdict;
-use leverrier::spec::effects::{by_name, catalogue};
+use leverrier::internals::diagnose::missing::Verdict;
+use leverrier::internals::spec::effects::{by_name, catalogue};
 
 fn base(name: &str) -> &'static Base {
     BASES.iter().find(|base| base.name == name).unwrap_or_else(|| panic!("no base {name}"))

@@ -3,11 +3,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use leverrier::data::{
+use leverrier::internals::data::{
     DataReport, Dataset, Layout, Mapping, ObservableMap, Reading, Run, dataset, read_bytes, to_csv,
     to_parquet,
 };
-use leverrier::error::{DataError, Error, Result};
+use leverrier::internals::error::{DataError, Error, Result};
 use parquet::basic::{Compression, LogicalType, Repetition, TimeUnit, Type as Physical};
 use parquet::data_type::{
     BoolType, ByteArray, ByteArrayType, DoubleType, FloatType, Int32Type, Int64Type,

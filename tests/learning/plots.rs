@@ -3,22 +3,24 @@
 
 use std::collections::HashSet;
 
-use leverrier::data::{DataReport, Dataset};
-use leverrier::diagnose::compare::{Comparison, EnergyDrift, Horizon, ResidualMap, compare};
-use leverrier::diagnose::context::Context;
-use leverrier::diagnose::missing::{Diagnosis, Leader, Verdict, diagnose};
-use leverrier::diagnose::plane::{ForceNode, ForcePlane};
-use leverrier::diagnose::predictions::Prediction;
-use leverrier::diagnose::view::{EnergySeries, Portrait, Quantity, View, view};
-use leverrier::expr::{Compiled, build};
-use leverrier::fit::model::{FrontPoint, PathEntry};
-use leverrier::fit::{Model, Options, Silent, fit};
-use leverrier::report::html::{Entry, Page, page};
-use leverrier::report::plots::{
+use leverrier::internals::data::{DataReport, Dataset};
+use leverrier::internals::diagnose::compare::{
+    Comparison, EnergyDrift, Horizon, ResidualMap, compare,
+};
+use leverrier::internals::diagnose::context::Context;
+use leverrier::internals::diagnose::missing::{Diagnosis, Leader, Verdict, diagnose};
+use leverrier::internals::diagnose::plane::{ForceNode, ForcePlane};
+use leverrier::internals::diagnose::predictions::Prediction;
+use leverrier::internals::diagnose::view::{EnergySeries, Portrait, Quantity, View, view};
+use leverrier::internals::expr::{Compiled, build};
+use leverrier::internals::fit::model::{FrontPoint, PathEntry};
+use leverrier::internals::fit::{Model, Options, Silent, fit};
+use leverrier::internals::report::html::{Entry, Page, page};
+use leverrier::internals::report::plots::{
     Figure, For, Look, Material, PLOTS, Paper, Stage, draw, image, plot,
 };
-use leverrier::report::present;
-use leverrier::simulate::Simulator;
+use leverrier::internals::report::present;
+use leverrier::internals::simulate::Simulator;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;

@@ -11,9 +11,9 @@ use crate::paper::{
     henon_heiles_pairs, learn, learn_with, mass_spring, mass_spring_pairs, pairs, pendulum,
     pendulum_pairs, pendulum_space, tensor,
 };
-use leverrier::dynamics::Method;
-use leverrier::expr::System;
-use leverrier::fit::Options;
+use leverrier::internals::dynamics::Method;
+use leverrier::internals::expr::System;
+use leverrier::internals::fit::Options;
 
 fn short(numbers: &[f64]) -> String {
     numbers.iter().map(|x| format!("{x:.1e}")).collect::<Vec<_>>().join(" ")

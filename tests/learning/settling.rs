@@ -1,13 +1,13 @@
 //! Initial states that are settled, and led to where the next theta wants them.
 
-use leverrier::data::{Dataset, Run};
-use leverrier::dynamics::Dynamics;
-use leverrier::eval::Backend;
-use leverrier::expr::{Compiled, build};
-use leverrier::fit::pass::{Linearised, Problem, settle_linearise_and_respond};
-use leverrier::fit::states::States;
-use leverrier::fit::train::Training;
-use leverrier::fit::{Options, Silent};
+use leverrier::internals::data::{Dataset, Run};
+use leverrier::internals::dynamics::Dynamics;
+use leverrier::internals::eval::Backend;
+use leverrier::internals::expr::{Compiled, build};
+use leverrier::internals::fit::pass::{Linearised, Problem, settle_linearise_and_respond};
+use leverrier::internals::fit::states::States;
+use leverrier::internals::fit::train::Training;
+use leverrier::internals::fit::{Options, Silent};
 
 const SPACE: &str = "coordinates q\nmomenta p\nT = p^2/2\nV = span{ q^2, cos(q) }\n\
                      force q += span{ -p }\n";
@@ -111,7 +111,7 @@ fn nearly_settled_states_leave_the_same_problem() {
         assert!(nearly.sums.promised > 0.0, "the states were settled: nothing is tested");
         assert!((nearly.sums.loss / exact.sums.loss - 1.0).abs() < 1e-6);
         let (one, other) = (exact.merged(), nearly.merged());
-        let solved = |factor: &leverrier::fit::factor::Factor| {
+        let solved = |factor: &leverrier::internals::fit::factor::Factor| {
             factor.design().solve_upper_triangular(&factor.target()).expect("independent columns")
         };
         let (one, other) = (solved(&one), solved(&other));

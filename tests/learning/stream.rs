@@ -2,20 +2,22 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use leverrier::data::{
+use leverrier::internals::data::{
     Dataset, FileSource, Held, Layout, Mapping, ObservableMap, Source, dataset, head,
     memory_needed, read, survey, survey_file, to_csv, to_parquet,
 };
-use leverrier::dynamics::Dynamics;
-use leverrier::error::{Error, ErrorKind, Result};
-use leverrier::eval::Backend;
-use leverrier::expr::{Compiled, build};
-use leverrier::fit::pass::{Problem, Sums, settle_and_linearise};
-use leverrier::fit::segments::typical_step;
-use leverrier::fit::stream::Stream;
-use leverrier::fit::train::Training;
-use leverrier::fit::{Model, Monitor, Options, Silent, fit, fit_stream};
-use leverrier::simulate::{Noise, Simulator, add_noise, consecutive_pairs, drop_samples};
+use leverrier::internals::dynamics::Dynamics;
+use leverrier::internals::error::{Error, ErrorKind, Result};
+use leverrier::internals::eval::Backend;
+use leverrier::internals::expr::{Compiled, build};
+use leverrier::internals::fit::pass::{Problem, Sums, settle_and_linearise};
+use leverrier::internals::fit::segments::typical_step;
+use leverrier::internals::fit::stream::Stream;
+use leverrier::internals::fit::train::Training;
+use leverrier::internals::fit::{Model, Monitor, Options, Silent, fit, fit_stream};
+use leverrier::internals::simulate::{
+    Noise, Simulator, add_noise, consecutive_pairs, drop_samples,
+};
 use nalgebra::DMatrix;
 
 const HENON_HEILES: &str = "coordinates q[1..2]\nmomenta p[1..2]\n\
@@ -287,7 +289,9 @@ fn chunks_hold_what_the_whole_file_holds() {
                 };
                 assert!(near(ours.mean, whole.mean) && near(ours.spread, whole.spread));
             }
-            let digest = |r: &leverrier::data::DataReport| r.source.clone().expect("a file").sha256;
+            let digest = |r: &leverrier::internals::data::DataReport| {
+                r.source.clone().expect("a file").sha256
+            };
             assert_eq!(digest(&found.report), digest(&report));
         }
         assert!(memory_needed(&path).expect("sound") > 570 * 100);

@@ -3,12 +3,12 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use leverrier::data::{Dataset, Run};
-use leverrier::expr::{Compiled, build};
-use leverrier::fit::{
+use leverrier::internals::data::{Dataset, Run};
+use leverrier::internals::expr::{Compiled, build};
+use leverrier::internals::fit::{
     Loss, Model, Monitor, Options, Selection, Silent, StopReason, Trainer, first_order, fit,
 };
-use leverrier::simulate::{Noise, Simulator, add_noise, consecutive_pairs};
+use leverrier::internals::simulate::{Noise, Simulator, add_noise, consecutive_pairs};
 
 const PENDULUM: &str = "coordinates q\nmomenta p\nT = p^2/2\nV = -1.3*cos(q)\n";
 const PENDULUM_SPACE: &str =
@@ -76,7 +76,9 @@ fn support(model: &Model) -> Vec<String> {
 }
 
 fn coefficient(model: &Model, name: &str) -> f64 {
-    let named = |t: &&leverrier::fit::model::LearnedTerm| format!("{} {}", t.place, t.term) == name;
+    let named = |t: &&leverrier::internals::fit::model::LearnedTerm| {
+        format!("{} {}", t.place, t.term) == name
+    };
     model.terms.iter().find(named).map_or(0.0, |t| t.coefficient)
 }
 
@@ -519,8 +521,9 @@ fn units_do_not_matter() {
         let model = learn(DUFFING_SPACE, &rescaled(&data, time, &[q, p]), &Options::default());
         assert_eq!(support(&model), support(&reference), "time {time}, q {q}, p {p}");
         for (ours, theirs) in model.terms.iter().zip(&reference.terms) {
-            let relative =
-                |t: &leverrier::fit::model::LearnedTerm| t.standard_error / t.coefficient;
+            let relative = |t: &leverrier::internals::fit::model::LearnedTerm| {
+                t.standard_error / t.coefficient
+            };
             let ratio = relative(ours) / relative(theirs);
             assert!((ratio - 1.0).abs() < 1e-3, "{}: {ratio}", ours.term);
         }

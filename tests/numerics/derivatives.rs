@@ -1,7 +1,7 @@
 //! Symbolic derivatives against differences of values.
 
 use crate::support::shape;
-use leverrier::expr::{Expr, FUNCTIONS, Function, Graph, Symbol};
+use leverrier::internals::expr::{Expr, FUNCTIONS, Function, Graph, Symbol};
 use proptest::prelude::*;
 
 const X: Symbol = Symbol::Coordinate(0);

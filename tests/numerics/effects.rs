@@ -2,9 +2,9 @@
 
 use std::collections::HashMap;
 
-use leverrier::expr::{Compiled, Place, Symbol, build, instances};
-use leverrier::spec::effects::{self, Kind, ScanBy, catalogue};
-use leverrier::spec::spec;
+use leverrier::internals::expr::{Compiled, Place, Symbol, build, instances};
+use leverrier::internals::spec::effects::{self, Kind, ScanBy, catalogue};
+use leverrier::internals::spec::spec;
 
 /// x, y, p_x, p_y, t, then inner parameters in the order of the row.
 type Closed = fn(&[f64; 5], &[f64]) -> f64;

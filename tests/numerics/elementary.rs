@@ -1,7 +1,7 @@
 //! Vectorised elementary functions against numbers of twice the length.
 
-use leverrier::eval::{InstructionSet, apply, powers};
-use leverrier::expr::Function;
+use leverrier::internals::eval::{InstructionSet, apply, powers};
+use leverrier::internals::expr::Function;
 
 /// A number of twice the length: the sum of two, the second far smaller (Dekker 1971).
 #[derive(Clone, Copy)]

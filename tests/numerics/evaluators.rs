@@ -1,9 +1,11 @@
 //! Every backend computes the same function, whatever the expression and the number of points.
 
 use crate::support::{Shape, shape};
-use leverrier::dynamics::systems;
-use leverrier::eval::{BACKENDS, Backend, Inputs, InstructionSet, compile, compile_for, length};
-use leverrier::expr::{Expr, Graph, Symbol};
+use leverrier::internals::dynamics::systems;
+use leverrier::internals::eval::{
+    BACKENDS, Backend, Inputs, InstructionSet, compile, compile_for, length,
+};
+use leverrier::internals::expr::{Expr, Graph, Symbol};
 use proptest::prelude::*;
 
 /// Two varying symbols of each kind and two uniform ones, one of them in each list.
@@ -141,7 +143,7 @@ fn corner_cases_agree() {
 fn deep_expressions_do_not_exhaust_the_stack() {
     let mut graph = Graph::new();
     let mut expr = Shape::Symbol(0).build(&mut graph);
-    let sin = leverrier::expr::Function::by_name("sin").unwrap();
+    let sin = leverrier::internals::expr::Function::by_name("sin").unwrap();
     for _ in 0..50_000 {
         expr = graph.apply(sin, expr);
     }
@@ -159,7 +161,7 @@ fn crowded(seed: usize) {
     let mut graph = Graph::new();
     let symbols = [Symbol::Coordinate(0), Symbol::Time, Symbol::Momentum(0)];
     let [q, t, p] = symbols.map(|symbol| graph.symbol(symbol));
-    let tanh = leverrier::expr::Function::by_name("tanh").unwrap();
+    let tanh = leverrier::internals::expr::Function::by_name("tanh").unwrap();
     let mut pool: Vec<Expr> = (0..90)
         .map(|k| {
             let part = 0.0005 * k as f64;

@@ -1,9 +1,9 @@
 //! Models to export, and a plain integrator that generated code is held against.
 
-use leverrier::export::{
+use leverrier::internals::export::{
     Export, Integrator, IntegratorKind, Pretty, PrettyNumber, Provenance, Tableau,
 };
-use leverrier::expr::{
+use leverrier::internals::expr::{
     Bounds, Expr, Function, Graph, Names, Observed, Parameter, Place, Symbol, System, Term,
     Variable,
 };

@@ -5,8 +5,8 @@ use std::path::Path;
 use std::process::Command;
 
 use crate::export_cases::{Case, case, cases, reference};
-use leverrier::export::{EXPORTERS, IntegratorKind, Output, exporter};
-use leverrier::expr::Symbol;
+use leverrier::internals::export::{EXPORTERS, IntegratorKind, Output, exporter};
+use leverrier::internals::expr::Symbol;
 
 pub fn files(output: Output) -> Vec<(String, String)> {
     match output {
@@ -67,7 +67,7 @@ fn every_exporter_writes_every_model() {
             }
             let all: String = written.iter().map(|(_, text)| text.as_str()).collect();
             for variable in case.system.coordinates.iter().chain(&case.system.momenta) {
-                let tex = leverrier::export::letters::name(&variable.name);
+                let tex = leverrier::internals::export::letters::name(&variable.name);
                 let letters = tex.trim_start_matches('\\').split('_').next().unwrap_or("");
                 // MathML writes Greek letters as characters.
                 let greek = row.name == "mathml" && tex.starts_with('\\');
@@ -85,7 +85,7 @@ fn every_exporter_writes_every_model() {
 #[test]
 fn an_unknown_format_is_named_with_those_that_exist() {
     let error = exporter("fortran").err().unwrap();
-    assert_eq!(error.kind(), leverrier::error::ErrorKind::UnknownName);
+    assert_eq!(error.kind(), leverrier::internals::error::ErrorKind::UnknownName);
     assert!(error.to_string().contains("fortran") && error.to_string().contains("latex"));
 }
 
@@ -332,7 +332,8 @@ fn value(tree: &serde_json::Value, of: &HashMap<String, f64>) -> f64 {
     if let Some(base) = tree.get("power") {
         return value(base, of).powf(value(&tree["exponent"], of));
     }
-    let function = leverrier::expr::Function::by_name(tree["function"].as_str().unwrap()).unwrap();
+    let function =
+        leverrier::internals::expr::Function::by_name(tree["function"].as_str().unwrap()).unwrap();
     (function.row().value)(value(&tree["of"], of))
 }
 

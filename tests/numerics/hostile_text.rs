@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 use std::process::Command;
 
-use leverrier::export::{EXPORTERS, Export, exporter};
+use leverrier::internals::export::{EXPORTERS, Export, exporter};
 
 use crate::export_cases::{Case, cases};
 use crate::exporters::{files, installed, run, write};
@@ -132,7 +132,7 @@ fn no_text_stands_outside_comments_and_strings() {
                         _ => continue,
                     };
                     assert!(!code(content, language).contains(MARK), "{place}");
-                    let turned = |c| leverrier::export::escape::is_invisible(c);
+                    let turned = |c| leverrier::internals::export::escape::is_invisible(c);
                     assert!(!content.contains(turned), "{place}");
                     // Code blocks of doc comments are run as tests.
                     let block = |line: &str| line.contains("```") || line.starts_with("///     ");

@@ -6,10 +6,10 @@
 
 use std::process::Command;
 
-use leverrier::dynamics::systems::SYSTEMS;
-use leverrier::dynamics::{Batch, Dynamics, Method, Scratch, advance, taylor};
-use leverrier::eval::{Backend, Evaluator, Inputs, InstructionSet, apply, compile};
-use leverrier::expr::{Function, Graph, Symbol, System};
+use leverrier::internals::dynamics::systems::SYSTEMS;
+use leverrier::internals::dynamics::{Batch, Dynamics, Method, Scratch, advance, taylor};
+use leverrier::internals::eval::{Backend, Evaluator, Inputs, InstructionSet, apply, compile};
+use leverrier::internals::expr::{Function, Graph, Symbol, System};
 
 /// Names the path that a run under valgrind takes, and how often.
 const TASK: &str = "LEVERRIER_COUNT";

@@ -1,13 +1,13 @@
 //! Every row of METHODS is measured: order, reversibility, energy, tangents.
 
 use crate::support::{learned_system, symplectic_defect};
-use leverrier::dynamics::systems::{SYSTEMS, SystemRow, known_system};
-use leverrier::dynamics::{
+use leverrier::internals::dynamics::systems::{SYSTEMS, SystemRow, known_system};
+use leverrier::internals::dynamics::{
     Batch, Dynamics, Kind, METHODS, Method, Pace, Scratch, Stop, advance, choose_steps,
     finest_method, observe, pull_back, pull_back_observed, simulate,
 };
-use leverrier::eval::{BACKENDS, Backend};
-use leverrier::expr::Observed;
+use leverrier::internals::eval::{BACKENDS, Backend};
+use leverrier::internals::expr::Observed;
 
 /// The systems that a method applies to.
 fn suited(method: Method) -> impl Iterator<Item = &'static SystemRow> {

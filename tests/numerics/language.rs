@@ -3,11 +3,11 @@
 use std::fs;
 use std::path::Path;
 
-use leverrier::diagnostic::Span;
-use leverrier::error::Error;
-use leverrier::expr::build;
-use leverrier::spec::ast::*;
-use leverrier::spec::spec;
+use leverrier::internals::diagnostic::Span;
+use leverrier::internals::error::Error;
+use leverrier::internals::expr::build;
+use leverrier::internals::spec::ast::*;
+use leverrier::internals::spec::spec;
 use proptest::prelude::*;
 
 fn errors(text: &str) -> Vec<String> {
@@ -90,7 +90,8 @@ fn word(text: String) -> Word {
 }
 
 fn plain_name() -> impl Strategy<Value = String> {
-    "[a-zA-Zθ_][a-zA-Z0-9_]{0,4}".prop_filter("a name", |name| leverrier::spec::may_name(name))
+    "[a-zA-Zθ_][a-zA-Z0-9_]{0,4}"
+        .prop_filter("a name", |name| leverrier::internals::spec::may_name(name))
 }
 
 fn unit_text() -> impl Strategy<Value = UnitText> {
@@ -380,8 +381,8 @@ fn highlighting_knows_every_word() {
     ];
     for file in ["grammar/leverrier.tmLanguage.json", "grammar/leverrier.vim"] {
         let text = read(file);
-        let families = leverrier::spec::families::FAMILIES.iter().map(|row| row.name);
-        let functions = leverrier::expr::FUNCTIONS.iter().map(|row| row.name);
+        let families = leverrier::internals::spec::families::FAMILIES.iter().map(|row| row.name);
+        let functions = leverrier::internals::expr::FUNCTIONS.iter().map(|row| row.name);
         for word in words.into_iter().chain(families).chain(functions) {
             assert!(text.contains(word), "{file} does not know `{word}`");
         }

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use leverrier::expr::{Bounds, Compiled, Observed, Place, Symbol, build};
+use leverrier::internals::expr::{Bounds, Compiled, Observed, Place, Symbol, build};
 
 fn compiled(text: &str) -> Compiled {
     build("test", text).unwrap_or_else(|e| panic!("{e}"))
@@ -119,7 +119,7 @@ fn the_known_energy_tells_the_unit_of_implied_momenta() {
          constant k = 3 [N/m]
          T = span{ p_x^2 }; V = k*x^2/2",
     );
-    let expected = leverrier::expr::Unit::parse("kg m/s");
+    let expected = leverrier::internals::expr::Unit::parse("kg m/s");
     let unit = compiled.system.momenta[0].unit;
     assert!(unit.zip(expected.ok()).is_some_and(|(a, b)| a.agrees(b)), "{unit:?}");
     assert_eq!(compiled.system.terms[0].unit_text.as_deref(), Some("1/kg"));

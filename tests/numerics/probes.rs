@@ -1,8 +1,8 @@
 //! Probes: what a term that is not in the model would do to first order.
 
-use leverrier::dynamics::{Batch, Dynamics, Method, Scratch, advance};
-use leverrier::eval::Backend;
-use leverrier::expr::build;
+use leverrier::internals::dynamics::{Batch, Dynamics, Method, Scratch, advance};
+use leverrier::internals::eval::Backend;
+use leverrier::internals::expr::build;
 
 /// Tangent columns of the terms, after a span of 1 from (0.9, 0.4).
 fn columns(dynamics: &Dynamics, method: &str, steps: usize, theta: &[f64]) -> Vec<f64> {

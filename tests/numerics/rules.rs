@@ -1,6 +1,6 @@
 //! Every rewrite holds numerically, by itself, wherever its condition says so.
 
-use leverrier::simplify::rules::{Condition, Kind, RULES, compiled};
+use leverrier::internals::simplify::rules::{Condition, Kind, RULES, compiled};
 
 /// Points of a low-discrepancy sequence in (-2, 2).
 fn point(sample: usize, variable: usize) -> f64 {

@@ -1,9 +1,9 @@
 //! What a fitted model is printed as, and that it stays the same function.
 
-use leverrier::expr::{
+use leverrier::internals::expr::{
     Bounds, Expr, Function, Graph, Observed, Parameter, Place, Symbol, System, Term, Variable,
 };
-use leverrier::simplify::{Fitted, Options, Simplified, StopReason, Style, simplify};
+use leverrier::internals::simplify::{Fitted, Options, Simplified, StopReason, Style, simplify};
 use nalgebra::DMatrix;
 use proptest::prelude::*;
 

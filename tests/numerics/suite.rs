@@ -4,8 +4,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use leverrier::error::Error;
-use leverrier::expr::{FunctionSpace, build};
+use leverrier::internals::error::Error;
+use leverrier::internals::expr::{FunctionSpace, build};
 
 const MARK: &str = "#=";
 

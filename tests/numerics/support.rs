@@ -1,7 +1,9 @@
 //! Systems and random expressions that several test files share.
 
-use leverrier::dynamics::systems::known_system;
-use leverrier::expr::{Bounds, Expr, Function, Graph, Parameter, Place, Symbol, System, Term};
+use leverrier::internals::dynamics::systems::known_system;
+use leverrier::internals::expr::{
+    Bounds, Expr, Function, Graph, Parameter, Place, Symbol, System, Term,
+};
 use proptest::prelude::*;
 
 /// A system of two degrees of freedom with learned terms in T and V, an inner parameter in V

@@ -1,9 +1,9 @@
 //! Taylor series of the motion, against closed forms, invariants and other integrators.
 
-use leverrier::dynamics::systems::{SYSTEMS, known_system};
-use leverrier::dynamics::{Dynamics, Pace, Stop, finest_method, simulate, taylor};
-use leverrier::eval::Backend;
-use leverrier::expr::Function;
+use leverrier::internals::dynamics::systems::{SYSTEMS, known_system};
+use leverrier::internals::dynamics::{Dynamics, Pace, Stop, finest_method, simulate, taylor};
+use leverrier::internals::eval::Backend;
+use leverrier::internals::expr::Function;
 
 fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0, |worst, (a, b)| worst.max((a - b).abs()))

@@ -1,9 +1,9 @@
 //! Single trajectories in machine code are those of the batched evaluator, to the last bit.
 
-use leverrier::dynamics::systems::{SYSTEMS, known_system};
-use leverrier::dynamics::{Batch, Dynamics, Method, Scratch, advance};
-use leverrier::eval::Backend;
-use leverrier::expr::{Function, System};
+use leverrier::internals::dynamics::systems::{SYSTEMS, known_system};
+use leverrier::internals::dynamics::{Batch, Dynamics, Method, Scratch, advance};
+use leverrier::internals::eval::Backend;
+use leverrier::internals::expr::{Function, System};
 
 /// Follows `lanes` trajectories near a start for four spans of `steps` steps.
 fn follow(

@@ -148,7 +148,7 @@ fn a_fitted_model_simulates_and_exports() {
     good(path, &["fit", "swings.ham"]);
     let moved = good(path, &["simulate", "swings.ham", "--start=1,0", "--dt=0.1", "--samples=5"]);
     assert_eq!(moved.out.lines().count(), 6);
-    for row in leverrier::export::EXPORTERS {
+    for row in leverrier::internals::export::EXPORTERS {
         let made = json(path, &["export", "swings.ham", row.name], "leverrier.export-command/1");
         match made["text"].as_str() {
             Some(text) => assert!(text.contains("cos"), "{}: {text}", row.name),

@@ -6,8 +6,8 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 
 use assert_cmd::Command;
-use leverrier::expr::Function;
-use leverrier::spec::families::FAMILIES;
+use leverrier::internals::expr::Function;
+use leverrier::internals::spec::families::FAMILIES;
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -142,7 +142,8 @@ fn every_command_does_what_the_readme_shows() {
 fn every_spec_of_the_readme_is_in_order() {
     for (language, text) in blocks(&page()) {
         if language == "ham" {
-            leverrier::expr::build("README", &text).unwrap_or_else(|e| panic!("{e}\n{text}"));
+            leverrier::internals::expr::build("README", &text)
+                .unwrap_or_else(|e| panic!("{e}\n{text}"));
         }
     }
 }

@@ -6,11 +6,11 @@ pub mod outcome;
 pub mod pairs;
 pub mod strangers;
 
-use leverrier::data::Dataset;
-use leverrier::expr::{Compiled, System, build};
-use leverrier::fit::{Model, Options, Silent, fit};
-use leverrier::simulate::Simulator;
-use leverrier::spec::effects::by_name;
+use leverrier::internals::data::Dataset;
+use leverrier::internals::expr::{Compiled, System, build};
+use leverrier::internals::fit::{Model, Options, Silent, fit};
+use leverrier::internals::simulate::Simulator;
+use leverrier::internals::spec::effects::by_name;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;

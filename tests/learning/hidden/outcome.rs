@@ -1,11 +1,11 @@
 //! What became of one hidden effect: whether it was named, and what adding it did.
 
-use leverrier::diagnose::compare::error;
-use leverrier::diagnose::context::Context;
-use leverrier::diagnose::missing::{Diagnosis, Verdict, diagnose};
-use leverrier::expr::build;
-use leverrier::fit::{Model, Options, Silent, fit};
-use leverrier::spec::edit::insert;
+use leverrier::internals::diagnose::compare::error;
+use leverrier::internals::diagnose::context::Context;
+use leverrier::internals::diagnose::missing::{Diagnosis, Verdict, diagnose};
+use leverrier::internals::expr::build;
+use leverrier::internals::fit::{Model, Options, Silent, fit};
+use leverrier::internals::spec::edit::insert;
 
 use super::Case;
 

@@ -1,7 +1,7 @@
 //! Two effects at once, and whether the loop finds both and nothing else.
 
-use leverrier::diagnose::discover::{Discovery, discover};
-use leverrier::fit::{Options, Silent};
+use leverrier::internals::diagnose::discover::{Discovery, discover};
+use leverrier::internals::fit::{Options, Silent};
 
 use super::bases::BASES;
 use super::case;

@@ -1,6 +1,6 @@
 //! What no catalogue has: a bump, a delay, a body that nobody measures.
 
-use leverrier::data::{Dataset, Run};
+use leverrier::internals::data::{Dataset, Run};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 

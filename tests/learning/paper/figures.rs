@@ -2,14 +2,14 @@
 
 use std::f64::consts::{PI, TAU};
 
-use leverrier::data::Dataset;
-use leverrier::dynamics::{Dynamics, Method, Pace, Stop, simulate};
-use leverrier::eval::Backend;
-use leverrier::expr::System;
-use leverrier::fit::Model;
-use leverrier::report::present;
-use leverrier::simplify::{Simplified, Style};
-use leverrier::simulate::{Box as Side, Sampling, Simulator, draw};
+use leverrier::internals::data::Dataset;
+use leverrier::internals::dynamics::{Dynamics, Method, Pace, Stop, simulate};
+use leverrier::internals::eval::Backend;
+use leverrier::internals::expr::System;
+use leverrier::internals::fit::Model;
+use leverrier::internals::report::present;
+use leverrier::internals::simplify::{Simplified, Style};
+use leverrier::internals::simulate::{Box as Side, Sampling, Simulator, draw};
 
 use super::{Law, STEP, system};
 

@@ -5,10 +5,10 @@
 pub mod bound;
 pub mod figures;
 
-use leverrier::data::Dataset;
-use leverrier::expr::{Compiled, System, build};
-use leverrier::fit::{self, Model, Options, Silent};
-use leverrier::simulate::{
+use leverrier::internals::data::Dataset;
+use leverrier::internals::expr::{Compiled, System, build};
+use leverrier::internals::fit::{self, Model, Options, Silent};
+use leverrier::internals::simulate::{
     Box as Side, Noise, Sampling, Simulator, add_noise, consecutive_pairs, draw,
 };
 use rand::{RngExt, SeedableRng};
