@@ -17,7 +17,6 @@ const RUN: usize = 250;
 
 /// A model that was learned without the drag, and measurements.
 pub struct Trap {
-    text: String,
     learned: Compiled,
     model: Model,
     training: Dataset,
@@ -45,12 +44,12 @@ impl Trap {
         let learned = build("learned", &text).expect("a sound spec");
         let options = Options::default();
         let model = fit(&learned.system, &split.training, &options, &Silent).expect("a model");
-        Trap { text, learned, model, training: split.training, held_out: split.held_out }
+        Trap { learned, model, training: split.training, held_out: split.held_out }
     }
 
     /// Asks the whole catalogue what is missing.
     pub fn diagnose(&self) -> Diagnosis {
-        let Trap { text, learned, model, training, held_out } = self;
-        diagnose("learned", text, learned, model, training, held_out, &Silent).expect("an answer")
+        let Trap { learned, model, training, held_out } = self;
+        diagnose(learned, model, training, held_out, &Silent).expect("an answer")
     }
 }

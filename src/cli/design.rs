@@ -136,7 +136,7 @@ fn purpose(
     let project = &bench.project;
     let context = Context::new(project.system(), model, &bench.dataset)?;
     let with = |label: &str, statement: &str, start: &[f64]| {
-        Rival::with_effect(&context, &project.name(), &project.text, label, statement, start)
+        Rival::with_effect(&context, &project.compiled, label, statement, start)
     };
     if !arguments.between.is_empty() {
         let mut rivals: Vec<Rival> = Vec::new();
@@ -175,8 +175,8 @@ fn purpose(
         return Ok(Purpose { goal: worst, rivals: as_it_is(), why });
     };
     let training = &bench.split.training;
-    let (name, text, base) = (project.name(), &project.text, &project.compiled);
-    let found = missing::diagnose(&name, text, base, model, training, held_out, progress)?;
+    let base = &project.compiled;
+    let found = missing::diagnose(base, model, training, held_out, progress)?;
     let tied = |leader: &&Leader| found.indistinguishable.contains(&leader.effect);
     let first = found.ranking.first();
     let mut rivals: Vec<Rival> = Vec::new();

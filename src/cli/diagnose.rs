@@ -41,15 +41,8 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let (diagnosis, terms, detections) = match (lacking, bench.held_out()) {
         (None, Some(held_out)) => {
             let (model, terms) = bench.model(&progress)?;
-            let diagnosis = missing::diagnose(
-                &project.name(),
-                &project.text,
-                &project.compiled,
-                &model,
-                &split.training,
-                held_out,
-                &progress,
-            )?;
+            let diagnosis =
+                missing::diagnose(&project.compiled, &model, &split.training, held_out, &progress)?;
             let context = Context::new(project.system(), &model, &split.training)?;
             (diagnosis, terms, detect(&context, &model))
         }

@@ -1,11 +1,11 @@
-//! Effects that may be missing, ready to be tried: each built into the spec once, its inner
-//! parameters on a grid.
+//! Effects that may be missing, ready to be tried: each lowered once onto the system that stands,
+//! its inner parameters on a grid.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use super::reach::Reach;
 use crate::data::Dataset;
-use crate::expr::{Compiled, Symbol, System, Term, build};
+use crate::expr::{Extension, Parameter, Scope, Symbol, System, Term};
 use crate::spec::effects::{EffectRow, ScanBy, instances};
 
 /// Something that may be missing, ready to be tried.
@@ -16,11 +16,11 @@ pub struct Candidate {
     pub label: String,
     /// Names of the coordinates or observables that it is on.
     pub on: Vec<String>,
-    /// The spec with it, inner parameters as parameters.
-    pub system: System,
-    /// Its terms in `system`.
+    /// What it adds to the system, inner parameters as parameters.
+    pub extension: Extension,
+    /// Its terms, by their places in the system with it.
     pub terms: Vec<usize>,
-    /// Its inner parameters in `system`.
+    /// Its inner parameters, by their places in the system with it.
     pub parameters: Vec<usize>,
     /// Values of the inner parameters that are tried; one empty choice without any.
     pub grid: Vec<Vec<f64>>,
@@ -44,39 +44,50 @@ pub enum Origin {
 
 /// Everything of the catalogue that the system allows, and the spec's own candidates, except
 /// what the spec holds already.
-pub fn candidates(name: &str, text: &str, base: &Compiled, dataset: &Dataset) -> Vec<Candidate> {
-    let system = &base.system;
-    let held: Vec<&str> = system.terms.iter().filter_map(|t| t.effect.as_deref()).collect();
+pub fn candidates(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
+    let mut all = super::own::candidates(scope);
+    let system = &scope.compiled().system;
+    let held: BTreeSet<String> = system.terms.iter().filter_map(|t| t.effect.clone()).collect();
     let reach = Reach::of(system, dataset);
-    let named = instances(&system.scene()).into_iter().map(|instance| {
-        let label = instance.label();
-        (instance.effect, instance.statement, label, instance.arguments)
-    });
-    let named = named.filter(|(_, _, label, _)| !held.contains(&label.as_str())).filter_map(
-        |(row, statement, label, on)| {
-            let built = build(name, &extended(text, &statement)).ok()?.system;
-            let terms: Vec<usize> = (0..built.terms.len())
-                .filter(|&k| built.terms[k].effect.as_deref() == Some(label.as_str()))
-                .collect();
-            let parameters: Vec<usize> =
-                (system.parameters.len()..built.parameters.len()).collect();
+    let standing = system.parameters.len();
+    let instances = instances(&system.scene()).into_iter();
+    all.extend(instances.filter(|instance| !held.contains(&instance.label())).filter_map(
+        |instance| {
+            let (row, label, on) = (instance.effect, instance.label(), instance.arguments);
+            let extension = scope.extension(&instance.statement).ok()?;
+            let terms = terms_of(&extension, |term| term.effect.as_ref() == Some(&label));
+            let parameters = extension.parameters().map(|(j, ..)| j).filter(|&j| j >= standing);
+            let parameters = parameters.collect();
             let first = on.first().map_or("", String::as_str);
             let scans: Vec<ScanBy> = row.parameters.iter().map(|scan| scan.by).collect();
             let grid = reach.grid(&scans, first);
             let found = !terms.is_empty();
             let origin = Origin::Catalogue(row);
-            found.then_some(Candidate { origin, label, on, system: built, terms, parameters, grid })
+            found.then_some(Candidate { origin, label, on, extension, terms, parameters, grid })
         },
-    );
-    super::own::candidates(name, text, base).into_iter().chain(named).collect()
+    ));
+    all
 }
 
-/// A spec with one more statement at its end.
-pub fn extended(text: &str, statement: &str) -> String {
-    format!("{}\n{statement}\n", text.trim_end())
+/// Places of the terms of an extension that are `wanted`.
+pub(super) fn terms_of(extension: &Extension, wanted: impl Fn(&Term) -> bool) -> Vec<usize> {
+    extension.terms().filter(|(_, term)| wanted(term)).map(|(k, _)| k).collect()
 }
 
 impl Candidate {
+    /// The system with it; `base` is the system that it was made for.
+    pub fn system(&self, base: &System) -> System {
+        self.extension.onto(base)
+    }
+
+    /// Its inner parameters, each as it or the system `base` declares it.
+    pub fn parameters_in<'a>(&'a self, base: &'a System) -> impl Iterator<Item = &'a Parameter> {
+        self.parameters.iter().filter_map(|&j| {
+            let own = self.extension.parameters().find(|(place, ..)| *place == j);
+            own.map(|(_, parameter, _)| parameter).or_else(|| base.parameters.get(j))
+        })
+    }
+
     /// The statement that adds it, its inner parameters at some values.
     pub fn snippet(&self, values: &[f64]) -> String {
         match &self.origin {
@@ -99,15 +110,7 @@ impl Candidate {
             .zip(values)
             .map(|(&j, &value)| (Symbol::Parameter(j), value))
             .collect();
-        self.terms
-            .iter()
-            .map(|&k| {
-                let term = &self.system.terms[k];
-                let mut import = |expr| into.graph.import(&self.system.graph, expr, &numbers);
-                let expr = import(term.expr);
-                let also = term.also.iter().map(|&(place, expr)| (place, import(expr))).collect();
-                Term { expr, also, ..term.clone() }
-            })
-            .collect()
+        let own = self.extension.terms().filter(|(k, _)| self.terms.contains(k));
+        own.map(|(_, term)| self.extension.import(term, &mut into.graph, &numbers)).collect()
     }
 }

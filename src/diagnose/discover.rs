@@ -8,10 +8,10 @@ use super::missing::{Diagnosis, Leader, Verdict, diagnose};
 use super::round::round;
 use crate::data::Dataset;
 use crate::error::Result;
-use crate::expr::{Compiled, Term, build};
+use crate::expr::{Compiled, Scope, Term, build};
 use crate::fit::resume::{Start, resume};
 use crate::fit::{Model, Monitor, Options, fit};
-use crate::spec::edit::insert;
+use crate::spec::edit;
 
 /// What the loop did, and why it ended.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -82,7 +82,7 @@ pub fn discover(
     let first = (compiled.clone(), model.clone());
     let (stop, verdict) = loop {
         monitor.stage(&format!("what is missing, round {}", steps.len() + 1), 0.1);
-        let diagnosis = diagnose(name, &text, &compiled, &model, training, held_out, monitor)?;
+        let diagnosis = diagnose(&compiled, &model, training, held_out, monitor)?;
         if !goes_on(&diagnosis) {
             break (diagnosis.reason, diagnosis.verdict);
         }
@@ -107,7 +107,7 @@ pub fn discover(
         let mut kept = None;
         let mut lost = None;
         for leader in diagnosis.ranking.iter().filter(pays) {
-            let longer = insert(&text, &leader.snippet);
+            let longer = edit::insert(&text, &leader.snippet);
             let next = build(name, &longer)?;
             let of = |term: &Term| term.effect.as_deref() == Some(leader.effect.as_str());
             let terms = (0..next.system.terms.len()).filter(|&k| of(&next.system.terms[k]));
@@ -207,8 +207,8 @@ impl Found<'_> {
         held_out: &Dataset,
         monitor: &dyn Monitor,
     ) -> Result<Vec<Leader>> {
-        let text = self.text.replacen(&step.snippet, "", 1);
-        let base = build(self.name, &text)?;
+        let Some(place) = edit::place_of(self.text, &step.snippet) else { return Ok(Vec::new()) };
+        let base = build(self.name, &edit::remove(self.text, place))?;
         let known = Start::of(self.model, &base.system);
         let own = Context::new(&self.compiled.system, self.model, training)?;
         let context = Context {
@@ -222,7 +222,7 @@ impl Found<'_> {
         let Some(context) = context.refitted() else { return Ok(Vec::new()) };
         let asked =
             |label: &str| label == step.effect || rivals.iter().any(|rival| rival.effect == label);
-        let mut all = candidates(self.name, &text, &base, training);
+        let mut all = candidates(&mut Scope::of(&base), training);
         all.retain(|candidate| asked(&candidate.label));
         let found = round(&context, held_out, &all, all.len(), monitor)?;
         Ok(found.leaders.into_iter().take(found.close).map(|l| l.leader).collect())
@@ -237,7 +237,8 @@ impl Found<'_> {
         options: &Options,
         monitor: &dyn Monitor,
     ) -> Option<(String, Compiled, Model)> {
-        let text = self.text.replacen(&step.snippet, &rival.snippet, 1);
+        let place = edit::place_of(self.text, &step.snippet)?;
+        let text = edit::replace(self.text, place, &rival.snippet);
         // The effect may have been added by another step.
         let next = build(self.name, &text).ok()?;
         let of = |term: &Term| term.effect.as_deref() == Some(rival.effect.as_str());

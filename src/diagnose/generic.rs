@@ -1,9 +1,9 @@
 //! Terms without a name of their own: what to say when no named effect explains the misfit.
 
-use super::candidates::{Candidate, Origin, extended};
+use super::candidates::{Candidate, Origin, terms_of};
 use super::reach::Reach;
 use crate::data::Dataset;
-use crate::expr::{Compiled, build};
+use crate::expr::Scope;
 use crate::spec::effects::ScanBy;
 
 /// Highest total degree of a force that is a product of powers.
@@ -20,8 +20,8 @@ struct Draft {
 }
 
 /// Bumps of the potential and forces that are products of powers, on every coordinate.
-pub fn generic(name: &str, text: &str, base: &Compiled, dataset: &Dataset) -> Vec<Candidate> {
-    let system = &base.system;
+pub fn generic(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
+    let system = &scope.compiled().system;
     let names = |list: &[crate::expr::Variable]| -> Vec<String> {
         list.iter().map(|variable| variable.name.clone()).collect()
     };
@@ -71,6 +71,7 @@ pub fn generic(name: &str, text: &str, base: &Compiled, dataset: &Dataset) -> Ve
         }
     }
     let reach = Reach::of(system, dataset);
+    let standing = system.parameters.len();
     let candidate = |draft: Draft| {
         let mut statement = draft.statement.clone();
         let mut lines = Vec::new();
@@ -80,10 +81,10 @@ pub fn generic(name: &str, text: &str, base: &Compiled, dataset: &Dataset) -> Ve
             lines.push(format!("param {name} = 1"));
         }
         lines.push(statement);
-        let built = build(name, &extended(text, &lines.join("\n"))).ok()?.system;
-        let terms: Vec<usize> = (0..built.terms.len())
-            .filter(|&k| built.terms[k].name.as_deref() == Some("unnamed"))
-            .collect();
+        let extension = scope.extension(&lines.join("\n")).ok()?;
+        let terms = terms_of(&extension, |term| term.name.as_deref() == Some("unnamed"));
+        let parameters = extension.parameters().map(|(j, ..)| j).filter(|&j| j >= standing);
+        let parameters = parameters.collect();
         let scans: Vec<ScanBy> = draft.scans.iter().map(|(_, by)| *by).collect();
         let first = draft.on.first().map_or("", String::as_str);
         let grid = reach.grid(&scans, first);
@@ -94,9 +95,9 @@ pub fn generic(name: &str, text: &str, base: &Compiled, dataset: &Dataset) -> Ve
             },
             label: draft.label,
             on: draft.on,
+            extension,
             terms,
-            parameters: (system.parameters.len()..built.parameters.len()).collect(),
-            system: built,
+            parameters,
             grid,
         })
     };

@@ -111,7 +111,7 @@ pub struct Start {
 impl Start {
     /// The model's own values, and a candidate where its score likes it best.
     pub fn scored(context: &Context, candidate: &Candidate, scored: &Scored) -> Start {
-        let system = bounded(candidate, &scored.values);
+        let system = bounded(candidate, context.system, &scored.values);
         let mut parameters: Vec<f64> =
             system.parameters.iter().map(|p| p.bounds.clamp(p.start)).collect();
         for (value, &known) in parameters.iter_mut().zip(&context.parameters) {
@@ -122,7 +122,7 @@ impl Start {
             parameters[j] = system.parameters[j].start;
         }
         Start {
-            support: support_in(context, &system).chain(candidate.terms.iter().copied()).collect(),
+            support: context.support.iter().chain(&candidate.terms).copied().collect(),
             system,
             coefficients: (context.coefficients.iter())
                 .chain(&scored.score.coefficients)
@@ -377,12 +377,12 @@ fn is_pinned(candidate: &Candidate, system: &System, values: &[f64]) -> bool {
     })
 }
 
-/// The candidate's system with its inner parameters at a grid point. Outside the grid the data
+/// The system with a candidate, its inner parameters at a grid point. Outside the grid the data
 /// say nothing about a parameter: it may leave the grid by half of its length, but for places
 /// and instants, which are looked for where there are data, and for waves, of which the data
 /// show half a length or more.
-fn bounded(candidate: &Candidate, values: &[f64]) -> System {
-    let mut system = candidate.system.clone();
+fn bounded(candidate: &Candidate, base: &System, values: &[f64]) -> System {
+    let mut system = candidate.system(base);
     for (place, (&j, &value)) in candidate.parameters.iter().zip(values).enumerate() {
         let parameter = &mut system.parameters[j];
         let axis = candidate.grid.iter().map(|values| values[place]);
@@ -403,15 +403,4 @@ fn bounded(candidate: &Candidate, values: &[f64]) -> System {
         parameter.start = parameter.bounds.clamp(value);
     }
     system
-}
-
-/// The model's terms in a system that holds more.
-pub(super) fn support_in<'a>(
-    context: &'a Context,
-    system: &'a System,
-) -> impl Iterator<Item = usize> + 'a {
-    context.support.iter().filter_map(|&k| {
-        let term = &context.system.terms[k];
-        system.terms.iter().position(|t| t.place == term.place && t.label == term.label)
-    })
 }

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use serde::Serialize;
 
-use super::candidates::{candidates, extended};
+use super::candidates::candidates;
 use super::compare::{ResidualMap, residual_maps};
 use super::context::Context;
 use super::detectors::RESOLVED;
@@ -15,7 +15,7 @@ use super::leader::Refitted;
 use super::round::{CLOSE, Round, SAME, beyond, round};
 use crate::data::Dataset;
 use crate::error::Result;
-use crate::expr::{Compiled, build};
+use crate::expr::{Compiled, Scope};
 use crate::fit::pass::Sums;
 use crate::fit::{Model, Monitor};
 
@@ -117,11 +117,9 @@ const AT_NOISE: f64 = 4.0;
 
 /// Asks what a model misses.
 ///
-/// `text` is the spec that the model was fitted from; `training` the runs that it was fitted to,
+/// `base` is the spec that the model was fitted from; `training` the runs that it was fitted to,
 /// `held_out` others.
 pub fn diagnose(
-    name: &str,
-    text: &str,
     base: &Compiled,
     model: &Model,
     training: &Dataset,
@@ -133,9 +131,10 @@ pub fn diagnose(
     if let Some(reason) = super::suffices::lacking_beside(&context, &context.with_data(held_out)) {
         return Ok(Diagnosis::too_little(reason));
     }
-    let asked = Asked { name, text, base, held_out, context: &context, monitor };
     monitor.stage("scoring candidates", 0.1);
-    let all = candidates(name, text, base, training);
+    let mut scope = Scope::of(base);
+    let all = candidates(&mut scope, training);
+    let asked = Asked { scope, held_out, context: &context, monitor };
     let first = round(&context, held_out, &all, LEADERS, monitor)?;
     let close = first.leaders.iter().take(first.close).skip(1);
     let mut diagnosis = Diagnosis {
@@ -185,9 +184,7 @@ fn resolved(context: &Context, model: &Model) -> bool {
 
 /// What was asked.
 struct Asked<'a, 'b> {
-    name: &'b str,
-    text: &'b str,
-    base: &'a Compiled,
+    scope: Scope,
     held_out: &'a Dataset,
     context: &'b Context<'a>,
     monitor: &'b dyn Monitor,
@@ -270,7 +267,7 @@ impl Asked<'_, '_> {
 
     /// Goes on from a leader with the best next one until nothing significant is left.
     fn chain(&self, leader: Refitted, window: usize) -> Result<Chain> {
-        let mut text = self.text.to_string();
+        let mut scope = self.scope.clone();
         let mut window = window;
         let mut links = Vec::new();
         let mut last = leader;
@@ -291,10 +288,9 @@ impl Asked<'_, '_> {
                 links.push(last);
                 break (false, true);
             }
-            text = extended(&text, &last.leader.snippet);
-            let compiled = build(self.name, &text)?;
-            let present = Context { system: &compiled.system, ..present };
-            let more = candidates(self.name, &text, &compiled, self.context.dataset);
+            scope = scope.with(&last.leader.snippet)?;
+            let more = candidates(&mut scope, self.context.dataset);
+            let present = Context { system: &scope.compiled().system, ..present };
             let next = round(&present, self.held_out, &more, LATER, self.monitor);
             links.push(last);
             // A model that loses the motion answers no further question.
@@ -329,7 +325,7 @@ impl Asked<'_, '_> {
 
     /// The best term without a name, and by how much it explains more than a chain, prices paid.
     fn unnamed(&self, chain: &Chain) -> Result<Option<(Refitted, f64)>> {
-        let all = generic(self.name, self.text, self.base, self.context.dataset);
+        let all = generic(&mut self.scope.clone(), self.context.dataset);
         let Ok(found) = round(self.context, self.held_out, &all, LATER, self.monitor) else {
             return Ok(None);
         };

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use super::candidates::{Candidate, Origin, extended};
-use crate::expr::{Bounds, Compiled, Expr, Place, Symbol, System, build};
+use super::candidates::{Candidate, Origin, terms_of};
+use crate::expr::{Bounds, Compiled, Expr, Extension, Place, Scope, Symbol, System};
 
 /// Values of one bounded inner parameter that are tried; of several together.
 const POINTS: usize = 24;
@@ -13,52 +13,55 @@ const TOGETHER: usize = 64;
 ///
 /// An inner parameter that only the candidate uses is tried over its bounds, where it has both,
 /// else at the starts that the spec lists.
-pub(super) fn candidates(name: &str, text: &str, base: &Compiled) -> Vec<Candidate> {
-    let held: BTreeSet<&str> =
-        base.system.terms.iter().filter_map(|term| term.effect.as_deref()).collect();
-    let used = parameters_of(&base.system, None);
-    base.candidates
-        .iter()
-        .filter(|own| !held.contains(own.name.as_str()))
-        .filter_map(|own| {
-            let compiled = build(name, &extended(text, &format!("effect {}", own.name))).ok()?;
-            let system = compiled.system;
-            let terms: Vec<usize> = (0..system.terms.len())
-                .filter(|&k| system.terms[k].effect.as_deref() == Some(own.name.as_str()))
-                .collect();
-            if terms.is_empty() {
-                return None;
-            }
-            let parameters: Vec<usize> =
-                parameters_of(&system, Some(&terms)).difference(&used).copied().collect();
-            let axes: Vec<Vec<f64>> = parameters
-                .iter()
-                .map(|&j| axis(system.parameters[j].bounds, &compiled.starts[j], parameters.len()))
-                .collect();
-            let on = acts_on(&system, &terms);
-            let grid = every_choice(&axes);
-            let (origin, label) = (Origin::Spec, own.name.clone());
-            Some(Candidate { origin, label, on, system, terms, parameters, grid })
-        })
-        .collect()
+pub(super) fn candidates(scope: &mut Scope) -> Vec<Candidate> {
+    let system = &scope.compiled().system;
+    let held: BTreeSet<&str> = system.terms.iter().filter_map(|t| t.effect.as_deref()).collect();
+    let own = scope.compiled().candidates.iter().map(|own| own.name.clone());
+    let labels: Vec<String> = own.filter(|name| !held.contains(name.as_str())).collect();
+    if labels.is_empty() {
+        return Vec::new();
+    }
+    let used = parameters_in_use(system);
+    let candidate = |label: String| {
+        let extension = scope.extension(&format!("effect {label}")).ok()?;
+        let terms = terms_of(&extension, |term| term.effect.as_ref() == Some(&label));
+        if terms.is_empty() {
+            return None;
+        }
+        let exprs: Vec<Expr> = parts(&extension, &terms).map(|(_, expr)| expr).collect();
+        let parameters: Vec<usize> =
+            parameters_among(&extension.symbols(&exprs)).difference(&used).copied().collect();
+        let base = scope.compiled();
+        let axes: Vec<Vec<f64>> =
+            parameters.iter().map(|&j| axis(base, &extension, j, parameters.len())).collect();
+        let on = acts_on(&base.system, &extension, &terms);
+        let grid = every_choice(&axes);
+        let origin = Origin::Spec;
+        Some(Candidate { origin, label, on, extension, terms, parameters, grid })
+    };
+    labels.into_iter().filter_map(candidate).collect()
 }
 
-/// Inner parameters of some terms; of all that a system holds, known parts too, where none are
-/// named.
-fn parameters_of(system: &System, terms: Option<&[usize]>) -> BTreeSet<usize> {
-    let exprs: Vec<Expr> = match terms {
-        Some(terms) => terms
-            .iter()
-            .flat_map(|&k| system.terms[k].parts().map(|(_, expr)| expr).collect::<Vec<_>>())
-            .collect(),
-        None => [system.kinetic, system.potential, system.hamiltonian]
-            .into_iter()
-            .chain(system.forces.iter().copied())
-            .chain(system.sensors.iter().copied())
-            .chain(system.terms.iter().flat_map(|term| term.parts().map(|(_, expr)| expr)))
-            .collect(),
-    };
-    let symbols = system.graph.symbols(&exprs);
+/// Where some terms of an extension stand, and what their coefficients multiply there.
+fn parts<'a>(
+    extension: &'a Extension,
+    terms: &'a [usize],
+) -> impl Iterator<Item = (Place, Expr)> + 'a {
+    extension.terms().filter(|(k, _)| terms.contains(k)).flat_map(|(_, term)| term.parts())
+}
+
+/// Inner parameters in the known parts and in all terms of a system.
+fn parameters_in_use(system: &System) -> BTreeSet<usize> {
+    let exprs: Vec<Expr> = [system.kinetic, system.potential, system.hamiltonian]
+        .into_iter()
+        .chain(system.forces.iter().copied())
+        .chain(system.sensors.iter().copied())
+        .chain(system.terms.iter().flat_map(|term| term.parts().map(|(_, expr)| expr)))
+        .collect();
+    parameters_among(&system.graph.symbols(&exprs))
+}
+
+fn parameters_among(symbols: &[Symbol]) -> BTreeSet<usize> {
     let parameter = |symbol: &Symbol| match symbol {
         Symbol::Parameter(j) => Some(*j),
         _ => None,
@@ -66,7 +69,15 @@ fn parameters_of(system: &System, terms: Option<&[usize]>) -> BTreeSet<usize> {
     symbols.iter().filter_map(parameter).collect()
 }
 
-fn axis(bounds: Bounds, starts: &[f64], together: usize) -> Vec<f64> {
+/// Values of an inner parameter that are tried, one of so many `together`.
+fn axis(base: &Compiled, extension: &Extension, j: usize, together: usize) -> Vec<f64> {
+    let own = extension.parameters().find(|(place, ..)| *place == j);
+    let own = own.map(|(_, parameter, starts)| (parameter.bounds, starts));
+    let standing = || Some((base.system.parameters.get(j)?.bounds, base.starts.get(j)?.as_slice()));
+    own.or_else(standing).map_or(Vec::new(), |(bounds, starts)| values(bounds, starts, together))
+}
+
+fn values(bounds: Bounds, starts: &[f64], together: usize) -> Vec<f64> {
     let (lower, upper) = (bounds.lower, bounds.upper);
     if !(lower.is_finite() && upper.is_finite() && lower < upper) {
         return starts.to_vec();
@@ -90,10 +101,10 @@ pub(super) fn every_choice(axes: &[Vec<f64>]) -> Vec<Vec<f64>> {
 }
 
 /// Names of the coordinates and observables that terms act on.
-fn acts_on(system: &System, terms: &[usize]) -> Vec<String> {
+fn acts_on(system: &System, extension: &Extension, terms: &[usize]) -> Vec<String> {
     let observables = system.observables();
     let mut on = BTreeSet::new();
-    for (place, expr) in terms.iter().flat_map(|&k| system.terms[k].parts()) {
+    for (place, expr) in parts(extension, terms) {
         match place {
             Place::Force(i) => {
                 on.insert(system.coordinates[i].name.clone());
@@ -101,14 +112,12 @@ fn acts_on(system: &System, terms: &[usize]) -> Vec<String> {
             Place::Sensor(i) => {
                 on.insert(observables[i].clone());
             }
-            _ => {
-                on.extend(system.graph.symbols(&[expr]).iter().filter_map(|symbol| match symbol {
-                    Symbol::Coordinate(i) | Symbol::Momentum(i) => {
-                        Some(system.coordinates[*i].name.clone())
-                    }
-                    _ => None,
-                }))
-            }
+            _ => on.extend(extension.symbols(&[expr]).iter().filter_map(|symbol| match symbol {
+                Symbol::Coordinate(i) | Symbol::Momentum(i) => {
+                    Some(system.coordinates[*i].name.clone())
+                }
+                _ => None,
+            })),
         }
     }
     on.into_iter().collect()

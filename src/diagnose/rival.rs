@@ -3,12 +3,11 @@
 use rayon::prelude::*;
 
 use super::context::Context;
-use super::leader::support_in;
 use crate::data::{Dataset, Packed};
 use crate::dynamics::{Batch, Dynamics, Kind, Method, Scratch, advance, observe};
 use crate::error::{Error, ErrorKind, Result};
 use crate::eval::Backend;
-use crate::expr::{Bounds, Observed, System, build};
+use crate::expr::{Bounds, Compiled, Observed, Scope, System};
 use crate::fit::factor::Factor;
 use crate::fit::gauss_newton::{CONVERGED, refit};
 use crate::fit::pass::{Linearised, Problem, Stepping, Sums, settle_and_linearise};
@@ -16,7 +15,6 @@ use crate::fit::segments::{Segments, cut, packed, typical_step};
 use crate::fit::states::States;
 use crate::fit::train::Training;
 use crate::fit::{Loss, Options, Silent};
-use crate::spec::edit::insert;
 
 /// A fitted model that claims to explain the measurements.
 #[derive(Debug, Clone)]
@@ -56,7 +54,7 @@ impl Rival {
 
     /// The model of a context with an effect in it, fitted to the context's measurements.
     ///
-    /// `text` is the spec of the context's system; `statement` adds the effect `label` to it.
+    /// `spec` is that of the context's system; `statement` adds the effect `label` to it.
     /// `start` holds first guesses of the coefficients of the effect's terms (zero where short).
     ///
     /// # Errors
@@ -64,13 +62,12 @@ impl Rival {
     /// When the statement does not fit the spec, or the model cannot be fitted.
     pub fn with_effect(
         context: &Context,
-        name: &str,
-        text: &str,
+        spec: &Compiled,
         label: &str,
         statement: &str,
         start: &[f64],
     ) -> Result<Rival> {
-        let mut system = build(name, &insert(text, statement))?.system;
+        let mut system = Scope::of(spec).extension(statement)?.onto(context.system);
         for (parameter, &value) in context.system.parameters.iter().zip(&context.parameters) {
             if let Some(same) = system.parameters.iter_mut().find(|p| p.name == parameter.name) {
                 same.start = value;
@@ -79,19 +76,18 @@ impl Rival {
         let terms = 0..system.terms.len();
         let new: Vec<usize> =
             terms.filter(|&k| system.terms[k].effect.as_deref() == Some(label)).collect();
-        let known: Vec<usize> = support_in(context, &system).collect();
         let options = Options { window: Some(context.window), ..Options::default() };
         let mut training = Training::over(&system, context.measured.clone(), &options)?;
         training.noise.clone_from(&context.noise);
         training.integrator.stepping = context.stepping;
         training.coefficients.fill(0.0);
-        for (&k, &value) in known.iter().zip(&context.coefficients) {
+        for (&k, &value) in context.support.iter().zip(&context.coefficients) {
             training.coefficients[k] = value;
         }
         for (&k, &value) in new.iter().zip(start) {
             training.coefficients[k] = value;
         }
-        training.support = known.into_iter().chain(new).collect();
+        training.support = context.support.iter().copied().chain(new).collect();
         training.choose_integrator();
         let mut fitted = training.refit(&Silent);
         training.take(&mut fitted);

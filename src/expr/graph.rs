@@ -114,6 +114,17 @@ impl Graph {
         expr
     }
 
+    /// Takes back what was stored last, but for the first `len` expressions.
+    pub(super) fn truncate(&mut self, len: usize) {
+        if len >= self.len() {
+            return;
+        }
+        let stored = Arc::make_mut(&mut self.stored);
+        for node in stored.nodes.drain(len..) {
+            stored.index.remove(&node);
+        }
+    }
+
     /// A constant.
     pub fn number(&mut self, value: f64) -> Expr {
         self.intern(Node::Number(Number::new(value)))

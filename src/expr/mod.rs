@@ -20,7 +20,7 @@ pub use functions::{
 };
 pub use graph::{Expr, Graph, Node, Number, Symbol, raise};
 pub use independence::{Dependence, MOST_EXAMINED, dependences};
-pub use lower::{Candidate, Compiled, MOST_TERMS, build};
+pub use lower::{Candidate, Compiled, Extension, MOST_TERMS, Scope, build};
 pub use print::Names;
 pub(crate) use print::Strength;
 pub use space::{FunctionSpace, SpaceKnown, SpaceParameter, SpaceTerm, SpaceVariable};

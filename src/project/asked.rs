@@ -4,6 +4,7 @@ use crate::diagnose::candidates::candidates;
 use crate::diagnose::context::Context;
 use crate::diagnose::scan::scan;
 use crate::error::{Error, ErrorKind, Result};
+use crate::expr::Scope;
 use crate::spec::ast::{Statement, StatementKind};
 use crate::spec::edit;
 use crate::spec::effects::{EffectRow, Scene, by_name, hint_for, instances};
@@ -132,13 +133,14 @@ impl Asked {
 
     /// Values of the inner parameters that a scan over their grid likes best.
     pub fn scanned(&mut self, project: &Project, context: &Context) -> Result<()> {
-        let all = candidates(&project.name(), &project.text, &project.compiled, context.dataset);
+        let all = candidates(&mut Scope::of(&project.compiled), context.dataset);
         let Some(candidate) = all.iter().find(|c| c.label == self.label) else { return Ok(()) };
         let scores = scan(&context.settled(), None, std::slice::from_ref(candidate))?;
         if let Some(best) = scores.scored.first() {
             let values = &best.values;
-            let names = candidate.parameters.iter().map(|&j| &candidate.system.parameters[j].name);
-            self.values = names.cloned().zip(values.iter().copied()).collect();
+            let parameters = candidate.parameters_in(project.system());
+            let names = parameters.map(|parameter| parameter.name.clone());
+            self.values = names.zip(values.iter().copied()).collect();
             let short: Vec<f64> = values
                 .iter()
                 .map(|x| crate::simplify::significant(*x, 6).parse().unwrap_or(*x))

@@ -93,16 +93,7 @@ pub fn glimpse(bench: &Bench, judged: &Judged) -> Seen {
 pub fn diagnosis(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<Option<Diagnosis>> {
     let Some(held_out) = bench.held_out() else { return Ok(None) };
     let project = &bench.project;
-    missing::diagnose(
-        &project.name(),
-        &project.text,
-        &project.compiled,
-        model,
-        &bench.split.training,
-        held_out,
-        monitor,
-    )
-    .map(Some)
+    missing::diagnose(&project.compiled, model, &bench.split.training, held_out, monitor).map(Some)
 }
 
 /// Hands everything that a report tells to `tell`.

@@ -69,6 +69,16 @@ pub fn find(text: &str, wanted: impl Fn(&Statement) -> bool) -> Vec<Statement> {
     tree.statements.into_iter().filter(|statement| wanted(statement)).collect()
 }
 
+/// Where a text says what `statement` says; the last such place.
+///
+/// Statements are compared as they are read: a comment that mentions one is none, and
+/// blanks make no difference. `None` where none says the same.
+pub fn place_of(text: &str, statement: &str) -> Option<Span> {
+    let wanted = spec(statement).0.statements;
+    let [wanted] = wanted.as_slice() else { return None };
+    find(text, |statement| statement == wanted).last().map(|statement| statement.site.0)
+}
+
 /// Takes a term with a name (`stiffness: q^2`) out of the function space that it stands in,
 /// with its comma; a force or sensor that has no other term goes as a whole. Comments stay.
 ///
@@ -186,6 +196,16 @@ V = span{     # searched
         let forces = find(&edited, |s| matches!(s.kind, StatementKind::Force { .. }));
         assert_eq!(forces.len(), 1);
         assert_eq!(remove(&edited, forces[0].site.0), NOTEBOOK);
+    }
+
+    #[test]
+    fn a_statement_is_found_where_it_stands_and_not_where_a_comment_names_it() {
+        let text = format!("# {FORCE} is next\n{}", insert(NOTEBOOK, FORCE));
+        let place = place_of(&text, "force q  += span{-p}").expect("it stands there");
+        assert_eq!(remove(&text, place), format!("# {FORCE} is next\n{NOTEBOOK}"));
+        assert!(replace(&text, place, "force q += 1").contains("V\nforce q += 1\n\n# trailing"));
+        assert_eq!(place_of(NOTEBOOK, FORCE), None);
+        assert_eq!(place_of(NOTEBOOK, ""), None);
     }
 
     #[test]

@@ -48,7 +48,6 @@ fn with_run(data: &Dataset, run: &Dataset) -> Dataset {
 
 /// A spec with its measurements and its model.
 struct Bench {
-    text: String,
     compiled: Compiled,
     data: Dataset,
     model: Model,
@@ -58,7 +57,7 @@ fn bench(space: &str, data: Dataset, options: &Options) -> Bench {
     let text = format!("{VARIABLES}{space}");
     let compiled = ok(build("learned", &text));
     let model = ok(fit(&compiled.system, &data, options, &Silent));
-    Bench { text, compiled, data, model }
+    Bench { compiled, data, model }
 }
 
 impl Bench {
@@ -67,12 +66,12 @@ impl Bench {
     }
 
     fn diagnosis(&self, held_out: &Dataset) -> Diagnosis {
-        let Bench { text, compiled, data, model } = self;
-        ok(diagnose("learned", text, compiled, model, data, held_out, &Silent))
+        let Bench { compiled, data, model } = self;
+        ok(diagnose(compiled, model, data, held_out, &Silent))
     }
 
     fn rival(&self, label: &str, statement: &str, start: &[f64]) -> Rival {
-        ok(Rival::with_effect(&self.context(), "learned", &self.text, label, statement, start))
+        ok(Rival::with_effect(&self.context(), &self.compiled, label, statement, start))
     }
 
     /// The leaders that a diagnosis cannot tell apart.

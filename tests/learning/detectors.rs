@@ -133,7 +133,7 @@ fn velocities_or_coordinates_alone_name_a_hidden_force() {
             let model = fit(&compiled.system, &split.training, &Options::default(), &Silent)
                 .unwrap_or_else(|error| panic!("{error}"));
             let (training, held_out) = (&split.training, &split.held_out);
-            let found = diagnose("spec", &spec, &compiled, &model, training, held_out, &Silent)
+            let found = diagnose(&compiled, &model, training, held_out, &Silent)
                 .unwrap_or_else(|error| panic!("{error}"));
             assert_eq!(found.verdict, Verdict::Missing, "{observed}, {hidden}: {}", found.reason);
             let place = found.ranking.iter().position(|leader| leader.effect == effect);

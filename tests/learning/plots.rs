@@ -76,7 +76,7 @@ fn story(spec: &str, data: Dataset, held_out: f64, ask: bool) -> Story {
     let view = view(&training, far).unwrap_or_else(|error| panic!("{error}"));
     let diagnosis = ask.then(|| {
         let (training, held_out) = (&split.training, &split.held_out);
-        diagnose("learned", spec, &compiled, &model, training, held_out, &Silent)
+        diagnose(&compiled, &model, training, held_out, &Silent)
             .unwrap_or_else(|error| panic!("{error}"))
     });
     Story { compiled, data, model, view, comparison, diagnosis, history: Vec::new() }

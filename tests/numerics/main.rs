@@ -14,6 +14,7 @@ mod elementary;
 mod evaluators;
 mod export_cases;
 mod exporters;
+mod extension;
 mod hostile_text;
 mod instruction_counts;
 mod integrators;

@@ -51,7 +51,8 @@ fn number(value: &Value) -> f64 {
 fn a_spec_in_which_all_is_known_can_be_asked_what_it_lacks() {
     let folder = eight(DRAG);
     let path = folder.path();
-    spec(path, "k.ham", "V = -1.3*cos(theta)");
+    // A comment that names an effect is a comment, whoever edits the spec.
+    spec(path, "k.ham", "V = -1.3*cos(theta)  # next: effect viscous_drag(theta)");
     let before = read(path, "k.ham");
     let fitted = good(path, &["fit", "k.ham"]);
     assert!(fitted.out.contains("nothing to learn"), "{}", fitted.out);
@@ -75,7 +76,12 @@ fn a_spec_in_which_all_is_known_can_be_asked_what_it_lacks() {
     assert_eq!(read(path, "k.ham"), before);
     let loop_ = json(path, &["discover", "k.ham"], "leverrier.discover/2");
     assert_eq!(loop_["steps"][0]["effect"], "viscous_drag(theta)", "{loop_}");
-    assert!(read(path, "k.ham").contains("effect viscous_drag(theta)"));
+    let after = read(path, "k.ham");
+    assert!(
+        after.contains("\neffect viscous_drag(theta)\n") && after.starts_with(before.trim_end())
+    );
+    good(path, &["remove", "k.ham", "viscous_drag"]);
+    assert_eq!(read(path, "k.ham"), before);
 }
 
 #[test]

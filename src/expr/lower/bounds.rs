@@ -22,14 +22,13 @@ impl<'a> Lowering<'a> {
         terms: &mut [Term],
         parameters: &mut [(Parameter, Vec<f64>)],
     ) {
-        self.unique_names();
         for constraint in &self.resolved.constraints {
             self.one_constraint(constraint, terms, parameters);
         }
     }
 
     /// A coefficient shares its name with no variable and no other one of its span.
-    fn unique_names(&mut self) {
+    pub(super) fn unique_names(&mut self) {
         for items in self.spans() {
             let mut seen: HashMap<&str, Span> = HashMap::new();
             for word in items.iter().filter_map(|item| item.name.as_ref()) {

@@ -2,6 +2,7 @@
 
 mod bounds;
 mod candidates;
+mod extension;
 mod loops;
 mod names;
 mod sensors;
@@ -17,8 +18,9 @@ use super::unit::Unit;
 use crate::diagnostic::{Diagnostic, Severity, Span};
 use crate::error::{Error, Result};
 use crate::spec::ast::{EnergyPart, ExpressionKind, Spec, UnitText};
-use crate::spec::resolve::{Declared, Resolved, resolve};
+use crate::spec::resolve::{Declared, Energy, Force, Resolved, Sensor, resolve};
 pub use candidates::Candidate;
+pub use extension::{Extension, Scope};
 use terms::Draft;
 use value::Value;
 
@@ -220,12 +222,34 @@ impl<'a> Lowering<'a> {
     }
 
     fn run(&mut self) -> Pieces {
-        self.define_constants();
-        let parameters = self.define_parameters();
+        self.define_constants(0);
+        let parameters = self.define_parameters(0);
         let canonical = self.canonical_unit();
         self.check_velocities();
         self.find_shared();
-        for energy in &self.resolved.energies {
+        self.motion(&self.resolved.energies, &self.resolved.forces);
+        // What the instrument adds may depend on the whole motion.
+        self.instruments(&self.resolved.sensors);
+        let energy_unit = self.energy_unit(canonical);
+        self.check_known(energy_unit, canonical.is_some());
+        let drafts = std::mem::take(&mut self.drafts);
+        let mut terms = self.finish_terms(drafts, energy_unit.map(|(unit, _)| unit));
+        let mut parameters = parameters;
+        self.unique_names();
+        self.constrain(&mut terms, &mut parameters);
+        let system = self.system(terms, &parameters);
+        Pieces {
+            system,
+            starts: parameters.into_iter().map(|(_, starts)| starts).collect(),
+            energy_unit: energy_unit.map(|(unit, _)| unit),
+            time_unit: self.time,
+            implied_unit: energy_unit.map(|(unit, _)| unit).filter(|_| canonical.is_none()),
+        }
+    }
+
+    /// Statements about energies and forces: what moves.
+    fn motion(&mut self, energies: &[Energy], forces: &[Force]) {
+        for energy in energies {
             self.effect = energy.effect.map(str::to_string);
             self.context = Context::Energy(energy.part);
             let place = match energy.part {
@@ -236,29 +260,28 @@ impl<'a> Lowering<'a> {
             self.side(place, energy.value, false);
         }
         self.context = Context::Force;
-        for force in &self.resolved.forces {
+        for force in forces {
             self.effect = force.effect.map(str::to_string);
             self.force(force);
         }
-        // What the instrument adds may depend on the whole motion.
+    }
+
+    /// Statements about sensors.
+    fn instruments(&mut self, sensors: &[Sensor]) {
         self.context = Context::Sensor;
-        for sensor in &self.resolved.sensors {
+        for sensor in sensors {
             self.effect = sensor.effect.map(str::to_string);
             self.sensor(sensor);
         }
-        let energy_unit = self.energy_unit(canonical);
-        self.check_known(energy_unit, canonical.is_some());
-        let mut terms = self.finish_terms(energy_unit.map(|(unit, _)| unit));
-        let mut parameters = parameters;
-        self.constrain(&mut terms, &mut parameters);
-        let system = self.system(terms, &parameters);
-        Pieces {
-            system,
-            starts: parameters.into_iter().map(|(_, starts)| starts).collect(),
-            energy_unit: energy_unit.map(|(unit, _)| unit),
-            time_unit: self.time,
-            implied_unit: energy_unit.map(|(unit, _)| unit).filter(|_| canonical.is_none()),
-        }
+    }
+
+    /// All known parts of one place, added.
+    fn known_part(&mut self, place: Place) -> Expr {
+        let parts: Vec<(f64, Expr)> = (self.known.iter())
+            .filter(|(at, ..)| *at == place)
+            .map(|(_, value, _)| (1.0, value.expr))
+            .collect();
+        self.graph.linear(0.0, &parts)
     }
 
     fn system(&mut self, terms: Vec<Term>, parameters: &[(Parameter, Vec<f64>)]) -> System {
@@ -277,18 +300,12 @@ impl<'a> Lowering<'a> {
         let coordinates = variables(&resolved.coordinates, &self.coordinates);
         let momenta = variables(&resolved.momenta, &self.momenta);
         let velocities = variables(&resolved.velocities, &self.velocities);
-        let mut total = |place: Place| {
-            let parts: Vec<(f64, Expr)> = (self.known.iter())
-                .filter(|(at, ..)| *at == place)
-                .map(|(_, value, _)| (1.0, value.expr))
-                .collect();
-            self.graph.linear(0.0, &parts)
-        };
-        let kinetic = total(Place::Kinetic);
-        let potential = total(Place::Potential);
-        let hamiltonian = total(Place::Hamiltonian);
-        let forces = (0..coordinates.len()).map(|i| total(Place::Force(i))).collect();
-        let sensors = (0..2 * coordinates.len()).map(|i| total(Place::Sensor(i))).collect();
+        let kinetic = self.known_part(Place::Kinetic);
+        let potential = self.known_part(Place::Potential);
+        let hamiltonian = self.known_part(Place::Hamiltonian);
+        let degrees = coordinates.len();
+        let forces = (0..degrees).map(|i| self.known_part(Place::Force(i))).collect();
+        let sensors = (0..2 * degrees).map(|i| self.known_part(Place::Sensor(i))).collect();
         System {
             name: resolved.title.clone().unwrap_or_else(|| "system".to_string()),
             graph: std::mem::take(&mut self.graph),
@@ -412,9 +429,9 @@ impl<'a> Lowering<'a> {
         }
     }
 
-    /// The numbers behind `constant` statements, in the order of the text.
-    fn define_constants(&mut self) {
-        for &(_, value) in &self.resolved.constants {
+    /// The numbers behind `constant` statements, in the order of the text, after the `first` ones.
+    fn define_constants(&mut self, first: usize) {
+        for &(_, value) in self.resolved.constants.iter().skip(first) {
             let value = self.number(value);
             let value =
                 value.map(|(value, unit, _)| Named { expr: self.graph.number(value), unit });
@@ -423,9 +440,10 @@ impl<'a> Lowering<'a> {
         }
     }
 
-    fn define_parameters(&mut self) -> Vec<(Parameter, Vec<f64>)> {
+    /// The `param` statements after the `first` ones, with their starts.
+    fn define_parameters(&mut self, first: usize) -> Vec<(Parameter, Vec<f64>)> {
         let mut out = Vec::new();
-        for (i, parameter) in self.resolved.parameters.iter().enumerate() {
+        for (i, parameter) in self.resolved.parameters.iter().enumerate().skip(first) {
             let starts: Vec<_> =
                 parameter.starts.iter().filter_map(|start| self.number(start)).collect();
             let bounds = self.limits(parameter.bounds);

@@ -144,7 +144,7 @@ impl Lowering<'_> {
     /// dq/dt = dH/dp and dp/dt = -dH/dq + F with every term, its coefficient as a symbol.
     ///
     /// Sensors are lowered last, so that the terms and their order are final here.
-    fn flow(&mut self) -> Vec<(Symbol, Expr)> {
+    pub(super) fn flow(&mut self) -> Vec<(Symbol, Expr)> {
         if let Some(flow) = &self.flow {
             return flow.clone();
         }

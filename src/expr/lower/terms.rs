@@ -13,7 +13,7 @@ use crate::spec::families::{self, FamilyRow, Member, Wave};
 use crate::spec::resolve::{Force, Meaning};
 
 /// A term before labels and constraints.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Draft {
     pub place: Place,
     pub expr: Expr,
@@ -30,7 +30,7 @@ pub struct Draft {
 }
 
 /// What a coefficient multiplies at a further place.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Part {
     pub place: Place,
     pub expr: Expr,
@@ -495,9 +495,8 @@ impl Lowering<'_> {
     }
 
     /// Terms with labels and units.
-    pub(super) fn finish_terms(&mut self, energy: Option<Unit>) -> Vec<Term> {
+    pub(super) fn finish_terms(&mut self, drafts: Vec<Draft>, energy: Option<Unit>) -> Vec<Term> {
         let names = self.symbol_names();
-        let drafts = std::mem::take(&mut self.drafts);
         let terms = drafts.into_iter().map(|draft| {
             let unit = self.coefficient_unit(&draft, energy);
             Term {

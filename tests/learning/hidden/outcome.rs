@@ -57,16 +57,8 @@ pub struct Outcome {
 pub fn outcome(case: &Case, hidden: &str) -> Outcome {
     let model = case.fit();
     let clock = std::time::Instant::now();
-    let diagnosis = diagnose(
-        "learned",
-        &case.text,
-        &case.compiled,
-        &model,
-        &case.training,
-        &case.held_out,
-        &Silent,
-    )
-    .unwrap_or_else(|error| panic!("{error}"));
+    let diagnosis = diagnose(&case.compiled, &model, &case.training, &case.held_out, &Silent)
+        .unwrap_or_else(|error| panic!("{error}"));
     let seconds = clock.elapsed().as_secs_f64();
     let names: Vec<&str> = diagnosis.ranking.iter().map(|l| l.effect.as_str()).collect();
     let mut group = diagnosis.indistinguishable.clone();
