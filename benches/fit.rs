@@ -33,7 +33,7 @@ fn pairs(law: &str, degrees: usize, count: usize, sigma: f64) -> Dataset {
             (0..2 * degrees).map(|c| 0.28 * angle(c).sin()).collect()
         })
         .collect();
-    let simulator = Simulator::new(&law.system, &[], &[], &[]);
+    let simulator = Simulator::known(&law.system);
     let runs = simulator.trajectories(&starts, &times).expect("bounded motion");
     let mut data = consecutive_pairs(&runs.dataset(&law.system));
     if sigma > 0.0 {

@@ -34,7 +34,7 @@ fn trajectories(criterion: &mut Criterion) {
         bencher.iter(|| by_hand(black_box(&mut state), STEP, STEPS));
     });
     for backend in [Backend::Batched, Backend::Machine] {
-        let dynamics = Dynamics::new(&system, &[], backend);
+        let dynamics = Dynamics::known(&system, backend);
         let method = Method::by_name("forest-ruth").expect("a row of the table");
         let mut batch = Batch::new(2, 1);
         batch.set(0, 0.0, row.start);

@@ -3,13 +3,13 @@
 use std::time::Instant;
 
 use leverrier::internals::data::{Dataset, Run};
-use leverrier::internals::dynamics::Dynamics;
+use leverrier::internals::dynamics::{Dynamics, Method};
 use leverrier::internals::eval::Backend;
 use leverrier::internals::expr::build;
 use leverrier::internals::fit::first_order::correlations;
 use leverrier::internals::fit::pass::linearise;
 use leverrier::internals::fit::train::Training;
-use leverrier::internals::fit::{Options, support};
+use leverrier::internals::fit::{Law, Options, Stepping, support};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -61,8 +61,7 @@ fn cost(spec: &str, size: usize, degrees: usize, pairs_of: usize, factorised: bo
     let (mut pass, mut search) = (None, None);
     if factorised {
         let training = Training::new(&space.system, &data, &options).expect("enough data");
-        let everything: Vec<usize> = (0..terms).collect();
-        let whole = Dynamics::new(&space.system, &everything, Backend::Batched);
+        let whole = Dynamics::whole(&space.system, Backend::Batched);
         let weights = vec![200.0; 2 * degrees];
         let theta = vec![0.01; whole.unknowns()];
         let problem = training.problem(&weights);
@@ -85,9 +84,13 @@ fn cost(spec: &str, size: usize, degrees: usize, pairs_of: usize, factorised: bo
             }));
         }
     }
+    let stepping =
+        Stepping { method: Method::by_name("leapfrog").expect("a method"), longest: 0.1 };
+    let each = space.system.term_ids().into_iter().map(|id| (id, 0.01)).collect();
+    let law = Law::new(space.system.clone(), each, Vec::new(), Vec::new(), (stepping, 2));
+    let law = law.expect("its own terms");
     let gradient = per(seconds(|| {
-        let (coefficients, parameters) = (vec![0.01; terms], Vec::new());
-        correlations(&space.system, &data, &options, &coefficients, &parameters).expect("finite");
+        correlations(&space.system, Some(&law), &data, &options).expect("finite");
     }));
     println!("{size}: {terms} terms, {pass:?} and {gradient:.3e} s a transition, {search:?} s");
     Cost { size, terms, pass, search, gradient }

@@ -32,7 +32,7 @@ impl Trap {
             .map(|_| (0..4).map(|_| generator.random_range(-1.0..1.0)).collect())
             .collect();
         let times: Vec<f64> = (0..RUN).map(|i| 0.1 * i as f64).collect();
-        let simulator = Simulator::new(&truth.system, &[], &[], &[]);
+        let simulator = Simulator::known(&truth.system);
         let motion = simulator.trajectories(&starts, &times).expect("it stays finite");
         let mut data = motion.dataset(&truth.system);
         for x in data.runs.iter_mut().flat_map(|run| run.values.iter_mut()).flatten() {

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use leverrier::internals::data::Dataset;
 use leverrier::internals::expr::System;
@@ -27,7 +28,7 @@ const LONG: usize = 80;
 /// Both files, and the truth that predictions are held against.
 struct Task {
     data: Dataset,
-    space: System,
+    space: Arc<System>,
     law: Law,
     pairs: PathBuf,
     starts: PathBuf,
@@ -46,7 +47,7 @@ impl Task {
             let _ = writeln!(text, "{}", row.join(","));
         }
         let known = system(&law.spec);
-        let nature = Simulator::new(&known, &[], &[], &[]);
+        let nature = Simulator::known(&known);
         let from = henon_heiles_pairs(STARTS, 0.0, 2);
         let starts: Vec<Vec<f64>> = from
             .runs
@@ -87,9 +88,8 @@ impl Task {
     }
 
     fn own_errors(&self, model: &Model) -> Result<Errors, String> {
-        let (active, coefficients) =
-            model.active(&self.space).ok_or("the model is of another space")?;
-        let learned = Simulator::new(&self.space, &active, &coefficients, &[]);
+        let law = model.law(&self.space).ok_or("the model is of another space")?;
+        let learned = law.simulator();
         let starts: Vec<Vec<f64>> = self.truth.iter().map(|states| states[0].clone()).collect();
         let rows = follow(&learned, &starts)?;
         let rows: Vec<Vec<f64>> = rows

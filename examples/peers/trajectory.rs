@@ -2,14 +2,15 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Arc;
 
 use leverrier::internals::dynamics::systems::SYSTEMS;
 use leverrier::internals::dynamics::{Batch, Dynamics, Method, Scratch, advance, taylor};
 use leverrier::internals::eval::Backend;
 use leverrier::internals::export::{Output, exporter};
 use leverrier::internals::expr::System;
+use leverrier::internals::fit::{Law, Stepping};
 use leverrier::internals::report::present;
-use leverrier::internals::simplify::Fitted;
 
 use crate::Asked;
 use crate::by_hand::by_hand;
@@ -29,18 +30,11 @@ fn system() -> Result<System, String> {
 
 /// Writes and builds the simulator that `export rust` makes; the path of its program.
 fn generated(folder: &Path) -> Result<PathBuf, String> {
-    let system = system()?;
-    let (active, parameters) = ([], []);
-    let fitted = Fitted {
-        system: &system,
-        active: &active,
-        coefficients: &parameters,
-        parameters: &parameters,
-        covariance: &nalgebra::DMatrix::zeros(0, 0),
-    };
     let method = Method::by_name("forest-ruth").ok_or("there is no forest-ruth")?;
-    let pretty = present::pretty(&present::of_law(&fitted, &[1.0; 4]));
-    let export = present::export(&fitted, &[], &pretty, method, STEP);
+    let law = Law::known(Arc::new(system()?)).map_err(|error| error.to_string())?;
+    let law = law.with_stepping(Stepping { method, longest: STEP });
+    let pretty = present::pretty(&present::simplified(&law, &[1.0; 4]));
+    let export = present::export(&law, &pretty);
     let row = exporter("rust").map_err(|error| error.to_string())?;
     let Output::Files(files) = (row.export)(&export).map_err(|error| error.to_string())? else {
         return Err("the exporter wrote one text".to_string());
@@ -85,7 +79,7 @@ pub fn steps(asked: &Asked) -> Result<Section, String> {
         ["who", "whole", "a step", "of the time by hand", "error of the energy at the end"];
     let mut section = Section::new("Ten million steps of order four", &about, &columns);
     let system = system()?;
-    let dynamics = Dynamics::new(&system, &[], Backend::Machine);
+    let dynamics = Dynamics::known(&system, Backend::Machine);
     let method = Method::by_name("forest-ruth").ok_or("there is no forest-ruth")?;
     let program = generated(&asked.folder);
     let span = [steps as f64 * STEP];
@@ -226,7 +220,7 @@ pub fn series(asked: &Asked, python: Result<&Python, &String>) -> Result<Section
     let mut section = Section::new("Taylor series at equal energy error", &about, &columns);
     let system = system()?;
     let compile = || {
-        let dynamics = Dynamics::new(&system, &[], Backend::Machine);
+        let dynamics = Dynamics::known(&system, Backend::Machine);
         let spent = clocked(|| taylor(&dynamics, &[], &START, &[0.0, 1e-9], 0.0)).1;
         (dynamics, spent)
     };

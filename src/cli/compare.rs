@@ -39,7 +39,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let mut training = Context::new(bench.project.system(), &model, &bench.split.training)?;
     let detections = detect(&training, &model);
     // A model that fails takes a part of what it lacks for noise; the floor is the instrument's.
-    training.noise = noise_floor(&training, &model);
+    training = training.with_noise(noise_floor(&training, &model));
     let held_out = bench.held_out().map(|data| training.with_data(data));
     let mut comparison = compare::compare(&training, held_out.as_ref())?;
     comparison.findings.extend(detections.iter().map(|found| found.sentence.clone()));

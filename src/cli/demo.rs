@@ -181,7 +181,7 @@ fn henon_heiles(stage: &Stage) -> Result<Value> {
     let pairs = if stage.quick { 1_000 } else { 5_000 };
     let clock = Instant::now();
     let truth = expr::build("truth", HENON_HEILES)?;
-    let nature = Simulator::new(&truth.system, &[], &[], &[]);
+    let nature = Simulator::known(&truth.system);
     // Chaotic energies, as in DiPietro, Xiong and Zhu (2020).
     let side = |lower, upper| Box { lower, upper };
     let sampling = Sampling {
@@ -220,7 +220,7 @@ fn henon_heiles(stage: &Stage) -> Result<Value> {
     write_model(&project.model_path(), &file)?;
     let fitting = clock.elapsed().as_secs_f64();
     let model = &file.model;
-    let simplified = present::simplified(project.system(), model, &file.origin.ranges);
+    let simplified = present::simplified(&project.learned(&file.model)?, &file.origin.ranges);
     say(&format!(
         "Learned in {} from {} candidate terms:\n\n    {}\n",
         seconds(fitting),
@@ -286,7 +286,7 @@ fn henon_heiles(stage: &Stage) -> Result<Value> {
 /// Largest distance of a predicted coordinate from the truth up to t = 8.
 fn prediction_error(nature: &Simulator, project: &Project, _: &Stage) -> Result<f64> {
     let law = project.law(None)?;
-    let learned = Simulator::new(project.system(), &law.active, &law.coefficients, &law.parameters);
+    let learned = law.law.simulator();
     let start = vec![vec![-0.48, -0.02, -0.08, 0.18]];
     let times: Vec<f64> = (0..=80).map(|at| 0.1 * f64::from(at)).collect();
     let truth = nature.trajectories(&start, &times)?;

@@ -162,7 +162,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let file = ModelFile { model, origin: origin(&project, dataset, about) };
     // A result that cannot be kept is still printed: it may have taken hours.
     let written = write_model(&path, &file);
-    let simplified = present::simplified(project.system(), &file.model, &file.origin.ranges);
+    let simplified = present::simplified(&project.learned(&file.model)?, &file.origin.ranges);
     let measured = about.columns.iter().map(|column| column.measured > 0).collect();
     let report =
         FitReport { system: project.system(), model: &file.model, simplified, measured, elapsed };

@@ -111,7 +111,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     }
     let system = project.system();
     let law = project.law(arguments.model.as_deref())?;
-    let simulator = Simulator::new(system, &law.active, &law.coefficients, &law.parameters);
+    let simulator = law.law.simulator();
     let starts = arguments.starts(system, &simulator)?;
     let noise = noise(system, &arguments.noise)?;
     if starts.len().saturating_mul(times.len()).saturating_mul(2 * system.degrees()) > MOST_NUMBERS

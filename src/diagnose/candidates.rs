@@ -5,7 +5,7 @@ use std::collections::{BTreeSet, HashMap};
 
 use super::reach::Reach;
 use crate::data::Dataset;
-use crate::expr::{Extension, Parameter, Scope, Symbol, System, Term};
+use crate::expr::{Extension, Parameter, ParameterId, Scope, Symbol, System, Term, TermId};
 use crate::spec::effects::{EffectRow, ScanBy, instances};
 
 /// Something that may be missing, ready to be tried.
@@ -18,10 +18,10 @@ pub struct Candidate {
     pub on: Vec<String>,
     /// What it adds to the system, inner parameters as parameters.
     pub extension: Extension,
-    /// Its terms, by their places in the system with it.
-    pub terms: Vec<usize>,
-    /// Its inner parameters, by their places in the system with it.
-    pub parameters: Vec<usize>,
+    /// Its terms in the system with it.
+    pub terms: Vec<TermId>,
+    /// Its inner parameters in the system with it.
+    pub parameters: Vec<ParameterId>,
     /// Values of the inner parameters that are tried; one empty choice without any.
     pub grid: Vec<Vec<f64>>,
 }
@@ -56,8 +56,8 @@ pub fn candidates(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
             let (row, label, on) = (instance.effect, instance.label(), instance.arguments);
             let extension = scope.extension(&instance.statement).ok()?;
             let terms = terms_of(&extension, |term| term.effect.as_ref() == Some(&label));
-            let parameters = extension.parameters().map(|(j, ..)| j).filter(|&j| j >= standing);
-            let parameters = parameters.collect();
+            let parameters = extension.parameters().map(|(id, ..)| id);
+            let parameters = parameters.filter(|id| id.position() >= standing).collect();
             let first = on.first().map_or("", String::as_str);
             let scans: Vec<ScanBy> = row.parameters.iter().map(|scan| scan.by).collect();
             let grid = reach.grid(&scans, first);
@@ -69,9 +69,9 @@ pub fn candidates(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
     all
 }
 
-/// Places of the terms of an extension that are `wanted`.
-pub(super) fn terms_of(extension: &Extension, wanted: impl Fn(&Term) -> bool) -> Vec<usize> {
-    extension.terms().filter(|(_, term)| wanted(term)).map(|(k, _)| k).collect()
+/// The terms of an extension that are `wanted`.
+pub(super) fn terms_of(extension: &Extension, wanted: impl Fn(&Term) -> bool) -> Vec<TermId> {
+    extension.terms().filter(|(_, term)| wanted(term)).map(|(id, _)| id).collect()
 }
 
 impl Candidate {
@@ -82,9 +82,9 @@ impl Candidate {
 
     /// Its inner parameters, each as it or the system `base` declares it.
     pub fn parameters_in<'a>(&'a self, base: &'a System) -> impl Iterator<Item = &'a Parameter> {
-        self.parameters.iter().filter_map(|&j| {
-            let own = self.extension.parameters().find(|(place, ..)| *place == j);
-            own.map(|(_, parameter, _)| parameter).or_else(|| base.parameters.get(j))
+        self.parameters.iter().filter_map(|&id| {
+            let own = self.extension.parameters().find(|(own, ..)| *own == id);
+            own.map(|(_, parameter, _)| parameter).or_else(|| base.parameter(id))
         })
     }
 
@@ -108,9 +108,9 @@ impl Candidate {
             .parameters
             .iter()
             .zip(values)
-            .map(|(&j, &value)| (Symbol::Parameter(j), value))
+            .map(|(id, &value)| (Symbol::Parameter(id.position()), value))
             .collect();
-        let own = self.extension.terms().filter(|(k, _)| self.terms.contains(k));
+        let own = self.extension.terms().filter(|(id, _)| self.terms.contains(id));
         own.map(|(_, term)| self.extension.import(term, &mut into.graph, &numbers)).collect()
     }
 }

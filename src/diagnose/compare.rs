@@ -5,9 +5,8 @@ use serde::Serialize;
 use super::context::Context;
 use super::hats::{centres, force_terms, hats};
 use crate::data::Dataset;
-use crate::dynamics::{Batch, Dynamics, Scratch, advance};
+use crate::dynamics::{Batch, Scratch, advance};
 use crate::error::Result;
-use crate::eval::Backend;
 use crate::expr::{Expr, Symbol, System, Term};
 use crate::fit::pass::Sums;
 use crate::fit::segments::{cut, longest_run, typical_step};
@@ -89,8 +88,8 @@ pub fn compare(training: &Context, held_out: Option<&Context>) -> Result<Compari
     let horizons = horizons(training, held_out);
     let maps = residual_maps(training)?;
     let energy = energy_drift(training);
-    let names = training.system.observables();
-    let noise_floor = names.into_iter().zip(training.noise.iter().copied()).collect();
+    let names = training.system().observables();
+    let noise_floor = names.into_iter().zip(training.law.noise().iter().copied()).collect();
     let findings = findings(training, &horizons, &maps, &energy);
     Ok(Comparison { horizons, noise_floor, maps, energy, findings })
 }
@@ -141,7 +140,7 @@ fn baseline(context: &Context, window: usize) -> f64 {
     let (mut squares, mut freedom) = (0.0, 0.0);
     for segment in cut(&context.measured, window).list {
         let run = &context.dataset.runs[segment.run];
-        for (values, noise) in run.values.iter().zip(&context.noise) {
+        for (values, noise) in run.values.iter().zip(context.law.noise()) {
             let seen: Vec<f64> = values[segment.first..=segment.last]
                 .iter()
                 .copied()
@@ -160,7 +159,7 @@ fn baseline(context: &Context, window: usize) -> f64 {
 
 /// Residual force on every coordinate against every coordinate, momentum, the energy and time.
 pub fn residual_maps(context: &Context) -> Result<Vec<ResidualMap>> {
-    let mut system = context.system.clone();
+    let mut system = System::clone(context.system());
     let variables = variables(context, &mut system);
     let mut terms: Vec<Term> = Vec::new();
     let mut layout = Vec::new();
@@ -181,7 +180,7 @@ pub fn residual_maps(context: &Context) -> Result<Vec<ResidualMap>> {
         .map(|(on, against, centres, columns)| {
             let score = scores.group(&columns.collect::<Vec<_>>());
             ResidualMap {
-                on: context.system.coordinates[on].name.clone(),
+                on: context.system().coordinates[on].name.clone(),
                 against,
                 points: centres
                     .iter()
@@ -198,7 +197,7 @@ pub fn residual_maps(context: &Context) -> Result<Vec<ResidualMap>> {
 
 /// Variables that the force may depend on: name, expression, centres of hats over the data.
 fn variables(context: &Context, system: &mut System) -> Vec<(String, Expr, Vec<f64>)> {
-    let (segments, states, _) = context.settle(context.window);
+    let (segments, states, _) = context.settle(context.law.window());
     let n = system.degrees();
     let mut variables = Vec::new();
     for (row, symbol) in system.state().into_iter().enumerate() {
@@ -230,24 +229,19 @@ fn variables(context: &Context, system: &mut System) -> Vec<(String, Expr, Vec<f
 /// Energy of the model at the measured states of every run: (time, energy) of each segment's
 /// middle, sorted by time; one list a run.
 pub fn energies(context: &Context) -> Vec<Vec<(f64, f64)>> {
-    let dynamics = Dynamics::new(context.system, &context.support, Backend::default());
-    let theta: Vec<f64> = context
-        .coefficients
-        .iter()
-        .copied()
-        .chain(dynamics.parameters().iter().map(|&j| context.parameters[j]))
-        .collect();
-    let (segments, states, _) = context.settle(context.window);
+    let dynamics = context.law.dynamics();
+    let theta = context.law.theta(&dynamics);
+    let (segments, states, _) = context.settle(context.law.window());
     let mut scratch = Scratch::new();
     let mut points: Vec<Vec<(f64, f64)>> = vec![Vec::new(); context.dataset.runs.len()];
     for (segment, state) in segments.list.iter().zip(&states) {
         let times = &context.dataset.runs[segment.run].times;
-        let mut batch = Batch::new(context.system.degrees(), 1);
+        let mut batch = Batch::new(context.system().degrees(), 1);
         batch.set(0, times[segment.first], state);
         // The middle of a segment is where its state is known best.
         let middle = 0.5 * (times[segment.last] - times[segment.first]);
-        let steps = (middle / context.stepping.longest).ceil().max(1.0) as usize;
-        let method = context.stepping.method;
+        let steps = (middle / context.law.stepping().longest).ceil().max(1.0) as usize;
+        let method = context.law.stepping().method;
         advance(&dynamics, method, &mut batch, &[middle], steps, &theta, &mut scratch);
         let mut energy = [f64::NAN];
         dynamics.energy(&batch, &theta, &mut energy, &mut scratch);

@@ -4,16 +4,16 @@ use std::sync::Arc;
 
 use super::score::Scores;
 use crate::data::{Dataset, Packed};
-use crate::dynamics::{Dynamics, Method};
+use crate::dynamics::Dynamics;
 use crate::error::{Error, ErrorKind, Result};
 use crate::eval::Backend;
 use crate::expr::{System, Term};
 use crate::fit::factor::Factor;
-use crate::fit::pass::{Problem, Stepping, Sums, linearise, residuals, settle};
+use crate::fit::pass::{Problem, Sums, linearise, residuals, settle};
 use crate::fit::segments::{Segments, cut, packed};
 use crate::fit::states::States;
 use crate::fit::train::Training;
-use crate::fit::{Loss, Model, Options, Silent};
+use crate::fit::{Law, Loss, Model, Options, Silent};
 
 /// Scores of probes, and what they cost.
 pub struct Probed {
@@ -31,27 +31,25 @@ const FURTHER: usize = 4;
 /// States are settled when the loss falls by less than this part.
 const SETTLED: f64 = 1e-4;
 
+/// The model belongs to another spec than it was brought with.
+pub fn foreign() -> Error {
+    Error::new(
+        ErrorKind::Model,
+        "the model belongs to another spec",
+        "fit the spec again, then ask what is missing",
+    )
+}
+
 /// A learned model and measurements that it is held against.
 #[derive(Clone)]
 pub struct Context<'a> {
-    /// The system that the model is of.
-    pub system: &'a System,
+    /// The model: its noise is what residuals are weighed by, its steps integrate predictions, and
+    /// its window is the length of a segment.
+    pub law: Law,
     /// The measurements.
     pub dataset: &'a Dataset,
     /// The same, run after run.
     pub measured: Arc<Packed>,
-    /// Indices of the model's terms in the system's function space.
-    pub support: Vec<usize>,
-    /// Coefficients of `support`, in its order.
-    pub coefficients: Vec<f64>,
-    /// One value for each inner parameter of the system.
-    pub parameters: Vec<f64>,
-    /// Noise of each observable.
-    pub noise: Vec<f64>,
-    /// How predictions are integrated.
-    pub stepping: Stepping,
-    /// Samples of a segment.
-    pub window: usize,
     /// Samples that questions are asked of, at most; they are spread over all segments.
     pub most: usize,
 }
@@ -60,28 +58,33 @@ impl<'a> Context<'a> {
     /// # Errors
     ///
     /// When the model belongs to another spec.
-    pub fn new(system: &'a System, model: &Model, dataset: &'a Dataset) -> Result<Self> {
-        let foreign = || {
-            Error::new(
-                ErrorKind::Model,
-                "the model belongs to another spec",
-                "fit the spec again, then ask what is missing",
-            )
-        };
-        let (support, coefficients) = model.active(system).ok_or_else(foreign)?;
-        let method = Method::by_name(&model.integrator.method).ok_or_else(foreign)?;
-        Ok(Context {
-            system,
-            dataset,
-            measured: Arc::new(packed(dataset)),
-            support,
-            coefficients,
-            parameters: model.parameter_values(system),
-            noise: model.noise.iter().map(|n| n.standard_deviation).collect(),
-            stepping: Stepping { method, longest: model.integrator.longest_step },
-            window: model.evidence.window,
-            most: usize::MAX,
-        })
+    pub fn new(system: &Arc<System>, model: &Model, dataset: &'a Dataset) -> Result<Self> {
+        Ok(Context::of(model.law(system).ok_or_else(foreign)?, dataset))
+    }
+
+    /// A law before measurements.
+    pub fn of(law: Law, dataset: &'a Dataset) -> Self {
+        Context { law, dataset, measured: Arc::new(packed(dataset)), most: usize::MAX }
+    }
+
+    /// What the model is of.
+    pub fn system(&self) -> &Arc<System> {
+        self.law.system()
+    }
+
+    /// Another law before the same measurements.
+    pub fn with_law(&self, law: Law) -> Context<'a> {
+        Context { law, ..self.clone() }
+    }
+
+    /// The same over segments of another length, in samples.
+    pub fn with_window(&self, window: usize) -> Context<'a> {
+        self.with_law(self.law.clone().with_window(window))
+    }
+
+    /// The same with residuals weighed by another noise of each observable.
+    pub fn with_noise(&self, noise: Vec<f64>) -> Context<'a> {
+        self.with_law(self.law.clone().with_noise(noise))
     }
 
     /// The same model before other measurements.
@@ -95,40 +98,32 @@ impl<'a> Context<'a> {
     }
 
     fn weights(&self) -> Vec<f64> {
-        self.noise.iter().map(|s| 1.0 / s.max(f64::MIN_POSITIVE)).collect()
+        self.law.noise().iter().map(|s| 1.0 / s.max(f64::MIN_POSITIVE)).collect()
     }
 
     fn problem<'b>(&'b self, segments: &'b Segments, weights: &'b [f64]) -> Problem<'b> {
         Problem {
             measured: &self.measured,
             segments,
-            observed: self.system.observed,
+            observed: self.system().observed,
             weights,
             loss: Loss::SQUARES,
-            stepping: self.stepping,
+            stepping: self.law.stepping(),
             floor: 1e-3,
             stream: None,
-            window: self.window,
+            window: self.law.window(),
         }
-    }
-
-    /// Theta of a dynamics whose first active terms are the model's, in order.
-    fn theta(&self, dynamics: &Dynamics) -> Vec<f64> {
-        let mut theta = self.coefficients.clone();
-        theta.resize(dynamics.active().len(), 0.0);
-        theta.extend(dynamics.parameters().iter().map(|&j| self.parameters[j]));
-        theta
     }
 
     /// Best states of all segments of at most `window` samples, and what is left then.
     pub fn settle(&self, window: usize) -> (Segments, States, Sums) {
         let segments = cut(&self.measured, window).spread(self.most);
-        let degrees = self.system.degrees();
+        let degrees = self.system().degrees();
         let mut states = States::measured(&self.measured, &segments.list, degrees);
         // Over many periods the misfit has many minima, and what was measured first need not
         // lie near the lowest: the first samples of each segment bring its state there.
-        let dynamics = Dynamics::new(self.system, &self.support, Backend::default());
-        let theta = self.theta(&dynamics);
+        let dynamics = self.law.dynamics();
+        let theta = self.law.theta(&dynamics);
         let weights = self.weights();
         let mut look = FIRST_LOOK;
         while look < window {
@@ -143,8 +138,8 @@ impl<'a> Context<'a> {
 
     /// Improves the states of some segments until they are settled, and sums up what is left.
     pub(super) fn settle_from(&self, segments: &Segments, states: &mut States) -> Sums {
-        let dynamics = Dynamics::new(self.system, &self.support, Backend::default());
-        let theta = self.theta(&dynamics);
+        let dynamics = self.law.dynamics();
+        let theta = self.law.theta(&dynamics);
         let weights = self.weights();
         patiently(&self.problem(segments, &weights), &dynamics, &theta, states)
     }
@@ -153,8 +148,8 @@ impl<'a> Context<'a> {
     /// best state: `[segment][observable][sample]`, not a number where there is none.
     pub fn residuals(&self, window: usize) -> Vec<Vec<Vec<f64>>> {
         let (segments, states, _) = self.settle(window);
-        let dynamics = Dynamics::new(self.system, &self.support, Backend::default());
-        let theta = self.theta(&dynamics);
+        let dynamics = self.law.dynamics();
+        let theta = self.law.theta(&dynamics);
         let weights = self.weights();
         residuals(&self.problem(&segments, &weights), &dynamics, &theta, &states)
     }
@@ -162,29 +157,21 @@ impl<'a> Context<'a> {
     /// The same terms with their numbers fitted again, over short segments first: numbers that
     /// were taken from another model may be far off. `None` where they cannot be fitted.
     pub fn refitted(&self) -> Option<Context<'a>> {
-        let mut context = self.clone();
-        for window in [FIRST_LOOK.min(self.window), self.window] {
+        let mut law = self.law.clone();
+        for window in [FIRST_LOOK.min(law.window()), law.window()] {
             let options = Options { window: Some(window), ..Options::default() };
-            let mut training = Training::over(self.system, self.measured.clone(), &options).ok()?;
-            training.noise.clone_from(&self.noise);
-            training.support.clone_from(&self.support);
-            training.parameters.clone_from(&context.parameters);
-            training.coefficients.fill(0.0);
-            for (&k, &value) in self.support.iter().zip(&context.coefficients) {
-                training.coefficients[k] = value;
-            }
-            training.integrator.stepping = self.stepping;
+            let mut training = Training::from_law(&law, self.measured.clone(), &options).ok()?;
             let mut refit = training.refit(&Silent);
             training.take(&mut refit);
-            context.coefficients = self.support.iter().map(|&k| training.coefficients[k]).collect();
-            context.parameters = training.parameters;
+            // The noise is that of the model, whatever these fits leave.
+            law = training.law().clone().with_noise(self.law.noise().to_vec());
         }
-        Some(context)
+        Some(self.with_law(law.with_window(self.law.window())))
     }
 
     /// The model with the best states of all its segments.
     pub fn settled(&self) -> Settled<'a> {
-        let (segments, states, sums) = self.settle(self.window);
+        let (segments, states, sums) = self.settle(self.law.window());
         Settled { context: self.clone(), segments, states, sums }
     }
 }
@@ -212,10 +199,11 @@ impl Settled<'_> {
         let mut system = extended;
         let first = system.terms.len();
         system.terms.extend_from_slice(probes);
-        let extra: Vec<usize> = (first..system.terms.len()).collect();
-        let dynamics = Dynamics::with_probes(&system, &context.support, &extra, Backend::default());
-        let count = context.support.len();
-        let theta = context.theta(&dynamics);
+        let extra = system.term_ids().split_off(first);
+        let (law, backend) = (&context.law, Backend::default());
+        let dynamics = Dynamics::with_probes(&system, law.support(), &extra, backend)?;
+        let count = law.support().len();
+        let theta = law.theta(&dynamics);
         let weights = context.weights();
         let problem = context.problem(segments, &weights);
         let linearised = linearise(&problem, &dynamics, &theta, states);

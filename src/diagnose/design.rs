@@ -66,7 +66,7 @@ pub fn design(
         }
     };
     let everywhere = Box { lower: f64::NEG_INFINITY, upper: f64::INFINITY };
-    let dimensions = 2 * first.system.degrees();
+    let dimensions = 2 * first.law.system().degrees();
     let reach = reach(&known[0], dataset);
     let start = bounds(&allowed.start, &reach, 0.0);
     let wide: Vec<Box> = start.iter().zip(&reach).map(|(a, b)| around(a, b)).collect();
@@ -149,9 +149,9 @@ pub fn standings(rivals: &[Rival], dataset: &Dataset, window: usize) -> Result<V
 
 /// Rivals fitted to the same measurements, with the noise of the one that leaves least.
 fn informed<'a>(rivals: &'a [Rival], dataset: &Dataset, window: usize) -> Result<Vec<Known<'a>>> {
-    let rows = rivals.first().map_or(0, |rival| rival.noise.len());
+    let rows = rivals.first().map_or(0, |rival| rival.law.noise().len());
     let noise: Vec<f64> = (0..rows)
-        .map(|row| rivals.iter().map(|r| r.noise[row]).fold(f64::INFINITY, f64::min))
+        .map(|row| rivals.iter().map(|r| r.law.noise()[row]).fold(f64::INFINITY, f64::min))
         .collect();
     rivals.iter().map(|rival| Known::new(rival, dataset, window, &noise)).collect()
 }
@@ -168,14 +168,13 @@ fn ahead(rivals: &[Rival], standings: &[f64]) -> Vec<Standing> {
 
 /// The unknown that is named, or the one with the largest relative standard error.
 fn sought(known: &Known, name: Option<&str>) -> Result<(usize, Sought)> {
-    let system = &known.rival.system;
-    let terms = known.rival.support.iter().map(|&k| {
-        let term = &system.terms[k];
+    let law = &known.rival.law;
+    let terms = law.terms().map(|(_, term, _)| {
         (term.name.clone().unwrap_or_else(|| term.label.clone()), term.label.clone())
     });
-    let parameters = known.dynamics.parameters().iter().map(|&j| {
-        let name = system.parameters[j].name.clone();
-        (name.clone(), name)
+    let parameters = known.dynamics.parameters().iter().filter_map(|&id| {
+        let name = law.system().parameter(id)?.name.clone();
+        Some((name.clone(), name))
     });
     let unknowns: Vec<(String, String)> = terms.chain(parameters).collect();
     let covariance = covariance(&known.factor, 1.0);
@@ -345,7 +344,7 @@ fn settles(now: f64, growth: f64) -> f64 {
 
 fn proposal(jury: &Jury, found: &Found, samplings: &[Sampling], standings: &[f64]) -> Proposal {
     let known = &jury.known[0];
-    let system = &known.rival.system;
+    let system = known.rival.law.system();
     let times = &samplings[found.sampling].times;
     let shown = known.predict(&[(found.start.as_slice(), &times[..1])]);
     let observed = shown.iter().flat_map(|path| &path.observed).flatten();
@@ -375,6 +374,6 @@ fn named_bounds(rival: &Rival, bounds: &[Box]) -> Vec<Bound> {
 }
 
 fn state_names(rival: &Rival) -> Vec<String> {
-    let system = &rival.system;
+    let system = rival.law.system();
     system.coordinates.iter().chain(&system.momenta).map(|v| v.name.clone()).collect()
 }

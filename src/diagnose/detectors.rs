@@ -49,8 +49,8 @@ const READINGS: usize = 20;
 
 /// Faults of every column, in the order of the columns.
 pub fn detect(context: &Context, model: &Model) -> Vec<Detection> {
-    let names = context.system.observables();
-    let window = context.window.clamp(WINDOWS.0, WINDOWS.1);
+    let names = context.system().observables();
+    let window = context.law.window().clamp(WINDOWS.0, WINDOWS.1);
     let residuals = context.residuals(window);
     let floor = noise_floor(context, model);
     let mut found = Vec::new();
@@ -58,8 +58,8 @@ pub fn detect(context: &Context, model: &Model) -> Vec<Detection> {
         let resolution = model.noise.get(i).map_or(0.0, |noise| noise.resolution);
         let series: Vec<&[f64]> =
             residuals.iter().filter_map(|segment| Some(segment.get(i)?.as_slice())).collect();
-        found.extend(outliers(name, &series, context.noise[i], resolution, names.len()));
-        found.extend(quantisation(name, i, context.dataset, floor[i], context.system));
+        found.extend(outliers(name, &series, context.law.noise()[i], resolution, names.len()));
+        found.extend(quantisation(name, i, context.dataset, floor[i], context.system()));
     }
     found
 }

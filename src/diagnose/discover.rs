@@ -1,5 +1,7 @@
 //! The loop: ask what is missing, add it, fit again, until nothing pays on held-out runs.
 
+use std::sync::Arc;
+
 use serde::Serialize;
 
 use super::candidates::candidates;
@@ -8,9 +10,8 @@ use super::missing::{Diagnosis, Leader, Verdict, diagnose};
 use super::round::round;
 use crate::data::Dataset;
 use crate::error::Result;
-use crate::expr::{Compiled, Scope, Term, build};
-use crate::fit::resume::{Start, resume};
-use crate::fit::{Model, Monitor, Options, fit};
+use crate::expr::{Compiled, Scope, System, build};
+use crate::fit::{Law, Model, Monitor, Options, fit, resume};
 use crate::spec::edit;
 
 /// What the loop did, and why it ended.
@@ -96,7 +97,7 @@ pub fn discover(
             break ("interrupted: what was found so far was kept".to_string(), Verdict::Missing);
         }
         let context = Context::new(&compiled.system, &model, held_out)?;
-        let (_, _, sums) = context.settle(context.window);
+        let (_, _, sums) = context.settle(context.law.window());
         let partial = diagnosis.verdict == Verdict::Unexplained;
         let pays = |leader: &&Leader| {
             let before = leader.held_out_error_before.powi(2);
@@ -109,11 +110,9 @@ pub fn discover(
         for leader in diagnosis.ranking.iter().filter(pays) {
             let longer = edit::insert(&text, &leader.snippet);
             let next = build(name, &longer)?;
-            let of = |term: &Term| term.effect.as_deref() == Some(leader.effect.as_str());
-            let terms = (0..next.system.terms.len()).filter(|&k| of(&next.system.terms[k]));
-            let start = Start::of(&model, &next.system).with(terms);
+            let start = start_with(&context.law, &next.system, &leader.effect)?;
             // Where not even a fit succeeds, the next leader may.
-            let fitted = resume(&next.system, training, options, &start, monitor).ok();
+            let fitted = resume(&start, training, options, monitor).ok();
             let has = |model: &Model| {
                 model.terms.iter().any(|term| belongs(&next.system, term, &leader.effect))
             };
@@ -164,8 +163,7 @@ pub fn discover(
     }
     let noise: Vec<f64> = model.noise.iter().map(|n| n.standard_deviation).collect();
     let held_out_error = |compiled: &crate::expr::Compiled, of: &Model| -> Result<f64> {
-        let mut context = Context::new(&compiled.system, of, held_out)?;
-        context.noise.clone_from(&noise);
+        let context = Context::new(&compiled.system, of, held_out)?.with_noise(noise.clone());
         Ok(super::compare::error(&context, model.evidence.window).0)
     };
     let before = if start == text {
@@ -185,6 +183,17 @@ fn goes_on(diagnosis: &Diagnosis) -> bool {
         Verdict::Unexplained => !diagnosis.ranking.is_empty() && !diagnosis.unnamed_explains_more,
         Verdict::NothingMissing | Verdict::TooLittleData => false,
     }
+}
+
+/// A law as the start of a fit of a system with an effect, whose coefficients are to be found.
+fn start_with(law: &Law, system: &Arc<System>, effect: &str) -> Result<Law> {
+    let mut start = law.on(system);
+    for id in system.terms_where(|term| term.effect.as_deref() == Some(effect)) {
+        if !start.support().contains(&id) {
+            start = start.with_term(id, 0.0)?;
+        }
+    }
+    Ok(start)
 }
 
 /// A spec with everything that was found, and its model.
@@ -209,15 +218,8 @@ impl Found<'_> {
     ) -> Result<Vec<Leader>> {
         let Some(place) = edit::place_of(self.text, &step.snippet) else { return Ok(Vec::new()) };
         let base = build(self.name, &edit::remove(self.text, place))?;
-        let known = Start::of(self.model, &base.system);
         let own = Context::new(&self.compiled.system, self.model, training)?;
-        let context = Context {
-            system: &base.system,
-            coefficients: known.support.iter().map(|&k| known.coefficients[k]).collect(),
-            support: known.support,
-            parameters: known.parameters,
-            ..own
-        };
+        let context = own.with_law(own.law.on(&base.system));
         // What the effect stood for, the other terms take over as well as they can.
         let Some(context) = context.refitted() else { return Ok(Vec::new()) };
         let asked =
@@ -241,10 +243,9 @@ impl Found<'_> {
         let text = edit::replace(self.text, place, &rival.snippet);
         // The effect may have been added by another step.
         let next = build(self.name, &text).ok()?;
-        let of = |term: &Term| term.effect.as_deref() == Some(rival.effect.as_str());
-        let terms = (0..next.system.terms.len()).filter(|&k| of(&next.system.terms[k]));
-        let start = Start::of(self.model, &next.system).with(terms);
-        let fitted = resume(&next.system, training, options, &start, monitor).ok()?;
+        let known = self.model.law(&self.compiled.system)?;
+        let start = start_with(&known, &next.system, &rival.effect).ok()?;
+        let fitted = resume(&start, training, options, monitor).ok()?;
         let kept = fitted.terms.iter().any(|term| belongs(&next.system, term, &rival.effect));
         kept.then_some((text, next, fitted))
     }

@@ -28,18 +28,19 @@ const STRAYS: f64 = 100.0;
 /// are far smoother than these predictions are good, what is not smooth in the data. Never less
 /// than what the integrator resolves.
 pub fn noise_floor(context: &Context, model: &Model) -> Vec<f64> {
-    let scales = scales(&context.measured, 2 * context.system.degrees());
+    let scales = scales(&context.measured, 2 * context.system().degrees());
     let window = fewest_samples(&scales, context.measured.samples());
     let mut judge = context.clone();
     // Relative standard error of each estimate; none where there is no estimate.
-    let mut known = vec![None; judge.noise.len()];
+    let mut known = vec![None; judge.law.noise().len()];
     let (segments, mut states, mut sums) = judge.settle(window);
     for round in 0..ROUNDS {
         if round > 0 {
             sums = judge.settle_from(&segments, &mut states);
         }
         let mut moved: f64 = 0.0;
-        for (i, noise) in judge.noise.iter_mut().enumerate() {
+        let mut next = judge.law.noise().to_vec();
+        for (i, noise) in next.iter_mut().enumerate() {
             let enough = sums.freedom[i] > FEW && sums.squares[i].is_finite();
             known[i] = enough.then(|| (0.5 / sums.freedom[i]).sqrt());
             if enough {
@@ -48,12 +49,14 @@ pub fn noise_floor(context: &Context, model: &Model) -> Vec<f64> {
                 moved = moved.max(factor.ln().abs());
             }
         }
+        judge.law = judge.law.with_noise(next);
         if moved < 0.01 {
             break;
         }
     }
     let resolutions = model.noise.iter().map(|noise| noise.resolution);
-    let of_model = judge.noise.iter().zip(&context.noise).zip(known).zip(resolutions).enumerate();
+    let of_model =
+        judge.law.noise().iter().zip(context.law.noise()).zip(known).zip(resolutions).enumerate();
     of_model
         .map(|(row, (((&short, &own), error), resolution))| {
             let Some(error) = error else { return own };

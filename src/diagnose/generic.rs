@@ -83,8 +83,8 @@ pub fn generic(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
         lines.push(statement);
         let extension = scope.extension(&lines.join("\n")).ok()?;
         let terms = terms_of(&extension, |term| term.name.as_deref() == Some("unnamed"));
-        let parameters = extension.parameters().map(|(j, ..)| j).filter(|&j| j >= standing);
-        let parameters = parameters.collect();
+        let parameters = extension.parameters().map(|(id, ..)| id);
+        let parameters = parameters.filter(|id| id.position() >= standing).collect();
         let scans: Vec<ScanBy> = draft.scans.iter().map(|(_, by)| *by).collect();
         let first = draft.on.first().map_or("", String::as_str);
         let grid = reach.grid(&scans, first);

@@ -1,16 +1,19 @@
 //! A candidate refitted in full, with everything that the model has.
 
+use std::sync::Arc;
+
 use serde::Serialize;
 
 use super::candidates::{Candidate, Origin};
 use super::compare::error_of;
 use super::context::{Context, Settled};
 use super::scan::Scored;
+use crate::error::Result;
 use crate::expr::{Bounds, System};
-use crate::fit::pass::{Stepping, Sums};
+use crate::fit::pass::Sums;
 use crate::fit::segments::cut;
 use crate::fit::train::{Extent, Training};
-use crate::fit::{Options, Silent};
+use crate::fit::{Law, Options, Silent};
 use crate::spec::effects::ScanBy;
 
 /// A candidate that was refitted in full.
@@ -40,16 +43,8 @@ pub struct Leader {
 pub struct Refitted {
     /// For the ranking.
     pub leader: Leader,
-    /// The system of the candidate, whose inner parameters start at their fitted values.
-    pub system: System,
-    /// The model's terms in it.
-    pub support: Vec<usize>,
-    /// Coefficients of `support`.
-    pub coefficients: Vec<f64>,
-    /// One value for each inner parameter.
-    pub parameters: Vec<f64>,
-    /// How it is integrated.
-    pub stepping: Stepping,
+    /// The model with the effect: a law of the candidate's system.
+    pub law: Law,
     /// Fall of the weighted squares.
     pub fall: f64,
     /// What is left of them for each independent residual.
@@ -85,66 +80,41 @@ impl Refitted {
     }
 
     /// The model with the effect, as the start of further questions.
-    pub fn context<'a>(&'a self, like: &Context<'a>) -> Context<'a> {
-        Context {
-            system: &self.system,
-            support: self.support.clone(),
-            coefficients: self.coefficients.clone(),
-            parameters: self.parameters.clone(),
-            stepping: self.stepping,
-            ..like.clone()
-        }
+    pub fn context<'a>(&self, like: &Context<'a>) -> Context<'a> {
+        let (noise, window) = (like.law.noise().to_vec(), like.law.window());
+        like.with_law(self.law.clone().with_noise(noise).with_window(window))
     }
 }
 
 /// Where a refit starts.
 pub struct Start {
-    system: System,
-    /// The model's terms, then the candidate's.
-    support: Vec<usize>,
-    coefficients: Vec<f64>,
-    parameters: Vec<f64>,
-    stepping: Stepping,
+    /// The model's terms and the candidate's.
+    law: Law,
     p_value: f64,
 }
 
 impl Start {
     /// The model's own values, and a candidate where its score likes it best.
-    pub fn scored(context: &Context, candidate: &Candidate, scored: &Scored) -> Start {
-        let system = bounded(candidate, context.system, &scored.values);
-        let mut parameters: Vec<f64> =
-            system.parameters.iter().map(|p| p.bounds.clamp(p.start)).collect();
-        for (value, &known) in parameters.iter_mut().zip(&context.parameters) {
-            *value = known;
-        }
+    ///
+    /// # Errors
+    ///
+    /// The candidate's terms are not of its own system.
+    pub fn scored(context: &Context, candidate: &Candidate, scored: &Scored) -> Result<Start> {
+        let system = Arc::new(bounded(candidate, context.system(), &scored.values));
         // Parameters of the spec's own candidates stand in the spec before they are used.
-        for &j in &candidate.parameters {
-            parameters[j] = system.parameters[j].start;
+        let own = candidate.parameters.iter();
+        let own = own.filter_map(|&id| Some((id, system.parameter(id)?.start)));
+        let mut law = context.law.on(&system).with_parameters(own);
+        for (&id, &value) in candidate.terms.iter().zip(&scored.score.coefficients) {
+            law = law.with_term(id, value)?;
         }
-        Start {
-            support: context.support.iter().chain(&candidate.terms).copied().collect(),
-            system,
-            coefficients: (context.coefficients.iter())
-                .chain(&scored.score.coefficients)
-                .copied()
-                .collect(),
-            parameters,
-            stepping: context.stepping,
-            p_value: scored.p_value,
-        }
+        Ok(Start { law, p_value: scored.p_value })
     }
 }
 
 impl From<Refitted> for Start {
     fn from(refitted: Refitted) -> Start {
-        Start {
-            system: refitted.system,
-            support: refitted.support,
-            coefficients: refitted.coefficients,
-            parameters: refitted.parameters,
-            stepping: refitted.stepping,
-            p_value: refitted.leader.p_value,
-        }
+        Start { law: refitted.law, p_value: refitted.leader.p_value }
     }
 }
 
@@ -231,7 +201,7 @@ impl Refitted {
     /// What it leaves of data that it may have been fitted to.
     pub(super) fn left(&self, settled: &Settled) -> Sums {
         let count = settled.segments.list.len();
-        match self.left_by_fit(settled.context.window, count) {
+        match self.left_by_fit(settled.context.law.window(), count) {
             Some(sums) => sums.clone(),
             None => self.before(settled),
         }
@@ -244,12 +214,12 @@ impl Refitted {
     /// beside their best place. What they leave would be taken for something that is missing: they
     /// are looked for once more from what was measured.
     pub fn left_of_all(&self, context: &Context) -> Sums {
-        let count = cut(&context.measured, context.window).list.len();
-        let by_fit = self.left_by_fit(context.window, count);
+        let count = cut(&context.measured, context.law.window()).list.len();
+        let by_fit = self.left_by_fit(context.law.window(), count);
         if let Some(sums) = by_fit.filter(|sums| sums.restless == 0) {
             return sums.clone();
         }
-        let afresh = context.settle(context.window).2;
+        let afresh = context.settle(context.law.window()).2;
         let lower = |sums: &&Sums| sums.loss <= afresh.loss && sums.exploded <= afresh.exploded;
         by_fit.filter(lower).cloned().unwrap_or(afresh)
     }
@@ -265,7 +235,7 @@ impl Refitted {
         let context = self.context(&settled.context);
         let mut states = settled.states.clone();
         let sums = context.settle_from(&settled.segments, &mut states);
-        if gained(&sums, settled) { sums } else { context.settle(settled.context.window).2 }
+        if gained(&sums, settled) { sums } else { context.settle(settled.context.law.window()).2 }
     }
 }
 
@@ -292,18 +262,11 @@ const LEFT: f64 = 0.1;
 /// Gauss-Newton on the segments of a context.
 fn fit(settled: &Settled, candidate: &Candidate, start: Start, care: Care) -> Option<Refitted> {
     let context = &settled.context;
-    let options = Options { window: Some(context.window), ..Options::default() };
-    let mut training = Training::over(&start.system, context.measured.clone(), &options).ok()?;
+    let options = Options { window: Some(context.law.window()), ..Options::default() };
+    let law = start.law.with_noise(context.law.noise().to_vec());
+    let mut training = Training::from_law(&law, context.measured.clone(), &options).ok()?;
     training.segments.clone_from(&settled.segments);
     training.states.clone_from(&settled.states);
-    training.noise.clone_from(&context.noise);
-    training.integrator.stepping = start.stepping;
-    training.coefficients.fill(0.0);
-    for (&k, &value) in start.support.iter().zip(&start.coefficients) {
-        training.coefficients[k] = value;
-    }
-    training.support.clone_from(&start.support);
-    training.parameters.clone_from(&start.parameters);
     training.choose_integrator();
     if care == Care::Rough {
         training.extent = Extent::Rough;
@@ -312,22 +275,24 @@ fn fit(settled: &Settled, candidate: &Candidate, start: Start, care: Care) -> Op
         Care::Ranking => training.refit_until(LEFT / settled.sums.rows.max(1) as f64, &Silent),
         Care::Rough | Care::Full => training.refit(&Silent),
     };
-    let count = training.support.len();
+    let count = law.support().len();
     let rows = refit.sums().rows.max(1) as f64;
     let fall = settled.sums.loss - refit.sums().loss;
     let variance = (refit.sums().loss / rows).max(1e-12);
     let covariance =
         crate::fit::uncertainty::covariance(&refit.linearised.merged(), variance.min(1.0));
     let inner = refit.theta.len() - candidate.parameters.len().min(refit.theta.len() - count);
-    let own = (count - candidate.terms.len()..count).chain(inner..refit.theta.len());
+    let terms = candidate.terms.iter().filter_map(|id| law.support().binary_search(id).ok());
+    let own = terms.chain(inner..refit.theta.len());
     let (coefficient, standard_error): (Vec<f64>, Vec<f64>) =
         own.map(|i| (refit.theta[i], covariance[(i, i)].sqrt())).unzip();
     training.take(&mut refit);
-    let coefficients = training.support.iter().map(|&k| training.coefficients[k]).collect();
-    let values: Vec<f64> = candidate.parameters.iter().map(|&j| training.parameters[j]).collect();
-    let Training { support, parameters, integrator, .. } = training;
-    let resolved = integrator.resolution.iter().zip(&context.noise).all(|(least, s)| least <= s);
-    let pinned = is_pinned(candidate, &start.system, &values);
+    let law = training.law().clone();
+    let values = candidate.parameters.iter().filter_map(|&id| law.parameter(id));
+    let values: Vec<f64> = values.collect();
+    let noise = training.accuracy.resolution.iter().zip(context.law.noise());
+    let resolved = noise.into_iter().all(|(least, s)| least <= s);
+    let pinned = is_pinned(candidate, law.system(), &values);
     Some(Refitted {
         leader: Leader {
             effect: candidate.label.clone(),
@@ -340,16 +305,12 @@ fn fit(settled: &Settled, candidate: &Candidate, start: Start, care: Care) -> Op
             held_out_error_before: f64::NAN,
             held_out_error_after: f64::NAN,
         },
-        system: start.system,
-        support,
-        coefficients,
-        parameters,
-        stepping: integrator.stepping,
+        law,
         fall,
         variance,
         left: refit.sums().clone(),
         fitted: (resolved && gained(refit.sums(), settled))
-            .then_some((context.window, settled.segments.list.len())),
+            .then_some((context.law.window(), settled.segments.list.len())),
         held_out_fall: 0.0,
         price: 0.0,
         choice: 2.0 * (candidate.grid.len().max(1) as f64).ln(),
@@ -370,8 +331,9 @@ fn is_pinned(candidate: &Candidate, system: &System, values: &[f64]) -> bool {
         ScanBy::WaveNumber,
         ScanBy::Position,
     ];
-    row.parameters.iter().zip(&candidate.parameters).zip(values).any(|((scan, &j), &value)| {
-        let Bounds { lower, upper } = system.parameters[j].bounds;
+    row.parameters.iter().zip(&candidate.parameters).zip(values).any(|((scan, &id), &value)| {
+        let bounds = system.parameter(id).map_or(Bounds::FREE, |parameter| parameter.bounds);
+        let Bounds { lower, upper } = bounds;
         let close = 1e-6 * (upper - lower);
         shapes.contains(&scan.by) && (value - lower <= close || upper - value <= close)
     })
@@ -383,8 +345,8 @@ fn is_pinned(candidate: &Candidate, system: &System, values: &[f64]) -> bool {
 /// show half a length or more.
 fn bounded(candidate: &Candidate, base: &System, values: &[f64]) -> System {
     let mut system = candidate.system(base);
-    for (place, (&j, &value)) in candidate.parameters.iter().zip(values).enumerate() {
-        let parameter = &mut system.parameters[j];
+    for (place, (id, &value)) in candidate.parameters.iter().zip(values).enumerate() {
+        let Some(parameter) = system.parameters.get_mut(id.position()) else { continue };
         let axis = candidate.grid.iter().map(|values| values[place]);
         let (lower, upper) =
             axis.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));

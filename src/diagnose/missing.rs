@@ -127,7 +127,7 @@ pub fn diagnose(
     monitor: &dyn Monitor,
 ) -> Result<Diagnosis> {
     let mut context = Context::new(&base.system, model, training)?;
-    context.noise = noise_floor(&context, model);
+    context = context.with_noise(noise_floor(&context, model));
     if let Some(reason) = super::suffices::lacking_beside(&context, &context.with_data(held_out)) {
         return Ok(Diagnosis::too_little(reason));
     }
@@ -142,7 +142,7 @@ pub fn diagnose(
         candidates: all.len(),
         tried: first.tried,
         held_out_error: first.before,
-        noise_floor: context.noise.clone(),
+        noise_floor: context.law.noise().to_vec(),
         ranking: first.leaders.iter().map(|l| l.leader.clone()).collect(),
         indistinguishable: close.map(|l| l.leader.effect.clone()).collect(),
         ..Diagnosis::too_little(format!(
@@ -158,7 +158,7 @@ pub fn diagnose(
             asked.judge(&mut diagnosis, chain)?;
         }
         None => {
-            let longest = Context { window, ..context.clone() };
+            let longest = context.with_window(window);
             if !resolved(&context, model) {
                 diagnosis.reason = "what is left is at the limit of what the integrator and the \
                                     digits of the data resolve"
@@ -178,7 +178,7 @@ pub fn diagnose(
 
 /// Whether the noise of some observable is above what the integrator and rounding leave.
 fn resolved(context: &Context, model: &Model) -> bool {
-    let known = context.noise.iter().zip(&model.noise);
+    let known = context.law.noise().iter().zip(&model.noise);
     known.into_iter().any(|(noise, of)| *noise > RESOLVED * of.resolution)
 }
 
@@ -272,25 +272,25 @@ impl Asked<'_, '_> {
         let mut links = Vec::new();
         let mut last = leader;
         let (open, explained) = loop {
-            let mut present = Context { window, ..last.context(self.context) };
+            let mut present = last.context(self.context).with_window(window);
             // What explains everything goes on to explain it over longer segments.
             let enough = loop {
                 if excess(&last.left_of_all(&present)) > 0.0 {
                     break false;
                 }
                 match beyond(&present) {
-                    Some(longer) => present.window = longer,
+                    Some(longer) => present = present.with_window(longer),
                     None => break true,
                 }
             };
-            window = present.window;
+            window = present.law.window();
             if enough {
                 links.push(last);
                 break (false, true);
             }
             scope = scope.with(&last.leader.snippet)?;
             let more = candidates(&mut scope, self.context.dataset);
-            let present = Context { system: &scope.compiled().system, ..present };
+            let present = present.with_law(present.law.on(&scope.compiled().system));
             let next = round(&present, self.held_out, &more, LATER, self.monitor);
             links.push(last);
             // A model that loses the motion answers no further question.
@@ -307,7 +307,7 @@ impl Asked<'_, '_> {
         };
         let end =
             links.last().map_or_else(|| self.context.clone(), |last| last.context(self.context));
-        let end = Context { window, ..end };
+        let end = end.with_window(window);
         let at_end = match links.last() {
             _ if explained => 0.0,
             Some(last) => excess(&last.left_of_all(&end)),

@@ -3,7 +3,9 @@
 use std::collections::BTreeSet;
 
 use super::candidates::{Candidate, Origin, terms_of};
-use crate::expr::{Bounds, Compiled, Expr, Extension, Place, Scope, Symbol, System};
+use crate::expr::{
+    Bounds, Compiled, Expr, Extension, ParameterId, Place, Scope, Symbol, System, TermId,
+};
 
 /// Values of one bounded inner parameter that are tried; of several together.
 const POINTS: usize = 24;
@@ -29,11 +31,18 @@ pub(super) fn candidates(scope: &mut Scope) -> Vec<Candidate> {
             return None;
         }
         let exprs: Vec<Expr> = parts(&extension, &terms).map(|(_, expr)| expr).collect();
-        let parameters: Vec<usize> =
-            parameters_among(&extension.symbols(&exprs)).difference(&used).copied().collect();
         let base = scope.compiled();
+        let mut ids = base.system.parameter_ids();
+        ids.extend(extension.parameters().map(|(id, ..)| id));
+        ids.sort_unstable();
+        ids.dedup();
+        let own = parameters_among(&extension.symbols(&exprs));
+        let parameters: Vec<ParameterId> = ids
+            .into_iter()
+            .filter(|id| own.difference(&used).any(|&j| j == id.position()))
+            .collect();
         let axes: Vec<Vec<f64>> =
-            parameters.iter().map(|&j| axis(base, &extension, j, parameters.len())).collect();
+            parameters.iter().map(|&id| axis(base, &extension, id, parameters.len())).collect();
         let on = acts_on(&base.system, &extension, &terms);
         let grid = every_choice(&axes);
         let origin = Origin::Spec;
@@ -45,12 +54,12 @@ pub(super) fn candidates(scope: &mut Scope) -> Vec<Candidate> {
 /// Where some terms of an extension stand, and what their coefficients multiply there.
 fn parts<'a>(
     extension: &'a Extension,
-    terms: &'a [usize],
+    terms: &'a [TermId],
 ) -> impl Iterator<Item = (Place, Expr)> + 'a {
-    extension.terms().filter(|(k, _)| terms.contains(k)).flat_map(|(_, term)| term.parts())
+    extension.terms().filter(|(id, _)| terms.contains(id)).flat_map(|(_, term)| term.parts())
 }
 
-/// Inner parameters in the known parts and in all terms of a system.
+/// Positions of the inner parameters in the known parts and in all terms of a system.
 fn parameters_in_use(system: &System) -> BTreeSet<usize> {
     let exprs: Vec<Expr> = [system.kinetic, system.potential, system.hamiltonian]
         .into_iter()
@@ -70,10 +79,13 @@ fn parameters_among(symbols: &[Symbol]) -> BTreeSet<usize> {
 }
 
 /// Values of an inner parameter that are tried, one of so many `together`.
-fn axis(base: &Compiled, extension: &Extension, j: usize, together: usize) -> Vec<f64> {
-    let own = extension.parameters().find(|(place, ..)| *place == j);
+fn axis(base: &Compiled, extension: &Extension, id: ParameterId, together: usize) -> Vec<f64> {
+    let own = extension.parameters().find(|(own, ..)| *own == id);
     let own = own.map(|(_, parameter, starts)| (parameter.bounds, starts));
-    let standing = || Some((base.system.parameters.get(j)?.bounds, base.starts.get(j)?.as_slice()));
+    let standing = || {
+        let starts = base.starts.get(id.position())?;
+        Some((base.system.parameter(id)?.bounds, starts.as_slice()))
+    };
     own.or_else(standing).map_or(Vec::new(), |(bounds, starts)| values(bounds, starts, together))
 }
 
@@ -101,7 +113,7 @@ pub(super) fn every_choice(axes: &[Vec<f64>]) -> Vec<Vec<f64>> {
 }
 
 /// Names of the coordinates and observables that terms act on.
-fn acts_on(system: &System, extension: &Extension, terms: &[usize]) -> Vec<String> {
+fn acts_on(system: &System, extension: &Extension, terms: &[TermId]) -> Vec<String> {
     let observables = system.observables();
     let mut on = BTreeSet::new();
     for (place, expr) in parts(extension, terms) {

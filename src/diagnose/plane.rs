@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::context::Context;
 use super::hats::{centres, force_terms, hats};
 use crate::error::Result;
-use crate::expr::Expr;
+use crate::expr::{Expr, System};
 
 /// The force that is missing over (q, p) of one coordinate, bilinear between nodes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -56,7 +56,7 @@ pub fn force_planes(
     context: &Context,
     motion: &dyn Fn(usize) -> Vec<f64>,
 ) -> Result<Vec<ForcePlane>> {
-    let n = context.system.degrees();
+    let n = context.system().degrees();
     let mut planes = Vec::new();
     for coordinate in 0..n.min(MOST) {
         let (q, p) = (motion(coordinate), motion(n + coordinate));
@@ -65,7 +65,7 @@ pub fn force_planes(
             continue;
         }
         let counts = counts(&across, &up, q.iter().zip(&p));
-        let mut system = context.system.clone();
+        let mut system = System::clone(context.system());
         let symbols = system.state();
         let mut along = |row: usize, centres: &[f64]| {
             let variable = system.graph.symbol(symbols[row]);

@@ -4,7 +4,6 @@ use serde::Serialize;
 
 use super::context::Context;
 use crate::dynamics::{Batch, Dynamics, Scratch, advance, observe};
-use crate::eval::Backend;
 use crate::expr::Observed;
 use crate::fit::segments::{Segment, longest_run};
 
@@ -40,7 +39,7 @@ const LANES: usize = 64;
 /// Predictions of every run, in the order of the data, each over as long as its data have no
 /// hole.
 pub fn predictions(context: &Context, held_out: bool) -> Vec<Prediction> {
-    let rows = 2 * context.system.degrees();
+    let rows = 2 * context.system().degrees();
     let mut out: Vec<Prediction> = context
         .dataset
         .runs
@@ -74,11 +73,11 @@ pub fn predictions(context: &Context, held_out: bool) -> Vec<Prediction> {
         let mut all = context.dataset.runs.iter().filter_map(|run| run.values.get(row)).flatten();
         all.any(|x| x.is_finite())
     };
-    let near = if context.system.observed == Observed::Momenta && (0..rows).all(measured) {
+    let near = if context.system().observed == Observed::Momenta && (0..rows).all(measured) {
         None
     } else {
         let mut near = out.clone();
-        follow(context.window, &mut near);
+        follow(context.law.window(), &mut near);
         Some(near)
     };
     follow(longest_run(context.dataset), &mut out);
@@ -88,7 +87,7 @@ pub fn predictions(context: &Context, held_out: bool) -> Vec<Prediction> {
             None => prediction.measured.clone(),
         };
         prediction.starts.sort_unstable();
-        prediction.error = error(prediction, &context.noise);
+        prediction.error = error(prediction, context.law.noise());
     }
     out
 }
@@ -102,15 +101,14 @@ pub(super) struct Law<'a> {
 
 impl<'a> Law<'a> {
     pub(super) fn new(context: &'a Context) -> Self {
-        let dynamics = Dynamics::new(context.system, &context.support, Backend::default());
-        let parameters = dynamics.parameters().iter().map(|&j| context.parameters[j]);
-        let theta = context.coefficients.iter().copied().chain(parameters).collect();
+        let dynamics = context.law.dynamics();
+        let theta = context.law.theta(&dynamics);
         Law { context, dynamics, theta }
     }
 
     /// H at states of 2n numbers, at one time.
     pub(super) fn energies(&self, states: &[Vec<f64>], time: f64) -> Vec<f64> {
-        let mut batch = Batch::new(self.context.system.degrees(), states.len());
+        let mut batch = Batch::new(self.context.system().degrees(), states.len());
         for (lane, state) in states.iter().enumerate() {
             batch.set(lane, time, state);
         }
@@ -121,7 +119,7 @@ impl<'a> Law<'a> {
 
     fn follow(&self, block: &[(Segment, &[f64])], out: &mut [Prediction], scratch: &mut Scratch) {
         let context = self.context;
-        let (degrees, lanes) = (context.system.degrees(), block.len());
+        let (degrees, lanes) = (context.system().degrees(), block.len());
         let rows = 2 * degrees;
         let mut batch = Batch::new(degrees, lanes);
         for (lane, (segment, state)) in block.iter().enumerate() {
@@ -140,12 +138,12 @@ impl<'a> Law<'a> {
                     span[lane] = if at <= segment.last { times[at] - times[at - 1] } else { 0.0 };
                 }
                 let longest = span.iter().fold(0.0f64, |most, s| most.max(s.abs()));
-                let ratio = longest / context.stepping.longest * (1.0 - 1e-9);
+                let ratio = longest / context.law.stepping().longest * (1.0 - 1e-9);
                 let steps = ratio.ceil().max(1.0) as usize;
-                let method = context.stepping.method;
+                let method = context.law.stepping().method;
                 advance(&self.dynamics, method, &mut batch, &span, steps, &self.theta, scratch);
             }
-            let observed = context.system.observed;
+            let observed = context.system().observed;
             observe(&self.dynamics, observed, &batch, &self.theta, &mut seen, None, scratch);
             self.dynamics.energy(&batch, &self.theta, &mut energy, scratch);
             for (lane, (segment, _)) in block.iter().enumerate() {

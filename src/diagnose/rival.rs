@@ -1,20 +1,21 @@
 //! Models that compete for the same measurements, and what they would predict for a new run.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::context::Context;
 use crate::data::{Dataset, Packed};
 use crate::dynamics::{Batch, Dynamics, Kind, Method, Scratch, advance, observe};
 use crate::error::{Error, ErrorKind, Result};
-use crate::eval::Backend;
-use crate::expr::{Bounds, Compiled, Observed, Scope, System};
+use crate::expr::{Bounds, Compiled, Observed, Scope};
 use crate::fit::factor::Factor;
 use crate::fit::gauss_newton::{CONVERGED, refit};
 use crate::fit::pass::{Linearised, Problem, Stepping, Sums, settle_and_linearise};
 use crate::fit::segments::{Segments, cut, packed, typical_step};
 use crate::fit::states::States;
 use crate::fit::train::Training;
-use crate::fit::{Loss, Options, Silent};
+use crate::fit::{Law, Loss, Options, Silent};
 
 /// A fitted model that claims to explain the measurements.
 #[derive(Debug, Clone)]
@@ -23,33 +24,14 @@ pub struct Rival {
     pub label: String,
     /// The statement that makes the spec its own; empty for the spec as it is.
     pub statement: String,
-    /// What the model is of.
-    pub system: System,
-    /// Its terms in `system`.
-    pub support: Vec<usize>,
-    /// Coefficients of `support`, in its order.
-    pub coefficients: Vec<f64>,
-    /// One value for each inner parameter of `system`.
-    pub parameters: Vec<f64>,
-    /// Noise of each observable.
-    pub noise: Vec<f64>,
-    /// How it is integrated.
-    pub stepping: Stepping,
+    /// The model.
+    pub law: Law,
 }
 
 impl Rival {
     /// The model of a context as it is.
     pub fn as_it_is(context: &Context, label: &str) -> Rival {
-        Rival {
-            label: label.to_string(),
-            statement: String::new(),
-            system: context.system.clone(),
-            support: context.support.clone(),
-            coefficients: context.coefficients.clone(),
-            parameters: context.parameters.clone(),
-            noise: context.noise.clone(),
-            stepping: context.stepping,
-        }
+        Rival { label: label.to_string(), statement: String::new(), law: context.law.clone() }
     }
 
     /// The model of a context with an effect in it, fitted to the context's measurements.
@@ -67,44 +49,26 @@ impl Rival {
         statement: &str,
         start: &[f64],
     ) -> Result<Rival> {
-        let mut system = Scope::of(spec).extension(statement)?.onto(context.system);
-        for (parameter, &value) in context.system.parameters.iter().zip(&context.parameters) {
-            if let Some(same) = system.parameters.iter_mut().find(|p| p.name == parameter.name) {
-                same.start = value;
-            }
+        let system = Scope::of(spec).extension(statement)?.onto(context.system());
+        let system = Arc::new(system);
+        let mut law = context.law.on(&system);
+        let new = system.terms_where(|term| term.effect.as_deref() == Some(label));
+        let guesses = start.iter().copied().chain(std::iter::repeat(0.0));
+        for (id, guess) in new.into_iter().zip(guesses) {
+            law = law.with_term(id, guess)?;
         }
-        let terms = 0..system.terms.len();
-        let new: Vec<usize> =
-            terms.filter(|&k| system.terms[k].effect.as_deref() == Some(label)).collect();
-        let options = Options { window: Some(context.window), ..Options::default() };
-        let mut training = Training::over(&system, context.measured.clone(), &options)?;
-        training.noise.clone_from(&context.noise);
-        training.integrator.stepping = context.stepping;
-        training.coefficients.fill(0.0);
-        for (&k, &value) in context.support.iter().zip(&context.coefficients) {
-            training.coefficients[k] = value;
-        }
-        for (&k, &value) in new.iter().zip(start) {
-            training.coefficients[k] = value;
-        }
-        training.support = context.support.iter().copied().chain(new).collect();
+        let options = Options { window: Some(context.law.window()), ..Options::default() };
+        let mut training = Training::from_law(&law, context.measured.clone(), &options)?;
         training.choose_integrator();
         let mut fitted = training.refit(&Silent);
         training.take(&mut fitted);
-        let coefficients = training.support.iter().map(|&k| training.coefficients[k]).collect();
-        let Training { support, parameters, noise, integrator, .. } = training;
-        let mut stepping = integrator.stepping;
-        let usual = context.stepping.longest.min(typical_step(context.dataset));
+        let mut stepping = training.law().stepping();
+        let usual = context.law.stepping().longest.min(typical_step(context.dataset));
         stepping.longest = stepping.longest.max(usual / FINER);
         Ok(Rival {
             label: label.to_string(),
             statement: statement.to_string(),
-            support,
-            coefficients,
-            parameters,
-            noise,
-            stepping,
-            system,
+            law: training.law().clone().with_stepping(stepping),
         })
     }
 }
@@ -146,24 +110,13 @@ impl<'a> Known<'a> {
     /// Fits a rival to the measurements so far, in segments of `window` samples, with the noise
     /// that all rivals are judged by.
     pub fn new(rival: &'a Rival, dataset: &Dataset, window: usize, noise: &[f64]) -> Result<Self> {
-        let Rival { system, support, .. } = rival;
-        let dynamics = Dynamics::new(system, support, Backend::default());
-        let theta: Vec<f64> = rival
-            .coefficients
-            .iter()
-            .copied()
-            .chain(dynamics.parameters().iter().map(|&j| rival.parameters[j]))
-            .collect();
-        let bounds: Vec<Bounds> = support
-            .iter()
-            .map(|&k| system.terms[k].bounds)
-            .chain(dynamics.parameters().iter().map(|&j| system.parameters[j].bounds))
-            .collect();
+        let dynamics = rival.law.dynamics();
+        let (theta, bounds) = (rival.law.theta(&dynamics), rival.law.bounds(&dynamics));
         let measured = packed(dataset);
         let segments = cut(&measured, window);
-        let states = States::measured(&measured, &segments.list, system.degrees());
+        let states = States::measured(&measured, &segments.list, dynamics.degrees());
         let weights: Vec<f64> = noise.iter().map(|s| 1.0 / s.max(f64::MIN_POSITIVE)).collect();
-        let stepping = explicit(rival.stepping);
+        let stepping = explicit(rival.law.stepping());
         let problem = problem(rival, stepping, &measured, &segments, &weights);
         let best = refit(&problem, &dynamics, &bounds, &theta, states, CONVERGED, &Silent);
         if !best.sums().loss.is_finite() || best.sums().rows <= best.theta.len() {
@@ -221,7 +174,7 @@ impl<'a> Known<'a> {
                 let dynamics = &self.dynamics;
                 advance(dynamics, method, &mut batch, &span, steps, &self.theta, &mut scratch);
             }
-            let observed = self.rival.system.observed;
+            let observed = self.rival.law.system().observed;
             let theta = &self.theta;
             observe(&self.dynamics, observed, &batch, theta, &mut seen, None, &mut scratch);
             for (lane, path) in paths.iter_mut().enumerate() {
@@ -279,7 +232,7 @@ fn problem<'b>(
     segments: &'b Segments,
     weights: &'b [f64],
 ) -> Problem<'b> {
-    let observed: Observed = rival.system.observed;
+    let observed: Observed = rival.law.system().observed;
     Problem {
         measured,
         segments,

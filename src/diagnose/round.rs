@@ -4,7 +4,7 @@ use super::candidates::Candidate;
 use super::compare::{error, error_of};
 use super::context::{Context, Settled};
 use super::leader::{Care, Refitted, Start, refit};
-use super::scan::{FEW, scan};
+use super::scan::{FEW, Scored, scan};
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::fit::Monitor;
@@ -72,7 +72,7 @@ pub fn round(
     let mut tried = scores.tried;
     while !scores.scored.iter().any(|s| s.p_value < SIGNIFICANT) && !monitor.stopped() {
         let Some(window) = beyond(&context) else { break };
-        context.window = window;
+        context = context.with_window(window);
         (settled, few) = on_part_and_all(&context);
         scores = scan(&settled, few.as_ref(), all)?;
         tried += scores.tried;
@@ -80,11 +80,11 @@ pub fn round(
     // Every length that was tried is paid for.
     let lengths = tried as f64 / scores.tried.max(1) as f64;
     let found = scores.scored.iter().filter(|s| lengths * s.p_value < SIGNIFICANT).take(most);
-    let mut starts: Vec<(usize, Start)> =
-        found.map(|s| (s.candidate, Start::scored(&context, &all[s.candidate], s))).collect();
+    let start = |s: &Scored| Ok((s.candidate, Start::scored(&context, &all[s.candidate], s)?));
+    let mut starts = found.map(start).collect::<Result<Vec<(usize, Start)>>>()?;
     let mut behind = Vec::new();
     loop {
-        if settled.context.window != context.window {
+        if settled.context.law.window() != context.law.window() {
             (settled, few) = on_part_and_all(&context);
         }
         let field = Field { settled: &settled, few: few.as_ref(), variance: scores.variance, all };
@@ -94,26 +94,27 @@ pub fn round(
             // A part of the data tells whether longer segments are followed.
             let merit = |l: &Refitted| l.merit(l.variance);
             let best = fitted.iter().max_by(|(_, a), (_, b)| merit(a).total_cmp(&merit(b)));
-            let window = best.map_or(context.window, |(_, best)| grown(best, few));
-            if window > context.window && !monitor.stopped() {
+            let window = best.map_or(context.law.window(), |(_, best)| grown(best, few));
+            if window > context.law.window() && !monitor.stopped() {
                 let enough = FOLLOWED * best.map_or(0.0, |(_, best)| merit(best));
                 let (near, far): (Vec<_>, Vec<_>) =
                     fitted.into_iter().partition(|(_, l)| merit(l) >= enough);
                 behind = far;
                 starts = near.into_iter().map(|(c, l)| (c, Start::from(l))).collect();
-                context.window = window;
+                context = context.with_window(window);
                 continue;
             }
         }
-        let held_out = Context { window: context.window, ..held_out.clone() };
+        let held_out = held_out.with_window(context.law.window());
         let (held_out, few_held_out) = on_part_and_all(&held_out);
         let leaders = field.judged(fitted, &held_out, few_held_out.as_ref());
-        let window = leaders.first().map_or(context.window, |(_, best)| grown(best, &settled));
-        if window == context.window || monitor.stopped() {
+        let window =
+            leaders.first().map_or(context.law.window(), |(_, best)| grown(best, &settled));
+        if window == context.law.window() || monitor.stopped() {
             return Ok(field.rank(leaders, &held_out, tried));
         }
         starts = leaders.into_iter().map(|(c, leader)| (c, Start::from(leader))).collect();
-        context.window = window;
+        context = context.with_window(window);
     }
 }
 
@@ -200,7 +201,7 @@ impl Field<'_, '_> {
             (l.leader.coefficient.len(), (behind(l) / SAME) as usize, *candidate)
         });
         let leaders = leaders.into_iter().map(|(_, leader)| leader).collect();
-        let window = self.settled.context.window;
+        let window = self.settled.context.law.window();
         Round { leaders, close, variance, window, before, tried }
     }
 }
@@ -208,11 +209,11 @@ impl Field<'_, '_> {
 /// Twice as long segments, if the model keeps to all of them; `None` where it does not, or where
 /// there are none.
 pub(super) fn beyond(context: &Context) -> Option<usize> {
-    let window = (2 * context.window).min(longest_run(context.dataset).min(LONGEST));
-    if window <= context.window {
+    let window = (2 * context.law.window()).min(longest_run(context.dataset).min(LONGEST));
+    if window <= context.law.window() {
         return None;
     }
-    let (_, lost) = error(context, context.window);
+    let (_, lost) = error(context, context.law.window());
     let (far, more) = error(context, window);
     (more <= lost && far < STRAYS).then_some(window)
 }
@@ -222,7 +223,7 @@ pub(super) fn beyond(context: &Context) -> Option<usize> {
 fn grown(leader: &Refitted, settled: &Settled) -> usize {
     let context = leader.context(&settled.context);
     let longest = longest_run(context.dataset).min(LONGEST);
-    let mut window = context.window;
+    let mut window = context.law.window();
     if window >= longest {
         return window;
     }

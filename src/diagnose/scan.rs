@@ -4,7 +4,7 @@ use super::candidates::Candidate;
 use super::context::Settled;
 use super::score::{Score, Scores};
 use crate::error::Result;
-use crate::expr::Term;
+use crate::expr::{System, Term};
 
 /// Columns that one linearisation carries, at most: where what all probes together leave is asked
 /// for, and where each is asked by itself, for then most of the work is in telling them apart.
@@ -112,7 +112,7 @@ fn probe_range<'t>(
     lost: usize,
     probed: &mut Vec<(&'t [Try], Scores)>,
 ) -> Result<()> {
-    let mut system = settled.context.system.clone();
+    let mut system = System::clone(settled.context.system());
     let probes = tries.iter().flat_map(|(c, values)| all[*c].probes(&mut system, values));
     let terms: Vec<Term> = probes.collect();
     match settled.probe(system, &terms) {
@@ -120,7 +120,7 @@ fn probe_range<'t>(
         _ if tries.len() == 1 => {}
         _ => {
             // How the model's own unknowns act may be lost too.
-            let alone = settled.probe(settled.context.system.clone(), &[])?;
+            let alone = settled.probe(System::clone(settled.context.system()), &[])?;
             let lost = lost.max(alone.exploded);
             let (first, second) = tries.split_at(tries.len() / 2);
             probe_range(settled, all, first, lost, probed)?;

@@ -29,13 +29,13 @@ pub fn lacking(system: &System, training: &Dataset, held_out: Option<&Dataset>) 
 
 /// The same of a model, whose segments may be shorter than the runs.
 pub(super) fn lacking_beside(training: &Context, held_out: &Context) -> Option<String> {
-    let unknowns = training.support.len() + training.parameters.len();
-    let (_, _, sums) = training.settle(training.window);
+    let unknowns = training.law.support().len() + training.law.parameters().len();
+    let (_, _, sums) = training.settle(training.law.window());
     let seen = sums.rows.saturating_sub(unknowns);
     if seen < LEAST {
         return Some(short_of("the training part", seen, LEAST));
     }
-    let (_, _, sums) = held_out.settle(held_out.window);
+    let (_, _, sums) = held_out.settle(held_out.law.window());
     (sums.rows < LEAST_HELD_OUT).then(|| short_of("the held-out part", sums.rows, LEAST_HELD_OUT))
 }
 

@@ -96,7 +96,7 @@ const MOST: usize = 6;
 ///
 /// When the data do not suffice to ask for a residual force.
 pub fn view(training: &Context, held_out: Option<&Context>) -> Result<View> {
-    let system = training.system;
+    let system = training.system();
     let momenta_measured = system.observed == Observed::Momenta;
     let mut all = predictions(training, false);
     let seen = all.len();
@@ -118,7 +118,7 @@ pub fn view(training: &Context, held_out: Option<&Context>) -> Result<View> {
         state: quantities(&system.coordinates, &system.momenta),
         observables: quantities(&system.coordinates, second),
         time: Quantity::of(&system.time),
-        noise: training.noise.clone(),
+        noise: training.law.noise().to_vec(),
         momenta_measured,
         energies: [(Some(training), false), (held_out, true)]
             .into_iter()
@@ -134,15 +134,15 @@ pub fn view(training: &Context, held_out: Option<&Context>) -> Result<View> {
 
 fn series(context: &Context, held_out: bool) -> Vec<EnergySeries> {
     // Where the model follows whole runs, these are cut more finely than for training.
-    let mut finer = context.clone();
-    finer.window = context.window.min((longest_run(context.dataset) / STRETCHES).max(4));
+    let window = context.law.window().min((longest_run(context.dataset) / STRETCHES).max(4));
+    let finer = context.with_window(window);
     let runs = context.dataset.runs.iter().zip(energies(&finer));
     runs.map(|(run, points)| EnergySeries { run: run.name.clone(), held_out, points }).collect()
 }
 
 /// The plane of every coordinate and its momentum; of two coordinates, also the plane of both.
 fn portraits(context: &Context, predictions: &[Prediction]) -> Vec<Portrait> {
-    let n = context.system.degrees();
+    let n = context.system().degrees();
     let law = Law::new(context);
     let start = predictions.iter().find_map(|p| p.times.first().copied()).unwrap_or(0.0);
     let spans: Vec<Option<(f64, f64, f64)>> = (0..2 * n)

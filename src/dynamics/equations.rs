@@ -8,8 +8,9 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use super::batch::{Batch, Scratch};
 use super::flow::{Flow, FlowSource};
 use super::methods::Method;
+use crate::error::Result;
 use crate::eval::{Backend, Evaluator, Inputs, Series, StepSource, Steps, compile, compile_steps};
-use crate::expr::{Expr, Graph, Node, Observed, Place, Symbol, System};
+use crate::expr::{Expr, Graph, Node, Observed, ParameterId, Place, Symbol, System, TermId};
 
 /// Equations of motion of a system with some of its learned terms.
 ///
@@ -20,8 +21,8 @@ pub struct Dynamics {
     graph: Graph,
     backend: Backend,
     degrees: usize,
-    active: Vec<usize>,
-    parameters: Vec<usize>,
+    active: Vec<TermId>,
+    parameters: Vec<ParameterId>,
     unknowns: Vec<Symbol>,
     state: Vec<Symbol>,
     separable: bool,
@@ -70,10 +71,23 @@ impl fmt::Debug for Dynamics {
 }
 
 impl Dynamics {
-    /// Equations of motion with the terms `active` (indices into `system.terms`; others are
-    /// left out, indices that do not exist are ignored).
-    pub fn new(system: &System, active: &[usize], backend: Backend) -> Dynamics {
+    /// Equations of motion with the terms `active`; others are left out.
+    ///
+    /// # Errors
+    ///
+    /// A term belongs to another system.
+    pub fn new(system: &System, active: &[TermId], backend: Backend) -> Result<Dynamics> {
         Dynamics::with_probes(system, active, &[], backend)
+    }
+
+    /// Equations of motion with every term of the function space.
+    pub fn whole(system: &System, backend: Backend) -> Dynamics {
+        Dynamics::of_positions(system, (0..system.terms.len()).collect(), Vec::new(), backend)
+    }
+
+    /// Equations of motion by what is known alone.
+    pub fn known(system: &System, backend: Backend) -> Dynamics {
+        Dynamics::of_positions(system, Vec::new(), Vec::new(), backend)
     }
 
     /// Equations of motion with the terms `active`, and tangents for the terms `probes` besides.
@@ -82,15 +96,27 @@ impl Dynamics {
     /// do to first order is computed. So a separable system stays separable under probes that
     /// are not; its splitting evaluates them in the middle of every kick and drift. Probes are
     /// unknowns after the active terms and before the parameters.
+    ///
+    /// # Errors
+    ///
+    /// A term or a probe belongs to another system.
     pub fn with_probes(
         system: &System,
-        active: &[usize],
-        probes: &[usize],
+        active: &[TermId],
+        probes: &[TermId],
+        backend: Backend,
+    ) -> Result<Dynamics> {
+        let (active, probes) = (system.positions(active)?, system.positions(probes)?);
+        Ok(Dynamics::of_positions(system, active, probes, backend))
+    }
+
+    /// The same by the positions of terms in a system that they are known to belong to.
+    pub(crate) fn of_positions(
+        system: &System,
+        mut active: Vec<usize>,
+        mut probes: Vec<usize>,
         backend: Backend,
     ) -> Dynamics {
-        let exists = |k: &usize| *k < system.terms.len();
-        let mut active: Vec<usize> = active.iter().copied().filter(exists).collect();
-        let mut probes: Vec<usize> = probes.iter().copied().filter(exists).collect();
         let mut graph = system.graph.clone();
         let degrees = system.degrees();
         let state = system.state();
@@ -148,12 +174,13 @@ impl Dynamics {
             .map(|&k| Symbol::Coefficient(k))
             .chain(parameters.iter().map(|&j| Symbol::Parameter(j)))
             .collect();
+        let (terms, all_parameters) = (system.term_ids(), system.parameter_ids());
         Dynamics {
             graph,
             backend,
             degrees,
-            active,
-            parameters,
+            active: active.into_iter().map(|k| terms[k]).collect(),
+            parameters: parameters.into_iter().map(|j| all_parameters[j]).collect(),
             unknowns,
             state,
             separable,
@@ -189,13 +216,13 @@ impl Dynamics {
     }
 
     /// `active()[k]` is the term whose coefficient is `theta[k]`.
-    pub fn active(&self) -> &[usize] {
+    pub fn active(&self) -> &[TermId] {
         &self.active
     }
 
     /// `parameters()[j]` is the inner parameter that `theta[active().len() + j]` is: those that
     /// occur in the equations of motion, in the order of the system.
-    pub fn parameters(&self) -> &[usize] {
+    pub fn parameters(&self) -> &[ParameterId] {
         &self.parameters
     }
 

@@ -116,7 +116,7 @@ pub fn export(export: &Export) -> Result<Output> {
 }
 
 fn header(export: &Export) -> String {
-    let mut out = format!("/*\n * The model {}.\n *\n", comment(&export.system.name));
+    let mut out = format!("/*\n * The model {}.\n *\n", comment(&export.system().name));
     for line in export.provenance.lines() {
         let _ = writeln!(out, " * {}", comment(&line));
     }
@@ -124,15 +124,16 @@ fn header(export: &Export) -> String {
     let _ = writeln!(
         out,
         "/* Degrees of freedom. */\n#define MODEL_DEGREES {}",
-        export.system.degrees()
+        export.system().degrees()
     );
     let _ = writeln!(
         out,
         "/* Step of the integrator ({}) that the model was fitted with. */\n#define MODEL_STEP {}\n",
         comment(&export.integrator.name),
-        number(export.step)
+        number(export.step())
     );
-    for (what, variables) in [("q", &export.system.coordinates), ("p", &export.system.momenta)] {
+    for (what, variables) in [("q", &export.system().coordinates), ("p", &export.system().momenta)]
+    {
         for (i, variable) in variables.iter().enumerate() {
             let unit = variable.unit_text.as_ref().map(|u| format!(" [{u}]")).unwrap_or_default();
             let _ = writeln!(
@@ -182,7 +183,7 @@ fn source(export: &Export, model: &Model) -> String {
     }
     let (time, start) = export.start_or_default();
     out += "double model_start(double q[DEGREES], double p[DEGREES]) {\n";
-    let (q, p) = start.split_at(export.system.degrees());
+    let (q, p) = start.split_at(export.system().degrees());
     for (name, values) in [("q", q), ("p", p)] {
         for (i, &value) in values.iter().enumerate() {
             let _ = writeln!(out, "    {name}[{i}] = {};", number(value));

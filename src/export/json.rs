@@ -14,7 +14,7 @@ pub const FORMAT: &str = "leverrier.export/1";
 /// Writes the model.
 pub fn export(export: &Export) -> Result<Output> {
     let model = Model::new(export)?;
-    let system = export.system;
+    let system = export.system();
     let names = system.names();
     let learned: Vec<Value> = model
         .constants
@@ -35,7 +35,7 @@ pub fn export(export: &Export) -> Result<Output> {
             entry
         })
         .collect();
-    let (coefficients, parameters) = learned.split_at(export.active.len());
+    let (coefficients, parameters) = learned.split_at(export.law.support().len());
     let pretty_names = Names { coefficients: Vec::new(), ..names.clone() };
     let parts: Vec<Value> = export
         .pretty
@@ -84,7 +84,7 @@ pub fn export(export: &Export) -> Result<Output> {
         },
         "readable": { "parts": parts, "numbers": numbers, "notes": export.pretty.notes },
         "integrator": integrator(export),
-        "noise": export.noise.iter().map(|(name, deviation)| json!({
+        "noise": export.noise().iter().map(|(name, deviation)| json!({
             "observable": name,
             "standard_deviation": finite(*deviation),
         })).collect::<Vec<_>>(),
@@ -165,7 +165,7 @@ fn integrator(export: &Export) -> Value {
     let mut out = Map::new();
     out.insert("name".into(), json!(integrator.name));
     out.insert("order".into(), json!(integrator.order));
-    out.insert("step".into(), json!(export.step));
+    out.insert("step".into(), json!(export.step()));
     let tableau = |tableau: &Tableau| json!({ "matrix": tableau.matrix, "weights": tableau.weights, "nodes": tableau.nodes });
     let (kind, value) = match &integrator.kind {
         IntegratorKind::Splitting { weights } => ("splitting", json!({ "weights": weights })),

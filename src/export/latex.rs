@@ -21,7 +21,7 @@ pub struct Equation {
 pub fn equations(export: &Export) -> Result<Vec<Equation>> {
     // A model that does not belong to its spec is an error here as in every other format.
     Model::new(export)?;
-    let system = export.system;
+    let system = export.system();
     let pretty = export.pretty;
     let mut graph: Graph = pretty.graph.clone();
     let names = Names { coefficients: Vec::new(), ..system.names() };
@@ -96,7 +96,7 @@ fn align(equations: &[Equation]) -> String {
 /// Writes a whole document.
 pub fn document(export: &Export) -> Result<Output> {
     let model = Model::new(export)?;
-    let system = export.system;
+    let system = export.system();
     let mut out = String::from(
         "\\documentclass{article}\n\\usepackage[T1]{fontenc}\n\\usepackage[utf8]{inputenc}\n\
          \\usepackage{amsmath}\n\\usepackage[margin=25mm]{geometry}\n\\allowdisplaybreaks\n\
@@ -146,10 +146,10 @@ pub fn document(export: &Export) -> Result<Output> {
             text(&snapped.join(", "))
         );
     }
-    if !export.noise.is_empty() {
+    let noise = export.noise();
+    if !noise.is_empty() {
         out += "\n\\subsection*{Noise}\n\n";
-        let rows: Vec<[String; 2]> = export
-            .noise
+        let rows: Vec<[String; 2]> = noise
             .iter()
             .filter(|(_, deviation)| deviation.is_finite())
             .map(|(name, deviation)| {
@@ -164,7 +164,9 @@ pub fn document(export: &Export) -> Result<Output> {
     let mut facts = export.provenance.lines();
     facts.push(format!(
         "integrated by {} (order {}), step {}",
-        export.integrator.name, export.integrator.order, export.step
+        export.integrator.name,
+        export.integrator.order,
+        export.step()
     ));
     for fact in facts {
         let _ = writeln!(out, "\\noindent {}\\\\", text(&fact));

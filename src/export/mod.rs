@@ -21,29 +21,16 @@ pub use pretty::{Pretty, PrettyNumber};
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
+use crate::fit::Law;
 
 /// A fitted model and where it comes from: everything that an exporter may write.
 pub struct Export<'a> {
-    /// The system whose unknown parts were learned.
-    pub system: &'a System,
-    /// Terms of the model, as indices into `system.terms`, ascending.
-    pub active: &'a [usize],
-    /// The coefficient of each active term, in the order of `active`.
-    pub coefficients: &'a [f64],
-    /// Standard error of each coefficient; zero for an exact one, infinite or NaN when unknown.
-    pub standard_errors: &'a [f64],
-    /// One value for each of `system.parameters`.
-    pub parameters: &'a [f64],
-    /// Standard error of each parameter.
-    pub parameter_errors: &'a [f64],
+    /// What was learned, of which system. The step of the generated simulators is its longest.
+    pub law: &'a Law,
     /// The model as people read it.
     pub pretty: &'a Pretty,
     /// The integrator that the model was fitted with.
     pub integrator: Integrator,
-    /// Step of the integrator, in the unit of time.
-    pub step: f64,
-    /// Standard deviation of the noise of each observable, by name; empty when unknown.
-    pub noise: Vec<(String, f64)>,
     /// What the model was made from.
     pub provenance: Provenance,
     /// A typical start: the time, and q_1 .. q_n, p_1 .. p_n.
@@ -198,7 +185,7 @@ pub fn exporter(name: &str) -> Result<&'static Exporter> {
 impl Export<'_> {
     /// Where the simulators start unless told otherwise: time and state.
     fn start_or_default(&self) -> (f64, Vec<f64>) {
-        let size = 2 * self.system.degrees();
+        let size = 2 * self.system().degrees();
         match &self.start {
             Some((time, state))
                 if state.len() == size && state.iter().chain([time]).all(|x| x.is_finite()) =>
@@ -209,12 +196,18 @@ impl Export<'_> {
         }
     }
 
-    /// Standard error of the i-th active coefficient, NaN when it is not known.
-    fn standard_error(&self, i: usize) -> f64 {
-        self.standard_errors.get(i).copied().unwrap_or(f64::NAN)
+    fn system(&self) -> &System {
+        self.law.system()
     }
 
-    fn parameter_error(&self, i: usize) -> f64 {
-        self.parameter_errors.get(i).copied().unwrap_or(f64::NAN)
+    /// Step of the integrator, in the unit of time.
+    fn step(&self) -> f64 {
+        self.law.stepping().longest
+    }
+
+    /// Standard deviation of the noise of each observable, by name; empty when unknown.
+    fn noise(&self) -> Vec<(String, f64)> {
+        let noise = self.law.noise().iter().copied();
+        self.system().observables().into_iter().zip(noise).collect()
     }
 }

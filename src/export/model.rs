@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use super::{Export, IntegratorKind};
 use crate::error::{Error, ErrorKind, Result};
-use crate::expr::{Expr, Function, Graph, Node, Symbol};
+use crate::expr::{Expr, Function, Graph, Node, Symbol, System};
 
 /// Equations of motion in a graph of their own. Coefficients and parameters are symbols,
 /// so that expressions are the same as those that were fitted.
@@ -43,25 +43,18 @@ pub struct Constant {
 impl Model {
     /// Derives the equations of motion; an error when the integrator cannot take them.
     pub fn new(export: &Export) -> Result<Model> {
-        let mut system = export.system.clone();
+        let law = export.law;
+        let mut system = System::clone(law.system());
         let wrong = |message: &str| {
             Error::new(ErrorKind::Model, message, "fit the model again before exporting it")
         };
-        if export.active.len() != export.coefficients.len()
-            || export.active.iter().any(|&k| k >= system.terms.len())
-            || system.forces.len() != system.degrees()
-        {
-            return Err(wrong("the model does not belong to its spec"));
-        }
-        if export.parameters.len() != system.parameters.len() {
-            return Err(wrong("the model has not one value for each parameter of its spec"));
-        }
-        let numbers = export.coefficients.iter().chain(export.parameters);
-        if !numbers.chain([&export.step]).all(|x| x.is_finite()) || export.step <= 0.0 {
+        let numbers = law.coefficients().iter().chain(law.parameters());
+        let step = export.step();
+        if !numbers.chain([&step]).all(|x| x.is_finite()) || step <= 0.0 {
             return Err(wrong("the model has a number or a step that is not finite"));
         }
-        let energy = system.energy(export.active);
-        let forces = system.force(export.active);
+        let energy = system.energy(law.support())?;
+        let forces = system.force(law.support())?;
         let state = system.state();
         let n = system.degrees();
         let constants = constants(export);
@@ -161,31 +154,32 @@ impl Model {
 }
 
 fn constants(export: &Export) -> Vec<Constant> {
-    let names = export.system.names();
+    let (law, names) = (export.law, export.system().names());
+    let errors = law.standard_errors();
+    let (of_coefficients, of_parameters) = errors.split_at(law.support().len());
     let mut out = Vec::new();
-    for (i, (&k, &value)) in export.active.iter().zip(export.coefficients).enumerate() {
-        let term = &export.system.terms[k];
+    for ((id, term, value), &standard_error) in law.terms().zip(of_coefficients) {
+        let symbol = Symbol::Coefficient(id.position());
         let mut meaning = term.label.clone();
         if term.parts().all(|(place, _)| place.is_sensor()) {
             meaning += ", a part of the instrument: it moves nothing and is not simulated";
         }
         out.push(Constant {
-            symbol: Symbol::Coefficient(k),
-            name: names.of(Symbol::Coefficient(k)),
+            symbol,
+            name: names.of(symbol),
             value,
-            standard_error: export.standard_error(i),
+            standard_error,
             meaning,
             unit: term.unit_text.clone(),
         });
     }
-    for (i, (parameter, &value)) in
-        export.system.parameters.iter().zip(export.parameters).enumerate()
-    {
+    let parameters = export.system().parameters.iter().zip(law.parameters());
+    for (i, ((parameter, &value), &standard_error)) in parameters.zip(of_parameters).enumerate() {
         out.push(Constant {
             symbol: Symbol::Parameter(i),
             name: parameter.name.clone(),
             value,
-            standard_error: export.parameter_error(i),
+            standard_error,
             meaning: "parameter".to_string(),
             unit: parameter.unit_text.clone(),
         });
@@ -210,8 +204,8 @@ impl Identifiers {
     ) -> Identifiers {
         let mut identifiers =
             Identifiers { names: HashMap::new(), taken: reserved.map(str::to_string).collect() };
-        let names = export.system.names();
-        for symbol in export.system.state().into_iter().chain([Symbol::Time]) {
+        let names = export.system().names();
+        for symbol in export.system().state().into_iter().chain([Symbol::Time]) {
             let mut name = identifier(&names.of(symbol));
             if capitals {
                 name = name.to_ascii_lowercase();

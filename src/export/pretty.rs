@@ -2,7 +2,8 @@
 
 use std::collections::HashMap;
 
-use crate::expr::{Expr, Graph, Place, Symbol, System};
+use crate::expr::{Expr, Graph, Place, Symbol};
+use crate::fit::Law;
 
 /// Expressions in which `Symbol::Coefficient(j)` stands for `numbers[j]`.
 #[derive(Debug, Clone, Default)]
@@ -30,20 +31,14 @@ pub struct PrettyNumber {
 
 impl Pretty {
     /// The model term by term, as it was learned: nothing is simplified.
-    ///
-    /// `coefficients` and `standard_errors` are in the order of `active`.
-    pub fn plain(
-        system: &System,
-        active: &[usize],
-        coefficients: &[f64],
-        standard_errors: &[f64],
-    ) -> Pretty {
+    pub fn plain(law: &Law) -> Pretty {
+        let system = law.system();
         let mut graph = system.graph.clone();
         // A rate in a sensor holds coefficients of the model by their terms.
         let zero = graph.number(0.0);
         let mut by_number: HashMap<Symbol, Expr> =
             (0..system.terms.len()).map(|k| (Symbol::Coefficient(k), zero)).collect();
-        for (j, &k) in active.iter().enumerate() {
+        for (j, k) in law.positions().into_iter().enumerate() {
             by_number.insert(Symbol::Coefficient(k), graph.symbol(Symbol::Coefficient(j)));
         }
         let mut known = vec![
@@ -60,10 +55,8 @@ impl Pretty {
                 _ => expr,
             };
             let mut sum = vec![(1.0, own(&mut graph, known))];
-            for (j, &k) in active.iter().enumerate() {
-                let Some(term) = system.terms.get(k).and_then(|term| term.part(place)) else {
-                    continue;
-                };
+            for (j, (_, term, _)) in law.terms().enumerate() {
+                let Some(term) = term.part(place) else { continue };
                 let number = graph.symbol(Symbol::Coefficient(j));
                 let term = own(&mut graph, term);
                 sum.push((1.0, graph.multiply(number, term)));
@@ -73,14 +66,11 @@ impl Pretty {
                 parts.push((place, whole));
             }
         }
-        let numbers = coefficients
+        let numbers = law
+            .coefficients()
             .iter()
-            .enumerate()
-            .map(|(i, &value)| PrettyNumber {
-                value,
-                standard_error: standard_errors.get(i).copied().unwrap_or(f64::NAN),
-                snapped: None,
-            })
+            .zip(law.standard_errors())
+            .map(|(&value, standard_error)| PrettyNumber { value, standard_error, snapped: None })
             .collect();
         Pretty { graph, parts, numbers, notes: Vec::new() }
     }

@@ -86,7 +86,7 @@ fn reserved() -> impl Iterator<Item = &'static str> {
 /// Writes the module.
 pub fn export(export: &Export) -> Result<Output> {
     let model = Model::new(export)?;
-    let system = export.system;
+    let system = export.system();
     let identifiers = Identifiers::new(export, &model, reserved(), false);
     let n = system.degrees();
     let list = |symbols: &mut dyn Iterator<Item = Symbol>| -> Vec<String> {
@@ -99,7 +99,7 @@ pub fn export(export: &Export) -> Result<Output> {
         coefficients: list(&mut (0..system.terms.len()).map(Symbol::Coefficient)),
     };
     let mut whole = system.clone();
-    let parts = Parts::new(export, &mut whole);
+    let parts = Parts::new(export, &mut whole)?;
     let python = |expr: Expr| {
         let text = whole.graph.text(expr, &names);
         // Time has no entry in `Names`: it is always t there.
@@ -172,7 +172,7 @@ pub fn export(export: &Export) -> Result<Output> {
             ("forces", &forces),
             ("start", &format!("{start:?}")),
             ("start_time", &format!("{start_time:?}")),
-            ("step", &format!("{:?}", export.step)),
+            ("step", &format!("{:?}", export.step())),
             ("separable", if separable { "True" } else { "False" }),
         ],
     );
@@ -188,22 +188,22 @@ struct Parts {
 }
 
 impl Parts {
-    fn new(export: &Export, system: &mut System) -> Parts {
+    fn new(export: &Export, system: &mut System) -> Result<Parts> {
         let mut part = |place, known| {
             let mut sum = vec![known];
-            for &k in export.active {
-                let Some(term) = system.terms[k].part(place) else { continue };
-                let coefficient = system.graph.symbol(Symbol::Coefficient(k));
+            for (id, term, _) in export.law.terms() {
+                let Some(term) = term.part(place) else { continue };
+                let coefficient = system.graph.symbol(Symbol::Coefficient(id.position()));
                 sum.push(system.graph.multiply(coefficient, term));
             }
             system.graph.sum(&sum)
         };
-        Parts {
-            kinetic: part(Place::Kinetic, export.system.kinetic),
-            potential: part(Place::Potential, export.system.potential),
-            rest: part(Place::Hamiltonian, export.system.hamiltonian),
-            forces: system.force(export.active),
-        }
+        Ok(Parts {
+            kinetic: part(Place::Kinetic, export.system().kinetic),
+            potential: part(Place::Potential, export.system().potential),
+            rest: part(Place::Hamiltonian, export.system().hamiltonian),
+            forces: system.force(export.law.support())?,
+        })
     }
 }
 

@@ -132,7 +132,7 @@ fn call(method: &str, on: &str, with: &str, atom: bool) -> String {
 /// Writes the project.
 pub fn export(export: &Export) -> Result<Output> {
     let model = Model::new(export)?;
-    let package = package_name(&export.system.name);
+    let package = package_name(&export.system().name);
     let own = format!("{package}::");
     let integrator = match &export.integrator.kind {
         IntegratorKind::Splitting { weights } => {
@@ -212,7 +212,7 @@ fn literals(names: impl Iterator<Item = String>) -> String {
 }
 
 fn model_file(export: &Export, model: &Model) -> String {
-    let system = export.system;
+    let system = export.system();
     let n = system.degrees();
     let names = Identifiers::new(export, model, reserved(), true);
     let (start_time, start) = export.start_or_default();
@@ -246,7 +246,7 @@ fn model_file(export: &Export, model: &Model) -> String {
     let _ = writeln!(
         out,
         "/// Step of the integrator that the model was fitted with.\npub const STEP: f64 = {};",
-        number(export.step)
+        number(export.step())
     );
     let items: String = start.iter().map(|&x| format!("    {},\n", number(x))).collect();
     let _ = writeln!(

@@ -5,6 +5,7 @@ mod derivative;
 mod effects;
 mod functions;
 mod graph;
+mod identity;
 mod independence;
 mod lower;
 mod print;
@@ -19,6 +20,7 @@ pub use functions::{
     UnitRule,
 };
 pub use graph::{Expr, Graph, Node, Number, Symbol, raise};
+pub use identity::{ParameterId, TermId};
 pub use independence::{Dependence, MOST_EXAMINED, dependences};
 pub use lower::{Candidate, Compiled, Extension, MOST_TERMS, Scope, build};
 pub use print::Names;

@@ -1,8 +1,10 @@
 //! A dynamical system with unknown parts: what a spec means, as expressions.
 
 use super::graph::{Expr, Graph, Symbol};
+use super::identity::TermId;
 use super::print::Names;
 use super::unit::Unit;
+use crate::error::Result;
 
 /// A coordinate or a momentum.
 #[derive(Debug, Clone, PartialEq)]
@@ -210,30 +212,36 @@ impl System {
     }
 
     /// H as one expression, the learned terms `active` with their coefficients as symbols.
-    pub fn energy(&mut self, active: &[usize]) -> Expr {
+    ///
+    /// # Errors
+    ///
+    /// A term belongs to another system.
+    pub fn energy(&mut self, active: &[TermId]) -> Result<Expr> {
+        let active = self.positions(active)?;
         let mut parts = vec![(1.0, self.kinetic), (1.0, self.potential), (1.0, self.hamiltonian)];
-        for &k in active {
+        for k in active {
             for (_, term) in self.terms[k].parts().filter(|(place, _)| place.is_energy()) {
                 let coefficient = self.graph.symbol(Symbol::Coefficient(k));
                 parts.push((1.0, self.graph.multiply(coefficient, term)));
             }
         }
-        self.graph.linear(0.0, &parts)
+        Ok(self.graph.linear(0.0, &parts))
     }
 
     /// The force on each coordinate outside H, learned terms included.
-    pub fn force(&mut self, active: &[usize]) -> Vec<Expr> {
-        (0..self.degrees()).map(|i| self.total(self.forces[i], Place::Force(i), active)).collect()
+    ///
+    /// # Errors
+    ///
+    /// A term belongs to another system.
+    pub fn force(&mut self, active: &[TermId]) -> Result<Vec<Expr>> {
+        let active = self.positions(active)?;
+        let degrees = self.degrees();
+        let mut of = |i| self.total(self.forces[i], Place::Force(i), &active);
+        Ok((0..degrees).map(&mut of).collect())
     }
 
-    /// What the instrument adds to each observable, learned terms included.
-    pub fn sensor(&mut self, active: &[usize]) -> Vec<Expr> {
-        (0..self.sensors.len())
-            .map(|i| self.total(self.sensors[i], Place::Sensor(i), active))
-            .collect()
-    }
-
-    /// A known part and the learned terms of one place, coefficients as symbols.
+    /// A known part and the learned terms of one place, given by their positions, coefficients as
+    /// symbols.
     fn total(&mut self, known: Expr, place: Place, active: &[usize]) -> Expr {
         let mut parts = vec![(1.0, known)];
         for &k in active {

@@ -3,13 +3,14 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use super::law::Law;
 use super::options::Options;
 use super::stepping;
 use crate::dynamics::Dynamics;
 use crate::eval::Backend;
 use crate::expr::System;
 
-/// Dynamics by their terms, each compiled once.
+/// Dynamics of one system by the positions of their terms, each compiled once.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Compiled(Arc<Mutex<HashMap<Vec<usize>, Arc<Dynamics>>>>);
 
@@ -27,16 +28,23 @@ impl Compiled {
 
     /// The motion by all terms.
     pub(super) fn of_all(&self, system: &System) -> Arc<Dynamics> {
-        self.of(system, &(0..system.terms.len()).collect::<Vec<usize>>())
+        self.by(system, (0..system.terms.len()).collect())
     }
 
-    /// The motion by some terms.
-    pub(super) fn of(&self, system: &System, terms: &[usize]) -> Arc<Dynamics> {
+    /// The motion by the terms of a law of the system.
+    pub(super) fn of(&self, law: &Law) -> Arc<Dynamics> {
+        self.by(law.system(), law.positions())
+    }
+
+    fn by(&self, system: &System, terms: Vec<usize>) -> Arc<Dynamics> {
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if known.len() > MOST {
             known.retain(|terms, _| terms.len() == system.terms.len());
         }
-        let compile = || Arc::new(Dynamics::new(system, terms, Backend::default()));
-        known.entry(terms.to_vec()).or_insert_with(compile).clone()
+        let compile = || {
+            let backend = Backend::default();
+            Arc::new(Dynamics::of_positions(system, terms.clone(), Vec::new(), backend))
+        };
+        known.entry(terms.clone()).or_insert_with(compile).clone()
     }
 }

@@ -9,7 +9,7 @@ use super::options::Selection;
 use super::support::{Candidate, alternatives, front};
 use super::train::{Round, Training};
 use super::uncertainty::{Unlearnable, covariance, inclusion, unlearnable};
-use crate::expr::System;
+use crate::expr::{ParameterId, System, Term, TermId};
 
 /// Runners-up that are kept.
 const RUNNERS_UP: usize = 8;
@@ -22,7 +22,7 @@ const DEPENDENCE: usize = 1000;
 
 /// Sums a finished training up.
 pub fn conclude(training: &Training, round: &Round) -> Model {
-    let system = training.system;
+    let (system, law) = (training.system(), training.law());
     let refit = &round.refit;
     let learned = refit.theta.len();
     let residuals = refit.sums().rows;
@@ -38,38 +38,32 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
     let (frequency, (alternatives, unlearnable)) = rayon::join(
         || inclusion(folds, columns, *criterion, candidates, training.options.seed),
         || {
-            let near = alternatives(merged, columns, *criterion, &training.support, CLOSE);
+            let near = alternatives(merged, columns, *criterion, &law.positions(), CLOSE);
             (near, open_questions(system, merged))
         },
     );
-    let terms = training
-        .support
-        .iter()
-        .enumerate()
-        .map(|(i, &k)| {
-            let term = &system.terms[k];
-            LearnedTerm {
-                place: place_name(system, term.place),
-                term: term.label.clone(),
-                name: term.name.clone(),
-                coefficient: training.coefficients[k],
-                standard_error: error(i),
-                inclusion: frequency[k],
-                unit: term.unit_text.clone(),
-            }
-        })
-        .collect();
-    let used = used_parameters(training);
-    let parameters = used
-        .iter()
-        .enumerate()
-        .map(|(i, &j)| LearnedParameter {
-            name: system.parameters[j].name.clone(),
-            value: training.parameters[j],
-            standard_error: error(training.support.len() + i),
-            unit: system.parameters[j].unit_text.clone(),
-        })
-        .collect();
+    let learned_term = |(i, (id, term, coefficient)): (usize, (TermId, &Term, f64))| LearnedTerm {
+        place: place_name(system, term.place),
+        term: term.label.clone(),
+        name: term.name.clone(),
+        coefficient,
+        standard_error: error(i),
+        inclusion: frequency[id.position()],
+        unit: term.unit_text.clone(),
+    };
+    let terms = law.terms().enumerate().map(learned_term).collect();
+    let used = law.dynamics().parameters().to_vec();
+    let first = law.support().len();
+    let learned_parameter = |(i, id): (usize, ParameterId)| {
+        let parameter = &system.parameters[id.position()];
+        LearnedParameter {
+            name: parameter.name.clone(),
+            value: law.parameters()[id.position()],
+            standard_error: error(first + i),
+            unit: parameter.unit_text.clone(),
+        }
+    };
+    let parameters = used.into_iter().enumerate().map(learned_parameter).collect();
     let (runs, samples, segments) = match training.stream {
         Some(stream) => stream.counts(),
         None => {
@@ -88,16 +82,16 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
         covariance: (0..learned).map(|a| (0..learned).map(|b| spread[(a, b)]).collect()).collect(),
         noise: noise(training),
         integrator: Integrator {
-            method: training.integrator.stepping.method.row().name.to_string(),
-            longest_step: training.integrator.stepping.longest,
-            reason: training.integrator.reason.clone(),
+            method: law.stepping().method.row().name.to_string(),
+            longest_step: law.stepping().longest,
+            reason: training.accuracy.reason.clone(),
         },
         evidence: Evidence {
             runs,
             samples,
             segments,
             searched_first: training.stream.map(|_| training.measured.samples()),
-            window: training.window,
+            window: law.window(),
             residuals,
             exploded: refit.sums().exploded,
             error: (refit.sums().loss / freedom as f64).sqrt(),
@@ -114,8 +108,8 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
             supports_tried: round.search.tried,
             seed: training.options.seed,
         },
-        front: front_points(system, candidates, residuals, &training.support),
-        runners_up: runners_up(system, candidates, chosen, &training.support),
+        front: front_points(system, candidates, residuals, &law.positions()),
+        runners_up: runners_up(system, candidates, chosen, &law.positions()),
         alternatives: alternatives
             .into_iter()
             .map(|a| Exchange {
@@ -135,16 +129,8 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
     }
 }
 
-fn used_parameters(training: &Training) -> Vec<usize> {
-    let dynamics = crate::dynamics::Dynamics::new(
-        training.system,
-        &training.support,
-        crate::eval::Backend::default(),
-    );
-    dynamics.parameters().to_vec()
-}
-
-/// The place stands before the term where two places could hold it.
+/// The place stands before the term where two places could hold it; `k` is the term's column in
+/// the design matrix of the whole function space.
 fn label(system: &System, k: usize) -> String {
     let term = &system.terms[k];
     let alone = system.terms.iter().filter(|t| t.label == term.label).count() == 1;
@@ -156,12 +142,9 @@ fn label(system: &System, k: usize) -> String {
 }
 
 fn noise(training: &Training) -> Vec<Noise> {
-    training
-        .system
-        .observables()
-        .into_iter()
-        .zip(&training.noise)
-        .zip(&training.integrator.resolution)
+    (training.system().observables().into_iter())
+        .zip(training.law().noise())
+        .zip(&training.accuracy.resolution)
         .map(|((observable, &standard_deviation), &resolution)| Noise {
             observable,
             standard_deviation,
@@ -211,7 +194,7 @@ fn runners_up(
 }
 
 fn path_entries(training: &Training, round: &Round) -> Vec<PathEntry> {
-    let system = training.system;
+    let system = training.system();
     round
         .search
         .path

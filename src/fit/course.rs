@@ -2,13 +2,15 @@
 //! all of them, and segments that grow for as long as the model follows them.
 
 use super::gauss_newton::StopReason;
+use super::law::Law;
 use super::monitor::Monitor;
 use super::options::Options;
-use super::resume::Start;
 use super::train::{Extent, Round, Training};
+use std::sync::Arc;
+
 use crate::data::Dataset;
 use crate::error::Result;
-use crate::expr::System;
+use crate::expr::{ParameterId, System};
 
 /// Segments may grow while what is left, in a training the noise estimate, grows by less than
 /// this factor.
@@ -22,7 +24,7 @@ const FIRST_SEGMENTS: usize = 256;
 
 /// Trains from the spec's start, or from the best of several starts, on growing segments.
 pub fn train<'a>(
-    system: &'a System,
+    system: &Arc<System>,
     dataset: &Dataset,
     options: &'a Options,
     monitor: &dyn Monitor,
@@ -37,7 +39,7 @@ pub fn train<'a>(
 /// Where there are many segments, a part of them brings the model near: the rounds that follow
 /// take all of them and search the whole space once more, but need not come from far.
 fn come_near(training: &mut Training, monitor: &dyn Monitor) -> Result<()> {
-    let unknowns = training.system.terms.len() + training.system.parameters.len();
+    let unknowns = training.system().terms.len() + training.system().parameters.len();
     let part = FIRST_SEGMENTS.max(2 * unknowns);
     if training.stream.is_some() || training.segments.list.len() < 2 * part {
         return Ok(());
@@ -67,23 +69,20 @@ fn lengthen<'a>(
     Ok((training, round))
 }
 
-/// Trains on from a model: its numbers, its noise and its length of segments are the start,
+/// Trains on from a law: its numbers, its noise and its length of segments are the start,
 /// and the support is searched around it.
 pub fn train_on<'a>(
-    system: &'a System,
+    start: &Law,
     dataset: &Dataset,
     options: &'a Options,
-    start: &Start,
     monitor: &dyn Monitor,
 ) -> Result<(Training<'a>, Round)> {
-    let mut training = Training::new(system, dataset, options)?;
+    let mut training = Training::new(start.system(), dataset, options)?;
     training.extent = Extent::Near;
-    training.support.clone_from(&start.support);
-    training.coefficients.clone_from(&start.coefficients);
-    training.parameters.clone_from(&start.parameters);
-    training.noise.clone_from(&start.noise);
+    // Its steps were chosen for other data: those of a first round choose better ones.
+    training.start_from(&start.clone().with_stepping(training.law().stepping()));
     let longest = training.measured.longest_run().max(2);
-    training.recut(options.window.unwrap_or(start.window).clamp(2, longest))?;
+    training.recut(options.window.unwrap_or(start.window()).clamp(2, longest))?;
     training.sharpen();
     monitor.stage("going on from the model", 0.2);
     // A number inside a new term can move only once the term has a coefficient.
@@ -100,21 +99,19 @@ fn grow<'a>(
     monitor: &dyn Monitor,
 ) -> Result<(Training<'a>, Round)> {
     let longest = training.measured.longest_run().min(LONGEST);
-    while training.window < longest && round.refit.stop != StopReason::Interrupted {
+    while training.law().window() < longest && round.refit.stop != StopReason::Interrupted {
         if monitor.stopped() {
             round.refit.stop = StopReason::Interrupted;
             break;
         }
-        let window = (2 * training.window).min(longest);
+        let window = (2 * training.law().window()).min(longest);
         let fraction = 0.4 + 0.5 * window as f64 / longest as f64;
         monitor.stage(&format!("segments of {window} samples"), fraction);
         let mut longer = training.clone();
         longer.recut(window)?;
         let next = longer.rounds(monitor)?;
-        let follows = longer
-            .noise
-            .iter()
-            .zip(training.noise.iter().zip(&longer.integrator.resolution))
+        let follows = (longer.law().noise().iter())
+            .zip(training.law().noise().iter().zip(&longer.accuracy.resolution))
             .all(|(new, (old, floor))| *new <= FOLLOWS * old.max(2.0 * floor));
         if !follows || next.refit.sums().exploded > round.refit.sums().exploded {
             break;
@@ -127,23 +124,25 @@ fn grow<'a>(
 
 /// Tries several starts of the inner parameters on a part of the data; keeps the best.
 fn best_start<'a>(first: Training<'a>, monitor: &dyn Monitor) -> Result<Training<'a>> {
-    let starts = super::starts::starts(first.system, first.options);
+    let starts = super::starts::starts(first.system(), first.options);
     if starts.len() < 2 {
         return Ok(first);
     }
+    let ids = first.system().parameter_ids();
     let mut best: Option<(f64, Training)> = None;
     for (i, start) in starts.iter().enumerate() {
         monitor.stage("trying starts of the parameters", 0.2 * i as f64 / starts.len() as f64);
         let mut trial = first.clone();
-        trial.parameters.clone_from(start);
+        let values: Vec<(ParameterId, f64)> = ids.iter().copied().zip(start.clone()).collect();
+        trial.law.set_parameters(&values);
         trial.thin(TRIAL_SEGMENTS);
         let Ok(round) = trial.rounds(monitor) else { continue };
         let unknowns = round.refit.theta.len();
-        let choice = trial.support.iter().map(|&k| round.columns.costs[k]).sum();
+        let choice = trial.law.positions().into_iter().map(|k| round.columns.costs[k]).sum();
         // The criterion in absolute units: every try has its own estimate of the noise.
         let rows = round.refit.sums().rows;
-        let noise: f64 = trial.noise.iter().map(|s| s.ln()).sum::<f64>();
-        let scale = 2.0 * noise / trial.noise.len() as f64;
+        let noise: f64 = trial.law.noise().iter().map(|s| s.ln()).sum::<f64>();
+        let scale = 2.0 * noise / trial.law.noise().len() as f64;
         let value =
             rows as f64 * scale + round.criterion.value(rows as f64, rows, unknowns, choice);
         let better = best.as_ref().is_none_or(|(least, _)| value < *least);
@@ -156,10 +155,7 @@ fn best_start<'a>(first: Training<'a>, monitor: &dyn Monitor) -> Result<Training
     }
     let Some((_, winner)) = best else { return Ok(first) };
     let mut training = first;
-    training.parameters = winner.parameters;
-    training.coefficients = winner.coefficients;
-    training.support = winner.support;
-    training.noise = winner.noise;
-    training.integrator = winner.integrator;
+    training.law = winner.law;
+    training.accuracy = winner.accuracy;
     Ok(training)
 }

@@ -8,11 +8,15 @@
 //! Adam: Kingma and Ba, ICLR 2015, algorithm 1. Proximal step: Parikh and Boyd, Proximal
 //! Algorithms, 2014, section 4.2.
 
+use std::sync::Arc;
+
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+use super::law::Law;
 use super::monitor::Monitor;
 use super::options::Options;
+use super::pass::Stepping;
 use super::path::soft_threshold;
 use super::scales::scales;
 use super::segments::{Segment, cut, packed};
@@ -36,16 +40,15 @@ const PENALTIES: [f64; 6] = [0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3];
 const RATE: f64 = 0.02;
 /// Every fifth segment is held back to choose the penalty by.
 const HELD_BACK: usize = 5;
+/// Samples of a segment where nothing else is asked for: predictions are from one to the next.
+const SINGLE_STEPS: usize = 2;
 
 /// What screening found.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Screening {
-    /// One coefficient for each term; most are zero.
-    pub coefficients: Vec<f64>,
-    /// One value for each inner parameter.
-    pub parameters: Vec<f64>,
-    /// Terms whose coefficient is not zero.
-    pub survivors: Vec<usize>,
+    /// What it came to: the support are the terms whose coefficient is not zero, of which there
+    /// are too many still. It is known from single steps, and its noise is not.
+    pub law: Law,
     /// For each penalty: lambda, mean loss on held-back segments, number of survivors.
     pub history: Vec<(f64, f64, usize)>,
     /// Gradient steps that were taken.
@@ -61,7 +64,7 @@ pub struct Screening {
 ///
 /// When no transition can be predicted from a measured start.
 pub fn screen(
-    system: &System,
+    system: &Arc<System>,
     dataset: &Dataset,
     options: &Options,
     monitor: &dyn Monitor,
@@ -92,40 +95,44 @@ pub fn screen(
     let theta = best.map(|(_, theta)| theta).unwrap_or(theta);
     let mut parameters: Vec<f64> =
         system.parameters.iter().map(|p| p.bounds.clamp(p.start)).collect();
-    for (&j, &value) in trainer.dynamics.parameters().iter().zip(&theta[everything..]) {
-        parameters[j] = value;
+    for (id, &value) in trainer.dynamics.parameters().iter().zip(&theta[everything..]) {
+        parameters[id.position()] = value;
     }
+    let terms = trainer.dynamics.active().iter().copied().zip(theta[..everything].iter().copied());
+    let survivors = terms.filter(|(_, value)| *value != 0.0).collect();
+    let stepping = Stepping { method: trainer.method, longest: trainer.longest };
+    let known = (stepping, options.window.unwrap_or(SINGLE_STEPS));
     Ok(Screening {
-        survivors: (0..everything).filter(|&k| theta[k] != 0.0).collect(),
-        coefficients: theta[..everything].to_vec(),
-        parameters,
+        law: Law::new(system.clone(), survivors, parameters, Vec::new(), known)?,
         history,
         steps: trainer.steps,
         interrupted,
     })
 }
 
-/// How much each term, for its size, would change the loss of a given model: the gradient over
-/// the norm of the term's column. One number a term; work does not grow with their square.
+/// How much each term, for its size, would change the loss of a law (of one without terms, where
+/// there is none yet), in the order of the system's terms: the gradient over the norm of the term's column. One number a term; work does not grow with their square.
 ///
 /// # Errors
 ///
 /// As [`screen`].
 pub fn correlations(
     system: &System,
+    law: Option<&Law>,
     dataset: &Dataset,
     options: &Options,
-    coefficients: &[f64],
-    parameters: &[f64],
 ) -> Result<Vec<f64>> {
     let mut trainer = Trainer::new(system, dataset, options)?;
-    let used = trainer.dynamics.parameters().iter().map(|&j| parameters[j]);
-    let theta: Vec<f64> = coefficients.iter().copied().chain(used).collect();
+    let terms = trainer.dynamics.active().len();
+    let theta = match law {
+        Some(law) => law.theta(&trainer.dynamics),
+        None => trainer.empty(),
+    };
     trainer.measure_columns(&theta);
     let all = trainer.training.clone();
     let gradient = trainer.full_gradient(&all, &theta);
     let slopes = gradient.iter().zip(&trainer.norms).map(|(g, norm)| (g / norm).abs());
-    Ok(slopes.take(coefficients.len()).map(|x| if x.is_finite() { x } else { 0.0 }).collect())
+    Ok(slopes.take(terms).map(|x| if x.is_finite() { x } else { 0.0 }).collect())
 }
 
 struct Trainer<'a> {
@@ -150,15 +157,14 @@ struct Trainer<'a> {
 
 impl<'a> Trainer<'a> {
     fn new(system: &'a System, dataset: &Dataset, options: &'a Options) -> Result<Self> {
-        let everything: Vec<usize> = (0..system.terms.len()).collect();
-        let dynamics = Dynamics::new(system, &everything, Backend::default());
+        let dynamics = Dynamics::whole(system, Backend::default());
         let measured = packed(dataset);
         let typical = measured.typical_step();
         let scales = scales(&measured, 2 * system.degrees());
         let rounding: Vec<f64> = scales.iter().map(|scale| scale.rounding).collect();
         let separable = dynamics.separable();
         let integrator = stepping::coarse(system, options, separable, typical, &rounding)?;
-        let segments = cut(&measured, options.window.unwrap_or(2)).list;
+        let segments = cut(&measured, options.window.unwrap_or(SINGLE_STEPS)).list;
         let (held_back, training): (Vec<_>, Vec<_>) =
             segments.into_iter().enumerate().partition(|(i, _)| i % HELD_BACK == HELD_BACK - 1);
         let strip = |list: Vec<(usize, Segment)>| list.into_iter().map(|(_, s)| s).collect();
@@ -193,11 +199,20 @@ impl<'a> Trainer<'a> {
 
     fn start(&self, system: &System) -> Vec<f64> {
         let terms = system.terms.iter().map(|t| t.bounds.clamp(0.0));
-        let parameters = self.dynamics.parameters().iter().map(|&j| {
-            let p = &system.parameters[j];
+        terms.chain(self.first_parameters()).collect()
+    }
+
+    /// No term, every parameter at its start.
+    fn empty(&self) -> Vec<f64> {
+        let terms = self.dynamics.active().iter().map(|_| 0.0);
+        terms.chain(self.first_parameters()).collect()
+    }
+
+    fn first_parameters(&self) -> impl Iterator<Item = f64> {
+        self.dynamics.parameters().iter().map(|id| {
+            let p = &self.system.parameters[id.position()];
             p.bounds.clamp(p.start)
-        });
-        terms.chain(parameters).collect()
+        })
     }
 
     /// Loads segments into a batch at their measured starts.
@@ -378,7 +393,12 @@ impl<'a> Trainer<'a> {
         const SECOND: f64 = 0.999;
         let terms = self.dynamics.active().len();
         let bounds: Vec<_> = (self.system.terms.iter().map(|t| t.bounds))
-            .chain(self.dynamics.parameters().iter().map(|&j| self.system.parameters[j].bounds))
+            .chain(
+                self.dynamics
+                    .parameters()
+                    .iter()
+                    .map(|id| self.system.parameters[id.position()].bounds),
+            )
             .collect();
         self.moments.0.fill(0.0);
         self.moments.1.fill(0.0);

@@ -4,9 +4,11 @@
 //! momenta may be multiplied by one number and every coordinate and velocity stays as it is.
 //! The fit then needs a unit of mass: the first pure square p_i^2 of T gets the coefficient 1/2.
 
+use std::sync::Arc;
+
 use super::model::{LearnedTerm, Model, place_name};
 use crate::data::Dataset;
-use crate::expr::{Observed, Place, Symbol, System};
+use crate::expr::{Observed, Place, Symbol, System, Term, TermId};
 
 /// Coefficient of the square that sets the scale: a unit mass.
 const UNIT_MASS: f64 = 0.5;
@@ -14,9 +16,9 @@ const UNIT_MASS: f64 = 0.5;
 /// A system whose open scale was settled.
 pub struct Settled {
     /// The system with the term moved to the known part.
-    pub system: System,
-    /// The term, as an index into the original function space.
-    pub(super) term: usize,
+    pub system: Arc<System>,
+    /// The term of the original function space.
+    term: TermId,
     /// Its coefficient.
     coefficient: f64,
 }
@@ -38,14 +40,14 @@ pub fn settle_scale(system: &System, dataset: &Dataset) -> Option<Settled> {
     }
     let term = square(system)?;
     let mut settled = system.clone();
-    let removed = settled.terms.remove(term);
+    let removed = settled.terms.remove(term.position());
     let coefficient = removed.bounds.clamp(UNIT_MASS);
     settled.kinetic = settled.graph.scale(coefficient, removed.expr);
-    Some(Settled { system: settled, term, coefficient })
+    Some(Settled { system: Arc::new(settled), term, coefficient })
 }
 
 /// The first term of T that is the square of a momentum.
-fn square(system: &System) -> Option<usize> {
+fn square(system: &System) -> Option<TermId> {
     let mut graph = system.graph.clone();
     let squares: Vec<_> = (0..system.degrees())
         .map(|i| {
@@ -53,14 +55,30 @@ fn square(system: &System) -> Option<usize> {
             graph.power(p, 2.0)
         })
         .collect();
-    (system.terms.iter())
-        .position(|term| term.place == Place::Kinetic && squares.contains(&term.expr))
+    let square = |term: &Term| term.place == Place::Kinetic && squares.contains(&term.expr);
+    system.terms_where(square).first().copied()
+}
+
+/// Velocities alone leave the scale of the momenta open; unit masses settle it, as a first guess.
+pub(super) fn unit_masses(system: &System) -> Vec<(TermId, f64)> {
+    if system.observed != Observed::Velocities {
+        return Vec::new();
+    }
+    let graph = &mut system.graph.clone();
+    let mut squares = Vec::new();
+    for i in 0..system.degrees() {
+        let p = graph.symbol(Symbol::Momentum(i));
+        squares.push(graph.power(p, 2.0));
+    }
+    let square = |term: &Term| term.place == Place::Kinetic && squares.contains(&term.expr);
+    let terms = system.terms_with_ids().filter(|(_, term)| square(term));
+    terms.map(|(id, term)| (id, term.bounds.clamp(UNIT_MASS))).collect()
 }
 
 impl Settled {
     /// Puts the term back into a model of the settled system, so that it is one of `original`.
     pub fn restore(&self, original: &System, model: &mut Model) {
-        let term = &original.terms[self.term];
+        let Some(term) = original.term(self.term) else { return };
         model.terms.insert(
             0,
             LearnedTerm {

@@ -18,6 +18,7 @@ mod gathered;
 mod gauge;
 pub mod gauss_newton;
 pub mod held_out;
+mod law;
 pub mod loss;
 pub mod memory;
 pub mod model;
@@ -45,11 +46,15 @@ pub mod train;
 pub mod uncertainty;
 
 pub use gauss_newton::StopReason;
+pub use law::Law;
 pub use loss::{LOSSES, Loss};
 pub use model::Model;
 pub use monitor::{Flag, Monitor, Silent};
 pub use options::{Options, Selection, Trainer};
-pub use resume::{Start, resume};
+pub use pass::Stepping;
+pub use resume::resume;
+
+use std::sync::Arc;
 
 use crate::data::{Dataset, Held, Source, Survey, survey};
 use crate::error::{Error, ErrorKind, Result};
@@ -69,7 +74,7 @@ use crate::expr::System;
 /// [`Error::Fit`] when the data do not suffice, or the function space takes more memory than
 /// allowed, with what to do.
 pub fn fit(
-    system: &System,
+    system: &Arc<System>,
     dataset: &Dataset,
     options: &Options,
     monitor: &dyn Monitor,
@@ -87,7 +92,7 @@ pub fn fit(
 ///
 /// As [`fit`], and whatever goes wrong while the source is read.
 pub fn fit_stream(
-    system: &System,
+    system: &Arc<System>,
     source: &dyn Source,
     survey: &Survey,
     options: &Options,
@@ -101,9 +106,9 @@ pub fn fit_stream(
 
 /// Settles what no data can tell, learns, and says what was settled.
 fn settled(
-    system: &System,
+    system: &Arc<System>,
     dataset: &Dataset,
-    learn: impl Fn(&System) -> Result<Model>,
+    learn: impl Fn(&Arc<System>) -> Result<Model>,
 ) -> Result<Model> {
     if let Some(settled) = gauge::settle_scale(system, dataset) {
         if settled.system.terms.is_empty() && settled.system.parameters.is_empty() {
@@ -121,7 +126,7 @@ fn settled(
 }
 
 fn learn(
-    system: &System,
+    system: &Arc<System>,
     dataset: &Dataset,
     options: &Options,
     monitor: &dyn Monitor,

@@ -1,11 +1,16 @@
 //! The learned model: what a fit returns, what the model file holds.
 
+use std::sync::Arc;
+
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::gauss_newton::StopReason;
-use crate::expr::{Place, System};
+use super::law::Law;
+use super::pass::Stepping;
+use crate::dynamics::Method;
+use crate::expr::{Place, System, Term};
 
 /// Version of the model file's layout.
 pub const FORMAT: &str = "leverrier.model/1";
@@ -197,20 +202,33 @@ pub struct Stop {
 }
 
 impl Model {
-    /// Indices of the model's terms in the system's function space, and their coefficients.
+    /// The law that the record is of.
     ///
-    /// `None` when the model belongs to another spec.
-    pub fn active(&self, system: &System) -> Option<(Vec<usize>, Vec<f64>)> {
+    /// `None` when the model belongs to another spec, or is damaged.
+    pub fn law(&self, system: &Arc<System>) -> Option<Law> {
         if self.fingerprint != fingerprint(system) {
             return None;
         }
-        let mut active = Vec::with_capacity(self.terms.len());
+        let mut terms = Vec::with_capacity(self.terms.len());
         for learned in &self.terms {
-            active.push(system.terms.iter().position(|term| {
+            let same = |term: &Term| {
                 term.label == learned.term && place_name(system, term.place) == learned.place
-            })?);
+            };
+            terms.push((*system.terms_where(same).first()?, learned.coefficient));
         }
-        Some((active, self.terms.iter().map(|t| t.coefficient).collect()))
+        // Where a term was put back into the record, it is the first there, not in the system.
+        let mut order: Vec<usize> = (0..terms.len()).collect();
+        order.sort_by_key(|&place| terms[place].0);
+        order.extend(terms.len()..terms.len() + system.parameters.len());
+        let recorded = self.full_covariance(system);
+        let size = order.len();
+        let covariance = DMatrix::from_fn(size, size, |a, b| recorded[(order[a], order[b])]);
+        let method = Method::by_name(&self.integrator.method)?;
+        let stepping = Stepping { method, longest: self.integrator.longest_step };
+        let noise = self.noise.iter().map(|noise| noise.standard_deviation).collect();
+        let known = (stepping, self.evidence.window);
+        let law = Law::new(system.clone(), terms, self.parameter_values(system), noise, known);
+        law.ok()?.with_covariance(covariance).ok()
     }
 
     /// The value of every inner parameter of the system: learned, or its start.
@@ -227,7 +245,7 @@ impl Model {
 
     /// Covariance of the coefficients, then of all inner parameters of the system
     /// (those that the model does not use have none).
-    pub fn full_covariance(&self, system: &System) -> DMatrix<f64> {
+    fn full_covariance(&self, system: &System) -> DMatrix<f64> {
         let terms = self.terms.len();
         let size = terms + system.parameters.len();
         let place = |row: usize| -> Option<usize> {

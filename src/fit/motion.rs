@@ -18,16 +18,16 @@ const DEAR: u32 = 4;
 /// Steps of order four that are tried, for one of the states' own method.
 const MOST_STEPS: usize = 2;
 
-/// A dynamics with the theta that it moves by.
-pub(super) type Law<'a> = (&'a Dynamics, &'a [f64]);
+/// Equations of motion with the theta that they move by.
+pub(super) type Equations<'a> = (&'a Dynamics, &'a [f64]);
 
 /// What a block moves by, and what its motion is derived by.
 #[derive(Clone, Copy)]
-pub(super) struct Laws<'a> {
+pub(super) struct Propagation<'a> {
     /// The present model.
-    pub(super) present: Law<'a>,
+    pub(super) present: Equations<'a>,
     /// The same motion as one of many, by whose theta there are to be derivatives.
-    pub(super) by: Option<Law<'a>>,
+    pub(super) by: Option<Equations<'a>>,
 }
 
 /// A block of trajectories under way.
@@ -35,7 +35,7 @@ pub(super) struct Motion<'a> {
     /// States and tangents now.
     pub(super) batch: Batch,
     problem: &'a Problem<'a>,
-    laws: Laws<'a>,
+    propagation: Propagation<'a>,
     /// For the tangents, where it is not the method of the states.
     cheaper: Option<Cheaper>,
     /// It may differ by this part of the motion from sample to sample.
@@ -53,7 +53,7 @@ impl<'a> Motion<'a> {
     /// Trajectories with tangents by their initial states and by `unknowns` numbers.
     pub(super) fn new(
         problem: &'a Problem,
-        laws: Laws<'a>,
+        propagation: Propagation<'a>,
         unknowns: usize,
         block: &Block,
         scratch: &mut Scratch,
@@ -62,9 +62,14 @@ impl<'a> Motion<'a> {
         let row = problem.stepping.method.row();
         let dear = matches!(row.kind, Kind::Splitting(_)) && row.order > DEAR;
         Motion {
-            batch: Batch::with_tangents_in(scratch, laws.present.0.degrees(), lanes, unknowns),
+            batch: Batch::with_tangents_in(
+                scratch,
+                propagation.present.0.degrees(),
+                lanes,
+                unknowns,
+            ),
             problem,
-            laws,
+            propagation,
             cheaper: Method::by_name("forest-ruth")
                 .filter(|_| dear)
                 .map(|method| Cheaper { method, steps: 1 }),
@@ -88,8 +93,8 @@ impl<'a> Motion<'a> {
         let longest = span.iter().fold(0.0f64, |m, s| m.max(s.abs()));
         let steps = (longest / stepping.longest * (1.0 - 1e-9)).ceil().max(1.0) as usize;
         // The states go by the present model alone, which has fewer terms.
-        let (present, held) = self.laws.present;
-        let (dynamics, theta) = self.laws.by.unwrap_or(self.laws.present);
+        let (present, held) = self.propagation.present;
+        let (dynamics, theta) = self.propagation.by.unwrap_or(self.propagation.present);
         if self.cheaper.is_none() {
             advance(dynamics, stepping.method, &mut self.batch, span, steps, theta, scratch);
             return;

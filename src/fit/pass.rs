@@ -14,7 +14,7 @@ use super::block::Block;
 use super::factor::Factor;
 use super::gathered::Gathered;
 use super::loss::Loss;
-use super::motion::{Law, Laws};
+use super::motion::{Equations, Propagation};
 use super::rows::Rows;
 use super::segments::{LANES, Segment, Segments, blocks};
 use super::settling::{By, Responses, expected_steps, settled, steps_of_few};
@@ -148,8 +148,8 @@ pub fn residuals(
         .map_init(KeptScratch::new, |scratch, range| {
             let segments = &problem.segments.list[range.clone()];
             let block = Block::gather(problem.measured, segments, problem.weights.len());
-            let laws = Laws { present: (dynamics, theta), by: None };
-            let rows = Rows::integrate(problem, laws, &block, states.part(range), scratch);
+            let propagation = Propagation { present: (dynamics, theta), by: None };
+            let rows = Rows::integrate(problem, propagation, &block, states.part(range), scratch);
             let of = |(lane, segment): (usize, &Segment)| {
                 let mut values = rows.residuals(lane, segment.samples());
                 for (observable, out) in values.iter_mut().enumerate() {
@@ -268,8 +268,8 @@ pub fn settle_linearise_and_respond(
 
 fn settle_and_take_all(
     problem: &Problem,
-    present: Law,
-    whole: Law,
+    present: Equations,
+    whole: Equations,
     nothing: &FoldPass,
     states: &mut States,
     led: Option<&States>,
@@ -393,14 +393,14 @@ impl FoldPass {
     fn take(
         &mut self,
         problem: &Problem,
-        law: Law,
+        law: Equations,
         segments: &[Segment],
         states: &[f64],
         scratch: &mut Scratch,
     ) {
         let block = Block::gather(problem.measured, segments, problem.weights.len());
-        let laws = Laws { present: law, by: Some(law) };
-        let mut rows = Rows::integrate(problem, laws, &block, states, scratch);
+        let propagation = Propagation { present: law, by: Some(law) };
+        let mut rows = Rows::integrate(problem, propagation, &block, states, scratch);
         rows.eliminate_states(self.responses.is_some());
         self.take_rows(rows, scratch);
     }
@@ -410,7 +410,7 @@ impl FoldPass {
     pub(super) fn settle_and_take(
         &mut self,
         problem: &Problem,
-        (present, by): (Law, Law),
+        (present, by): (Equations, Equations),
         segments: &[Segment],
         states: &mut [f64],
         led: Option<&[f64]>,

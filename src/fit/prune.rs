@@ -9,17 +9,17 @@ use super::criterion::Criterion;
 use super::monitor::Monitor;
 use super::train::{Round, Training};
 use super::uncertainty::{covariance, undetermined};
+use crate::expr::{Term, TermId};
 
 /// Takes terms out one by one, the weakest first, and refits after each.
 pub fn prune(training: &mut Training, round: &mut Round, monitor: &dyn Monitor) {
     if !training.options.sparse {
         return;
     }
-    let searched = training.support.len();
+    let searched = training.law.support().len();
     while let Some(weakest) = superfluous(training, round) {
         let mut fewer = training.clone();
-        fewer.support.retain(|&k| k != weakest);
-        fewer.coefficients[weakest] = 0.0;
+        fewer.law = fewer.law.without_term(weakest);
         let mut refit = fewer.refit(monitor);
         if refit.sums().exploded > round.refit.sums().exploded {
             break;
@@ -28,17 +28,18 @@ pub fn prune(training: &mut Training, round: &mut Round, monitor: &dyn Monitor) 
         *training = fewer;
         round.refit = refit;
     }
-    if training.support.len() < searched {
+    if training.law.support().len() < searched {
         // What is reported as chosen is what was kept.
+        let kept = training.law.positions();
         let candidates = &mut round.search.candidates;
-        if let Some(kept) = candidates.iter().position(|c| c.support == training.support) {
+        if let Some(kept) = candidates.iter().position(|c| c.support == kept) {
             candidates[..=kept].rotate_right(1);
         }
     }
 }
 
 /// The term whose absence betters the criterion most, if there is one.
-fn superfluous(training: &Training, round: &Round) -> Option<usize> {
+fn superfluous(training: &Training, round: &Round) -> Option<TermId> {
     let refit = &round.refit;
     let floor = training.floor().max(round.criterion.floor);
     let criterion = Criterion { floor };
@@ -55,18 +56,16 @@ fn superfluous(training: &Training, round: &Round) -> Option<usize> {
     let value = |squares: f64, unknowns: usize| criterion.value(squares, rows, unknowns, 0.0);
     let unknowns = refit.theta.len();
     let present = value(refit.sums().loss, unknowns);
-    let change = |(place, &k): (usize, &usize)| {
+    let change = |(place, (id, _, coefficient)): (usize, (TermId, &Term, f64))| {
         // What the sum of squares grows by when the others take over as well as they can.
-        let growth = training.coefficients[k].powi(2) / variance(place);
+        let growth = coefficient.powi(2) / variance(place);
         let without = value(refit.sums().loss + growth, unknowns.saturating_sub(1));
-        (k, without - present - round.columns.costs[k])
+        (id, without - present - round.columns.costs[id.position()])
     };
-    training
-        .support
-        .iter()
+    (training.law.terms())
         .enumerate()
         .map(change)
         .filter(|(_, change)| *change < 0.0)
         .min_by(|a, b| a.1.total_cmp(&b.1))
-        .map(|(k, _)| k)
+        .map(|(id, _)| id)
 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::block::Block;
 use super::loss::Loss;
-use super::motion::{Laws, Motion};
+use super::motion::{Motion, Propagation};
 use super::pass::{Problem, Sums};
 use crate::dynamics::{Scratch, observe};
 use crate::eval::{
@@ -51,16 +51,16 @@ impl Rows {
     /// Follows a block of segments from `states`, `[lane][state]`.
     pub(super) fn integrate(
         problem: &Problem,
-        laws: Laws,
+        propagation: Propagation,
         block: &Block,
         states: &[f64],
         scratch: &mut Scratch,
     ) -> Rows {
-        let (dynamics, theta) = laws.by.unwrap_or(laws.present);
+        let (dynamics, theta) = propagation.by.unwrap_or(propagation.present);
         let (degrees, lanes) = (dynamics.degrees(), block.lanes());
         let state = 2 * degrees;
         let observables = problem.weights.len();
-        let kept = if laws.by.is_some() { dynamics.unknowns() } else { 0 };
+        let kept = if propagation.by.is_some() { dynamics.unknowns() } else { 0 };
         let columns = state + kept + 1;
         let size = block.samples * observables;
         // Every number that is looked at is written by `take` and `eliminate_states`.
@@ -80,7 +80,7 @@ impl Rows {
             touched: vec![0.0; kept],
             shown: dynamics.shows_state(problem.observed),
         };
-        let mut motion = Motion::new(problem, laws, kept, block, scratch);
+        let mut motion = Motion::new(problem, propagation, kept, block, scratch);
         for (lane, (&time, state)) in
             block.starts.iter().zip(states.chunks_exact(state)).enumerate()
         {

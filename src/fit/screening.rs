@@ -3,16 +3,19 @@
 //! First-order work a term, second-order work on few terms: the gradient says which terms are
 //! worth looking at, Gauss-Newton decides among them.
 
+use std::sync::Arc;
+
 use super::conclude::conclude;
 use super::course::train;
 use super::criterion::complexity;
 use super::first_order::{self, screen};
+use super::law::Law;
 use super::model::{Model, fingerprint};
 use super::monitor::Monitor;
 use super::options::{Options, Trainer};
 use crate::data::Dataset;
 use crate::error::Result;
-use crate::expr::System;
+use crate::expr::{System, TermId};
 
 /// Terms that Gauss-Newton takes on at once, at most.
 const TOGETHER: usize = 600;
@@ -30,18 +33,19 @@ const ROUNDS: usize = 5;
 ///
 /// As [`fit`](super::fit).
 pub fn first_order(
-    system: &System,
+    system: &Arc<System>,
     dataset: &Dataset,
     options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Model> {
     let screening = screen(system, dataset, options, monitor)?;
-    let mut survivors = screening.survivors.clone();
-    let size = |k: &usize| screening.coefficients[*k].abs();
-    survivors.sort_by(|a, b| size(b).total_cmp(&size(a)));
+    let mut survivors: Vec<(TermId, f64)> =
+        screening.law.terms().map(|(id, _, value)| (id, value.abs())).collect();
+    survivors.sort_by(|a, b| b.1.total_cmp(&a.1));
     survivors.truncate(TOGETHER);
-    let mut started = system.clone();
-    for (parameter, &value) in started.parameters.iter_mut().zip(&screening.parameters) {
+    let survivors: Vec<TermId> = survivors.into_iter().map(|(id, _)| id).collect();
+    let mut started = System::clone(system);
+    for (parameter, &value) in started.parameters.iter_mut().zip(screening.law.parameters()) {
         parameter.start = value;
     }
     let how = format!("the {} that first-order training left", survivors.len());
@@ -56,47 +60,44 @@ pub fn first_order(
 ///
 /// As [`fit`](super::fit).
 pub fn working_set(
-    system: &System,
+    system: &Arc<System>,
     dataset: &Dataset,
     options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Model> {
     let all = system.terms.len();
-    let mut working: Vec<usize> = (0..all).collect();
+    let ids = system.term_ids();
+    let mut working = ids.clone();
     let level: Vec<u32> = system.terms.iter().map(|t| complexity(&system.graph, t.expr)).collect();
-    working.sort_by_key(|&k| level[k]);
+    working.sort_by_key(|id| level[id.position()]);
     working.truncate(SIMPLEST);
-    let mut coefficients = vec![0.0; all];
-    let mut parameters: Vec<f64> =
-        system.parameters.iter().map(|p| p.bounds.clamp(p.start)).collect();
-    let mut best: Option<(Vec<usize>, Model)> = None;
+    let mut law: Option<Law> = None;
+    let mut best: Option<Model> = None;
     for round in 0..ROUNDS {
         monitor.stage("screening the function space", round as f64 / ROUNDS as f64);
-        let correlation =
-            first_order::correlations(system, dataset, options, &coefficients, &parameters)?;
-        let mut outside: Vec<usize> = (0..all).filter(|k| !working.contains(k)).collect();
-        outside.sort_by(|&a, &b| correlation[b].total_cmp(&correlation[a]).then(a.cmp(&b)));
+        let correlation = first_order::correlations(system, law.as_ref(), dataset, options)?;
+        let stands_out = |id: &TermId| correlation[id.position()];
+        let mut outside: Vec<TermId> =
+            ids.iter().copied().filter(|id| !working.contains(id)).collect();
+        outside.sort_by(|a, b| stands_out(b).total_cmp(&stands_out(a)).then(a.cmp(b)));
         working.extend(outside.into_iter().take(if round == 0 { FIRST } else { EACH }));
         let how = format!("the {} whose gradients stand out", working.len());
         let model = train_on(system, working.clone(), &how, dataset, options, monitor)?;
-        let Some((support, values)) = model.active(system) else { return Ok(model) };
-        let settled = best.as_ref().is_some_and(|(before, _)| *before == support);
-        coefficients.fill(0.0);
-        for (&k, &value) in support.iter().zip(&values) {
-            coefficients[k] = value;
-        }
-        parameters = model.parameter_values(system);
-        best = Some((support.clone(), model));
+        let Some(next) = model.law(system) else { return Ok(model) };
+        let settled = law.is_some_and(|before| before.support() == next.support());
+        best = Some(model);
+        let support = next.support().to_vec();
+        law = Some(next);
         if settled || monitor.stopped() || working.len() == all {
             break;
         }
         // What was not chosen makes room, once the set is full.
         if working.len() + EACH > TOGETHER {
-            working.retain(|k| support.contains(k));
+            working.retain(|id| support.contains(id));
         }
     }
     match best {
-        Some((_, model)) => Ok(model),
+        Some(model) => Ok(model),
         None => train_on(system, working, "the simplest", dataset, options, monitor),
     }
 }
@@ -108,11 +109,11 @@ pub fn working_set(
 ///
 /// As [`fit`](super::fit).
 pub(super) fn among_survivors(
-    system: &System,
+    system: &Arc<System>,
     sample: &Dataset,
     options: &Options,
     monitor: &dyn Monitor,
-    learn: impl Fn(&System) -> Result<Model>,
+    learn: impl Fn(&Arc<System>) -> Result<Model>,
 ) -> Result<Model> {
     let first = match options.trainer {
         Trainer::FirstOrder => first_order(system, sample, options, monitor)?,
@@ -122,7 +123,7 @@ pub(super) fn among_survivors(
     let instead = first.alternatives.iter().map(|exchange| &exchange.instead);
     let named: Vec<&String> =
         first.terms.iter().map(|t| &t.term).chain(rivals).chain(instead).collect();
-    let mut narrowed = system.clone();
+    let mut narrowed = System::clone(system);
     narrowed.terms.retain(|term| named.contains(&&term.label));
     for parameter in &mut narrowed.parameters {
         if let Some(learned) = first.parameters.iter().find(|p| p.name == parameter.name) {
@@ -134,7 +135,7 @@ pub(super) fn among_survivors(
         narrowed.terms.len(),
         system.terms.len()
     );
-    let mut model = learn(&narrowed)?;
+    let mut model = learn(&Arc::new(narrowed))?;
     model.fingerprint = fingerprint(system);
     model.evidence.function_space = system.terms.len();
     model.evidence.selection = format!("{} among {how}", model.evidence.selection);
@@ -144,7 +145,7 @@ pub(super) fn among_survivors(
 /// Trains on some of the terms, and makes the result a model of the whole space.
 fn train_on(
     system: &System,
-    mut terms: Vec<usize>,
+    mut terms: Vec<TermId>,
     how: &str,
     dataset: &Dataset,
     options: &Options,
@@ -152,8 +153,8 @@ fn train_on(
 ) -> Result<Model> {
     terms.sort_unstable();
     let mut narrowed = system.clone();
-    narrowed.terms = terms.iter().map(|&k| system.terms[k].clone()).collect();
-    let (training, round) = train(&narrowed, dataset, options, monitor)?;
+    narrowed.terms = terms.iter().filter_map(|&id| system.term(id).cloned()).collect();
+    let (training, round) = train(&Arc::new(narrowed), dataset, options, monitor)?;
     let mut model = conclude(&training, &round);
     model.fingerprint = fingerprint(system);
     model.evidence.function_space = system.terms.len();

@@ -1,7 +1,7 @@
 //! The initial states of a block's segments, improved until they are settled.
 
 use super::block::Block;
-use super::motion::{Law, Laws};
+use super::motion::{Equations, Propagation};
 use super::pass::Problem;
 use super::rows::Rows;
 use super::states::States;
@@ -32,7 +32,7 @@ pub(super) struct Taken {
 #[derive(Clone, Copy)]
 pub(super) struct By<'a> {
     /// The model whose theta it is.
-    pub(super) law: Law<'a>,
+    pub(super) law: Equations<'a>,
     /// Steps after which the states are expected to be settled.
     pub(super) expected: Option<usize>,
     /// Where the states are expected to be settled at once, `[lane][state]`.
@@ -51,7 +51,7 @@ pub(super) struct By<'a> {
 /// was too soon, once more at the end.
 pub(super) fn settled(
     problem: &Problem,
-    present: Law,
+    present: Equations,
     by: Option<By>,
     block: &Block,
     states: &mut [f64],
@@ -75,8 +75,8 @@ pub(super) fn settled(
     let mut taken = 0;
     while taken < STEPS {
         let here = by.filter(|by| by.expected == Some(taken));
-        let laws = Laws { present, by: here.map(|by| by.law) };
-        let mut rows = Rows::integrate(problem, laws, block, &trial, scratch);
+        let propagation = Propagation { present, by: here.map(|by| by.law) };
+        let mut rows = Rows::integrate(problem, propagation, block, &trial, scratch);
         rows.eliminate_states(here.is_some_and(|by| by.responses));
         let steps = rows.state_steps();
         let promised = rows.promised();
@@ -128,8 +128,8 @@ pub(super) fn settled(
         rows.recycle(scratch);
         taken += 1;
     }
-    let laws = Laws { present, by: by.map(|by| by.law) };
-    let mut rows = Rows::integrate(problem, laws, block, states, scratch);
+    let propagation = Propagation { present, by: by.map(|by| by.law) };
+    let mut rows = Rows::integrate(problem, propagation, block, states, scratch);
     rows.eliminate_states(by.is_some_and(|by| by.responses));
     let restless = settled.iter().filter(|&&done| !done).count();
     (rows, Taken { steps: taken, restless, promised: 0.0 })
@@ -158,14 +158,14 @@ fn left_to_take(promised: &[f64], steps: usize, settled: impl Fn(usize) -> bool)
 /// minima, and from there a state may find another one than it had.
 fn at_once(
     problem: &Problem,
-    present: Law,
+    present: Equations,
     by: By,
     led: &[f64],
     block: &Block,
     scratch: &mut Scratch,
 ) -> Option<(Rows, Taken)> {
     let mut rows =
-        Rows::integrate(problem, Laws { present, by: Some(by.law) }, block, led, scratch);
+        Rows::integrate(problem, Propagation { present, by: Some(by.law) }, block, led, scratch);
     rows.eliminate_states(by.responses);
     let promised = rows.promised();
     let finite = |lane: usize| rows.losses[lane].is_finite();
@@ -188,7 +188,7 @@ pub(super) fn steps_of_few(by: &Dynamics) -> Option<usize> {
 /// worth while; of so few that they cost little beside all.
 pub(super) fn expected_steps(
     problem: &Problem,
-    present: Law,
+    present: Equations,
     by: &Dynamics,
     states: &States,
 ) -> Option<usize> {

@@ -14,11 +14,18 @@ use crate::expr::System;
 pub struct Choice {
     /// Method and longest step.
     pub stepping: Stepping,
+    /// What it can resolve.
+    pub accuracy: Accuracy,
+}
+
+/// What an integrator can resolve.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Accuracy {
     /// Largest error of each component of the state between two samples; infinite when unknown.
     pub error: Vec<f64>,
     /// For each observable, the error below which residuals mean nothing.
     pub resolution: Vec<f64>,
-    /// Why this one, in a sentence.
+    /// Why this integrator, in a sentence.
     pub reason: String,
 }
 
@@ -72,9 +79,11 @@ pub fn coarse(
     }
     Ok(Choice {
         stepping: Stepping { method, longest: options.longest_step.unwrap_or(typical) },
-        error: vec![f64::INFINITY; 2 * system.degrees()],
-        resolution: rounding.to_vec(),
-        reason: "the first guess".to_string(),
+        accuracy: Accuracy {
+            error: vec![f64::INFINITY; 2 * system.degrees()],
+            resolution: rounding.to_vec(),
+            reason: "the first guess".to_string(),
+        },
     })
 }
 
@@ -82,27 +91,28 @@ pub fn coarse(
 /// will simulate is to `keep` the structure of its flow; one on the way need not.
 pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64], keep: bool) -> Choice {
     // Rounding accumulates along a segment.
-    let along = (training.window.max(2) - 1) as f64;
+    let (noise, window) = (training.law().noise(), training.law().window());
+    let along = (window.max(2) - 1) as f64;
     let mut rounding = training.rounding.clone();
     rounding.iter_mut().for_each(|r| *r *= along);
     let (batch, span) = sample(training);
     let longest_span = span.iter().fold(0.0f64, |m, s| m.max(s.abs()));
     let options = training.options;
-    let limited = training.noise.iter().zip(&training.spread).zip(&training.integrator.error).any(
+    let limited = noise.iter().zip(&training.spread).zip(&training.accuracy.error).any(
         |((s, spread), error)| error.is_finite() && *s < SUSPECT * error || *s < FINEST * spread,
     );
     // Errors of consecutive intervals add up along a segment.
-    let intervals = training.window.saturating_sub(1).max(1) as f64;
-    let residuals = (training.samples() * training.noise.len() / 2).max(1) as f64;
+    let intervals = window.saturating_sub(1).max(1) as f64;
+    let residuals = (training.samples() * noise.len() / 2).max(1) as f64;
     let most = SHARE.min(SHARE_OF_MEAN / residuals.sqrt());
     let share = if limited { 0.0 } else { most / intervals };
-    let tolerance: Vec<f64> = training.noise.iter().map(|s| share * s).collect();
+    let tolerance: Vec<f64> = noise.iter().map(|s| share * s).collect();
     let mut scratch = Scratch::new();
     let mut choice = choose_steps(dynamics, theta, &batch, &span, &tolerance, keep, &mut scratch);
     if share > 0.0 && (!choice.reached || choice.cost > DEAR) {
         // Across a jump every method is of the first order: hundreds of steps an interval would
         // go to errors that the noise hides.
-        let tolerance: Vec<f64> = training.noise.iter().map(|s| HIDDEN * s).collect();
+        let tolerance: Vec<f64> = noise.iter().map(|s| HIDDEN * s).collect();
         let rough = choose_steps(dynamics, theta, &batch, &span, &tolerance, keep, &mut scratch);
         if rough.reached && rough.cost < choice.cost {
             choice = rough;
@@ -118,7 +128,7 @@ pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64], keep: boo
         stepping = Stepping {
             method: options.method.unwrap_or(stepping.method),
             longest: options.longest_step.unwrap_or(match options.method {
-                Some(_) => training.integrator.stepping.longest,
+                Some(_) => training.law().stepping().longest,
                 None => stepping.longest,
             }),
         };
@@ -131,7 +141,7 @@ pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64], keep: boo
         .zip(&error)
         .map(|(r, e)| if e.is_finite() { r.max(MARGIN * intervals * e) } else { *r })
         .collect();
-    Choice { stepping, error, resolution, reason }
+    Choice { stepping, accuracy: Accuracy { error, resolution, reason } }
 }
 
 /// States spread over all segments, and the times to their next samples.
@@ -151,7 +161,7 @@ fn sample(training: &Training) -> (Batch, Vec<f64>) {
         picked.extend(within.map(|place| (i, segment.first + place - before)));
         before += count;
     }
-    let degrees = training.system.degrees();
+    let degrees = training.system().degrees();
     let from = |&(i, at): &(usize, usize)| Segment { first: at, ..segments[i] };
     let rests: Vec<Segment> = picked.iter().map(from).collect();
     let measured = States::measured(&training.measured, &rests, degrees);

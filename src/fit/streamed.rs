@@ -13,6 +13,8 @@ use super::options::{Options, Trainer};
 use super::segments::typical_step;
 use super::stream::Stream;
 use super::{LARGEST_FACTOR, prune, screening};
+use std::sync::Arc;
+
 use crate::data::{Source, Survey};
 use crate::error::Result;
 use crate::expr::System;
@@ -23,7 +25,7 @@ use crate::expr::System;
 ///
 /// As [`fit`](super::fit), and whatever goes wrong while the source is read.
 pub(super) fn learn(
-    system: &System,
+    system: &Arc<System>,
     source: &dyn Source,
     survey: &Survey,
     options: &Options,
@@ -39,7 +41,7 @@ pub(super) fn learn(
 }
 
 fn on_all(
-    system: &System,
+    system: &Arc<System>,
     source: &dyn Source,
     survey: &Survey,
     options: &Options,

@@ -11,20 +11,22 @@ use std::sync::Arc;
 use super::compiled::Compiled;
 use super::criterion::{Criterion, choice_costs, complexity};
 use super::factor::Factor;
+use super::gauge;
 use super::gauss_newton::{CONVERGED, Refit, StopReason, invisible, refit};
+use super::law::Law;
 use super::monitor::Monitor;
 use super::options::Options;
 use super::pass::{Linearised, Problem, Sums, settle, settle_and_linearise};
 use super::scales::{fewest_samples, scales};
 use super::segments::{Segment, Segments, cut, packed};
 use super::states::States;
-use super::stepping::{self, Choice};
+use super::stepping::{self, Accuracy, Choice};
 use super::stream::Stream;
 use super::support::{self, Candidate, Columns, Search};
 use crate::data::{Dataset, Packed};
 use crate::dynamics::Dynamics;
 use crate::error::{Error, ErrorKind, Result};
-use crate::expr::{Bounds, Observed, Place, Symbol, System};
+use crate::expr::{Bounds, ParameterId, Symbol, System, TermId};
 
 /// Rounds at one length of segments.
 const ROUNDS: usize = 8;
@@ -40,30 +42,20 @@ const ENOUGH_FOR_NOISE: usize = 1536;
 /// A model under training, with everything that the next round starts from.
 #[derive(Clone)]
 pub struct Training<'a> {
-    /// What is learned.
-    pub system: &'a System,
+    /// What is learned: the present model.
+    pub(super) law: Law,
     /// What it is learned from.
     pub measured: Arc<Packed>,
     /// How it is learned.
     pub options: &'a Options,
     /// Segments of the current round.
     pub segments: Segments,
-    /// Samples of the longest segment.
-    pub window: usize,
     /// Initial states of the segments.
     pub states: States,
-    /// One coefficient for each term; zero outside the support.
-    pub coefficients: Vec<f64>,
-    /// One value for each inner parameter.
-    pub parameters: Vec<f64>,
-    /// Terms of the model, sorted.
-    pub support: Vec<usize>,
-    /// Standard deviation of the noise of each observable.
-    pub noise: Vec<f64>,
     /// Spread of each observable's measurements (1 where there are none).
     pub spread: Vec<f64>,
-    /// Integrator of the current round, with what it can resolve.
-    pub integrator: Choice,
+    /// What the integrator of the current round can resolve.
+    pub accuracy: Accuracy,
     /// Whether every term of the function space leaves H = T(p) + V(q).
     pub separable: bool,
     /// Rounds that were made.
@@ -131,23 +123,32 @@ impl<'a> Training<'a> {
     /// # Errors
     ///
     /// When no coordinate is measured, or no two samples are near enough in time.
-    pub fn new(system: &'a System, dataset: &Dataset, options: &'a Options) -> Result<Self> {
+    pub fn new(system: &Arc<System>, dataset: &Dataset, options: &'a Options) -> Result<Self> {
         let compile = || Compiled::whole(system, options);
         let (measured, compiled) = rayon::join(|| packed(dataset), compile);
         Training::begin(system, Arc::new(measured), options, compiled)
     }
 
-    /// The same of measurements that are packed already.
+    /// Starts from a law, of measurements that are packed already: its terms and numbers, its
+    /// noise and its steps are the first, and the segments as long as the options say.
     ///
     /// # Errors
     ///
     /// As [`Training::new`].
-    pub fn over(system: &'a System, measured: Arc<Packed>, options: &'a Options) -> Result<Self> {
-        Training::begin(system, measured, options, Compiled::default())
+    pub fn from_law(law: &Law, measured: Arc<Packed>, options: &'a Options) -> Result<Self> {
+        let mut training = Training::begin(law.system(), measured, options, Compiled::default())?;
+        training.start_from(law);
+        Ok(training)
+    }
+
+    /// Makes a law of the same system the present model. The length of the segments stays.
+    pub fn start_from(&mut self, law: &Law) {
+        let window = self.law.window();
+        self.law = law.clone().with_window(window);
     }
 
     fn begin(
-        system: &'a System,
+        system: &Arc<System>,
         measured: Arc<Packed>,
         options: &'a Options,
         compiled: Compiled,
@@ -172,18 +173,22 @@ impl<'a> Training<'a> {
             || compiled.of_all(system).separable(),
         );
         let segments = segments?;
-        let mut training = Training {
-            system,
+        let Choice { stepping, accuracy } =
+            stepping::coarse(system, options, separable, typical, &rounding)?;
+        let law = Law::new(
+            system.clone(),
+            gauge::unit_masses(system),
+            system.parameters.iter().map(|p| p.bounds.clamp(p.start)).collect(),
+            spread.clone(),
+            (stepping, window),
+        )?;
+        Ok(Training {
+            law,
             options,
-            window,
             states: States::measured(&measured, &segments.list, degrees),
             segments,
-            coefficients: vec![0.0; system.terms.len()],
-            parameters: system.parameters.iter().map(|p| p.bounds.clamp(p.start)).collect(),
-            support: Vec::new(),
-            noise: spread.clone(),
             spread,
-            integrator: stepping::coarse(system, options, separable, typical, &rounding)?,
+            accuracy,
             separable,
             rounds: 0,
             extent: Extent::Whole,
@@ -192,33 +197,24 @@ impl<'a> Training<'a> {
             reweigh: false,
             rounding,
             compiled,
-        };
-        if system.observed == Observed::Velocities {
-            training.start_as_unit_masses();
-        }
-        Ok(training)
+        })
     }
 
-    /// Velocities alone leave the scale of the momenta open; unit masses settle it.
-    fn start_as_unit_masses(&mut self) {
-        let graph = &mut self.system.graph.clone();
-        for (k, term) in self.system.terms.iter().enumerate() {
-            let square = (0..self.system.degrees()).any(|i| {
-                let p = graph.symbol(Symbol::Momentum(i));
-                graph.power(p, 2.0) == term.expr
-            });
-            if square && term.place == Place::Kinetic {
-                self.coefficients[k] = term.bounds.clamp(0.5);
-                self.support.push(k);
-            }
-        }
+    /// What is learned: the present model. Its covariance is not known before the end.
+    pub fn law(&self) -> &Law {
+        &self.law
+    }
+
+    /// What it is a model of.
+    pub fn system(&self) -> &Arc<System> {
+        self.law.system()
     }
 
     /// Cuts the data anew; every segment starts from its own measurements.
     pub fn recut(&mut self, window: usize) -> Result<()> {
         let segments = not_empty(cut(&self.measured, window))?;
         let before = std::mem::replace(&mut self.segments, segments);
-        self.window = window;
+        self.law.set_window(window);
         // Over many periods the misfit has many minima: what a state was before is a nearer start
         // than what was measured first.
         let place = |segment: &Segment| (segment.run, segment.first);
@@ -236,7 +232,7 @@ impl<'a> Training<'a> {
 
     /// The start of every segment as it was measured.
     pub(super) fn first_states(&self) -> States {
-        States::measured(&self.measured, &self.segments.list, self.system.degrees())
+        States::measured(&self.measured, &self.segments.list, self.system().degrees())
     }
 
     /// Works on a part of the segments from now on; gives those of before.
@@ -248,18 +244,16 @@ impl<'a> Training<'a> {
     }
 
     fn weights(&self) -> Vec<f64> {
-        self.noise
-            .iter()
-            .zip(&self.integrator.resolution)
-            .map(|(s, floor)| 1.0 / s.max(*floor))
-            .collect()
+        let noise = self.law.noise().iter().zip(&self.accuracy.resolution);
+        noise.map(|(s, floor)| 1.0 / s.max(*floor)).collect()
     }
 
     /// Resolution in units of the noise, the same for all observables.
     pub fn floor(&self) -> f64 {
-        let parts = self.integrator.resolution.iter().zip(&self.noise);
+        let noise = self.law.noise();
+        let parts = self.accuracy.resolution.iter().zip(noise);
         let squares: f64 = parts.map(|(f, s)| (f / s.max(*f)).powi(2)).sum();
-        (squares / self.noise.len().max(1) as f64).sqrt()
+        (squares / noise.len().max(1) as f64).sqrt()
     }
 
     /// The problem that a pass works on, with one weight for each observable.
@@ -267,49 +261,44 @@ impl<'a> Training<'a> {
         Problem {
             measured: &self.measured,
             segments: &self.segments,
-            observed: self.system.observed,
+            observed: self.system().observed,
             weights,
             loss: self.options.loss,
-            stepping: self.integrator.stepping,
+            stepping: self.law.stepping(),
             floor: self.floor(),
             stream: self.stream,
-            window: self.window,
+            window: self.law.window(),
         }
     }
 
-    /// The dynamics of some terms, and their theta at the present model.
-    fn compile(&self, terms: &[usize]) -> (Arc<Dynamics>, Vec<f64>) {
-        let dynamics = self.compiled.of(self.system, terms);
-        dynamics.prepare(self.integrator.stepping.method);
-        let theta = self.theta(&dynamics);
+    /// The dynamics of the present model, and its theta.
+    fn compile(&self) -> (Arc<Dynamics>, Vec<f64>) {
+        self.prepared(self.compiled.of(&self.law))
+    }
+
+    /// The dynamics of the whole function space, and the present model as its theta.
+    fn compile_whole(&self) -> (Arc<Dynamics>, Vec<f64>) {
+        self.prepared(self.compiled.of_all(self.system()))
+    }
+
+    fn prepared(&self, dynamics: Arc<Dynamics>) -> (Arc<Dynamics>, Vec<f64>) {
+        dynamics.prepare(self.law.stepping().method);
+        let theta = self.law.theta(&dynamics);
         (dynamics, theta)
-    }
-
-    /// The present model as the theta of a dynamics.
-    pub fn theta(&self, dynamics: &Dynamics) -> Vec<f64> {
-        let coefficients = dynamics.active().iter().map(|&k| self.coefficients[k]);
-        let parameters = dynamics.parameters().iter().map(|&j| self.parameters[j]);
-        coefficients.chain(parameters).collect()
-    }
-
-    fn bounds(&self, dynamics: &Dynamics) -> Vec<Bounds> {
-        let terms = dynamics.active().iter().map(|&k| self.system.terms[k].bounds);
-        let parameters = dynamics.parameters().iter().map(|&j| self.system.parameters[j].bounds);
-        terms.chain(parameters).collect()
     }
 
     /// Linearises by the whole function space, searches the support, refits the best.
     pub fn round(&mut self, monitor: &dyn Monitor) -> Result<Round> {
-        let everything: Vec<usize> = (0..self.system.terms.len()).collect();
-        let (whole, theta) = self.compile(&everything);
-        let (present, present_theta) = self.compile(&self.support);
+        let (whole, theta) = self.compile_whole();
+        let (present, present_theta) = self.compile();
         let mut states = std::mem::take(&mut self.states);
-        let finest =
-            self.noise.iter().zip(&self.integrator.resolution).all(|(s, floor)| s <= floor);
+        let noise = self.law.noise().iter().zip(&self.accuracy.resolution);
+        let finest = noise.into_iter().all(|(s, floor)| s <= floor);
         if std::mem::take(&mut self.reweigh) && self.stream.is_none() && !finest {
-            self.noise = self.noise_of_a_part(&present, &present_theta);
+            let noise = self.noise_of_a_part(&present, &present_theta);
+            self.law.set_noise(noise);
         }
-        let noise = self.noise.clone();
+        let noise = self.law.noise().to_vec();
         let weights = self.weights();
         let (folds, sums) = {
             let problem = self.problem(&weights);
@@ -328,7 +317,7 @@ impl<'a> Training<'a> {
         let columns = self.columns(&whole);
         let criterion = Criterion { floor: self.floor() };
         // Coefficients are looked for as they are, parameters as increments.
-        let terms = self.system.terms.len();
+        let terms = self.system().terms.len();
         let origin =
             nalgebra::DVector::from_fn(theta.len(), |k, _| if k < terms { -theta[k] } else { 0.0 });
         let folds: Vec<Factor> = folds
@@ -343,7 +332,7 @@ impl<'a> Training<'a> {
             _ if !self.options.sparse => support::whole(&merged, &columns, criterion),
             Extent::Whole => support::search(&merged, &columns, criterion),
             Extent::Rough => support::rough(&merged, &columns, criterion),
-            Extent::Near => support::near(&merged, &columns, criterion, &self.support),
+            Extent::Near => support::near(&merged, &columns, criterion, &self.law.positions()),
         };
         if self.options.selection == super::options::Selection::HeldOut {
             super::held_out::prefer_held_out(&mut search.candidates, &folds, &columns);
@@ -366,11 +355,11 @@ impl<'a> Training<'a> {
 
     /// Whether a candidate is the present model but for what the data cannot see.
     fn confirmed(&self, candidate: &Candidate, merged: &Factor, sums: &Sums) -> bool {
-        if !self.system.parameters.is_empty() {
+        if !self.system().parameters.is_empty() {
             // The motion is bent in a number inside a term: a refit has to look.
             return false;
         }
-        let mut change = -nalgebra::DVector::from_column_slice(&self.coefficients);
+        let mut change = -nalgebra::DVector::from_vec(self.law.coefficient_of_each_term());
         candidate.values.iter().for_each(|&(column, value)| change[column] += value);
         let moved = (merged.design() * change).norm_squared();
         invisible(moved, self.promise(), sums, self.floor())
@@ -397,10 +386,18 @@ impl<'a> Training<'a> {
         let states = std::mem::take(&mut self.states);
         let stop = StopReason::Converged;
         let mut refit = Refit { theta, states, linearised, iterations: 1, stop };
-        self.support.clone_from(&candidate.support);
-        self.coefficients.fill(0.0);
+        self.law.set_support(&self.terms_of(candidate));
         self.take(&mut refit);
         refit
+    }
+
+    /// Terms of a candidate with their coefficients: the first columns of the whole factor are
+    /// those of the terms, in their order.
+    fn terms_of(&self, candidate: &Candidate) -> Vec<(TermId, f64)> {
+        let ids = self.system().term_ids();
+        let value = |k: usize| candidate.values.iter().find(|(column, _)| *column == k);
+        let term = |&k: &usize| (ids[k], value(k).map_or(0.0, |(_, value)| *value));
+        candidate.support.iter().map(term).collect()
     }
 
     /// A step that promises less than this part of the loss ends a refit.
@@ -410,18 +407,16 @@ impl<'a> Training<'a> {
 
     /// Makes a candidate the present model and refits it.
     fn adopt(&mut self, candidate: &Candidate, whole: &Dynamics, monitor: &dyn Monitor) -> Refit {
-        let terms = self.system.terms.len();
-        let before = self.parameters.clone();
-        self.coefficients.fill(0.0);
-        for &(column, value) in &candidate.values {
-            if column < terms {
-                self.coefficients[column] = value;
-            } else {
-                let j = whole.parameters()[column - terms];
-                self.parameters[j] = self.system.parameters[j].bounds.clamp(before[j] + value);
-            }
-        }
-        self.support.clone_from(&candidate.support);
+        let terms = self.system().terms.len();
+        let inner = candidate.values.iter().filter(|(column, _)| *column >= terms);
+        let moved = inner.filter_map(|&(column, change)| {
+            let id = *whole.parameters().get(column - terms)?;
+            let bounds = self.system().parameter(id)?.bounds;
+            Some((id, bounds.clamp(self.law.parameter(id)? + change)))
+        });
+        let moved: Vec<(ParameterId, f64)> = moved.collect();
+        self.law.set_support(&self.terms_of(candidate));
+        self.law.set_parameters(&moved);
         let states = std::mem::take(&mut self.states);
         let mut refit = self.refit_from(states, self.promise(), monitor);
         self.take(&mut refit);
@@ -439,33 +434,28 @@ impl<'a> Training<'a> {
     }
 
     fn refit_from(&self, states: States, promise: f64, monitor: &dyn Monitor) -> Refit {
-        let (dynamics, theta) = self.compile(&self.support);
+        let (dynamics, theta) = self.compile();
         let weights = self.weights();
         let problem = self.problem(&weights);
-        let bounds = self.bounds(&dynamics);
+        let bounds = self.law.bounds(&dynamics);
         refit(&problem, &dynamics, &bounds, &theta, states, promise, monitor)
     }
 
     /// Makes the result of a refit the present model, moves its states here, and estimates the
     /// noise anew.
     pub fn take(&mut self, refit: &mut Refit) {
-        let (dynamics, _) = self.compile(&self.support);
-        let size = dynamics.active().len();
-        for (&k, &value) in dynamics.active().iter().zip(&refit.theta) {
-            self.coefficients[k] = value;
-        }
-        for (&j, &value) in dynamics.parameters().iter().zip(&refit.theta[size..]) {
-            self.parameters[j] = value;
-        }
+        let (dynamics, _) = self.compile();
+        self.law.set_theta(&dynamics, &refit.theta);
         self.states = std::mem::take(&mut refit.states);
-        self.noise = self.noise_estimate(refit.sums(), refit.theta.len());
+        let noise = self.noise_estimate(refit.sums(), refit.theta.len());
+        self.law.set_noise(noise);
     }
 
     /// The noise at the present model as many segments from all over the data show it.
     fn noise_of_a_part(&self, dynamics: &Dynamics, theta: &[f64]) -> Vec<f64> {
         let mean = self.samples() / self.segments.list.len().max(1);
         let segments = self.segments.spread(ENOUGH_FOR_NOISE * mean);
-        let degrees = self.system.degrees();
+        let degrees = self.system().degrees();
         let mut states = States::measured(&self.measured, &segments.list, degrees);
         let weights = self.weights();
         let problem = Problem { segments: &segments, ..self.problem(&weights) };
@@ -478,9 +468,9 @@ impl<'a> Training<'a> {
     fn noise_estimate(&self, sums: &Sums, unknowns: usize) -> Vec<f64> {
         let rows = sums.rows as f64;
         let share = ((rows - unknowns as f64) / rows).max(1.0 / rows.max(1.0));
-        self.noise
-            .iter()
-            .zip(&self.integrator.resolution)
+        let noise = self.law.noise().iter();
+        noise
+            .zip(&self.accuracy.resolution)
             .zip(sums.squares.iter().zip(&sums.freedom))
             .map(|((&old, &floor), (&squares, &freedom))| {
                 if freedom <= 1e-9 || !squares.is_finite() {
@@ -493,61 +483,62 @@ impl<'a> Training<'a> {
 
     /// What the columns of the whole space's factor mean.
     fn columns(&self, whole: &Dynamics) -> Columns {
-        let terms = self.system.terms.len();
+        let system = self.system();
+        let terms = system.terms.len();
         let mut companions = vec![Vec::new(); terms];
         let mut free = vec![true; whole.parameters().len()];
-        for (k, term) in self.system.terms.iter().enumerate() {
-            if self.system.parameters.is_empty() {
+        for (k, term) in system.terms.iter().enumerate() {
+            if system.parameters.is_empty() {
                 break;
             }
-            let symbols = self.system.graph.symbols(&[term.expr]);
-            for (column, &j) in whole.parameters().iter().enumerate() {
-                if symbols.contains(&Symbol::Parameter(j)) {
+            let symbols = system.graph.symbols(&[term.expr]);
+            for (column, id) in whole.parameters().iter().enumerate() {
+                if symbols.contains(&Symbol::Parameter(id.position())) {
                     companions[k].push(terms + column);
                     free[column] = false;
                 }
             }
         }
         let forced = (0..free.len()).filter(|&c| free[c]).map(|c| terms + c).collect();
-        let mut bounds: Vec<Bounds> = self.system.terms.iter().map(|t| t.bounds).collect();
-        bounds.extend(whole.parameters().iter().map(|&j| {
-            let (present, parameter) = (self.parameters[j], &self.system.parameters[j]);
+        let mut bounds: Vec<Bounds> = system.terms.iter().map(|t| t.bounds).collect();
+        bounds.extend(whole.parameters().iter().map(|id| {
+            let j = id.position();
+            let (present, parameter) = (self.law.parameters()[j], &system.parameters[j]);
             let reach = present.abs().max(parameter.start.abs());
             let Bounds { lower, upper } = parameter.bounds.near(present, reach);
             Bounds { lower: lower - present, upper: upper - present }
         }));
         let complexity: Vec<u32> =
-            self.system.terms.iter().map(|t| complexity(&self.system.graph, t.expr)).collect();
+            system.terms.iter().map(|t| complexity(&system.graph, t.expr)).collect();
         let costs = choice_costs(&complexity);
         Columns { terms, companions, forced, bounds, complexity, costs }
     }
 
     /// Rounds until the support and the noise stand still.
     pub fn rounds(&mut self, monitor: &dyn Monitor) -> Result<Round> {
-        let mut seen: Vec<Vec<usize>> = Vec::new();
+        let mut seen: Vec<Vec<TermId>> = Vec::new();
         loop {
-            let before = self.support.clone();
-            let stepping = self.integrator.stepping;
+            let before = self.law.support().to_vec();
+            let stepping = self.law.stepping();
             let mut round = self.round(monitor)?;
-            let same = self.support == before;
+            let same = self.law.support() == before;
             let known = same || round.foretold;
             let steady = |(a, b): (&f64, &f64)| (a / b).ln().abs() < QUIET.ln();
-            let chosen = self.integrator.error.iter().all(|error| error.is_finite());
-            let still = same && self.noise.iter().zip(&round.noise).all(steady);
+            let chosen = self.accuracy.error.iter().all(|error| error.is_finite());
+            let still = same && self.law.noise().iter().zip(&round.noise).all(steady);
             if !(chosen && still) {
                 self.sharpen();
             }
-            let quiet = self
-                .noise
-                .iter()
+            let quiet = (self.law.noise().iter())
                 .zip(&round.noise)
-                .zip(&self.integrator.resolution)
+                .zip(&self.accuracy.resolution)
                 .all(|((a, b), floor)| a.max(3.0 * floor) < QUIET * b.max(3.0 * floor));
             // A support that comes back in a circle is settled by the criterion of the round.
-            let circling = seen.len() + 1 >= ROUNDS || (!same && seen.contains(&self.support));
+            let circling = seen.len() + 1 >= ROUNDS
+                || (!same && seen.iter().any(|support| support == self.law.support()));
             // Rounds that others follow need not confirm what they found.
             let known = known || self.extent == Extent::Rough;
-            let done = known && quiet && stepping == self.integrator.stepping;
+            let done = known && quiet && stepping == self.law.stepping();
             let interrupted = round.refit.stop == StopReason::Interrupted;
             if done || circling || interrupted {
                 return Ok(round);
@@ -556,19 +547,19 @@ impl<'a> Training<'a> {
                 round.refit.stop = StopReason::Interrupted;
                 return Ok(round);
             }
-            seen.push(self.support.clone());
+            seen.push(self.law.support().to_vec());
         }
     }
 
     /// A model that turned out separable ends with a splitting, whatever the space needed, and
     /// one whose motion all comes from H with a symplectic method.
     pub(super) fn finish(&mut self, round: &mut Round, monitor: &dyn Monitor) {
-        let (dynamics, theta) = self.compile(&self.support);
-        let method = self.integrator.stepping.method;
+        let (dynamics, theta) = self.compile();
+        let method = self.law.stepping().method;
         let unfit = dynamics.separable() && !method.needs_separable()
             || dynamics.is_hamiltonian() && !method.row().symplectic;
         if unfit && self.options.method.is_none() {
-            self.integrator = stepping::choose(self, &dynamics, &theta, true);
+            self.integrate_by(stepping::choose(self, &dynamics, &theta, true));
             round.refit = self.refit(monitor);
             self.take(&mut round.refit);
         }
@@ -581,21 +572,25 @@ impl<'a> Training<'a> {
 
     /// Makes the integrator as accurate as the present model and noise ask for.
     pub fn choose_integrator(&mut self) {
-        let (dynamics, theta) = self.compile(&self.support);
-        self.integrator = stepping::choose(self, &dynamics, &theta, false);
+        let (dynamics, theta) = self.compile();
+        self.integrate_by(stepping::choose(self, &dynamics, &theta, false));
+    }
+
+    fn integrate_by(&mut self, choice: Choice) {
+        self.law.set_stepping(choice.stepping);
+        self.accuracy = choice.accuracy;
     }
 
     /// Makes the integrator as accurate as the present noise asks for.
     pub(super) fn sharpen(&mut self) {
-        let (mut dynamics, mut theta) = self.compile(&self.support);
+        let (mut dynamics, mut theta) = self.compile();
         if dynamics.separable() && !self.separable {
             // The next round integrates the whole space, which no splitting can.
-            let everything: Vec<usize> = (0..self.system.terms.len()).collect();
-            (dynamics, theta) = self.compile(&everything);
+            (dynamics, theta) = self.compile_whole();
         }
-        self.integrator = stepping::choose(self, &dynamics, &theta, false);
-        for (noise, floor) in self.noise.iter_mut().zip(&self.integrator.resolution) {
-            *noise = noise.max(*floor);
-        }
+        self.integrate_by(stepping::choose(self, &dynamics, &theta, false));
+        let noise = self.law.noise().iter().zip(&self.accuracy.resolution);
+        let noise = noise.map(|(noise, floor)| noise.max(*floor)).collect();
+        self.law.set_noise(noise);
     }
 }

@@ -2,6 +2,7 @@
 
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use serde_json::{Value, json};
 
@@ -11,8 +12,9 @@ use crate::data::{DataReport, Dataset, Split};
 use crate::diagnose::compare;
 use crate::diagnose::context::Context;
 use crate::error::{Error, ErrorKind, Result};
+use crate::expr::System;
 use crate::fit::model::fingerprint;
-use crate::fit::{Loss, Model, Monitor, Options, Start, resume};
+use crate::fit::{Law, Loss, Model, Monitor, Options, resume};
 
 /// Share of the samples that is put aside where nothing is said.
 pub const HELD_OUT: f64 = 0.25;
@@ -120,10 +122,10 @@ impl Bench {
     }
 
     /// Learns an edited spec on the training part, beginning at what is known already.
-    pub fn resume(&self, project: &Project, start: &Start, monitor: &dyn Monitor) -> Result<Model> {
+    pub fn resume(&self, start: &Law, monitor: &dyn Monitor) -> Result<Model> {
         let options = Options::default();
         on_threads(self.splitting.threads, || {
-            resume(project.system(), &self.split.training, &options, start, monitor)
+            resume(start, &self.split.training, &options, monitor)
         })
     }
 
@@ -153,13 +155,13 @@ impl Bench {
         monitor: &dyn Monitor,
     ) -> Result<Model> {
         let system = project.system();
-        let Some((active, _)) = model.active(system) else { return self.fit(project, monitor) };
-        let mut narrowed = system.clone();
-        narrowed.terms = active.iter().filter_map(|&k| system.terms.get(k).cloned()).collect();
-        for (parameter, value) in narrowed.parameters.iter_mut().zip(model.parameter_values(system))
-        {
+        let Some(law) = model.law(system) else { return self.fit(project, monitor) };
+        let mut narrowed = System::clone(system);
+        narrowed.terms = law.terms().map(|(_, term, _)| term.clone()).collect();
+        for (parameter, &value) in narrowed.parameters.iter_mut().zip(law.parameters()) {
             parameter.start = value;
         }
+        let narrowed = Arc::new(narrowed);
         if narrowed.terms.is_empty() && narrowed.parameters.is_empty() {
             return self.fit(project, monitor);
         }
@@ -169,8 +171,8 @@ impl Bench {
         let threads = self.splitting.threads;
         let mut again = match warm {
             true => {
-                let start = Start::of(model, &narrowed);
-                on_threads(threads, || resume(&narrowed, data, &options, &start, monitor))?
+                let start = law.on(&narrowed);
+                on_threads(threads, || resume(&start, data, &options, monitor))?
             }
             false => learn(&narrowed, data, &options, threads, monitor)?,
         };
@@ -182,7 +184,6 @@ impl Bench {
 
 /// Error over each length of prediction (in samples), in units of `noise`.
 pub fn errors(context: &Context, noise: &[f64], windows: &[usize]) -> Vec<(usize, f64)> {
-    let mut judge = context.with_data(context.dataset);
-    judge.noise = noise.to_vec();
+    let judge = context.with_data(context.dataset).with_noise(noise.to_vec());
     windows.iter().map(|&window| (window, compare::error(&judge, window).0)).collect()
 }

@@ -1,6 +1,7 @@
 //! Learning from a folder's files, and the model file that comes of it.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use super::{FileDigest, ModelFile, Origin, Project, checked, digest};
 use crate::data::{DataReport, Dataset, write_atomically};
@@ -10,7 +11,7 @@ use crate::fit::{self, Model, Monitor, Options};
 
 /// Fits on the given number of threads.
 pub fn learn(
-    system: &System,
+    system: &Arc<System>,
     dataset: &Dataset,
     options: &Options,
     threads: Option<usize>,

@@ -1,6 +1,7 @@
 //! The measurements of a project: in memory, or read part by part where they are too large.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use super::learned::{learn, on_threads};
 use super::{Project, memory};
@@ -56,7 +57,7 @@ impl Measurements {
     /// Fits a system to all of them, on the given number of threads.
     pub fn learn(
         &self,
-        system: &System,
+        system: &Arc<System>,
         options: &Options,
         threads: Option<usize>,
         monitor: &dyn Monitor,

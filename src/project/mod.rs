@@ -14,8 +14,8 @@ pub mod undo;
 pub mod written;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -23,13 +23,13 @@ use self::measurements::whole_or_sample;
 use crate::data::{
     self, Cells, Column, ColumnMap, DataReport, Dataset, FileSource, Mapping, ObservableMap, Table,
 };
+use crate::diagnose::context::foreign;
 use crate::diagnostic::Diagnostic;
+use crate::dynamics::Method;
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::{self, Compiled, System};
-use crate::fit::Model;
 use crate::fit::model::FORMAT;
-use crate::report::present;
-use crate::simplify::Fitted;
+use crate::fit::{Law, Model};
 
 /// Rows that show what the columns of a large file hold.
 const HEAD: usize = 10_000;
@@ -79,32 +79,14 @@ pub struct ModelFile {
     pub origin: Origin,
 }
 
-/// A system with a number for everything in it: learned, or known from the start.
-pub struct Law {
-    pub active: Vec<usize>,
-    pub coefficients: Vec<f64>,
-    /// One for each of the system's parameters.
-    pub parameters: Vec<f64>,
-    /// Of the coefficients, then all parameters.
-    pub covariance: DMatrix<f64>,
-    /// Standard errors: the square roots of the diagonal of `covariance`.
-    pub errors: Vec<f64>,
+/// The law of a spec, learned or known from the start, with the file that it was read from.
+pub struct ProjectLaw {
+    pub law: Law,
     /// `None` for a fully known system.
     pub file: Option<ModelFile>,
 }
 
-impl Law {
-    /// What simplification takes.
-    pub fn fitted<'a>(&'a self, system: &'a System) -> Fitted<'a> {
-        Fitted {
-            system,
-            active: &self.active,
-            coefficients: &self.coefficients,
-            parameters: &self.parameters,
-            covariance: &self.covariance,
-        }
-    }
-
+impl ProjectLaw {
     /// Largest |value| of each state component in the data that it was learned from.
     pub fn ranges(&self) -> &[f64] {
         self.file.as_ref().map_or(&[], |file| &file.origin.ranges)
@@ -139,7 +121,7 @@ impl Project {
         self.path.display().to_string()
     }
 
-    pub fn system(&self) -> &System {
+    pub fn system(&self) -> &Arc<System> {
         &self.compiled.system
     }
 
@@ -241,7 +223,7 @@ impl Project {
     }
 
     /// The fitted model beside the spec, or the spec's own numbers when it is fully known.
-    pub fn law(&self, asked: Option<&Path>) -> Result<Law> {
+    pub fn law(&self, asked: Option<&Path>) -> Result<ProjectLaw> {
         let system = self.system();
         let path = asked.map_or_else(|| self.model_path(), Path::to_path_buf);
         let fully_known = system.terms.is_empty();
@@ -251,12 +233,8 @@ impl Project {
             let file = fitted
                 .and_then(|bytes| serde_json::from_slice::<ModelFile>(&bytes).ok())
                 .filter(|file| checked::wrong_in_model(file).is_none())
-                .filter(|file| file.model.active(system).is_some());
-            let parameters: Vec<f64> = system.parameters.iter().map(|p| p.start).collect();
-            let covariance = DMatrix::zeros(parameters.len(), parameters.len());
-            let errors = vec![0.0; parameters.len()];
-            let (active, coefficients) = (Vec::new(), Vec::new());
-            return Ok(Law { active, coefficients, parameters, covariance, errors, file });
+                .filter(|file| file.model.law(system).is_some());
+            return Ok(ProjectLaw { law: Law::known(system.clone())?, file });
         }
         let again = format!("run `leverrier fit {}`", self.name());
         let wrong = |message: String, hint: String| Error::model(&path, message, hint);
@@ -296,17 +274,25 @@ impl Project {
             file.model.system,
             self.name()
         );
+        let method = &file.model.integrator.method;
+        if Method::by_name(method).is_none() {
+            let message = format!("the model was fitted with an unknown integrator `{method}`");
+            return Err(wrong(message, format!("{again} to write it anew")));
+        }
         self.law_of(file).ok_or_else(|| wrong(other, format!("{again} again")))
     }
 
+    /// The law of a model that was learned for this spec.
+    ///
+    /// # Errors
+    /// The model belongs to another spec.
+    pub fn learned(&self, model: &Model) -> Result<Law> {
+        model.law(self.system()).ok_or_else(foreign)
+    }
+
     /// The law that a model says; none when it belongs to another spec.
-    pub fn law_of(&self, file: ModelFile) -> Option<Law> {
-        let system = self.system();
-        let (active, coefficients) = file.model.active(system)?;
-        let parameters = file.model.parameter_values(system);
-        let covariance = file.model.full_covariance(system);
-        let errors = present::standard_errors(&covariance);
-        Some(Law { active, coefficients, parameters, covariance, errors, file: Some(file) })
+    pub fn law_of(&self, file: ModelFile) -> Option<ProjectLaw> {
+        Some(ProjectLaw { law: file.model.law(self.system())?, file: Some(file) })
     }
 }
 

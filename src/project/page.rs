@@ -4,7 +4,7 @@ use super::bench::Bench;
 use super::learned::origin;
 use super::ledger::{Judged, Ledger, date};
 use super::written::the_export;
-use super::{Law, ModelFile, digest};
+use super::{ModelFile, ProjectLaw, digest};
 use crate::diagnose::compare::{self, Comparison, Horizon};
 use crate::diagnose::context::Context;
 use crate::diagnose::detectors::detect;
@@ -35,7 +35,7 @@ pub fn seen(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<Seen>
     let mut training = Context::new(bench.project.system(), model, &bench.split.training)?;
     let detections = detect(&training, model);
     // A model that fails takes a part of what it lacks for noise; the floor is the instrument's.
-    training.noise = noise_floor(&training, model);
+    training = training.with_noise(noise_floor(&training, model));
     let held_out = bench.held_out().map(|data| training.with_data(data));
     let mut comparison = compare::compare(&training, held_out.as_ref())?;
     comparison.findings.extend(detections.into_iter().map(|found| found.sentence));
@@ -112,13 +112,10 @@ pub fn with_page<T>(
     let history = stages(&ledger);
     let law = law(bench, model)?;
     let own = law.file.as_ref().map_or(model, |file| &file.model);
-    let fitted = law.fitted(bench.project.system());
-    let simplified = present::of_law(&fitted, law.ranges());
+    let simplified = present::simplified(&law.law, law.ranges());
     let pretty = present::pretty(&simplified);
     // A law that cannot be typeset is printed as text.
-    let formulas = the_export(&bench.project, &law, &pretty)
-        .and_then(|law| formulas(&law))
-        .unwrap_or_default();
+    let formulas = formulas(&the_export(&bench.project, &law, &pretty)).unwrap_or_default();
     let material = Material {
         view: &seen.view,
         comparison: &seen.comparison,
@@ -144,7 +141,7 @@ pub fn with_page<T>(
 }
 
 /// The law of the model file where it belongs to the spec, else that of the training part.
-fn law(bench: &Bench, model: &Model) -> Result<Law> {
+fn law(bench: &Bench, model: &Model) -> Result<ProjectLaw> {
     if let Ok(law) = bench.project.law(None)
         && law.file.is_some()
     {
@@ -196,7 +193,7 @@ fn entries(ledger: &Ledger) -> Vec<Entry> {
 }
 
 /// What it takes to make the page again.
-fn facts(bench: &Bench, law: &Law) -> Vec<(String, String)> {
+fn facts(bench: &Bench, law: &ProjectLaw) -> Vec<(String, String)> {
     let mut out = vec![("program".to_string(), format!("leverrier {}", env!("CARGO_PKG_VERSION")))];
     let mut fact = |name: &str, value: String| out.push((name.to_string(), value));
     let Some(file) = &law.file else { return out };

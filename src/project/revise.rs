@@ -11,8 +11,8 @@ use crate::diagnose::context::Context;
 use crate::diagnose::floor::noise_floor;
 use crate::diagnostic::Diagnostic;
 use crate::error::{Error, ErrorKind, Result};
-use crate::expr;
-use crate::fit::{Model, Monitor, Start};
+use crate::expr::{self, Term};
+use crate::fit::{Model, Monitor};
 use crate::report::Moved;
 use crate::spec::edit;
 
@@ -75,14 +75,18 @@ pub fn add(
     let project = edited(bench, text)?;
     let system = project.system();
     // What is known stays known: only the new terms are without numbers.
-    let of_effect = |k: &usize| system.terms[*k].effect.as_deref() == Some(asked.label.as_str());
-    let mut start = Start::of(&model, system).with((0..system.terms.len()).filter(of_effect));
-    for (value, parameter) in start.parameters.iter_mut().zip(&system.parameters) {
-        if let Some((_, best)) = asked.values.iter().find(|(name, _)| *name == parameter.name) {
-            *value = parameter.bounds.clamp(*best);
+    let best = asked.values.iter().filter_map(|(name, best)| {
+        let id = system.find_parameter(name)?;
+        Some((id, system.parameter(id)?.bounds.clamp(*best)))
+    });
+    let mut start = bench.project.learned(&model)?.on(system).with_parameters(best);
+    let of_effect = |term: &Term| term.effect.as_deref() == Some(asked.label.as_str());
+    for id in system.terms_where(of_effect) {
+        if !start.support().contains(&id) {
+            start = start.with_term(id, 0.0)?;
         }
     }
-    let after = bench.resume(&project, &start, monitor)?;
+    let after = bench.resume(&start, monitor)?;
     Revision::judged(bench, &model, project, after, (&asked.label, true), monitor)
 }
 
@@ -234,7 +238,7 @@ fn judge(
     let noise = floor_of_both(bench, (&old, before), (&new, after));
     let names = project.system().observables();
     let noise_of: Vec<(String, f64)> = names.into_iter().zip(noise.iter().copied()).collect();
-    let samples = old.window.max(new.window);
+    let samples = old.law.window().max(new.law.window());
     let of = |context: &Context| {
         if bench.held_out().is_none() {
             return Judged { samples, noise: noise_of.clone(), ..Judged::unknown() };
@@ -267,18 +271,18 @@ fn effect_terms(
     label: &str,
 ) -> Vec<(String, f64, f64)> {
     let system = project.system();
-    let Some((active, _)) = model.active(system) else { return Vec::new() };
+    let Some(law) = model.law(system) else { return Vec::new() };
     let known = |name: &String| before.parameters.iter().any(|old| old.name == *name);
     let inner = model.parameters.iter().filter(|p| !known(&p.name));
     let inner: Vec<(String, f64, f64)> =
         inner.map(|p| (p.name.clone(), p.value, p.standard_error)).collect();
-    let terms = active
-        .iter()
-        .zip(&model.terms)
-        .filter(|(k, _)| system.terms.get(**k).is_some_and(|t| t.effect.as_deref() == Some(label)))
-        .map(|(_, term)| {
-            let name = term.name.clone().unwrap_or_else(|| term.term.clone());
-            (name, term.coefficient, term.standard_error)
+    let terms = law
+        .terms()
+        .zip(law.standard_errors())
+        .filter(|((_, term, _), _)| term.effect.as_deref() == Some(label))
+        .map(|((_, term, coefficient), error)| {
+            let name = term.name.clone().unwrap_or_else(|| term.label.clone());
+            (name, coefficient, error)
         });
     let terms: Vec<(String, f64, f64)> = terms.collect();
     // Without its terms a number inside them means nothing.

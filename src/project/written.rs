@@ -2,47 +2,26 @@
 
 use std::path::Path;
 
-use super::{Law, Project, digest};
+use super::{Project, ProjectLaw, digest};
 use crate::data::write_atomically;
-use crate::dynamics::{Dynamics, Method};
 use crate::error::{Error, ErrorKind, Result};
-use crate::eval::Backend;
 use crate::export::{self, Export, Output, Provenance};
-use crate::expr::System;
 use crate::report::present;
 
-/// Step of an exported simulator of a known system, in the spec's unit of time.
-const KNOWN_STEP: f64 = 0.01;
-
 /// A law in one of the formats of [`EXPORTERS`](export::EXPORTERS).
-pub fn output(project: &Project, law: &Law, name: &str) -> Result<Output> {
+pub fn output(project: &Project, law: &ProjectLaw, name: &str) -> Result<Output> {
     let row = export::exporter(name)?;
-    let pretty = present::pretty(&present::of_law(&law.fitted(project.system()), law.ranges()));
-    (row.export)(&the_export(project, law, &pretty)?)
+    let pretty = present::pretty(&present::simplified(&law.law, law.ranges()));
+    (row.export)(&the_export(project, law, &pretty))
 }
 
 /// A law as the exporters take it.
 pub fn the_export<'a>(
     project: &'a Project,
-    law: &'a Law,
+    law: &'a ProjectLaw,
     pretty: &'a export::Pretty,
-) -> Result<Export<'a>> {
-    let fitted = law.fitted(project.system());
-    let (method, step) = match &law.file {
-        Some(file) => {
-            let used = &file.model.integrator;
-            let method = Method::by_name(&used.method).ok_or_else(|| {
-                Error::new(
-                    ErrorKind::Model,
-                    format!("the model was fitted with an unknown integrator `{}`", used.method),
-                    "fit it again",
-                )
-            })?;
-            (method, used.longest_step)
-        }
-        None => known_integrator(project.system())?,
-    };
-    let mut out = present::export(&fitted, &law.errors, pretty, method, step);
+) -> Export<'a> {
+    let mut out = present::export(&law.law, pretty);
     let own = digest(&project.path, project.text.as_bytes());
     out.provenance = Provenance {
         version: env!("CARGO_PKG_VERSION").to_string(),
@@ -55,20 +34,8 @@ pub fn the_export<'a>(
             Some((file.origin.data.name.clone(), file.origin.data.sha256.clone()));
         out.provenance.seed = file.model.evidence.seed;
         out.start = file.origin.start.clone();
-        out.noise =
-            file.model.noise.iter().map(|n| (n.observable.clone(), n.standard_deviation)).collect();
     }
-    Ok(out)
-}
-
-/// Nothing tells how accurate a known system must be: a high order and a short step.
-fn known_integrator(system: &System) -> Result<(Method, f64)> {
-    let separable = Dynamics::new(system, &[], Backend::default()).separable();
-    let name = if separable { "suzuki-umeno-8" } else { "gauss-legendre-6" };
-    let method = Method::by_name(name).ok_or_else(|| {
-        Error::new(ErrorKind::Internal, format!("there is no integrator `{name}`"), "report this")
-    })?;
-    Ok((method, KNOWN_STEP))
+    out
 }
 
 /// Writes a folder whole or not at all: into a temporary one beside it, which takes its name.

@@ -1,36 +1,19 @@
 //! From a fitted model to the forms that are printed and exported.
 
-use nalgebra::DMatrix;
 use serde_json::{Value, json};
 
 use crate::diagnose::missing::Diagnosis;
 use crate::dynamics::{Kind, Method, Tableau};
 use crate::export::{self, Export, Integrator, IntegratorKind, Pretty, PrettyNumber, Provenance};
-use crate::expr::{Place, Symbol, System};
-use crate::fit::Model;
-use crate::simplify::{self, Fitted, Options, Simplified, Style};
+use crate::expr::{Place, Symbol};
+use crate::fit::Law;
+use crate::simplify::{self, Options, Simplified, Style};
 
-/// The simplified form of a fitted model.
+/// The simplified form of a law, learned or known.
 ///
 /// `ranges`: largest |value| of each state component in the data (q, then p); 0 where unknown.
-/// A model of another system is simplified as if nothing had been learned.
-pub fn simplified(system: &System, model: &Model, ranges: &[f64]) -> Simplified {
-    let (active, coefficients) = model.active(system).unwrap_or_default();
-    let parameters = model.parameter_values(system);
-    let covariance = model.full_covariance(system);
-    let fitted = Fitted {
-        system,
-        active: &active,
-        coefficients: &coefficients,
-        parameters: &parameters,
-        covariance: &covariance,
-    };
-    of_law(&fitted, ranges)
-}
-
-/// The simplified form of any law, learned or known.
-pub fn of_law(fitted: &Fitted, ranges: &[f64]) -> Simplified {
-    simplify::simplify(fitted, &Options { ranges: ranges.to_vec(), ..Options::default() })
+pub fn simplified(law: &Law, ranges: &[f64]) -> Simplified {
+    simplify::simplify(law, &Options { ranges: ranges.to_vec(), ..Options::default() })
 }
 
 /// The simplified form as the exporters take it.
@@ -62,28 +45,12 @@ pub fn notes(simplified: &Simplified) -> Vec<String> {
     snaps.chain(simplified.parts.iter().flat_map(|part| part.shape.iter().cloned())).collect()
 }
 
-/// A law as the exporters take it. `errors` are the standard errors of the coefficients, then
-/// of all parameters; the integrator takes steps of `step`, in the spec's unit of time.
-pub fn export<'a>(
-    fitted: &Fitted<'a>,
-    errors: &'a [f64],
-    pretty: &'a Pretty,
-    method: Method,
-    step: f64,
-) -> Export<'a> {
-    let (standard_errors, parameter_errors) =
-        errors.split_at(fitted.active.len().min(errors.len()));
+/// A law as the exporters take it.
+pub fn export<'a>(law: &'a Law, pretty: &'a Pretty) -> Export<'a> {
     Export {
-        system: fitted.system,
-        active: fitted.active,
-        coefficients: fitted.coefficients,
-        standard_errors,
-        parameters: fitted.parameters,
-        parameter_errors,
+        law,
         pretty,
-        integrator: integrator(method),
-        step,
-        noise: Vec::new(),
+        integrator: integrator(law.stepping().method),
         provenance: Provenance::default(),
         start: None,
     }
@@ -105,11 +72,6 @@ fn integrator(method: Method) -> Integrator {
             Kind::Explicit(t) => IntegratorKind::Explicit(tableau(t)),
         },
     }
-}
-
-/// Square roots of the diagonal.
-pub fn standard_errors(covariance: &DMatrix<f64>) -> Vec<f64> {
-    covariance.diagonal().iter().map(|variance| variance.sqrt()).collect()
 }
 
 /// The equations with their numbers, for programs.

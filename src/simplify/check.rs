@@ -29,7 +29,8 @@ pub fn coordinate(point: usize, component: usize) -> f64 {
 
 impl Samples {
     pub fn new(fitted: &Fitted, place: Place) -> Self {
-        let system = fitted.system;
+        let law = fitted.law;
+        let system = law.system();
         let degrees = system.degrees();
         let known = match place {
             Place::Kinetic => Some(system.kinetic),
@@ -39,13 +40,9 @@ impl Samples {
             Place::Sensor(i) => system.sensors.get(i).copied(),
         };
         let mut terms: Vec<(f64, Expr)> = known.into_iter().map(|known| (1.0, known)).collect();
-        for (&index, &coefficient) in fitted.active.iter().zip(fitted.coefficients) {
-            if let Some(term) = system.terms.get(index)
-                && let Some(expr) = term.part(place)
-            {
-                terms.push((coefficient, expr));
-            }
-        }
+        terms.extend(
+            law.terms().filter_map(|(_, term, value)| term.part(place).map(|expr| (value, expr))),
+        );
         let energy = place.is_energy();
         let mut out = Samples { degrees, points: Vec::new(), values: Vec::new(), energy };
         for k in 0..TRIED {
@@ -55,7 +52,7 @@ impl Samples {
             let point: Vec<f64> =
                 (0..=2 * degrees).map(|i| low + (high - low) * coordinate(k, i)).collect();
             let of = |symbol| match symbol {
-                Symbol::Parameter(i) => fitted.parameters.get(i).copied().unwrap_or(f64::NAN),
+                Symbol::Parameter(i) => law.parameters().get(i).copied().unwrap_or(f64::NAN),
                 symbol => variable(&point, degrees, symbol),
             };
             let value: f64 = terms.iter().map(|&(c, term)| c * system.graph.value(term, &of)).sum();

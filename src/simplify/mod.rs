@@ -34,6 +34,7 @@ pub use snap::{Nice, Tolerance};
 pub use text::{Style, significant, uncertain};
 
 use crate::expr::{Expr, Graph, Names, Place, Symbol, System};
+use crate::fit::Law;
 use check::Samples;
 use egg::RecExpr;
 use lang::Math;
@@ -41,19 +42,12 @@ use normal::{Atom, Atoms, Polynomial};
 use numbers::Numbers;
 use quantity::Quantity;
 
-/// A system with the numbers that were learned for it.
-#[derive(Debug, Clone, Copy)]
-pub struct Fitted<'a> {
-    /// The system with its function space.
-    pub system: &'a System,
-    /// Which of `system.terms` are in the model.
-    pub active: &'a [usize],
-    /// One for each active term.
-    pub coefficients: &'a [f64],
-    /// One for each of `system.parameters`.
-    pub parameters: &'a [f64],
-    /// Of the active coefficients, then all inner parameters; zero for what is exact.
-    pub covariance: &'a DMatrix<f64>,
+/// A law with the covariance of its numbers.
+#[derive(Clone, Copy)]
+struct Fitted<'a> {
+    law: &'a Law,
+    /// Of the coefficients, then all inner parameters; zero for what is exact.
+    covariance: &'a DMatrix<f64>,
 }
 
 /// What simplification may do.
@@ -183,9 +177,12 @@ struct Candidate<'a> {
     snaps: Vec<Snap>,
 }
 
-/// Simplifies a fitted model.
-pub fn simplify(fitted: &Fitted, options: &Options) -> Simplified {
-    let system = fitted.system;
+/// Simplifies a law. A number whose covariance is not known is printed as it is.
+pub fn simplify(law: &Law, options: &Options) -> Simplified {
+    let size = law.support().len() + law.parameters().len();
+    let unknown = DMatrix::from_diagonal_element(size, size, f64::INFINITY);
+    let fitted = &Fitted { law, covariance: law.covariance().unwrap_or(&unknown) };
+    let system = &**law.system();
     let names = system.names();
     let mut info = Info::default();
     let mut graph = Graph::new();
@@ -262,7 +259,7 @@ fn places(system: &System) -> Vec<Place> {
 /// A part as it was specified: the known expression and the learned terms.
 struct Raw {
     known: Expr,
-    /// (index in `active`, term).
+    /// (place in the law's support, term).
     terms: Vec<(usize, Expr)>,
     energy: bool,
 }
@@ -270,7 +267,7 @@ struct Raw {
 impl Raw {
     /// `None` where the part is zero.
     fn new(fitted: &Fitted, place: Place) -> Option<Self> {
-        let system = fitted.system;
+        let system = fitted.law.system();
         let known = match place {
             Place::Kinetic => system.kinetic,
             Place::Potential => system.potential,
@@ -278,12 +275,8 @@ impl Raw {
             Place::Force(i) => *system.forces.get(i)?,
             Place::Sensor(i) => *system.sensors.get(i)?,
         };
-        let terms: Vec<(usize, Expr)> = fitted
-            .active
-            .iter()
-            .enumerate()
-            .filter_map(|(k, &index)| Some((k, system.terms.get(index)?)))
-            .filter_map(|(k, term)| Some((k, term.part(place)?)))
+        let terms: Vec<(usize, Expr)> = (fitted.law.terms().enumerate())
+            .filter_map(|(k, (_, term, _))| Some((k, term.part(place)?)))
             .collect();
         let empty = terms.is_empty() && system.graph.is_zero(known);
         let energy = place.is_energy();
@@ -291,20 +284,21 @@ impl Raw {
     }
 
     fn normal(&self, fitted: &Fitted, expands: bool) -> (Atoms, Polynomial) {
-        let mut atoms = Atoms::new(fitted.system.degrees(), expands);
+        let law = fitted.law;
+        let mut atoms = Atoms::new(law.system().degrees(), expands);
         let number = |symbol| match symbol {
             Symbol::Parameter(i) => {
-                let value = fitted.parameters.get(i).copied()?;
-                Some(Quantity::fitted(fitted.active.len() + i, value))
+                let value = law.parameters().get(i).copied()?;
+                Some(Quantity::fitted(law.support().len() + i, value))
             }
             _ => None,
         };
-        let graph = &fitted.system.graph;
+        let graph = &law.system().graph;
         let mut cache = HashMap::new();
         let mut form = atoms.expand(graph, self.known, &number, &mut cache);
         for &(k, term) in &self.terms {
             let term = atoms.expand(graph, term, &number, &mut cache);
-            let value = fitted.coefficients.get(k).copied().unwrap_or(0.0);
+            let value = law.coefficients().get(k).copied().unwrap_or(0.0);
             form.add_scaled(&term, &Quantity::fitted(k, value));
         }
         if self.energy {
@@ -358,7 +352,7 @@ fn shapes(
     names: &Names,
 ) -> Vec<String> {
     let mut out = Vec::new();
-    for (component, symbol) in fitted.system.state().into_iter().enumerate() {
+    for (component, symbol) in fitted.law.system().state().into_iter().enumerate() {
         let mut powers = Vec::new();
         let mut alone = true;
         for (monomial, quantity) in &form.0 {

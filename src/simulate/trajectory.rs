@@ -6,7 +6,7 @@ use crate::dynamics::{
 };
 use crate::error::{Error, ErrorKind, Result};
 use crate::eval::Backend;
-use crate::expr::System;
+use crate::expr::{ParameterId, System, TermId};
 
 /// States along the way on which the number of steps is chosen.
 const PILOT_STATES: usize = 64;
@@ -79,17 +79,32 @@ pub struct Trajectories {
 impl<'a> Simulator<'a> {
     /// The law of `system` with the terms `active`, a coefficient for each, and a value for
     /// each of the system's parameters.
+    ///
+    /// # Errors
+    /// A term belongs to another system.
     pub fn new(
         system: &'a System,
-        active: &[usize],
+        active: &[TermId],
         coefficients: &[f64],
         parameters: &[f64],
-    ) -> Self {
-        let dynamics = Dynamics::new(system, active, Backend::default());
+    ) -> Result<Self> {
+        let dynamics = Dynamics::new(system, active, Backend::default())?;
         let mut theta = coefficients.to_vec();
-        theta.extend(
-            dynamics.parameters().iter().map(|&j| parameters.get(j).copied().unwrap_or(0.0)),
-        );
+        let value = |id: &ParameterId| parameters.get(id.position()).copied().unwrap_or(0.0);
+        theta.extend(dynamics.parameters().iter().map(value));
+        Ok(Simulator::with(system, dynamics, theta))
+    }
+
+    /// The motion of a system in which no term is unknown, its parameters zero.
+    pub fn known(system: &'a System) -> Self {
+        let dynamics = Dynamics::known(system, Backend::default());
+        let theta = vec![0.0; dynamics.unknowns()];
+        Simulator::with(system, dynamics, theta)
+    }
+
+    /// The motion of `system` by some of its terms, with their coefficients and then the inner
+    /// parameters in use.
+    pub(crate) fn with(system: &'a System, dynamics: Dynamics, theta: Vec<f64>) -> Self {
         Simulator { system, dynamics, theta }
     }
 

@@ -25,7 +25,7 @@ fn ok<T>(result: Result<T, Error>) -> T {
 /// Runs of a law from each start, with noise.
 fn runs(law: &str, starts: &[Vec<f64>], times: &[f64], seed: u64) -> Dataset {
     let truth = ok(build("truth", &format!("{VARIABLES}{law}")));
-    let simulator = Simulator::new(&truth.system, &[], &[], &[]);
+    let simulator = Simulator::known(&truth.system);
     let mut data = ok(simulator.trajectories(starts, times)).dataset(&truth.system);
     ok(add_noise(&mut data, &[Noise::Absolute(NOISE); 2], seed));
     data
@@ -167,7 +167,7 @@ fn the_expected_gain_is_the_mean_of_what_is_gained() {
     let rivals = before.pair();
     let plan = ok(before.plan(&rivals, &Goal::Rivals, &lively()));
     let noise: Vec<Noise> = (0..2)
-        .map(|row| Noise::Absolute(rivals.iter().map(|r| r.noise[row]).fold(1.0, f64::min)))
+        .map(|row| Noise::Absolute(rivals.iter().map(|r| r.law.noise()[row]).fold(1.0, f64::min)))
         .collect();
     let difference = |data: &Dataset, truth: usize| {
         let standings = ok(standings(&rivals, data, window));
@@ -175,8 +175,7 @@ fn the_expected_gain_is_the_mean_of_what_is_gained() {
     };
     for (truth, rival) in rivals.iter().enumerate() {
         let gain = plan.best.expected.gains.iter().find(|g| g.truth == rival.label).unwrap();
-        let Rival { system, support, coefficients, parameters, .. } = rival;
-        let simulator = Simulator::new(system, support, coefficients, parameters);
+        let (system, simulator) = (rival.law.system(), rival.law.simulator());
         let times = times(plan.best.samples, plan.best.step);
         let clean = ok(simulator.trajectories(&[start_of(&plan.best)], &times)).dataset(system);
         let now = difference(&before.data, truth);

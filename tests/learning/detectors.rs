@@ -5,8 +5,8 @@ use leverrier::internals::data::Dataset;
 use leverrier::internals::diagnose::context::Context;
 use leverrier::internals::diagnose::detectors::{Detection, detect};
 use leverrier::internals::diagnose::missing::{Verdict, diagnose};
-use leverrier::internals::expr::build;
-use leverrier::internals::fit::{Options, Silent, Start, fit, resume};
+use leverrier::internals::expr::{TermId, build};
+use leverrier::internals::fit::{Law, Options, Silent, fit, resume};
 use leverrier::internals::simulate::Simulator;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
@@ -18,7 +18,7 @@ const NOISE: f64 = 0.01;
 fn swings(hidden: &str, seed: u64) -> Dataset {
     let law = format!("coordinates q\nmomenta p\nT = p^2/2\nV = -cos(q)\n{hidden}\n");
     let truth = build("truth", &law).unwrap_or_else(|error| panic!("{error}"));
-    let simulator = Simulator::new(&truth.system, &[], &[], &[]);
+    let simulator = Simulator::known(&truth.system);
     let starts: Vec<Vec<f64>> = (0..6).map(|i| vec![0.5 + 0.2 * f64::from(i), 0.1]).collect();
     let times: Vec<f64> = (0..120).map(|i| 0.1 * f64::from(i)).collect();
     let trajectories = simulator.trajectories(&starts, &times).unwrap_or_else(|e| panic!("{e}"));
@@ -159,14 +159,17 @@ fn a_fit_that_goes_on_from_a_model_ends_where_a_fresh_one_does() {
     let options = Options::default();
     let model = fit(&old.system, &data, &options, &Silent).unwrap_or_else(|e| panic!("{e}"));
     let fresh = fit(&new.system, &data, &options, &Silent).unwrap_or_else(|e| panic!("{e}"));
-    let added: Vec<usize> =
-        (0..new.system.terms.len()).filter(|&k| new.system.terms[k].effect.is_some()).collect();
+    let added = new.system.terms_where(|term| term.effect.is_some());
     // From the model, and from one that holds a term too many.
-    let start = Start::of(&model, &new.system).with(added);
-    let astray = start.clone().with(0..3);
+    let with = |law: &Law, terms: &[TermId]| {
+        let new = terms.iter().filter(|id| !law.support().contains(id));
+        new.fold(law.clone(), |law, id| law.with_term(*id, 0.0).expect("its own term"))
+    };
+    let known = model.law(&old.system).expect("its own spec").on(&new.system);
+    let start = with(&known, &added);
+    let astray = with(&start, &new.system.term_ids()[..3]);
     for start in [start, astray] {
-        let warm =
-            resume(&new.system, &data, &options, &start, &Silent).unwrap_or_else(|e| panic!("{e}"));
+        let warm = resume(&start, &data, &options, &Silent).unwrap_or_else(|e| panic!("{e}"));
         let terms = |model: &leverrier::internals::fit::Model| -> Vec<String> {
             model.terms.iter().map(|t| format!("{} {}", t.place, t.term)).collect()
         };

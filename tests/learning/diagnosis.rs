@@ -47,7 +47,7 @@ struct Case {
 fn case(base: &Base, hidden: &str, noise: f64, seed: u64) -> Case {
     let law = format!("{}{}{hidden}\n", base.variables, base.law);
     let truth = build("truth", &law).unwrap_or_else(|error| panic!("{error}"));
-    let simulator = Simulator::new(&truth.system, &[], &[], &[]);
+    let simulator = Simulator::known(&truth.system);
     let starts: Vec<Vec<f64>> = (0..8)
         .map(|run| {
             let reach = 0.4 + 0.15 * run as f64;

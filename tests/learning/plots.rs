@@ -52,7 +52,7 @@ impl Story {
 /// Runs of a law, with noise.
 fn measured(law: &str, starts: &[Vec<f64>], samples: usize, noise: f64) -> Dataset {
     let truth = build("truth", law).unwrap_or_else(|error| panic!("{error}"));
-    let simulator = Simulator::new(&truth.system, &[], &[], &[]);
+    let simulator = Simulator::known(&truth.system);
     let times: Vec<f64> = (0..samples).map(|i| 0.1 * i as f64).collect();
     let trajectories = simulator.trajectories(starts, &times).unwrap_or_else(|e| panic!("{e}"));
     let mut data = trajectories.dataset(&truth.system);
@@ -438,7 +438,8 @@ fn predictions_follow_the_data_to_the_noise() {
 
 fn html(story: &Story) -> String {
     let system = &story.compiled.system;
-    let simplified = present::simplified(system, &story.model, &[]);
+    let law = story.model.law(system).expect("its own");
+    let simplified = present::simplified(&law, &[]);
     let notes = present::notes(&simplified);
     let history = [Entry {
         date: "2026-01-01 00:00".into(),

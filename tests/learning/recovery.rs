@@ -11,6 +11,8 @@ use crate::paper::{
     henon_heiles_pairs, learn, learn_with, mass_spring, mass_spring_pairs, pairs, pendulum,
     pendulum_pairs, pendulum_space, tensor,
 };
+use std::sync::Arc;
+
 use leverrier::internals::dynamics::Method;
 use leverrier::internals::expr::System;
 use leverrier::internals::fit::Options;
@@ -86,7 +88,8 @@ fn coupled_clean_predicts_to_rounding() {
 
 /// Errors one step ahead after training on noisy runs, and what the bound allows.
 fn coupled_errors(degree: u32, seeds: std::ops::Range<u64>) -> ((f64, f64), (f64, f64)) {
-    let (space, law, plain): (System, _, PlainLaw) = (tensor(degree), coupled(), bound::coupled());
+    let (space, law, plain): (Arc<System>, _, PlainLaw) =
+        (tensor(degree), coupled(), bound::coupled());
     let starts = fresh_starts(&law, 200, 991);
     let (mut ours, mut allowed) = (vec![0.0; 4], vec![0.0; 4]);
     let count = seeds.clone().count() as f64;

@@ -39,8 +39,7 @@ fn before<T>(
 ) -> T {
     let options = Options { window: Some(40), ..Options::default() };
     let training = Training::new(&space.system, data, &options).expect("enough data");
-    let everything: Vec<usize> = (0..space.system.terms.len()).collect();
-    let dynamics = Dynamics::new(&space.system, &everything, Backend::Batched);
+    let dynamics = Dynamics::whole(&space.system, Backend::Batched);
     let weights = vec![100.0; 2];
     then(&training.problem(&weights), &dynamics, &training.states)
 }
@@ -128,8 +127,11 @@ fn a_refit_ends_with_settled_states() {
     let data = swings(9, 80, "p");
     let options = Options { window: Some(40), ..Options::default() };
     let mut training = Training::new(&space.system, &data, &options).expect("enough data");
-    training.support = (0..space.system.terms.len()).collect();
-    training.coefficients = vec![0.3, -0.1, 0.0];
+    let mut law = training.law().clone();
+    for (id, value) in space.system.term_ids().into_iter().zip([0.3, -0.1, 0.0]) {
+        law = law.with_term(id, value).expect("its own term");
+    }
+    training.start_from(&law);
     for promise in [1e-2, 1e-9] {
         let refit = training.refit_until(promise, &Silent);
         assert_eq!(refit.sums().promised, 0.0);

@@ -41,7 +41,7 @@ fn trajectories(law: &str, samples: usize, dt: f64, sigma: f64) -> Dataset {
             (0..2 * degrees).map(|c| amplitude * angle(c).sin()).collect()
         })
         .collect();
-    let simulator = Simulator::new(&law.system, &[], &[], &[]);
+    let simulator = Simulator::known(&law.system);
     let runs = simulator.trajectories(&starts, &times).expect("bounded motion");
     let mut data = runs.dataset(&law.system);
     if sigma > 0.0 {
@@ -86,7 +86,10 @@ fn assert_same(one: &Model, other: &Model) {
 
 /// What a pass leaves: R'R of all folds, loss, residuals, squares and degrees of freedom.
 fn left(problem: &Problem, training: &Training, whole: &Dynamics) -> (DMatrix<f64>, Sums) {
-    let theta = training.theta(whole);
+    let law = training.law();
+    let coefficients = whole.active().iter().filter_map(|&id| law.coefficient(id));
+    let inner = whole.parameters().iter().filter_map(|&id| law.parameter(id));
+    let theta: Vec<f64> = coefficients.chain(inner).collect();
     let mut states = training.states.clone();
     let linearised = settle_and_linearise(problem, (whole, &theta), (whole, &theta), &mut states);
     let factor = linearised.merged();
@@ -115,11 +118,12 @@ fn a_pass_over_chunks_leaves_what_a_pass_in_memory_leaves() {
         let options = Options { window: Some(window), ..Options::default() };
         let mut training = Training::new(&space.system, &data, &options).expect("enough data");
         // Somewhere near a law, not at one.
-        for (k, value) in training.coefficients.iter_mut().enumerate() {
-            *value = 0.3 / (1.0 + k as f64);
+        let mut law = training.law().clone();
+        for (k, id) in space.system.term_ids().into_iter().enumerate() {
+            law = law.with_term(id, 0.3 / (1.0 + k as f64)).expect("its own term");
         }
-        let everything: Vec<usize> = (0..space.system.terms.len()).collect();
-        let whole = Dynamics::new(&space.system, &everything, Backend::Batched);
+        training.start_from(&law);
+        let whole = Dynamics::whole(&space.system, Backend::Batched);
         let weights = vec![20.0; data.observables.len()];
         let held = training.problem(&weights);
         let (gram, sums) = left(&held, &training, &whole);

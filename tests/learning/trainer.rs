@@ -24,7 +24,7 @@ fn spec(text: &str) -> Compiled {
 /// What an instrument without noise measures of a known law.
 fn measure(law: &str, starts: &[Vec<f64>], times: &[f64]) -> Dataset {
     let law = spec(law);
-    Simulator::new(&law.system, &[], &[], &[])
+    Simulator::known(&law.system)
         .trajectories(starts, times)
         .unwrap_or_else(|error| panic!("{error}"))
         .dataset(&law.system)
@@ -221,7 +221,7 @@ fn velocities_leave_the_scale_open_and_the_model_says_so() {
     // In the gauge of a unit mass (the truth has mass 2) everything is half.
     assert_recovers(&model, &[("T p_q^2", 0.5), ("V q^2", 0.4), ("V q^4", 0.1)], 0.01);
     assert!(model.unlearnable.iter().any(|s| s.contains("scale")), "{:?}", model.unlearnable);
-    assert!(model.active(&compiled.system).is_some());
+    assert!(model.law(&compiled.system).is_some());
     assert_eq!(model.covariance.len(), model.terms.len());
 }
 

@@ -1,45 +1,37 @@
 //! Models to export, and a plain integrator that generated code is held against.
 
+use std::sync::Arc;
+
+use leverrier::internals::dynamics::Method;
 use leverrier::internals::export::{
     Export, Integrator, IntegratorKind, Pretty, PrettyNumber, Provenance, Tableau,
 };
 use leverrier::internals::expr::{
-    Bounds, Expr, Function, Graph, Names, Observed, Parameter, Place, Symbol, System, Term,
+    Bounds, Expr, Function, Graph, Names, Observed, Parameter, Place, Symbol, System, Term, TermId,
     Variable,
 };
+use leverrier::internals::fit::{Law, Stepping};
+use nalgebra::DMatrix;
 
 /// A model with everything that an export needs.
 pub struct Case {
-    pub system: System,
-    pub active: Vec<usize>,
-    pub coefficients: Vec<f64>,
-    pub standard_errors: Vec<f64>,
-    pub parameters: Vec<f64>,
-    pub parameter_errors: Vec<f64>,
+    pub law: Law,
     pub pretty: Pretty,
     pub kind: IntegratorKind,
     pub order: u32,
-    pub step: f64,
     pub start: (f64, Vec<f64>),
 }
 
 impl Case {
     pub fn export(&self) -> Export<'_> {
         Export {
-            system: &self.system,
-            active: &self.active,
-            coefficients: &self.coefficients,
-            standard_errors: &self.standard_errors,
-            parameters: &self.parameters,
-            parameter_errors: &self.parameter_errors,
+            law: &self.law,
             pretty: &self.pretty,
             integrator: Integrator {
                 name: "test method".to_string(),
                 order: self.order,
                 kind: self.kind.clone(),
             },
-            step: self.step,
-            noise: vec![("q[1]".to_string(), 0.005), ("theta".to_string(), 1.25e-7)],
             provenance: Provenance {
                 version: "0.1.0".to_string(),
                 spec: ("a_b%c.ham".to_string(), "5e".repeat(32)),
@@ -159,15 +151,19 @@ impl Builder {
     }
 
     fn finish(self, kind: IntegratorKind, order: u32, step: f64, start: (f64, Vec<f64>)) -> Case {
-        let active: Vec<usize> =
-            (0..self.coefficients.len()).filter(|&k| self.coefficients[k] != 0.0).collect();
-        let coefficients: Vec<f64> = active.iter().map(|&k| self.coefficients[k]).collect();
+        let terms = self.system.term_ids().into_iter().zip(self.coefficients);
+        let terms: Vec<(TermId, f64)> = terms.filter(|(_, value)| *value != 0.0).collect();
         // Errors of every kind: usual, unknown, exact.
-        let standard_errors: Vec<f64> = (0..active.len())
-            .map(|i| [1.3e-3, f64::NAN, 0.0, f64::INFINITY, 2e-9][i % 5])
+        let mut variances: Vec<f64> = (0..terms.len())
+            .map(|i| [1.3e-3, f64::NAN, 0.0, f64::INFINITY, 2e-9][i % 5].powi(2))
             .collect();
         let parameters: Vec<f64> = self.system.parameters.iter().map(|p| p.start).collect();
-        let mut pretty = Pretty::plain(&self.system, &active, &coefficients, &standard_errors);
+        variances.extend(parameters.iter().map(|_| 0.01f64.powi(2)));
+        let noise = [0.005, 1.25e-7].into_iter().cycle().take(2 * self.system.degrees()).collect();
+        let stepping = Stepping { method: Method::by_name("leapfrog").unwrap(), longest: step };
+        let law = Law::new(Arc::new(self.system), terms, parameters, noise, (stepping, 2)).unwrap();
+        let law = law.with_covariance(DMatrix::from_diagonal(&variances.into())).unwrap();
+        let mut pretty = Pretty::plain(&law);
         if let Some(number) = pretty.numbers.first_mut() {
             let snapped = Some(number.value.to_string());
             *number = PrettyNumber { snapped, standard_error: 0.0, ..*number };
@@ -175,19 +171,7 @@ impl Builder {
         pretty
             .notes
             .push("c1 = 1/2 is 0.3 standard errors from what was learned: 50% & more".into());
-        Case {
-            parameter_errors: vec![0.01; parameters.len()],
-            system: self.system,
-            active,
-            coefficients,
-            standard_errors,
-            parameters,
-            pretty,
-            kind,
-            order,
-            step,
-            start,
-        }
+        Case { law, pretty, kind, order, start }
     }
 }
 
@@ -288,7 +272,7 @@ pub fn cases() -> Vec<Case> {
 }
 
 pub fn case(name: &str) -> Case {
-    cases().into_iter().find(|case| case.system.name == name).unwrap()
+    cases().into_iter().find(|case| case.law.system().name == name).unwrap()
 }
 
 /// Equations of motion by the slow evaluator.
@@ -301,11 +285,11 @@ pub struct Equations<'a> {
 
 impl<'a> Equations<'a> {
     pub fn new(case: &'a Case) -> Equations<'a> {
-        let mut system = case.system.clone();
+        let mut system = System::clone(case.law.system());
         let n = system.degrees();
-        let energy = system.energy(&case.active);
-        let forces = system.force(&case.active);
-        let gradient = system.graph.gradient(energy, &case.system.state());
+        let energy = system.energy(case.law.support()).unwrap();
+        let forces = system.force(case.law.support()).unwrap();
+        let gradient = system.graph.gradient(energy, &case.law.system().state());
         let mut field = gradient[n..].to_vec();
         field.extend((0..n).map(|i| system.graph.subtract(forces[i], gradient[i])));
         Equations { case, graph: system.graph, energy, field }
@@ -317,10 +301,9 @@ impl<'a> Equations<'a> {
             Symbol::Coordinate(i) => state[i],
             Symbol::Momentum(i) => state[n + i],
             Symbol::Time => t,
-            Symbol::Parameter(i) => self.case.parameters[i],
+            Symbol::Parameter(i) => self.case.law.parameters()[i],
             Symbol::Coefficient(k) => {
-                let at = self.case.active.iter().position(|&a| a == k).unwrap();
-                self.case.coefficients[at]
+                self.case.law.coefficient(self.case.law.system().term_ids()[k]).unwrap()
             }
         })
     }
@@ -340,8 +323,8 @@ pub fn reference(case: &Case, steps: usize) -> Vec<Vec<f64>> {
     let equations = Equations::new(case);
     let mut states = vec![case.start.1.clone()];
     for i in 0..steps {
-        let t = case.start.0 + i as f64 * case.step;
-        let next = step(&equations, &states[i], t, case.step, &case.kind);
+        let t = case.start.0 + i as f64 * case.law.stepping().longest;
+        let next = step(&equations, &states[i], t, case.law.stepping().longest, &case.kind);
         states.push(next);
     }
     states

@@ -175,7 +175,7 @@ fn rates_in_a_sensor_follow_what_is_added() {
     let mut scope = Scope::of(&base);
     assert_one(text, &base, &mut scope, "effect viscous_drag(q)");
     let added = scope.extension("effect viscous_drag(q)").expect("an extension");
-    assert_eq!(added.terms().map(|(k, _)| k).collect::<Vec<_>>(), [0, 1]);
+    assert_eq!(added.terms().map(|(id, _)| id.position()).collect::<Vec<_>>(), [0, 1]);
     // What was tried leaves nothing behind.
     let next = scope.with("effect cubic_drag(q)").expect("an extension");
     let text = format!("{text}effect cubic_drag(q)\n");

@@ -3,8 +3,11 @@
 
 use std::collections::BTreeSet;
 use std::process::Command;
+use std::sync::Arc;
 
 use leverrier::internals::export::{EXPORTERS, Export, exporter};
+use leverrier::internals::expr::System;
+use leverrier::internals::fit::Law;
 
 use crate::export_cases::{Case, cases};
 use crate::exporters::{files, installed, run, write};
@@ -41,7 +44,8 @@ const WAYS_OUT: &[&str] = &[
 
 /// A case with the text in every field that takes one.
 fn hostile(case: &mut Case, text: &str) {
-    let system = &mut case.system;
+    let law = &case.law;
+    let system = &mut System::clone(law.system());
     system.name = text.to_string();
     let variables = system.coordinates.iter_mut().chain(&mut system.momenta);
     for variable in variables.chain([&mut system.time]) {
@@ -58,6 +62,12 @@ fn hostile(case: &mut Case, text: &str) {
         parameter.name = parameter.name.clone() + &text.replace(MARK, "own");
         parameter.unit_text = Some(text.to_string());
     }
+    let ids = system.term_ids();
+    let terms = law.terms().map(|(id, _, value)| (ids[id.position()], value)).collect();
+    let (parameters, noise) = (law.parameters().to_vec(), law.noise().to_vec());
+    let known = (law.stepping(), law.window());
+    let hostile = Law::new(Arc::new(system.clone()), terms, parameters, noise, known).unwrap();
+    case.law = hostile.with_covariance(law.covariance().unwrap().clone()).unwrap();
     case.pretty.notes.push(text.to_string());
 }
 
@@ -67,7 +77,6 @@ fn with_hostile_origin<'a>(case: &'a Case, text: &str) -> Export<'a> {
     export.provenance.version = text.to_string();
     export.provenance.spec = (text.to_string(), text.to_string());
     export.provenance.data = Some((text.to_string(), text.to_string()));
-    export.noise = vec![(text.to_string(), 0.5)];
     export
 }
 

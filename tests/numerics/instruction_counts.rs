@@ -62,7 +62,7 @@ const PATHS: [Path; 6] = [
         pinned: 6600.0,
         run: |times| {
             let row = SYSTEMS.iter().find(|row| row.name == "Henon-Heiles").unwrap();
-            let dynamics = Dynamics::new(&(row.build)(), &[], Backend::Machine);
+            let dynamics = Dynamics::known(&(row.build)(), Backend::Machine);
             let span = [0.0, 100.0 * times as f64];
             taylor(&dynamics, &[], row.start, &span, 0.0).unwrap();
         },
@@ -110,7 +110,7 @@ fn sines(times: usize) {
 
 fn steps(times: usize) {
     let row = SYSTEMS.iter().find(|row| row.name == "Henon-Heiles").unwrap();
-    let dynamics = Dynamics::new(&(row.build)(), &[], Backend::Machine);
+    let dynamics = Dynamics::known(&(row.build)(), Backend::Machine);
     let method = Method::by_name("forest-ruth").unwrap();
     let mut batch = Batch::new(2, 1);
     batch.set(0, 0.0, row.start);
@@ -123,7 +123,7 @@ fn steps(times: usize) {
 
 fn tangents(times: usize) {
     let system: System = crate::support::learned_system(false, true);
-    let dynamics = Dynamics::new(&system, &[0, 1, 2, 3, 4, 5], Backend::Machine);
+    let dynamics = Dynamics::whole(&system, Backend::Machine);
     let mut batch = Batch::with_tangents(2, 64, dynamics.unknowns());
     for lane in 0..64 {
         batch.set(lane, 0.0, &[0.1, 0.2, 0.01 * lane as f64, 0.1]);

@@ -15,7 +15,7 @@ fn suited(method: Method) -> impl Iterator<Item = &'static SystemRow> {
 }
 
 fn compiled(row: &SystemRow) -> Dynamics {
-    Dynamics::new(&(row.build)(), &[], Backend::Batched)
+    Dynamics::known(&(row.build)(), Backend::Batched)
 }
 
 /// The state after `span` in `steps` steps from the typical start.
@@ -151,10 +151,12 @@ fn tangents_are_the_jacobian_of_the_discrete_map() {
             }
             let system = learned_system(driven, separable);
             // Unsorted and incomplete: unknowns are numbered as `active` says.
-            let mut active: Vec<usize> = (0..system.terms.len()).rev().collect();
+            let mut active = system.term_ids();
+            active.reverse();
             active.remove(2);
-            let dynamics = Dynamics::new(&system, &active, Backend::Batched);
-            assert_eq!((dynamics.separable(), dynamics.parameters()), (separable, &[1][..]));
+            let dynamics = Dynamics::new(&system, &active, Backend::Batched).unwrap();
+            let inner = &system.parameter_ids()[1..];
+            assert_eq!((dynamics.separable(), dynamics.parameters()), (separable, inner));
             let theta = learned_theta(active.len());
             let unknowns = dynamics.unknowns();
             assert_eq!(unknowns, theta.len());
@@ -224,13 +226,12 @@ fn tangents_of_symplectic_methods_keep_the_symplectic_form() {
 #[test]
 fn backends_agree() {
     let system = learned_system(true, true);
-    let active: Vec<usize> = (0..system.terms.len()).collect();
-    let theta = learned_theta(active.len());
+    let theta = learned_theta(system.terms.len());
     let method = Method::by_name("forest-ruth").unwrap();
     let results: Vec<Batch> = BACKENDS
         .iter()
         .map(|&(_, backend)| {
-            let dynamics = Dynamics::new(&system, &active, backend);
+            let dynamics = Dynamics::whole(&system, backend);
             let mut batch = Batch::with_tangents(2, 3, dynamics.unknowns());
             for lane in 0..3 {
                 batch.set(lane, 0.0, &[0.1 * lane as f64, 0.3, -0.2, 0.4]);
@@ -309,7 +310,7 @@ fn every_lane_has_its_own_span_and_explosions_stay_alone() {
         let (t, v) = (g.power(p[0], 2.0), g.power(q[0], 4.0));
         (g.scale(0.5, t), g.negate(v), zero, vec![])
     });
-    let dynamics = Dynamics::new(&system, &[], Backend::Batched);
+    let dynamics = Dynamics::known(&system, Backend::Batched);
     let spans = [0.3, 50.0, 0.0, -0.2, 0.3];
     let starts = [[0.5, 0.1], [1.0, 1.0], [1e200, 1e200], [0.5, 0.1], [f64::NAN, 0.0]];
     for method in Method::all() {
@@ -350,9 +351,8 @@ fn the_reverse_sweep_is_the_transpose_of_the_tangents() {
     for method in Method::all() {
         let separable = method.needs_separable();
         let system = learned_system(true, separable);
-        let active: Vec<usize> = (0..system.terms.len()).collect();
-        let dynamics = Dynamics::new(&system, &active, Backend::Batched);
-        let theta = learned_theta(active.len());
+        let dynamics = Dynamics::whole(&system, Backend::Batched);
+        let theta = learned_theta(system.terms.len());
         let unknowns = dynamics.unknowns();
         let columns = 4 + unknowns;
         let mut start = Batch::with_tangents(2, 3, unknowns);
@@ -408,9 +408,8 @@ fn the_reverse_sweep_is_the_transpose_of_the_tangents() {
 #[test]
 fn observed_velocities_and_their_tangents_are_right() {
     let system = learned_system(false, false);
-    let active: Vec<usize> = (0..system.terms.len()).collect();
-    let dynamics = Dynamics::new(&system, &active, Backend::Batched);
-    let theta = learned_theta(active.len());
+    let dynamics = Dynamics::whole(&system, Backend::Batched);
+    let theta = learned_theta(system.terms.len());
     let columns = 4 + dynamics.unknowns();
     let see = |z: &[f64], theta: &[f64]| {
         let mut batch = Batch::with_tangents(2, 1, dynamics.unknowns());

@@ -19,12 +19,12 @@ fn a_probe_does_what_the_term_would_do() {
     let spec = "coordinates q; momenta p\nT = p^2/2\nV = span{ cos(q) }\nH = span{ q^2*p^2 }\n\
                 force q += span{ -p, -p*abs(p), cos(1.3*t), q }";
     let system = build("probes", spec).unwrap().system;
-    let cosine = system.terms.iter().position(|t| t.label == "cos(q)").unwrap();
-    let others: Vec<usize> = (0..system.terms.len()).filter(|&k| k != cosine).collect();
-    let probing = Dynamics::with_probes(&system, &[cosine], &others, Backend::Batched);
+    let cosine = system.terms_where(|term| term.label == "cos(q)");
+    let others = system.terms_where(|term| term.label != "cos(q)");
+    let probing = Dynamics::with_probes(&system, &cosine, &others, Backend::Batched).unwrap();
     assert!(probing.separable());
-    let everything: Vec<usize> = [vec![cosine], others].concat();
-    let whole = Dynamics::new(&system, &everything, Backend::Batched);
+    let everything = [cosine, others].concat();
+    let whole = Dynamics::new(&system, &everything, Backend::Batched).unwrap();
     assert!(!whole.separable());
     let mut theta = vec![0.0; everything.len()];
     theta[0] = -1.0;

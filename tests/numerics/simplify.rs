@@ -1,9 +1,15 @@
 //! What a fitted model is printed as, and that it stays the same function.
 
+use std::sync::Arc;
+
+use leverrier::internals::dynamics::Method;
+use leverrier::internals::error::Result;
 use leverrier::internals::expr::{
-    Bounds, Expr, Function, Graph, Observed, Parameter, Place, Symbol, System, Term, Variable,
+    Bounds, Expr, Function, Graph, Observed, Parameter, Place, Symbol, System, Term, TermId,
+    Variable,
 };
-use leverrier::internals::simplify::{Fitted, Options, Simplified, StopReason, Style, simplify};
+use leverrier::internals::fit::{Law, Stepping};
+use leverrier::internals::simplify::{Options, Simplified, StopReason, Style, simplify};
 use nalgebra::DMatrix;
 use proptest::prelude::*;
 
@@ -35,6 +41,11 @@ fn system(degrees: usize) -> System {
         sensors: vec![zero; 2 * degrees],
         terms: Vec::new(),
     }
+}
+
+fn law(system: Arc<System>, terms: Vec<(TermId, f64)>, parameters: Vec<f64>) -> Result<Law> {
+    let stepping = Stepping { method: Method::by_name("leapfrog").unwrap(), longest: 0.1 };
+    Law::new(system, terms, parameters, Vec::new(), (stepping, 2))
 }
 
 /// A model under construction: terms with coefficients and standard errors.
@@ -122,18 +133,16 @@ impl Model {
     }
 
     fn simplify_with(&self, options: &Options) -> Simplified {
-        let active: Vec<usize> = (0..self.coefficients.len()).collect();
         let errors: Vec<f64> =
             self.errors.iter().chain(&self.parameter_errors).map(|e| e * e).collect();
-        let covariance = DMatrix::from_diagonal(&errors.into());
-        let fitted = Fitted {
-            system: &self.system,
-            active: &active,
-            coefficients: &self.coefficients,
-            parameters: &self.parameters,
-            covariance: &covariance,
-        };
-        simplify(&fitted, options)
+        let law = self.law().unwrap().with_covariance(DMatrix::from_diagonal(&errors.into()));
+        simplify(&law.unwrap(), options)
+    }
+
+    fn law(&self) -> Result<Law> {
+        let terms = self.system.term_ids().into_iter().zip(self.coefficients.iter().copied());
+        let system = Arc::new(self.system.clone());
+        law(system, terms.collect(), self.parameters.clone())
     }
 
     fn simplify(&self) -> Simplified {
@@ -147,8 +156,8 @@ impl Model {
     /// The model's own H.
     fn energy(&self, state: &[f64]) -> f64 {
         let mut system = self.system.clone();
-        let active: Vec<usize> = (0..self.coefficients.len()).collect();
-        let energy = system.energy(&active);
+        let active = system.term_ids();
+        let energy = system.energy(&active).unwrap();
         let degrees = system.degrees();
         system.graph.value(energy, &|symbol| match symbol {
             Symbol::Coordinate(i) => state[i],
@@ -476,17 +485,20 @@ fn nothing_panics_on_odd_numbers() {
             assert!(!wave.text(Style { uncertainties: true, digits: 0 }).is_empty());
         }
     }
-    // Lists of the wrong length are read as far as they go.
+}
+
+#[test]
+fn lists_that_do_not_belong_together_are_refused() {
     let model = henon_heiles(0.0);
-    let covariance = DMatrix::zeros(1, 1);
-    let fitted = Fitted {
-        system: &model.system,
-        active: &[0, 3, 99],
-        coefficients: &[0.5],
-        parameters: &[],
-        covariance: &covariance,
-    };
-    assert!(!simplify(&fitted, &Options::default()).text(Style::default()).is_empty());
+    let system = Arc::new(model.system.clone());
+    let terms: Vec<(TermId, f64)> = system.term_ids().into_iter().map(|id| (id, 0.5)).collect();
+    assert!(law(system.clone(), terms[..2].to_vec(), Vec::new()).is_ok());
+    assert!(law(system.clone(), [&terms[..2], &terms[..1]].concat(), Vec::new()).is_err());
+    assert!(law(system.clone(), terms[..2].to_vec(), vec![1.0]).is_err());
+    let known = law(system.clone(), terms[..2].to_vec(), Vec::new()).unwrap();
+    assert!(known.with_covariance(DMatrix::zeros(1, 1)).is_err());
+    let other = Arc::new(mass_spring(0.0).system);
+    assert!(law(other, terms, Vec::new()).is_err());
 }
 
 #[test]

@@ -13,7 +13,7 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 fn every_closed_form_and_invariant_is_met() {
     for row in SYSTEMS {
         for backend in [Backend::Batched, Backend::Machine] {
-            let dynamics = Dynamics::new(&(row.build)(), &[], backend);
+            let dynamics = Dynamics::known(&(row.build)(), backend);
             let times: Vec<f64> = (0..40).map(|i| 0.13 * row.period * f64::from(i)).collect();
             let run = taylor(&dynamics, &[], row.start, &times, 0.0).unwrap();
             let trajectory = &run.trajectory;
@@ -43,7 +43,7 @@ fn every_closed_form_and_invariant_is_met() {
 #[test]
 fn long_runs_keep_the_energy_to_rounding() {
     let row = SYSTEMS.iter().find(|row| row.name == "Henon-Heiles").unwrap();
-    let dynamics = Dynamics::new(&(row.build)(), &[], Backend::default());
+    let dynamics = Dynamics::known(&(row.build)(), Backend::default());
     let run = taylor(&dynamics, &[], row.start, &[0.0, 1e4], 0.0).unwrap();
     let energies = &run.trajectory.energies;
     assert!((energies[1] - energies[0]).abs() < 2e-15 && run.steps < 30_000, "{run:?}");
@@ -55,7 +55,7 @@ fn long_runs_keep_the_energy_to_rounding() {
 #[test]
 fn the_tolerance_is_met_and_sets_the_order() {
     let row = SYSTEMS.iter().find(|row| row.name == "pendulum").unwrap();
-    let dynamics = Dynamics::new(&(row.build)(), &[], Backend::default());
+    let dynamics = Dynamics::known(&(row.build)(), Backend::default());
     let times = [0.0, row.period];
     let best = taylor(&dynamics, &[], row.start, &times, 0.0).unwrap();
     let mut before = usize::MAX;
@@ -94,7 +94,7 @@ fn every_function_has_its_series() {
             let force = g.linear(0.0, &parts);
             (kinetic, zero, zero, vec![force])
         });
-        let dynamics = Dynamics::new(&system, &[], Backend::default());
+        let dynamics = Dynamics::known(&system, Backend::default());
         let times = [0.0, 0.5, 2.0];
         let start = vec![0.3, 0.2];
         let run = taylor(&dynamics, &[], &start, &times, 0.0);
@@ -115,8 +115,7 @@ fn every_function_has_its_series() {
 fn learned_terms_and_inner_parameters_take_part() {
     for (driven, separable) in [(false, true), (true, true), (true, false)] {
         let system = crate::support::learned_system(driven, separable);
-        let active: Vec<usize> = (0..system.terms.len()).collect();
-        let dynamics = Dynamics::new(&system, &active, Backend::default());
+        let dynamics = Dynamics::whole(&system, Backend::default());
         let theta: Vec<f64> = (0..dynamics.unknowns()).map(|k| 0.1 + 0.05 * k as f64).collect();
         let (start, times) = (vec![0.1, 0.2, 0.05, -0.1], [1.0, 0.5, 2.0]);
         let run = taylor(&dynamics, &theta, &start, &times, 0.0).unwrap();
@@ -136,7 +135,7 @@ fn what_cannot_be_followed_says_why() {
         let potential = g.product(-1.0, &[(q[0], 4.0)]);
         (kinetic, potential, zero, vec![])
     });
-    let dynamics = Dynamics::new(&system, &[], Backend::default());
+    let dynamics = Dynamics::known(&system, Backend::default());
     let run = taylor(&dynamics, &[], &[1.0, 1.0], &[0.0, 0.1, 100.0], 0.0).unwrap();
     assert_eq!(run.trajectory.times, [0.0, 0.1]);
     assert_ne!(run.trajectory.stop, Stop::Finished);

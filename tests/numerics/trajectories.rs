@@ -14,8 +14,7 @@ fn follow(
     lanes: usize,
     steps: usize,
 ) -> Batch {
-    let active: Vec<usize> = (0..system.terms.len()).collect();
-    let dynamics = Dynamics::new(system, &active, backend);
+    let dynamics = Dynamics::whole(system, backend);
     let theta: Vec<f64> = (0..dynamics.unknowns()).map(|k| 0.1 + 0.05 * k as f64).collect();
     let mut batch = Batch::new(dynamics.degrees(), lanes);
     for lane in 0..lanes {
@@ -97,7 +96,7 @@ fn what_does_not_move_stays_and_what_explodes_is_lost() {
         let potential = g.product(-1.0, &[(q[0], 4.0)]);
         (kinetic, potential, zero, vec![])
     });
-    let dynamics = Dynamics::new(&system, &[], Backend::Machine);
+    let dynamics = Dynamics::known(&system, Backend::Machine);
     let method = Method::by_name("forest-ruth").unwrap();
     let mut batch = Batch::new(1, 2);
     batch.set(0, 0.0, &[1.0, 1.0]);

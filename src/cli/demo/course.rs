@@ -92,7 +92,7 @@ pub fn walk(stage: &Stage, course: &Course) -> Result<Value> {
         false => stage.console.text(&format!("{}\n\n", text.trim_end())),
     };
     let truth = expr::build("truth.ham", course.truth)?;
-    let nature = Simulator::new(&truth.system, &[], &[], &[]);
+    let nature = Simulator::known(&truth.system);
     let boxes = course.starts.iter().map(|&(lower, upper)| Box { lower, upper }).collect();
     let starts = draw(&nature, &Sampling { boxes, energy: None }, course.runs, 0.0, 1)?;
     let times: Vec<f64> = (0..course.samples).map(|i| 0.1 * f64::from(i)).collect();
@@ -129,7 +129,7 @@ pub fn walk(stage: &Stage, course: &Course) -> Result<Value> {
     let file = ModelFile { model: learned?, origin: origin(&project, &dataset, &about) };
     write_model(&project.model_path(), &file)?;
     let fitting = clock.elapsed().as_secs_f64();
-    let simplified = present::simplified(project.system(), &file.model, &file.origin.ranges);
+    let simplified = present::simplified(&project.learned(&file.model)?, &file.origin.ranges);
     say(&format!(
         "Learned in {} from {} candidate terms:\n\n    {}",
         seconds(fitting),

@@ -13,9 +13,11 @@ use crate::data::{Layout, write_atomically, write_csv};
 use crate::diagnose::discover::discover;
 use crate::error::{Error, Result};
 use crate::expr;
+use crate::expr::Term;
+use crate::fit::Law;
 use crate::fit::Options;
+use crate::project::Project;
 use crate::project::bench::Bench;
-use crate::project::{Law, Project};
 use crate::report::layout::{WIDTH, table, wrapped};
 use crate::simplify::{significant, uncertain};
 use crate::simulate::{Box, Noise, Sampling, Simulator, add_noise, draw};
@@ -110,7 +112,7 @@ fn story(stage: &Stage, runs: usize) -> Result<Value> {
     diagnose::run(&ask, stage.console)?;
     chapter(5, "The truth, and what was found")?;
     let project = Project::open(&spec)?;
-    let found = beside_the_truth(&project, &project.law(None)?);
+    let found = beside_the_truth(&project.law(None)?.law);
     stage.console.text(&format!("{found}\n"))?;
     Ok(json!({ "truth": truth }))
 }
@@ -118,7 +120,7 @@ fn story(stage: &Stage, runs: usize) -> Result<Value> {
 /// Makes the swings.
 fn measure(stage: &Stage, runs: usize) -> Result<()> {
     let truth = expr::build("truth", TRUTH)?;
-    let nature = Simulator::new(&truth.system, &[], &[], &[]);
+    let nature = Simulator::known(&truth.system);
     let side = |lower, upper| Box { lower, upper };
     let sampling = Sampling { boxes: vec![side(-1.5, 1.5), side(-0.5, 0.5)], energy: None };
     let starts = draw(&nature, &sampling, runs, 0.0, 3)?;
@@ -129,20 +131,16 @@ fn measure(stage: &Stage, runs: usize) -> Result<()> {
 }
 
 /// The law that was learned from all measurements, term by term beside the true one.
-fn beside_the_truth(project: &Project, law: &Law) -> String {
-    let system = project.system();
+fn beside_the_truth(law: &Law) -> String {
+    let (system, errors) = (law.system(), law.standard_errors());
     let learned = |place: &str, label: &str| {
-        law.active.iter().position(|&k| {
-            let term = &system.terms[k];
-            term.label == label && system.place_name(term.place) == place
-        })
+        let same = |term: &Term| term.label == label && system.place_name(term.place) == place;
+        let found = law.terms().zip(&errors).find(|((_, term, _), _)| same(term));
+        found.map(|((_, _, coefficient), error)| (coefficient, *error))
     };
     let rows = TERMS.iter().map(|&(place, term, value)| {
         let (found, off) = match learned(place, term) {
-            Some(i) => {
-                let (x, error) = (law.coefficients[i], law.errors[i]);
-                (uncertain(x, error, 8), format!("{:+.1}", (x - value) / error))
-            }
+            Some((x, error)) => (uncertain(x, error, 8), format!("{:+.1}", (x - value) / error)),
             None => ("missed".to_string(), String::new()),
         };
         vec![place.to_string(), term.to_string(), significant(value, 6), found, off]

@@ -5,6 +5,7 @@
 //! places in every extension of it; new ones come after them.
 
 use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
 
 use super::terms::Draft;
 use super::value::Value;
@@ -12,6 +13,7 @@ use super::{Compiled, Lowering, Named};
 use crate::diagnostic::{Severity, Span};
 use crate::error::{Error, Result};
 use crate::expr::graph::{Expr, Graph, Symbol};
+use crate::expr::identity::{Mark, ParameterId, TermId};
 use crate::expr::system::{Parameter, Place, System, Term};
 use crate::expr::unit::Unit;
 use crate::spec::ast::Spec;
@@ -23,6 +25,8 @@ pub struct Extension {
     /// The graph that the changes belong to.
     graph: Graph,
     changes: Changes,
+    /// Of the system that it extends.
+    mark: Mark,
 }
 
 /// How a system changes, by places in the extended system: what stands there is replaced, new
@@ -38,15 +42,17 @@ struct Changes {
 }
 
 impl Extension {
-    /// Its terms and their places in the extended system; expressions are of a graph of its own.
-    pub fn terms(&self) -> impl Iterator<Item = (usize, &Term)> {
-        self.changes.terms.iter().map(|(k, term)| (*k, term))
+    /// Its terms as the extended system names them; expressions are of a graph of its own.
+    pub fn terms(&self) -> impl Iterator<Item = (TermId, &Term)> {
+        self.changes.terms.iter().map(|(k, term)| (self.mark.term(*k, term), term))
     }
 
-    /// Inner parameters that it adds, by their places in the extended system, with their starts.
-    pub fn parameters(&self) -> impl Iterator<Item = (usize, &Parameter, &[f64])> {
+    /// Inner parameters that it adds, as the extended system names them, with their starts.
+    pub fn parameters(&self) -> impl Iterator<Item = (ParameterId, &Parameter, &[f64])> {
         let all = self.changes.parameters.iter();
-        all.map(|(j, (parameter, starts))| (*j, parameter, starts.as_slice()))
+        all.map(|(j, (parameter, starts))| {
+            (self.mark.parameter(*j, parameter), parameter, starts.as_slice())
+        })
     }
 
     /// The symbols in some of its expressions.
@@ -185,7 +191,7 @@ impl Scope {
         let extension = result.map(|(changes, _)| {
             let mut graph = Graph::new();
             let changes = changes.imported(&standing.graph, &mut graph);
-            Extension { graph, changes }
+            Extension { graph, changes, mark: Mark::of(&self.compiled.system) }
         });
         standing.graph.truncate(own.0);
         standing.dependence.truncate(own.1);
@@ -207,8 +213,10 @@ impl Scope {
         compiled.energy_unit = changes.energy_unit;
         let starts = changes.parameters.iter().map(|(j, (_, starts))| (*j, starts.clone()));
         put(&mut compiled.starts, starts);
-        compiled.system.graph = standing.graph.clone();
-        changes.apply(&mut compiled.system);
+        let mut system = System::clone(&compiled.system);
+        system.graph = standing.graph.clone();
+        changes.apply(&mut system);
+        compiled.system = Arc::new(system);
         Ok(Scope { compiled, standing, lowered })
     }
 

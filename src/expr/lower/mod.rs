@@ -10,6 +10,7 @@ mod terms;
 mod value;
 
 use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
 
 use super::columns::{self, DataColumns};
 use super::graph::{Expr, Graph, Symbol};
@@ -36,7 +37,7 @@ pub struct Compiled {
     /// Its syntax tree.
     pub spec: Spec,
     /// What it means.
-    pub system: System,
+    pub system: Arc<System>,
     /// Start values of each parameter, one or more; the first is also in the system.
     pub starts: Vec<Vec<f64>>,
     /// Unit of H and of time, where they are known.
@@ -82,7 +83,7 @@ pub fn build(name: &str, text: &str) -> Result<Compiled> {
     let failed = diagnostics.iter().any(|d| d.severity == Severity::Error);
     match built {
         Some((pieces, data)) if !failed => Ok(Compiled {
-            system: pieces.system,
+            system: Arc::new(pieces.system),
             starts: pieces.starts,
             energy_unit: pieces.energy_unit,
             time_unit: pieces.time_unit,

@@ -95,10 +95,10 @@ pub fn spreads(data: &Dataset) -> Vec<f64> {
 
 /// Trajectories of a system whose learned terms all have one coefficient.
 fn motion(system: &System, starts: &[Vec<f64>], times: &[f64], strength: f64) -> Option<Dataset> {
-    let active: Vec<usize> = (0..system.terms.len()).collect();
+    let active = system.term_ids();
     let coefficients = vec![strength; active.len()];
     let parameters: Vec<f64> = system.parameters.iter().map(|p| p.start).collect();
-    let simulator = Simulator::new(system, &active, &coefficients, &parameters);
+    let simulator = Simulator::new(system, &active, &coefficients, &parameters).ok()?;
     let data = simulator.trajectories(starts, times).ok()?.dataset(system);
     let tame = data.runs.iter().flat_map(|run| run.values.iter().flatten());
     tame.into_iter().all(|x| x.abs() < 50.0).then_some(data)

@@ -91,8 +91,8 @@ pub fn added(case: &Case, snippet: &str) -> f64 {
         return f64::INFINITY;
     };
     if case.noise.iter().all(|noise| *noise > 0.0) {
-        context.noise.clone_from(&case.noise);
+        context = context.with_noise(case.noise.clone());
     }
-    let window = context.window;
+    let window = context.law.window();
     error(&context, window).0
 }

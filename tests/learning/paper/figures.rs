@@ -1,6 +1,7 @@
 //! What is measured of a fit: support, errors of coefficients and of predictions.
 
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 use leverrier::internals::data::Dataset;
 use leverrier::internals::dynamics::{Dynamics, Method, Pace, Stop, simulate};
@@ -62,16 +63,15 @@ pub struct Predicted {
 /// Follows a law and what was learned of it, both near machine precision.
 pub fn predict(
     law: &Law,
-    space: &System,
+    space: &Arc<System>,
     model: &Model,
     starts: &[Vec<f64>],
     times: &[f64],
 ) -> Predicted {
     let known = system(&law.spec);
-    let nature = Simulator::new(&known, &[], &[], &[]);
-    let (active, coefficients) = model.active(space).expect("the model's own spec");
-    let parameters = model.parameter_values(space);
-    let learned = Simulator::new(space, &active, &coefficients, &parameters);
+    let nature = Simulator::known(&known);
+    let learned = model.law(space).expect("the model's own spec");
+    let learned = learned.simulator();
     let follow = |simulator: &Simulator| {
         simulator.trajectories(starts, times).unwrap_or_else(|error| panic!("{error}")).states
     };
@@ -84,7 +84,7 @@ pub fn predict(
 }
 
 /// Mean absolute error of each component of a prediction one step ahead.
-pub fn one_step(law: &Law, space: &System, model: &Model, starts: &[Vec<f64>]) -> Vec<f64> {
+pub fn one_step(law: &Law, space: &Arc<System>, model: &Model, starts: &[Vec<f64>]) -> Vec<f64> {
     let both = predict(law, space, model, starts, &[0.0, STEP]);
     let components = starts.first().map_or(0, Vec::len);
     let mut mean = vec![0.0; components];
@@ -106,7 +106,7 @@ pub fn halves(components: &[f64]) -> (f64, f64) {
 /// Clean starts for predictions: uniform between -1 and 1.
 pub fn fresh_starts(law: &Law, count: usize, seed: u64) -> Vec<Vec<f64>> {
     let known = system(&law.spec);
-    let nature = Simulator::new(&known, &[], &[], &[]);
+    let nature = Simulator::known(&known);
     let side = Side { lower: -1.0, upper: 1.0 };
     let sampling = Sampling { boxes: vec![side; 2 * known.degrees()], energy: None };
     draw(&nature, &sampling, count, 0.0, seed).expect("no energy asked for")
@@ -128,12 +128,13 @@ pub fn ranges(data: &Dataset) -> Vec<f64> {
 }
 
 /// What is printed of a model.
-pub fn simplified(space: &System, model: &Model, data: &Dataset) -> Simplified {
-    present::simplified(space, model, &ranges(data))
+pub fn simplified(space: &Arc<System>, model: &Model, data: &Dataset) -> Simplified {
+    let law = model.law(space).expect("the model's own spec");
+    present::simplified(&law, &ranges(data))
 }
 
 /// The printed equations.
-pub fn printed(space: &System, model: &Model, data: &Dataset) -> String {
+pub fn printed(space: &Arc<System>, model: &Model, data: &Dataset) -> String {
     simplified(space, model, data).text(Style::default())
 }
 
@@ -190,24 +191,23 @@ pub fn bytes(model: &Model) -> (usize, usize) {
 /// `method` in steps of [`STEP`] to the time `until`.
 pub fn energy_stray(
     law: &Law,
-    space: &System,
+    space: &Arc<System>,
     model: &Model,
     method: Method,
     start: &[f64],
     until: f64,
 ) -> f64 {
-    let (active, coefficients) = model.active(space).expect("the model's own spec");
-    let dynamics = Dynamics::new(space, &active, Backend::Batched);
-    let mut theta = coefficients;
-    let values = model.parameter_values(space);
-    theta.extend(dynamics.parameters().iter().map(|&j| values[j]));
+    let learned = model.law(space).expect("the model's own spec");
+    let dynamics = Dynamics::new(space, learned.support(), Backend::Batched).expect("its terms");
+    let values = dynamics.parameters().iter().filter_map(|&id| learned.parameter(id));
+    let theta: Vec<f64> = learned.coefficients().iter().copied().chain(values).collect();
     let samples = (until / STEP).round() as usize;
     let times: Vec<f64> = (0..=samples).map(|i| STEP * i as f64).collect();
     let pace = Pace::PerInterval(1);
     let run = simulate(&dynamics, method, &theta, &[start.to_vec()], &times, pace).remove(0);
     assert_eq!(run.stop, Stop::Finished, "{} loses the motion", method.row().name);
     let known = system(&law.spec);
-    let energies = Simulator::new(&known, &[], &[], &[]).energies(&run.states, 0.0);
+    let energies = Simulator::known(&known).energies(&run.states, 0.0);
     let first = energies[0];
     energies.iter().fold(0.0, |most: f64, e| most.max(((e - first) / first).abs()))
 }

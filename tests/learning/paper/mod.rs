@@ -5,6 +5,8 @@
 pub mod bound;
 pub mod figures;
 
+use std::sync::Arc;
+
 use leverrier::internals::data::Dataset;
 use leverrier::internals::expr::{Compiled, System, build};
 use leverrier::internals::fit::{self, Model, Options, Silent};
@@ -27,7 +29,7 @@ pub struct Law {
 }
 
 /// Compiles a spec.
-pub fn system(spec: &str) -> System {
+pub fn system(spec: &str) -> Arc<System> {
     match build("spec", spec) {
         Ok(Compiled { system, .. }) => system,
         Err(error) => panic!("{error}\n{spec}"),
@@ -35,7 +37,7 @@ pub fn system(spec: &str) -> System {
 }
 
 /// A spec that searches two function spaces.
-pub fn space(variables: &str, kinetic: &str, potential: &str) -> System {
+pub fn space(variables: &str, kinetic: &str, potential: &str) -> Arc<System> {
     system(&format!("{variables}\nT = span{{ {kinetic} }}\nV = span{{ {potential} }}"))
 }
 
@@ -43,12 +45,12 @@ const TWO: &str = "coordinates q[1..2]\nmomenta p[1..2]";
 const FIVE: &str = "coordinates q[1..5]\nmomenta p[1..5]";
 
 /// The bivariate spaces of the paper's sections 4.2 and 4.3.
-pub fn tensor(degree: u32) -> System {
+pub fn tensor(degree: u32) -> Arc<System> {
     space(TWO, &format!("tensor(p; {degree})"), &format!("tensor(q; {degree})"))
 }
 
 /// The five-variable spaces of the paper's section 4.4.
-pub fn pairs(degree: u32) -> System {
+pub fn pairs(degree: u32) -> Arc<System> {
     space(FIVE, &format!("pairs(p; {degree})"), &format!("pairs(q; {degree})"))
 }
 
@@ -177,7 +179,7 @@ pub enum PendulumSpace {
 }
 
 /// The spec of one of the pendulum's spaces.
-pub fn pendulum_space(which: &PendulumSpace) -> System {
+pub fn pendulum_space(which: &PendulumSpace) -> Arc<System> {
     let (variables, kinetic, potential) = match which {
         PendulumSpace::Sine => (
             "coordinates q\nmomenta p\nparam a = 0\nparam b = 0",
@@ -204,7 +206,7 @@ fn runs(
     seed: u64,
 ) -> Dataset {
     let system = system(&law.spec);
-    let nature = Simulator::new(&system, &[], &[], &[]);
+    let nature = Simulator::known(&system);
     let starts = draw(&nature, sampling, count, 0.0, seed).expect("states in the boxes");
     let times: Vec<f64> = (0..samples).map(|i| STEP * i as f64).collect();
     let trajectories = nature.trajectories(&starts, &times).expect("bounded motion");
@@ -221,11 +223,11 @@ fn noisy(data: &mut Dataset, sigma: f64, seed: u64) {
 }
 
 /// A fit with the defaults, as every figure is made.
-pub fn learn(system: &System, data: &Dataset) -> Model {
+pub fn learn(system: &Arc<System>, data: &Dataset) -> Model {
     learn_with(system, data, &Options::default())
 }
 
 /// A fit with other options than the defaults.
-pub fn learn_with(system: &System, data: &Dataset, options: &Options) -> Model {
+pub fn learn_with(system: &Arc<System>, data: &Dataset, options: &Options) -> Model {
     fit::fit(system, data, options, &Silent).unwrap_or_else(|error| panic!("{error}"))
 }

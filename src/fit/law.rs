@@ -1,0 +1,355 @@
+//! What was learned, of which system: the one record that every later step starts from.
+
+use std::sync::Arc;
+
+use nalgebra::DMatrix;
+
+use super::pass::Stepping;
+use crate::dynamics::{Dynamics, Method};
+use crate::error::{Error, ErrorKind, Result};
+use crate::eval::Backend;
+use crate::expr::{Bounds, ParameterId, System, Term, TermId};
+use crate::simulate::Simulator;
+
+/// A system with a number for everything in it: learned, or known from the start.
+///
+/// All lists belong together: there is one coefficient for each term of the support, one value for
+/// each inner parameter of the system, and the covariance is of both. What was learned of another
+/// system comes in by [`Law::on`] alone.
+#[derive(Debug, Clone)]
+pub struct Law {
+    system: Arc<System>,
+    /// Ascending, each once.
+    support: Vec<TermId>,
+    coefficients: Vec<f64>,
+    parameters: Vec<f64>,
+    covariance: Option<DMatrix<f64>>,
+    noise: Vec<f64>,
+    stepping: Stepping,
+    window: usize,
+}
+
+/// Step of a law that is known, in the spec's unit of time: nothing tells how accurate it must be.
+const KNOWN_STEP: f64 = 0.01;
+/// Samples of the shortest segment.
+const SHORTEST: usize = 2;
+
+impl Law {
+    /// The law of a system with the given terms and their coefficients, and one value for each of
+    /// its inner parameters; the covariance is not known.
+    ///
+    /// `noise` is the standard deviation of each observable's noise, in the observable's unit and
+    /// in the order of [`System::observables`]; empty where it is not known. Trajectories are
+    /// integrated by `stepping`, over segments of `window` samples, at most.
+    ///
+    /// # Errors
+    ///
+    /// A term belongs to another system or comes twice, or a list has not the system's length.
+    pub fn new(
+        system: Arc<System>,
+        mut terms: Vec<(TermId, f64)>,
+        parameters: Vec<f64>,
+        noise: Vec<f64>,
+        (stepping, window): (Stepping, usize),
+    ) -> Result<Law> {
+        terms.sort_by_key(|(id, _)| *id);
+        let (support, coefficients): (Vec<TermId>, Vec<f64>) = terms.into_iter().unzip();
+        system.positions(&support)?;
+        let once = support.windows(2).all(|pair| pair[0] != pair[1]);
+        let whole = parameters.len() == system.parameters.len()
+            && (noise.is_empty() || noise.len() == 2 * system.degrees());
+        if !once || !whole {
+            return Err(Error::new(
+                ErrorKind::InvalidArgument,
+                format!("the numbers of a law do not fit the system `{}`", system.name),
+                "give each term once, one value for each inner parameter, and the noise of each \
+                 observable",
+            ));
+        }
+        let covariance = None;
+        Ok(Law { system, support, coefficients, parameters, covariance, noise, stepping, window })
+    }
+
+    /// The law of a system in which no term is unknown, its inner parameters exactly at their
+    /// starts.
+    ///
+    /// # Errors
+    ///
+    /// The table of integrators lacks the one for such laws.
+    pub fn known(system: Arc<System>) -> Result<Law> {
+        let separable = Dynamics::known(&system, Backend::default()).separable();
+        // Nothing tells how accurate it must be: a high order and a short step.
+        let name = if separable { "suzuki-umeno-8" } else { "gauss-legendre-6" };
+        let method = Method::by_name(name).ok_or_else(|| {
+            Error::new(
+                ErrorKind::Internal,
+                format!("there is no integrator `{name}`"),
+                "report this",
+            )
+        })?;
+        let stepping = Stepping { method, longest: KNOWN_STEP };
+        let parameters: Vec<f64> = system.parameters.iter().map(|p| p.start).collect();
+        let covariance = DMatrix::zeros(parameters.len(), parameters.len());
+        Law::new(system, Vec::new(), parameters, Vec::new(), (stepping, SHORTEST))?
+            .with_covariance(covariance)
+    }
+
+    /// The same with the covariance of the coefficients of the support, then of all inner
+    /// parameters: zero for what is exact, infinite for what the data leave open.
+    ///
+    /// # Errors
+    ///
+    /// The matrix has another size.
+    pub fn with_covariance(mut self, covariance: DMatrix<f64>) -> Result<Law> {
+        let size = self.support.len() + self.parameters.len();
+        if covariance.shape() != (size, size) {
+            return Err(Error::new(
+                ErrorKind::InvalidArgument,
+                format!("the covariance of {size} numbers has the shape {:?}", covariance.shape()),
+                "give one row for each term of the support, then for each inner parameter",
+            ));
+        }
+        self.covariance = Some(covariance);
+        Ok(self)
+    }
+
+    /// What it is of.
+    pub fn system(&self) -> &Arc<System> {
+        &self.system
+    }
+
+    /// Terms of the model, ascending.
+    pub fn support(&self) -> &[TermId] {
+        &self.support
+    }
+
+    /// The coefficient of each term of [`Law::support`].
+    pub fn coefficients(&self) -> &[f64] {
+        &self.coefficients
+    }
+
+    /// Terms of the model with their coefficients, ascending.
+    pub fn terms(&self) -> impl Iterator<Item = (TermId, &Term, f64)> {
+        let of = |(&id, &value): (&TermId, &f64)| (id, &self.system.terms[id.position()], value);
+        self.support.iter().zip(&self.coefficients).map(of)
+    }
+
+    /// The coefficient of a term: zero outside the support, `None` for a term of another system.
+    pub fn coefficient(&self, id: TermId) -> Option<f64> {
+        self.system.term(id)?;
+        let place = self.support.binary_search(&id);
+        Some(place.map_or(0.0, |place| self.coefficients[place]))
+    }
+
+    /// One coefficient for each term of the whole function space, in its order; zero outside the
+    /// support.
+    pub fn coefficient_of_each_term(&self) -> Vec<f64> {
+        let mut each = vec![0.0; self.system.terms.len()];
+        for (id, &value) in self.support.iter().zip(&self.coefficients) {
+            each[id.position()] = value;
+        }
+        each
+    }
+
+    /// One value for each inner parameter of the system, in its order.
+    pub fn parameters(&self) -> &[f64] {
+        &self.parameters
+    }
+
+    /// The value of an inner parameter; `None` for one of another system.
+    pub fn parameter(&self, id: ParameterId) -> Option<f64> {
+        self.system.parameter(id).map(|_| self.parameters[id.position()])
+    }
+
+    /// Covariance of the coefficients of the support, then of all inner parameters, where it is
+    /// known: zero for what is exact, infinite for what the data leave open.
+    pub fn covariance(&self) -> Option<&DMatrix<f64>> {
+        self.covariance.as_ref()
+    }
+
+    /// Standard errors of the coefficients of the support, then of all inner parameters; infinite
+    /// where nothing is known.
+    pub fn standard_errors(&self) -> Vec<f64> {
+        let size = self.support.len() + self.parameters.len();
+        match &self.covariance {
+            Some(covariance) => covariance.diagonal().iter().map(|x| x.sqrt()).collect(),
+            None => vec![f64::INFINITY; size],
+        }
+    }
+
+    /// Standard deviation of the noise of each observable, in its unit; empty where not known.
+    pub fn noise(&self) -> &[f64] {
+        &self.noise
+    }
+
+    /// How trajectories are integrated.
+    pub fn stepping(&self) -> Stepping {
+        self.stepping
+    }
+
+    /// Samples of the segments that it was learned from, at most.
+    pub fn window(&self) -> usize {
+        self.window
+    }
+
+    /// The same with one more term; one that it has already gets the coefficient.
+    ///
+    /// # Errors
+    ///
+    /// The term belongs to another system.
+    pub fn with_term(mut self, id: TermId, coefficient: f64) -> Result<Law> {
+        self.system.positions(&[id])?;
+        match self.support.binary_search(&id) {
+            Ok(place) => self.coefficients[place] = coefficient,
+            Err(place) => {
+                self.support.insert(place, id);
+                self.coefficients.insert(place, coefficient);
+            }
+        }
+        self.covariance = None;
+        Ok(self)
+    }
+
+    /// The same without a term; that of another system, or one outside the support, changes
+    /// nothing.
+    pub fn without_term(mut self, id: TermId) -> Law {
+        if let Ok(place) = self.support.binary_search(&id) {
+            self.support.remove(place);
+            self.coefficients.remove(place);
+            self.covariance = None;
+        }
+        self
+    }
+
+    /// What it says of a system with more terms, or fewer: terms are known by their place and
+    /// label, inner parameters by their names; those that are new have their start values.
+    pub fn on(&self, system: &Arc<System>) -> Law {
+        let (mut support, mut coefficients) = (Vec::new(), Vec::new());
+        for (id, term) in system.terms_with_ids() {
+            let known = self.terms().find(|(own, other, _)| {
+                *own == id || other.place == term.place && other.label == term.label
+            });
+            if let Some((_, _, value)) = known {
+                support.push(id);
+                coefficients.push(value);
+            }
+        }
+        let value = |parameter: &crate::expr::Parameter| {
+            let own = self.system.parameters.iter().position(|p| p.name == parameter.name);
+            own.map_or(parameter.start, |j| self.parameters[j])
+        };
+        Law {
+            support,
+            coefficients,
+            parameters: system.parameters.iter().map(value).collect(),
+            covariance: None,
+            noise: self.noise.clone(),
+            stepping: self.stepping,
+            window: self.window,
+            system: system.clone(),
+        }
+    }
+
+    /// The same with other inner parameters, as far as there are values.
+    pub fn with_parameters(mut self, values: impl IntoIterator<Item = (ParameterId, f64)>) -> Law {
+        for (id, value) in values {
+            if self.system.parameter(id).is_some() {
+                self.parameters[id.position()] = value;
+            }
+        }
+        self.covariance = None;
+        self
+    }
+
+    /// Makes these terms the support, with their coefficients.
+    pub(super) fn set_support(&mut self, terms: &[(TermId, f64)]) {
+        debug_assert!(terms.is_sorted_by_key(|(id, _)| *id));
+        (self.support, self.coefficients) = terms.iter().copied().unzip();
+        self.covariance = None;
+    }
+
+    /// Sets some of the inner parameters.
+    pub(super) fn set_parameters(&mut self, values: &[(ParameterId, f64)]) {
+        for (id, value) in values {
+            self.parameters[id.position()] = *value;
+        }
+        self.covariance = None;
+    }
+
+    /// Takes its numbers from the unknowns of its own dynamics.
+    pub(super) fn set_theta(&mut self, dynamics: &Dynamics, theta: &[f64]) {
+        let size = self.support.len();
+        self.coefficients.copy_from_slice(&theta[..size]);
+        for (id, &value) in dynamics.parameters().iter().zip(&theta[size..]) {
+            self.parameters[id.position()] = value;
+        }
+        self.covariance = None;
+    }
+
+    pub(super) fn set_noise(&mut self, noise: Vec<f64>) {
+        self.noise = noise;
+    }
+
+    pub(super) fn set_window(&mut self, window: usize) {
+        self.window = window;
+    }
+
+    pub(super) fn set_stepping(&mut self, stepping: Stepping) {
+        self.stepping = stepping;
+    }
+
+    /// The same before data of other noise, one number for each observable.
+    pub fn with_noise(mut self, noise: Vec<f64>) -> Law {
+        debug_assert_eq!(noise.len(), 2 * self.system.degrees());
+        self.noise = noise;
+        self
+    }
+
+    /// The same over segments of another length, in samples.
+    pub fn with_window(mut self, window: usize) -> Law {
+        self.window = window;
+        self
+    }
+
+    /// The same integrated in another way.
+    pub fn with_stepping(mut self, stepping: Stepping) -> Law {
+        self.stepping = stepping;
+        self
+    }
+
+    /// Its equations of motion.
+    pub fn dynamics(&self) -> Dynamics {
+        Dynamics::of_positions(&self.system, self.positions(), Vec::new(), Backend::default())
+    }
+
+    /// Allowed values of the unknowns of a dynamics of its system.
+    pub(crate) fn bounds(&self, dynamics: &Dynamics) -> Vec<Bounds> {
+        let System { terms, parameters, .. } = &*self.system;
+        let coefficients = dynamics.active().iter().map(|id| terms[id.position()].bounds);
+        let inner = dynamics.parameters().iter().map(|id| parameters[id.position()].bounds);
+        coefficients.chain(inner).collect()
+    }
+
+    /// Positions of its terms in the system: their columns in the design matrix of the whole
+    /// function space.
+    pub(crate) fn positions(&self) -> Vec<usize> {
+        self.support.iter().map(|id| id.position()).collect()
+    }
+
+    /// Its numbers as the unknowns of a dynamics that has its terms: the coefficients of the
+    /// dynamics' active terms (zero outside the support), then its inner parameters.
+    pub fn theta(&self, dynamics: &Dynamics) -> Vec<f64> {
+        let each = self.coefficient_of_each_term();
+        let coefficient = |id: &TermId| each.get(id.position()).copied().unwrap_or(0.0);
+        let coefficients = dynamics.active().iter().map(coefficient);
+        let parameters = dynamics.parameters().iter().map(|id| self.parameters[id.position()]);
+        coefficients.chain(parameters).collect()
+    }
+
+    /// Its motion, to be simulated.
+    pub fn simulator(&self) -> Simulator<'_> {
+        let dynamics = self.dynamics();
+        let theta = self.theta(&dynamics);
+        Simulator::with(&self.system, dynamics, theta)
+    }
+}
