@@ -1,11 +1,12 @@
-//! Leverrier learns the equation of motion behind measurements.
+//! Leverrier learns the equation of motion behind measurements: a sparse Hamiltonian, and the
+//! forces that are not in it, each coefficient with its uncertainty.
 //!
-//! Data flow one way, and a module imports only what stands above it in this list:
+//! Data flow one way, and a layer of the crate imports only what stands above it in this list:
 //!
-//! | module | takes | gives |
+//! | layer | takes | gives |
 //! |---|---|---|
 //! | `error`, `diagnostic` | | one error type, messages that point into a user's text |
-//! | `data` | a CSV file | runs of samples with true times, and a report on them |
+//! | `data` | a CSV or Parquet file | runs of samples with true times, and a report on them |
 //! | `spec` | the text of a spec | a syntax tree, or all that is wrong with it |
 //! | `expr` | a syntax tree | a `System`: expressions, function space, units |
 //! | `eval` | expressions | functions over many points at once |
@@ -15,7 +16,8 @@
 //! | `simplify` | a model | the expression that a physicist would print |
 //! | `simulate` | a known law | trajectories near machine precision, and what an instrument makes of them |
 //! | `export` | a model and its simplified form | LaTeX, MathML, Rust, C, Python, JSON |
-//! | `report` | all of it | text for people |
+//! | `facade` | a spec and data | the public types: [`Spec`], [`Data`], [`Law`] |
+//! | `report` | all of it | text, plots and pages for people |
 //! | `project` | the files of a folder | spec, data, model and ledger; additions, undoing, exports |
 //! | `studio` | a spec | the same in a browser, on this machine |
 //! | `cli` | a command line | the above, with files and a terminal at the edges |
@@ -25,23 +27,33 @@
 //! integrated by a symplectic method inside the loss, with few coefficients that are not zero.
 //!
 //! ```
-//! use leverrier::internals::data::{Dataset, Run};
-//! use leverrier::internals::fit::{Options, Silent, fit};
+//! use leverrier::Spec;
 //!
-//! // A swing measured without noise: q'' = -q, a sample every 0.1.
-//! let times: Vec<f64> = (0..60).map(|i| 0.1 * i as f64).collect();
-//! let values = vec![times.iter().map(|t| t.cos()).collect(), times.iter().map(|t| -t.sin()).collect()];
-//! let run = Run { name: "1".into(), lines: vec![0; times.len()], times, values };
-//! let data = Dataset { observables: vec!["q".into(), "p".into()], runs: vec![run] };
-//!
-//! let spec = "coordinates q; momenta p\nT = p^2/2\nV = span{ poly(q; 4), cos(q) }";
-//! let compiled = leverrier::internals::expr::build("swing", spec)?;
-//! let model = fit(&compiled.system, &data, &Options::default(), &Silent)?;
-//! assert_eq!(model.terms.len(), 1);
-//! assert_eq!(model.terms[0].term, "q^2");
-//! assert!((model.terms[0].coefficient - 0.5).abs() < 1e-9);
+//! // What is known of a pendulum on a bench, and what is to be learned.
+//! let spec = Spec::open("examples/damped-pendulum/fit.ham")?;
+//! // The measurements that it names: a CSV file beside it. A quarter is held out.
+//! let (training, held_out) = spec.data()?.split(0.25, 0)?;
+//! let law = spec.fit(&training)?;
+//! // Its long predictions fail on the held-out runs, for want of an effect that it can name.
+//! assert!(law.compare(&held_out)?.horizons().last().unwrap().error > 3.0);
+//! let diagnosis = law.diagnose(&training, &held_out)?;
+//! assert_eq!(diagnosis.missing(), Some("viscous_drag(q)"));
+//! // With it, the law predicts to the noise.
+//! let law = law.with("viscous_drag(q)")?.fit(&training)?;
+//! let motion = law.predict(&[1.0, 0.0], &[0.0, 0.5, 1.0])?;
+//! assert!(motion.column("q").unwrap()[2] < 0.7);
 //! # Ok::<(), leverrier::Error>(())
 //! ```
+//!
+//! [`Spec`], [`Data`] and [`Law`] are the way in. Errors read as a sentence and have a
+//! [`kind`](Error::kind).
+//!
+//! # Features
+//!
+//! Without default features the crate reads specs and CSV files, fits, predicts, compares and
+//! diagnoses. `export` adds the simplified form of a law and its exports, `parquet` (and `zstd`)
+//! Parquet files, `cli` the program `leverrier`, `pictures` its figures as PNG, and `studio` its
+//! page in the browser. All but `zstd` are on by default.
 
 // What only a feature uses is not worth a mark of its own: with all of them on, nothing is dead.
 #![cfg_attr(not(all(feature = "studio", feature = "parquet")), allow(dead_code, unused_imports))]
@@ -57,6 +69,7 @@ mod eval;
 #[cfg(feature = "export")]
 mod export;
 mod expr;
+mod facade;
 mod fit;
 #[cfg(feature = "cli")]
 mod project;
@@ -70,7 +83,16 @@ mod spec;
 mod studio;
 
 pub use diagnostic::{Diagnostic, Severity, Span};
+pub use dynamics::Method;
 pub use error::{DataError, Error, ErrorKind, Result};
+pub use facade::{Comparison, Data, Diagnosis, Effect, Horizon, Law, Spec, Trajectory, Verdict};
+pub use fit::model::{LearnedParameter, LearnedTerm, Noise};
+pub use fit::{Flag, Loss, Monitor, Options, Selection, Silent, Trainer};
+
+/// The README's examples, run as tests.
+#[cfg(all(doctest, feature = "export"))]
+#[doc = include_str!("../README.md")]
+struct Readme;
 
 /// The layers as they are, for this crate's own program, tests, benchmarks and examples.
 ///

@@ -24,6 +24,7 @@ const LAYERS: &[&str] = &[
     "diagnose",
     "simplify",
     "export",
+    "facade",
     "report",
     "project",
     "studio",
@@ -160,4 +161,32 @@ fn files_can_be_read_in_one_sitting() {
         .map(|(path, lines)| format!("{}: {lines} lines", path.display()))
         .collect();
     assert!(paths.len() > 100 && long.is_empty(), "{}", long.join("\n"));
+}
+
+/// Types and functions of the façade, and what else stands at the crate's root, each with an
+/// example that runs as a test.
+#[test]
+fn what_is_public_has_an_example() {
+    let mut wanting = Vec::new();
+    let mut seen = 0;
+    for source in sources().iter().filter(|source| source.layer == "facade") {
+        let mut documentation = String::new();
+        for (line, text) in source.text.lines().map(str::trim).enumerate() {
+            if text.starts_with("///") {
+                documentation.push_str(text);
+            } else if !text.starts_with("#[") {
+                let item = ["pub fn ", "pub struct ", "pub enum ", "pub trait "];
+                let internal = source.name.starts_with("facade/model_file")
+                    || ["checked", "effect", "measured"].iter().any(|n| source.name.contains(n));
+                if item.iter().any(|start| text.starts_with(start)) && !internal {
+                    seen += 1;
+                    if !documentation.contains("```") {
+                        wanting.push(format!("{}:{}: {text}", source.name, line + 1));
+                    }
+                }
+                documentation.clear();
+            }
+        }
+    }
+    assert!(seen > 50 && wanting.is_empty(), "without an example:\n{}", wanting.join("\n"));
 }

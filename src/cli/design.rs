@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::asked::Asked;
 use super::bench::Bench;
 use super::console::Console;
 use super::console::usage;
@@ -18,6 +17,7 @@ use crate::diagnose::missing::{self, Leader, Verdict};
 use crate::diagnose::rival::Rival;
 use crate::error::Result;
 use crate::expr::System;
+use crate::facade::effect::NamedEffect;
 use crate::fit::Model;
 use crate::report::design_text;
 use crate::simplify::significant;
@@ -141,7 +141,7 @@ fn purpose(
     if !arguments.between.is_empty() {
         let mut rivals: Vec<Rival> = Vec::new();
         for text in &arguments.between {
-            let mut asked = Asked::new(text, project)?;
+            let mut asked = NamedEffect::new(text, &project.text, project.system())?;
             if asked.place(&project.text).is_some() {
                 return Err(usage(
                     format!("{} has `{}` already", project.name(), asked.label),
@@ -155,7 +155,7 @@ fn purpose(
                 ));
             }
             if asked.open {
-                asked.scanned(project, &context)?;
+                asked.scanned(&project.compiled, &context)?;
             }
             rivals.push(with(&asked.label, &asked.statement, &[])?);
         }

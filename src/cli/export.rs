@@ -7,9 +7,9 @@ use serde_json::json;
 
 use super::console::Console;
 use super::console::usage;
-use super::project::written::{output, write_folder};
+use super::project::written::output;
 use super::project::{Project, refuse_overwrite};
-use crate::data::write_atomically;
+use crate::data::{write_atomically, write_folder};
 use crate::error::Result;
 use crate::export::{EXPORTERS, Output};
 

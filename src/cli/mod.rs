@@ -29,7 +29,7 @@ use clap::{Parser, Subcommand, ValueEnum};
 use console::{Console, exit_code, options_for};
 
 // Where the commands find what they share with the studio.
-use crate::project::{self, asked, bench, ledger, measurements, memory};
+use crate::project::{self, bench, ledger, measurements, memory};
 
 /// Learns sparse Hamiltonians from measured trajectories.
 #[derive(Parser)]

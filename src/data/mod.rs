@@ -11,6 +11,7 @@ mod blocks;
 mod cell;
 mod cells;
 mod delimiter;
+mod folder;
 mod format;
 mod header;
 mod mapping;
@@ -36,6 +37,7 @@ mod write;
 pub use cell::{Cell, format_number, parse_cell, short};
 pub use cells::Cells;
 pub use delimiter::Delimiter;
+pub use folder::write_folder;
 pub use format::{Format, read, read_bytes, to_bytes};
 pub use mapping::{ColumnMap, Mapping, ObservableMap, TIME_NAMES};
 pub use packed::{Packed, typical_step};
@@ -49,7 +51,7 @@ pub use split::{Split, concatenate};
 pub use stream::{FileSource, head, memory_needed};
 pub use survey::{Survey, survey, survey_file};
 pub use table::{Column, ParquetReading, Reading, Table, TextReading};
-pub use text::Encoding;
+pub use text::{Encoding, is_invisible};
 pub use write::{Layout, to_csv, write_atomically, write_csv};
 
 /// One uninterrupted recording. Missing cells are NaN; times strictly increase.

@@ -180,21 +180,30 @@ struct Beside {
     renamed: bool,
 }
 
+/// Creates something in a folder under a name that nothing has yet.
+pub(super) fn beside<T>(
+    folder: &Path,
+    create: impl Fn(&Path) -> io::Result<T>,
+) -> io::Result<(PathBuf, T)> {
+    let mut taken = io::Error::from(io::ErrorKind::AlreadyExists);
+    for number in 0..NAMES {
+        let path = folder.join(format!(".leverrier-{}-{number}", std::process::id()));
+        match create(&path) {
+            Ok(made) => return Ok((path, made)),
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => taken = error,
+            Err(error) => return Err(error),
+        }
+    }
+    Err(taken)
+}
+
 /// Names that are tried: so many files would have to be left over from killed programs.
 const NAMES: u32 = 10_000;
 
 impl Beside {
     fn create(folder: &Path) -> io::Result<Beside> {
-        let mut taken = io::Error::from(io::ErrorKind::AlreadyExists);
-        for number in 0..NAMES {
-            let path = folder.join(format!(".leverrier-{}-{number}", std::process::id()));
-            match File::create_new(&path) {
-                Ok(file) => return Ok(Beside { path, file, renamed: false }),
-                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => taken = error,
-                Err(error) => return Err(error),
-            }
-        }
-        Err(taken)
+        let (path, file) = beside(folder, |path| File::create_new(path))?;
+        Ok(Beside { path, file, renamed: false })
     }
 
     fn rename(mut self, target: &Path) -> io::Result<()> {

@@ -4,30 +4,14 @@
 //! Numbers need none of this, and names become identifiers by
 //! [`identifier`](super::model::identifier) or LaTeX by [`letters::name`](super::letters::name).
 
+use crate::data::is_invisible;
+
 /// One visible line: whatever could end it, or change the order in which it reads, is a space.
 ///
 /// Line separators, control characters, the controls of writing direction and what has no width:
 /// compilers take some for the end of a line or refuse them, and people cannot see them.
 pub(super) fn line(text: &str) -> String {
     text.chars().map(|c| if c.is_control() || is_invisible(c) { ' ' } else { c }).collect()
-}
-
-/// Characters beyond the control characters that end lines, turn text around, or cannot be seen.
-pub fn is_invisible(c: char) -> bool {
-    matches!(
-        c,
-        '\u{ad}'
-            | '\u{61c}'
-            | '\u{180e}'
-            | '\u{200b}'..='\u{200f}'
-            | '\u{2028}'..='\u{202e}'
-            | '\u{2060}'..='\u{206f}'
-            | '\u{feff}'
-            | '\u{fff9}'..='\u{fffb}'
-            | '\u{fffe}'
-            | '\u{ffff}'
-            | '\u{e0000}'..='\u{e007f}'
-    )
 }
 
 /// The line with a backslash before every one of `marks`.

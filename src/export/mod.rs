@@ -2,6 +2,7 @@
 //!
 //! A format is one file of this folder and one row of [`EXPORTERS`].
 
+mod assemble;
 mod c;
 mod code;
 pub mod escape;
@@ -16,6 +17,7 @@ mod python;
 mod rust;
 pub mod tex;
 
+pub use assemble::{export, notes, pretty, simplified};
 pub use mathml::{Formula, formulas};
 pub use pretty::{Pretty, PrettyNumber};
 

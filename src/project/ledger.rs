@@ -5,9 +5,9 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 
-use super::checked::wrong_in_ledger;
 use crate::data::write_atomically;
 use crate::error::{Error, Result};
+use crate::facade::checked::Problems;
 
 const FORMAT: &str = "leverrier.ledger/2";
 /// Formats that are read. In the first, errors on held-out runs were called `unseen_error`.
@@ -185,6 +185,26 @@ pub fn date(seconds: u64) -> String {
         month += 1;
     }
     format!("{year}-{month:02}-{:02} {:02}:{:02}", days + 1, minutes / 60, minutes % 60)
+}
+
+/// The end of the year 9999, in seconds since 1970, UTC.
+const LAST_SECOND: u64 = 253_402_300_799;
+
+/// What is wrong with a ledger, in words that go on from "the file is damaged"; none where every
+/// field is what its name says.
+fn wrong_in_ledger(ledger: &Ledger) -> Option<String> {
+    let mut problems = Problems::default();
+    for revision in &ledger.revisions {
+        problems.line("action", &revision.action);
+        let dated = revision.time <= LAST_SECOND;
+        problems.require(dated, || "a `time` is no date before the year 10000".to_string());
+        for judged in revision.before.iter().chain(&revision.after) {
+            for (name, _) in &judged.noise {
+                problems.line("noise", name);
+            }
+        }
+    }
+    problems.first
 }
 
 #[cfg(test)]

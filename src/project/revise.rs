@@ -1,6 +1,5 @@
 //! Putting an effect into a spec or taking one out: the spec, its model and its ledger.
 
-use super::asked::{self, Asked};
 use super::bench::{Bench, errors};
 use super::learned::{origin, write_model};
 use super::ledger::{Judged, Ledger};
@@ -12,6 +11,7 @@ use crate::diagnose::floor::noise_floor;
 use crate::diagnostic::Diagnostic;
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::{self, Term};
+use crate::facade::effect::{NamedEffect, effects_of};
 use crate::fit::{Model, Monitor};
 use crate::report::Moved;
 use crate::spec::edit;
@@ -55,7 +55,7 @@ pub fn add(
     effect: &str,
     monitor: &dyn Monitor,
 ) -> Result<Revision> {
-    let mut asked = Asked::new(effect, &bench.project)?;
+    let mut asked = NamedEffect::new(effect, &bench.project.text, bench.project.system())?;
     if asked.place(&bench.project.text).is_some() {
         return Err(Error::new(
             ErrorKind::NothingToDo,
@@ -69,7 +69,7 @@ pub fn add(
     let model = before(bench, known, monitor)?;
     if asked.open {
         let context = Context::new(bench.project.system(), &model, &bench.split.training)?;
-        asked.scanned(&bench.project, &context)?;
+        asked.scanned(&bench.project.compiled, &context)?;
     }
     let text = edit::insert(&bench.project.text, &asked.statement);
     let project = edited(bench, text)?;
@@ -101,24 +101,25 @@ pub fn remove(
     monitor: &dyn Monitor,
 ) -> Result<Revision> {
     let text = &bench.project.text;
-    let (label, shorter) = match Asked::new(effect, &bench.project) {
-        // A term may bear the name of an effect, but an effect is what is meant first.
-        Ok(asked) if asked.place(text).is_some() => {
-            let place = asked.place(text).map(|statement| statement.site.0).unwrap_or_default();
-            (asked.label, edit::remove(text, place))
-        }
-        asked => match (edit::remove_term(text, effect), asked) {
-            (Some(shorter), _) => (effect.to_string(), shorter),
-            (None, Err(error)) => return Err(not_there(effect, bench, error)),
-            (None, Ok(asked)) => {
-                return Err(Error::new(
-                    ErrorKind::UnknownName,
-                    format!("{} does not have `{}`", bench.project.name(), asked.label),
-                    removable(text),
-                ));
+    let (label, shorter) =
+        match NamedEffect::new(effect, &bench.project.text, bench.project.system()) {
+            // A term may bear the name of an effect, but an effect is what is meant first.
+            Ok(asked) if asked.place(text).is_some() => {
+                let place = asked.place(text).map(|statement| statement.site.0).unwrap_or_default();
+                (asked.label, edit::remove(text, place))
             }
-        },
-    };
+            asked => match (edit::remove_term(text, effect), asked) {
+                (Some(shorter), _) => (effect.to_string(), shorter),
+                (None, Err(error)) => return Err(not_there(effect, bench, error)),
+                (None, Ok(asked)) => {
+                    return Err(Error::new(
+                        ErrorKind::UnknownName,
+                        format!("{} does not have `{}`", bench.project.name(), asked.label),
+                        removable(text),
+                    ));
+                }
+            },
+        };
     let project = edited(bench, shorter)?;
     let model = before(bench, known, monitor)?;
     let after = bench.fit(&project, monitor)?;
@@ -199,7 +200,7 @@ fn not_there(effect: &str, bench: &Bench, error: Error) -> Error {
 
 /// What `remove` can take out of a spec, in a sentence.
 fn removable(text: &str) -> String {
-    let mut names = asked::effects_of(text);
+    let mut names = effects_of(text);
     names.extend(edit::term_names(text));
     if names.is_empty() {
         return "it has no effect and no named term: edit the spec by hand".to_string();

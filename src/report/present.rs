@@ -1,78 +1,11 @@
-//! From a fitted model to the forms that are printed and exported.
+//! A law and a diagnosis as programs read them.
 
 use serde_json::{Value, json};
 
 use crate::diagnose::missing::Diagnosis;
-use crate::dynamics::{Kind, Method, Tableau};
-use crate::export::{self, Export, Integrator, IntegratorKind, Pretty, PrettyNumber, Provenance};
+pub use crate::export::{export, notes, pretty, simplified};
 use crate::expr::{Place, Symbol};
-use crate::fit::Law;
-use crate::simplify::{self, Options, Simplified, Style};
-
-/// The simplified form of a law, learned or known.
-///
-/// `ranges`: largest |value| of each state component in the data (q, then p); 0 where unknown.
-pub fn simplified(law: &Law, ranges: &[f64]) -> Simplified {
-    simplify::simplify(law, &Options { ranges: ranges.to_vec(), ..Options::default() })
-}
-
-/// The simplified form as the exporters take it.
-pub fn pretty(simplified: &Simplified) -> Pretty {
-    let numbers = simplified.numbers.iter().map(|number| PrettyNumber {
-        value: number.value,
-        standard_error: number.standard_error,
-        snapped: number.snapped.map(|nice| nice.to_string()),
-    });
-    Pretty {
-        graph: simplified.graph.clone(),
-        parts: simplified.parts.iter().map(|part| (part.place, part.pretty)).collect(),
-        numbers: numbers.collect(),
-        notes: notes(simplified),
-    }
-}
-
-/// What was done to the printed form that a reader should know.
-pub fn notes(simplified: &Simplified) -> Vec<String> {
-    let snaps = simplified.snaps.iter().map(|snap| {
-        let measured = simplify::uncertain(snap.from, snap.standard_error, 10);
-        let distance = if snap.sigmas > 0.0 {
-            format!("{:.1} standard errors away", snap.sigmas)
-        } else {
-            "within rounding".to_string()
-        };
-        format!("{} is printed as {}: measured {measured}, {distance}", snap.what, snap.to.text)
-    });
-    snaps.chain(simplified.parts.iter().flat_map(|part| part.shape.iter().cloned())).collect()
-}
-
-/// A law as the exporters take it.
-pub fn export<'a>(law: &'a Law, pretty: &'a Pretty) -> Export<'a> {
-    Export {
-        law,
-        pretty,
-        integrator: integrator(law.stepping().method),
-        provenance: Provenance::default(),
-        start: None,
-    }
-}
-
-fn integrator(method: Method) -> Integrator {
-    let row = method.row();
-    let tableau = |t: &Tableau| export::Tableau {
-        matrix: t.matrix.to_vec(),
-        weights: t.weights.to_vec(),
-        nodes: t.nodes.to_vec(),
-    };
-    Integrator {
-        name: row.name.to_string(),
-        order: row.order,
-        kind: match &row.kind {
-            Kind::Splitting(weights) => IntegratorKind::Splitting { weights: weights.to_vec() },
-            Kind::Implicit(t) => IntegratorKind::Implicit(tableau(t)),
-            Kind::Explicit(t) => IntegratorKind::Explicit(tableau(t)),
-        },
-    }
-}
+use crate::simplify::{Simplified, Style};
 
 /// The equations with their numbers, for programs.
 pub fn equations_json(simplified: &Simplified, style: Style) -> Value {

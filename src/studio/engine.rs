@@ -391,7 +391,7 @@ impl Engine {
         board.post("trouble", &());
         board.post("law", &law);
         board.post("figures", &figures);
-        board.post("effects", &crate::project::asked::effects_of(&held.bench.project.text));
+        board.post("effects", &crate::facade::effect::effects_of(&held.bench.project.text));
         self.studio.hold(Some(Arc::new(held)));
         Ok(())
     }

@@ -141,7 +141,7 @@ fn no_text_stands_outside_comments_and_strings() {
                         _ => continue,
                     };
                     assert!(!code(content, language).contains(MARK), "{place}");
-                    let turned = |c| leverrier::internals::export::escape::is_invisible(c);
+                    let turned = |c| leverrier::internals::data::is_invisible(c);
                     assert!(!content.contains(turned), "{place}");
                     // Code blocks of doc comments are run as tests.
                     let block = |line: &str| line.contains("```") || line.starts_with("///     ");

@@ -1,4 +1,4 @@
-//! What the fields of a model file and of a ledger may hold: they are files like others, and may
+//! What the fields of a model file may hold, and of others of the kind: they are files like others, and may
 //! come from anybody.
 //!
 //! Whatever is read is written on by exporters, reports and terminals. These escape text for where
@@ -6,18 +6,14 @@
 
 use std::ffi::OsStr;
 
-use super::ledger::Ledger;
-use super::{FileDigest, ModelFile};
-use crate::export::escape::is_invisible;
+use super::model_file::{FileDigest, ModelFile};
+use crate::data::is_invisible;
 use crate::fit::Model;
 
 /// Longest name, in bytes: what file systems take.
 const LONGEST_NAME: usize = 255;
 /// Longest sentence or term, in bytes.
 const LONGEST_LINE: usize = 100_000;
-/// The end of the year 9999, in seconds since 1970, UTC.
-const LAST_SECOND: u64 = 253_402_300_799;
-
 /// A file's name without its folder, as model files hold it: what cannot be seen is `\u{fffd}`.
 pub fn file_name(name: Option<&OsStr>) -> String {
     let name = name.map(OsStr::to_string_lossy).unwrap_or_default();
@@ -42,37 +38,21 @@ pub fn wrong_in_model(file: &ModelFile) -> Option<String> {
     problems.first
 }
 
-/// What is wrong with a ledger, as [`wrong_in_model`].
-pub fn wrong_in_ledger(ledger: &Ledger) -> Option<String> {
-    let mut problems = Problems::default();
-    for revision in &ledger.revisions {
-        problems.line("action", &revision.action);
-        let dated = revision.time <= LAST_SECOND;
-        problems.require(dated, || "a `time` is no date before the year 10000".to_string());
-        for judged in revision.before.iter().chain(&revision.after) {
-            for (name, _) in &judged.noise {
-                problems.line("noise", name);
-            }
-        }
-    }
-    problems.first
-}
-
 /// The first thing that is wrong.
 #[derive(Default)]
-struct Problems {
-    first: Option<String>,
+pub struct Problems {
+    pub first: Option<String>,
 }
 
 impl Problems {
-    fn require(&mut self, holds: bool, problem: impl FnOnce() -> String) {
+    pub fn require(&mut self, holds: bool, problem: impl FnOnce() -> String) {
         if !holds && self.first.is_none() {
             self.first = Some(problem());
         }
     }
 
     /// One line that can be seen as it is.
-    fn line(&mut self, field: &str, text: &str) {
+    pub fn line(&mut self, field: &str, text: &str) {
         let sound = text.len() <= LONGEST_LINE && text.chars().all(is_visible);
         self.require(sound, || format!("`{field}` is not one line of text"));
     }

@@ -1,19 +1,18 @@
-//! An effect as it is named on the command line, and where a spec has it.
+//! An effect as a user names it, and where a spec has it.
 
-use crate::diagnose::candidates::candidates;
-use crate::diagnose::context::Context;
-use crate::diagnose::scan::scan;
+#[cfg(feature = "export")]
+use crate::diagnose::{candidates::candidates, context::Context, scan::scan};
 use crate::error::{Error, ErrorKind, Result};
-use crate::expr::Scope;
+use crate::expr::System;
+#[cfg(feature = "export")]
+use crate::expr::{Compiled, Scope};
 use crate::spec::ast::{Statement, StatementKind};
 use crate::spec::edit;
 use crate::spec::effects::{EffectRow, Scene, by_name, hint_for, instances};
 
-use super::Project;
-
 /// An effect on its arguments.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Asked {
+pub struct NamedEffect {
     /// `viscous_drag(theta)`, or the name of a candidate of the spec.
     pub label: String,
     /// `effect viscous_drag(theta)`.
@@ -67,17 +66,18 @@ fn own(text: &str) -> Vec<String> {
     lists.flatten().map(|candidate| candidate.name.text).collect()
 }
 
-impl Asked {
-    /// Understands `viscous_drag(theta)`, or a bare name where there is only one place for it.
+impl NamedEffect {
+    /// Understands `viscous_drag(theta)`, or a bare name where there is only one place for it, in
+    /// the text of a spec and its system.
     ///
     /// # Errors
     /// An unknown name, or an effect that cannot act here, with the reason.
-    pub fn new(text: &str, project: &Project) -> Result<Self> {
-        let (name, arguments, settings) = parts(text);
-        let own = own(&project.text);
+    pub fn new(effect: &str, spec: &str, system: &System) -> Result<Self> {
+        let (name, arguments, settings) = parts(effect);
+        let own = own(spec);
         if own.contains(&name) {
             let statement = format!("effect {name}");
-            return Ok(Asked { statement, label: name, open: true, values: Vec::new() });
+            return Ok(NamedEffect { statement, label: name, open: true, values: Vec::new() });
         }
         let row = by_name(&name).ok_or_else(|| {
             let own: Vec<&str> = own.iter().map(String::as_str).collect();
@@ -87,7 +87,7 @@ impl Asked {
                 hint_for(&name, &own),
             )
         })?;
-        let scene = project.system().scene();
+        let scene = system.scene();
         if let Some(reason) = row.cannot(&scene) {
             return Err(Error::new(
                 ErrorKind::NotApplicable,
@@ -122,7 +122,7 @@ impl Asked {
         } else {
             format!("effect {}({}; {settings})", row.name, arguments.join(", "))
         };
-        Ok(Asked { label, statement, open, values: Vec::new() })
+        Ok(NamedEffect { label, statement, open, values: Vec::new() })
     }
 
     /// Its statement in a text.
@@ -132,13 +132,14 @@ impl Asked {
     }
 
     /// Values of the inner parameters that a scan over their grid likes best.
-    pub fn scanned(&mut self, project: &Project, context: &Context) -> Result<()> {
-        let all = candidates(&mut Scope::of(&project.compiled), context.dataset);
+    #[cfg(feature = "export")]
+    pub fn scanned(&mut self, compiled: &Compiled, context: &Context) -> Result<()> {
+        let all = candidates(&mut Scope::of(compiled), context.dataset);
         let Some(candidate) = all.iter().find(|c| c.label == self.label) else { return Ok(()) };
         let scores = scan(&context.settled(), None, std::slice::from_ref(candidate))?;
         if let Some(best) = scores.scored.first() {
             let values = &best.values;
-            let parameters = candidate.parameters_in(project.system());
+            let parameters = candidate.parameters_in(&compiled.system);
             let names = parameters.map(|parameter| parameter.name.clone());
             self.values = names.zip(values.iter().copied()).collect();
             let short: Vec<f64> = values

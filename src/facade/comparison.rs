@@ -1,0 +1,91 @@
+//! A law held against measurements.
+
+use crate::diagnose::compare;
+
+/// How well a law predicts measurements, and where it fails.
+///
+/// ```
+/// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+/// let (training, held_out) = spec.data()?.split(0.25, 0)?;
+/// let law = spec.fit(&training)?;
+/// let comparison = law.compare(&held_out)?;
+/// // Over long predictions the drag shows that this law does not know of.
+/// let longest = comparison.horizons().last().unwrap();
+/// assert!(longest.error > 3.0);
+/// # Ok::<(), leverrier::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct Comparison {
+    horizons: Vec<Horizon>,
+    findings: Vec<String>,
+}
+
+/// Error of predictions of one length, each from its best initial state.
+///
+/// ```
+/// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+/// let data = spec.data()?;
+/// let comparison = spec.fit(&data)?.compare(&data)?;
+/// for horizon in comparison.horizons() {
+///     println!("over {} the error is {} times the noise", horizon.duration, horizon.error);
+/// }
+/// # Ok::<(), leverrier::Error>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Horizon {
+    /// Samples of a prediction, the first included.
+    pub samples: usize,
+    /// In the spec's unit of time.
+    pub duration: f64,
+    /// Root mean square over all observables in units of the noise: 1 is the noise floor. The
+    /// freedom that the initial state takes up is corrected for.
+    pub error: f64,
+    /// The same for the guess that nothing moves.
+    pub baseline: f64,
+    /// Predictions that left the finite numbers.
+    pub exploded: usize,
+}
+
+impl Comparison {
+    pub(super) fn of(found: compare::Comparison) -> Comparison {
+        let horizon = |horizon: &compare::Horizon| Horizon {
+            samples: horizon.samples,
+            duration: horizon.duration,
+            error: horizon.training,
+            baseline: horizon.baseline,
+            exploded: horizon.exploded,
+        };
+        Comparison {
+            horizons: found.horizons.iter().map(horizon).collect(),
+            findings: found.findings,
+        }
+    }
+
+    /// Error against length of prediction, shortest first: 2, 4, 8, ... samples, and the longest
+    /// run.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let data = spec.data()?;
+    /// let comparison = spec.fit(&data)?.compare(&data)?;
+    /// assert_eq!(comparison.horizons()[0].samples, 2);
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn horizons(&self) -> &[Horizon] {
+        &self.horizons
+    }
+
+    /// The worst, in plain sentences.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let data = spec.data()?;
+    /// let comparison = spec.fit(&data)?.compare(&data)?;
+    /// assert!(!comparison.findings().is_empty());
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn findings(&self) -> &[String] {
+        &self.findings
+    }
+}

@@ -1,0 +1,258 @@
+//! Measurements of a spec's observables.
+
+use std::path::Path;
+
+use super::{Spec, measured};
+use crate::data::{DataReport, Dataset, Run};
+use crate::error::{Error, ErrorKind, Result};
+
+/// Measurements: runs of samples with their times, in the units of the spec that they were read
+/// for. Nothing is resampled or filled in; what was not measured is NaN.
+///
+/// ```
+/// use leverrier::{Data, Spec};
+///
+/// let spec = Spec::open("examples/damped-pendulum/fit.ham")?;
+/// let data = Data::open("examples/damped-pendulum/swings.csv", &spec)?;
+/// assert_eq!((data.runs(), data.observables()), (6, ["q", "p"].as_slice()));
+/// # Ok::<(), leverrier::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct Data {
+    dataset: Dataset,
+    report: DataReport,
+}
+
+impl Data {
+    /// Reads a file of measurements, CSV and its like or Parquet, whole into memory. Its columns
+    /// are found as the spec's `data` block says, or else by the names of the variables; columns
+    /// of momenta (or velocities) may be left out.
+    ///
+    /// # Errors
+    /// The file cannot be read ([`ErrorKind::File`]), or is damaged or lacks a column
+    /// ([`ErrorKind::Data`]), with the place.
+    ///
+    /// ```
+    /// use leverrier::{Data, ErrorKind, Spec};
+    ///
+    /// let spec = Spec::parse("coordinates theta; momenta L\nT = L^2/2\nV = span{ cos(theta) }")?;
+    /// let error = Data::open("examples/damped-pendulum/swings.csv", &spec).unwrap_err();
+    /// assert_eq!(error.kind(), ErrorKind::Data); // its columns are called q and p
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn open(path: impl AsRef<Path>, spec: &Spec) -> Result<Data> {
+        let (dataset, report) = measured::read(spec.compiled(), path.as_ref())?;
+        Ok(Data { dataset, report })
+    }
+
+    /// One run from numbers in memory: `times` ascending, in the spec's unit of time, and for each
+    /// coordinate, then for each momentum (or velocity, where the spec says so) a slice of as many
+    /// values. Coordinates alone will do. NaN is a missing value.
+    ///
+    /// # Errors
+    /// The slices do not fit the spec or each other ([`ErrorKind::InvalidArgument`]).
+    ///
+    /// ```
+    /// use leverrier::{Data, Spec};
+    ///
+    /// let spec = Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = span{ poly(q; 4) }")?;
+    /// let times: Vec<f64> = (0..60).map(|i| 0.1 * i as f64).collect();
+    /// let q: Vec<f64> = times.iter().map(|t| t.cos()).collect();
+    /// let p: Vec<f64> = times.iter().map(|t| -t.sin()).collect();
+    /// let law = spec.fit(&Data::from_slices(&spec, &times, &[&q, &p])?)?;
+    /// assert!((law.coefficient("q^2").unwrap() - 0.5).abs() < 1e-9);
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn from_slices(spec: &Spec, times: &[f64], values: &[&[f64]]) -> Result<Data> {
+        let observables = spec.system().observables();
+        let run = run("1", times, values, observables.len())?;
+        Ok(Data::of(Dataset { observables, runs: vec![run] }))
+    }
+
+    /// The same data with one more run, given as in [`Data::from_slices`].
+    ///
+    /// # Errors
+    /// As [`Data::from_slices`].
+    ///
+    /// ```
+    /// use leverrier::{Data, Spec};
+    ///
+    /// let spec = Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = span{ q^2 }")?;
+    /// let data = Data::from_slices(&spec, &[0.0, 0.1], &[&[1.0, 0.9]])?;
+    /// let data = data.with_run(&[0.0, 0.1, 0.2], &[&[0.5, 0.4, 0.2]])?;
+    /// assert_eq!((data.runs(), data.samples()), (2, 5));
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn with_run(self, times: &[f64], values: &[&[f64]]) -> Result<Data> {
+        let mut dataset = self.dataset;
+        let name = (dataset.runs.len() + 1).to_string();
+        dataset.runs.push(run(&name, times, values, dataset.observables.len())?);
+        Ok(Data::of(dataset))
+    }
+
+    /// Two parts: what a law is learned from, and what is held out to judge it, about the
+    /// `held_out` share of the samples (0 to 0.9). Whole runs are held out where there are several,
+    /// else stretches of one; the same seed makes the same choice.
+    ///
+    /// # Errors
+    /// The share is outside its range ([`ErrorKind::InvalidArgument`]).
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let data = spec.data()?;
+    /// let (training, held_out) = data.split(0.25, 0)?;
+    /// assert_eq!(training.runs() + held_out.runs(), data.runs());
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn split(&self, held_out: f64, seed: u64) -> Result<(Data, Data)> {
+        if !(0.0..=0.9).contains(&held_out) {
+            return Err(Error::new(
+                ErrorKind::InvalidArgument,
+                "the share of held-out samples must be between 0 and 0.9",
+                "give the share of the samples to put aside, such as 0.25",
+            ));
+        }
+        let split = self.dataset.split_held_out(held_out, seed);
+        Ok((Data::of(split.training), Data::of(split.held_out)))
+    }
+
+    /// How many runs there are.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// assert_eq!(spec.data()?.runs(), 6);
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn runs(&self) -> usize {
+        self.dataset.runs.len()
+    }
+
+    /// How many samples there are in all runs.
+    ///
+    /// ```
+    /// # use leverrier::{Data, Spec};
+    /// let spec = Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = span{ q^2 }")?;
+    /// assert_eq!(Data::from_slices(&spec, &[0.0, 0.1], &[&[1.0, 0.9]])?.samples(), 2);
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn samples(&self) -> usize {
+        self.dataset.samples()
+    }
+
+    /// Names of the observables: coordinates first, then momenta or velocities.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// assert_eq!(spec.data()?.observables(), ["q", "p"]);
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn observables(&self) -> &[String] {
+        &self.dataset.observables
+    }
+
+    /// Times of a run (counted from 0) in the spec's unit, ascending; `None` where there is no
+    /// such run.
+    ///
+    /// ```
+    /// # use leverrier::{Data, Spec};
+    /// let spec = Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = span{ q^2 }")?;
+    /// let data = Data::from_slices(&spec, &[0.0, 0.1], &[&[1.0, 0.9]])?;
+    /// assert_eq!(data.times(0), Some([0.0, 0.1].as_slice()));
+    /// assert_eq!(data.times(1), None);
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn times(&self, run: usize) -> Option<&[f64]> {
+        Some(&self.dataset.runs.get(run)?.times)
+    }
+
+    /// Values of an observable in a run (counted from 0), one for each of its times, in the spec's
+    /// unit; NaN where nothing was measured, `None` where there is no such run or observable.
+    ///
+    /// ```
+    /// # use leverrier::{Data, Spec};
+    /// let spec = Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = span{ q^2 }")?;
+    /// let data = Data::from_slices(&spec, &[0.0, 0.1], &[&[1.0, 0.9]])?;
+    /// assert_eq!(data.values(0, "q"), Some([1.0, 0.9].as_slice()));
+    /// assert!(data.values(0, "p").unwrap()[0].is_nan());
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn values(&self, run: usize, observable: &str) -> Option<&[f64]> {
+        let at = self.dataset.observables.iter().position(|name| name == observable)?;
+        Some(self.dataset.runs.get(run)?.values.get(at)?)
+    }
+
+    /// What was put right on reading and what deserves a look, as sentences.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// assert!(spec.data()?.warnings().is_empty());
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn warnings(&self) -> &[String] {
+        &self.report.warnings
+    }
+
+    fn of(dataset: Dataset) -> Data {
+        let report = DataReport::of(&dataset);
+        Data { dataset, report }
+    }
+
+    pub(crate) fn dataset(&self) -> &Dataset {
+        &self.dataset
+    }
+
+    pub(crate) fn report(&self) -> &DataReport {
+        &self.report
+    }
+
+    /// That it has the observables of a spec.
+    pub(crate) fn require(&self, spec: &Spec) -> Result<()> {
+        let wanted = spec.system().observables();
+        if self.dataset.observables == wanted {
+            return Ok(());
+        }
+        Err(Error::new(
+            ErrorKind::InvalidArgument,
+            format!(
+                "the data hold {}, but {} is about {}",
+                self.dataset.observables.join(", "),
+                spec.name(),
+                wanted.join(", ")
+            ),
+            "open the data with the spec that they are for",
+        ))
+    }
+}
+
+fn run(name: &str, times: &[f64], values: &[&[f64]], observables: usize) -> Result<Run> {
+    let wrong = |message: String, hint: &str| {
+        Err(Error::new(ErrorKind::InvalidArgument, format!("run {name}: {message}"), hint))
+    };
+    if ![observables / 2, observables].contains(&values.len()) {
+        return wrong(
+            format!("{} slices of values for {observables} observables", values.len()),
+            "give one for each coordinate, or for each observable",
+        );
+    }
+    if let Some(other) = values.iter().find(|slice| slice.len() != times.len()) {
+        return wrong(
+            format!("{} values at {} times", other.len(), times.len()),
+            "give one value for each time, NaN where nothing was measured",
+        );
+    }
+    let ascending = times.windows(2).all(|pair| pair[0] < pair[1]);
+    if !ascending || times.iter().any(|time| !time.is_finite()) {
+        return wrong("the times do not ascend".to_string(), "sort the samples by time");
+    }
+    if values.iter().any(|slice| slice.iter().any(|value| value.is_infinite())) {
+        return wrong("a value is infinite".to_string(), "give NaN where nothing was measured");
+    }
+    let mut columns: Vec<Vec<f64>> = values.iter().map(|slice| slice.to_vec()).collect();
+    columns.resize(observables, vec![f64::NAN; times.len()]);
+    Ok(Run {
+        name: name.to_string(),
+        times: times.to_vec(),
+        values: columns,
+        lines: vec![0; times.len()],
+    })
+}

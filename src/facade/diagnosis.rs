@@ -1,0 +1,179 @@
+//! What a law misses.
+
+use crate::diagnose::missing;
+
+/// What a law misses: a verdict, and the effects of the catalogue that were fitted with it, the
+/// best first.
+///
+/// ```
+/// use leverrier::{Spec, Verdict};
+///
+/// let spec = Spec::open("examples/damped-pendulum/fit.ham")?;
+/// let (training, held_out) = spec.data()?.split(0.25, 0)?;
+/// let law = spec.fit(&training)?;
+/// let diagnosis = law.diagnose(&training, &held_out)?;
+/// assert_eq!(diagnosis.verdict(), Verdict::Missing);
+/// assert_eq!(diagnosis.missing(), Some("viscous_drag(q)"));
+/// # Ok::<(), leverrier::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct Diagnosis {
+    verdict: Verdict,
+    reason: String,
+    effects: Vec<Effect>,
+    indistinguishable: Vec<String>,
+}
+
+/// The answer in a word.
+///
+/// ```
+/// use leverrier::Verdict;
+///
+/// fn act_on(verdict: Verdict) -> &'static str {
+///     match verdict {
+///         Verdict::Missing => "add the effect and fit again",
+///         Verdict::NothingMissing => "done",
+///         Verdict::Unexplained => "look at the residual force",
+///         _ => "measure more",
+///     }
+/// }
+/// assert_eq!(act_on(Verdict::NothingMissing), "done");
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Verdict {
+    /// A named effect explains what the law misses.
+    Missing,
+    /// What is left is noise.
+    NothingMissing,
+    /// Something is missing that the catalogue does not have.
+    Unexplained,
+    /// The data do not suffice to say.
+    InsufficientData,
+}
+
+/// An effect that was fitted together with the law.
+///
+/// ```
+/// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+/// let (training, held_out) = spec.data()?.split(0.25, 0)?;
+/// let diagnosis = spec.fit(&training)?.diagnose(&training, &held_out)?;
+/// let drag = &diagnosis.effects()[0];
+/// assert_eq!(drag.effect, "viscous_drag(q)");
+/// assert!(drag.p_value < 1e-6 && drag.held_out_error_after < drag.held_out_error_before);
+/// # Ok::<(), leverrier::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Effect {
+    /// Its name and what it acts on, as [`Law::with`](crate::Law::with) takes them.
+    pub effect: String,
+    /// The statement that adds it to a spec.
+    pub statement: String,
+    /// Coefficient of each of its terms, then its inner parameters.
+    pub coefficients: Vec<f64>,
+    /// Standard errors, in the order of `coefficients`.
+    pub standard_errors: Vec<f64>,
+    /// Probability that noise does as well, corrected for all candidates that were tested
+    /// (look-elsewhere correction).
+    pub p_value: f64,
+    /// Error on the held-out runs without it, in units of the noise.
+    pub held_out_error_before: f64,
+    /// The same with it.
+    pub held_out_error_after: f64,
+}
+
+impl Diagnosis {
+    pub(super) fn of(found: missing::Diagnosis) -> Diagnosis {
+        let effect = |leader: missing::Leader| Effect {
+            effect: leader.effect,
+            statement: leader.snippet,
+            coefficients: leader.coefficient,
+            standard_errors: leader.standard_error,
+            p_value: leader.p_value,
+            held_out_error_before: leader.held_out_error_before,
+            held_out_error_after: leader.held_out_error_after,
+        };
+        Diagnosis {
+            verdict: match found.verdict {
+                missing::Verdict::Missing => Verdict::Missing,
+                missing::Verdict::NothingMissing => Verdict::NothingMissing,
+                missing::Verdict::Unexplained => Verdict::Unexplained,
+                missing::Verdict::TooLittleData => Verdict::InsufficientData,
+            },
+            reason: found.reason,
+            effects: found.ranking.into_iter().map(effect).collect(),
+            indistinguishable: found.indistinguishable,
+        }
+    }
+
+    /// The answer in a word.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
+    /// let diagnosis = spec.fit(&training)?.diagnose(&training, &held_out)?;
+    /// assert_eq!(diagnosis.verdict(), leverrier::Verdict::Missing);
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn verdict(&self) -> Verdict {
+        self.verdict
+    }
+
+    /// Why, in a sentence.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
+    /// let diagnosis = spec.fit(&training)?.diagnose(&training, &held_out)?;
+    /// assert!(diagnosis.reason().contains("viscous_drag(q)"));
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn reason(&self) -> &str {
+        &self.reason
+    }
+
+    /// The effect that is missing, as [`Law::with`](crate::Law::with) takes it; `None` unless the
+    /// verdict is [`Verdict::Missing`].
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
+    /// let law = spec.fit(&training)?;
+    /// if let Some(effect) = law.diagnose(&training, &held_out)?.missing() {
+    ///     let damped = law.with(effect)?.fit(&training)?;
+    ///     assert_eq!(damped.terms().len(), 2);
+    /// }
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn missing(&self) -> Option<&str> {
+        let first = self.effects.first().filter(|_| self.verdict == Verdict::Missing)?;
+        Some(&first.effect)
+    }
+
+    /// Effects that were fitted together with the law, the best first.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
+    /// let diagnosis = spec.fit(&training)?.diagnose(&training, &held_out)?;
+    /// assert!(diagnosis.effects().len() > 1);
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn effects(&self) -> &[Effect] {
+        &self.effects
+    }
+
+    /// Effects that these data cannot distinguish from the first; empty when it stands alone.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
+    /// let diagnosis = spec.fit(&training)?.diagnose(&training, &held_out)?;
+    /// assert!(diagnosis.indistinguishable().is_empty());
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn indistinguishable(&self) -> &[String] {
+        &self.indistinguishable
+    }
+}

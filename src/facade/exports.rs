@@ -1,0 +1,188 @@
+//! A law in the languages of others.
+
+use std::path::Path;
+
+use super::Law;
+use super::model_file::{ModelFile, digest};
+use crate::data::write_folder;
+use crate::error::{Error, ErrorKind, Result};
+use crate::export::{self, Export, Output, Pretty, Provenance};
+use crate::fit;
+use crate::simplify::{Simplified, Style};
+
+impl Law {
+    /// The equations as one would print them: simplified, with standard errors.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = 1 - cos(q)^2")?;
+    /// assert!(spec.known_law()?.equations().contains("sin(q)^2"));
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn equations(&self) -> String {
+        self.simplified().text(Style::default())
+    }
+
+    /// The equations as a LaTeX fragment for amsmath.
+    ///
+    /// # Errors
+    /// A number of the law is not finite ([`ErrorKind::Export`]).
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = -cos(q)")?;
+    /// assert!(spec.known_law()?.to_latex()?.contains(r"\cos"));
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn to_latex(&self) -> Result<String> {
+        self.text("latex")
+    }
+
+    /// A LaTeX document that compiles: equations, coefficients and where they come from.
+    ///
+    /// # Errors
+    /// As [`Law::to_latex`].
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = -cos(q)")?;
+    /// assert!(spec.known_law()?.to_latex_document()?.contains(r"\begin{document}"));
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn to_latex_document(&self) -> Result<String> {
+        self.text("latex-document")
+    }
+
+    /// The equations as MathML.
+    ///
+    /// # Errors
+    /// As [`Law::to_latex`].
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = -cos(q)")?;
+    /// assert!(spec.known_law()?.to_mathml()?.contains("<math"));
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn to_mathml(&self) -> Result<String> {
+        self.text("mathml")
+    }
+
+    /// The law as a Python module for SymPy.
+    ///
+    /// # Errors
+    /// As [`Law::to_latex`].
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = -cos(q)")?;
+    /// assert!(spec.known_law()?.to_python()?.contains("import"));
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn to_python(&self) -> Result<String> {
+        self.text("python")
+    }
+
+    /// The law as JSON, its expressions as trees.
+    ///
+    /// # Errors
+    /// As [`Law::to_latex`].
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = -cos(q)")?;
+    /// assert!(spec.known_law()?.to_json()?.starts_with('{'));
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn to_json(&self) -> Result<String> {
+        self.text("json")
+    }
+
+    /// Writes a standalone simulator in Rust, with its own tests and without dependencies, as a
+    /// Cargo project; the folder is written whole or not at all, and must be empty or new.
+    ///
+    /// # Errors
+    /// As [`Law::to_latex`]; and the folder is not empty ([`ErrorKind::AlreadyExists`]) or cannot
+    /// be written ([`ErrorKind::File`]).
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = -cos(q)")?;
+    /// let folder = std::env::temp_dir().join("leverrier-to-rust");
+    /// # let _ = std::fs::remove_dir_all(&folder);
+    /// spec.known_law()?.to_rust(&folder)?;
+    /// assert!(folder.join("Cargo.toml").exists());
+    /// # std::fs::remove_dir_all(&folder).unwrap();
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn to_rust(&self, folder: impl AsRef<Path>) -> Result<()> {
+        self.folder("rust", folder.as_ref())
+    }
+
+    /// Writes the law and its integrator in C99, with an example, as [`Law::to_rust`] does.
+    ///
+    /// # Errors
+    /// As [`Law::to_rust`].
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = -cos(q)")?;
+    /// let folder = std::env::temp_dir().join("leverrier-to-c");
+    /// # let _ = std::fs::remove_dir_all(&folder);
+    /// spec.known_law()?.to_c(&folder)?;
+    /// assert!(std::fs::read_dir(&folder).unwrap().count() > 1);
+    /// # std::fs::remove_dir_all(&folder).unwrap();
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn to_c(&self, folder: impl AsRef<Path>) -> Result<()> {
+        self.folder("c", folder.as_ref())
+    }
+
+    fn simplified(&self) -> Simplified {
+        let ranges = self.file().map_or(&[][..], |file| &file.origin.ranges);
+        export::simplified(self.numbers(), ranges)
+    }
+
+    fn exported(&self, format: &str) -> Result<Output> {
+        let pretty = export::pretty(&self.simplified());
+        let spec = self.spec();
+        let name = spec.path().unwrap_or(Path::new(spec.name()));
+        let law = export_of(self.numbers(), &pretty, (name, spec.text()), self.file());
+        (export::exporter(format)?.export)(&law)
+    }
+
+    fn text(&self, format: &str) -> Result<String> {
+        match self.exported(format)? {
+            Output::Text(text) => Ok(text),
+            Output::Files(_) => Err(misplaced(format)),
+        }
+    }
+
+    fn folder(&self, format: &str, folder: &Path) -> Result<()> {
+        match self.exported(format)? {
+            Output::Files(files) => write_folder(folder, &files, false),
+            Output::Text(_) => Err(misplaced(format)),
+        }
+    }
+}
+
+/// A law as the exporters take it, with what it was made from.
+pub(crate) fn export_of<'a>(
+    law: &'a fit::Law,
+    pretty: &'a Pretty,
+    (spec, text): (&Path, &str),
+    file: Option<&ModelFile>,
+) -> Export<'a> {
+    let mut out = export::export(law, pretty);
+    let own = digest(spec, text.as_bytes());
+    out.provenance = Provenance {
+        version: env!("CARGO_PKG_VERSION").to_string(),
+        spec: (own.name, own.sha256),
+        data: None,
+        seed: 0,
+    };
+    if let Some(file) = file {
+        out.provenance.data =
+            Some((file.origin.data.name.clone(), file.origin.data.sha256.clone()));
+        out.provenance.seed = file.model.evidence.seed;
+        out.start = file.origin.start.clone();
+    }
+    out
+}
+
+fn misplaced(format: &str) -> Error {
+    let message = format!("the format `{format}` is not what its row says");
+    Error::new(ErrorKind::Internal, message, "report this")
+}

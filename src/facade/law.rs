@@ -1,0 +1,326 @@
+//! A law: a spec with a number for everything in it.
+
+use std::fmt;
+use std::path::Path;
+
+use super::model_file::{self, ModelFile};
+use super::{Comparison, Data, Diagnosis, Spec, Trajectory};
+use crate::diagnose::compare::compare;
+use crate::diagnose::context::Context;
+use crate::diagnose::missing::diagnose;
+use crate::error::{Error, ErrorKind, Result};
+use crate::fit::model::{LearnedParameter, LearnedTerm, Noise};
+use crate::fit::{self, Model, Silent};
+
+/// A law of motion: a spec with a number for everything in it, learned or known.
+///
+/// ```
+/// use leverrier::{Data, Spec};
+///
+/// let spec = Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = span{ poly(q; 4), cos(q) }")?;
+/// let times: Vec<f64> = (0..60).map(|i| 0.1 * i as f64).collect();
+/// let q: Vec<f64> = times.iter().map(|t| t.cos()).collect();
+/// let p: Vec<f64> = times.iter().map(|t| -t.sin()).collect();
+/// let law = spec.fit(&Data::from_slices(&spec, &times, &[&q, &p])?)?;
+///
+/// assert_eq!(law.terms().len(), 1);
+/// let later = law.predict(&[1.0, 0.0], &[0.0, 20.0])?;
+/// assert!((later.states()[1][0] - 20.0_f64.cos()).abs() < 1e-6);
+/// # Ok::<(), leverrier::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Law {
+    spec: Spec,
+    numbers: fit::Law,
+    /// `None` for a law that stands in its spec.
+    file: Option<ModelFile>,
+}
+
+impl Law {
+    pub(super) fn learned(spec: &Spec, model: Model, data: &Data) -> Result<Law> {
+        let numbers = model.law(spec.system()).ok_or_else(|| {
+            Error::new(ErrorKind::Internal, "the model does not fit its own spec", "report this")
+        })?;
+        let spec_file = (spec.path().unwrap_or(Path::new(spec.name())), spec.text());
+        let origin = model_file::origin(spec.system(), spec_file, data.dataset(), data.report());
+        Ok(Law { spec: spec.clone(), numbers, file: Some(ModelFile { model, origin }) })
+    }
+
+    pub(super) fn known(spec: &Spec) -> Result<Law> {
+        if !spec.system().terms.is_empty() {
+            return Err(Error::new(
+                ErrorKind::NotApplicable,
+                format!("{} has terms that are to be learned", spec.name()),
+                "fit it to measurements, or write a number before each term",
+            ));
+        }
+        let numbers = fit::Law::known(spec.system().clone())?;
+        Ok(Law { spec: spec.clone(), numbers, file: None })
+    }
+
+    /// Reads a model file, as [`Law::save`] and the program `leverrier` write it, that was fitted
+    /// to this spec.
+    ///
+    /// # Errors
+    /// The file cannot be read ([`ErrorKind::File`]), or is damaged or of another spec
+    /// ([`ErrorKind::Model`]).
+    ///
+    /// ```
+    /// use leverrier::{Law, Spec};
+    ///
+    /// let spec = Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let path = std::env::temp_dir().join("leverrier-law-open.model.json");
+    /// let law = spec.fit(&spec.data()?)?;
+    /// law.save(&path)?;
+    /// assert_eq!(Law::open(&path, &spec)?.terms(), law.terms());
+    /// # std::fs::remove_file(&path).unwrap();
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn open(path: impl AsRef<Path>, spec: &Spec) -> Result<Law> {
+        let again = "fit the spec again";
+        let (numbers, file) = model_file::read(path.as_ref(), spec.name(), spec.system(), again)?;
+        Ok(Law { spec: spec.clone(), numbers, file: Some(file) })
+    }
+
+    /// Writes the model file, whole or not at all; a file that is there is replaced.
+    ///
+    /// # Errors
+    /// The file cannot be written ([`ErrorKind::File`]), or the law was not fitted and stands in
+    /// its spec ([`ErrorKind::NothingToDo`]).
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let path = std::env::temp_dir().join("leverrier-law-save.model.json");
+    /// spec.fit(&spec.data()?)?.save(&path)?;
+    /// assert!(std::fs::read_to_string(&path).unwrap().contains("leverrier.model/1"));
+    /// # std::fs::remove_file(&path).unwrap();
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        model_file::write(path.as_ref(), self.fitted("save")?)
+    }
+
+    /// The spec that it is of.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = q^2/2")?;
+    /// assert_eq!(spec.known_law()?.spec().text(), spec.text());
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn spec(&self) -> &Spec {
+        &self.spec
+    }
+
+    /// The terms that were found, each with its coefficient and standard error; none for a law
+    /// that stands in its spec.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let law = spec.fit(&spec.data()?)?;
+    /// let term = &law.terms()[0];
+    /// assert_eq!((term.place.as_str(), term.term.as_str()), ("V", "cos(q)"));
+    /// assert!((term.coefficient + 1.0).abs() < 5.0 * term.standard_error.max(0.002));
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn terms(&self) -> &[LearnedTerm] {
+        self.file.as_ref().map_or(&[], |file| &file.model.terms)
+    }
+
+    /// The coefficient of a term of the function space, written as [`Spec::terms`] gives it (or by
+    /// its own name): zero where it was not chosen, `None` where there is no such term.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let law = spec.fit(&spec.data()?)?;
+    /// assert!(law.coefficient("cos(q)").unwrap() < 0.0);
+    /// assert_eq!(law.coefficient("sin(q)"), None);
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn coefficient(&self, term: &str) -> Option<f64> {
+        let named =
+            |learned: &&LearnedTerm| learned.term == term || learned.name.as_deref() == Some(term);
+        if let Some(learned) = self.terms().iter().find(named) {
+            return Some(learned.coefficient);
+        }
+        self.spec.terms().contains(&term).then_some(0.0)
+    }
+
+    /// The inner parameters that occur in the law, with their standard errors.
+    ///
+    /// ```
+    /// use leverrier::{Data, Spec};
+    ///
+    /// let spec = Spec::parse("coordinates q; momenta p\nparam k = 1.5\nT = p^2/2\nV = span{ cos(k*q) }")?;
+    /// let truth = Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = -cos(2*q)/4")?;
+    /// let times: Vec<f64> = (0..200).map(|i| 0.05 * i as f64).collect();
+    /// let motion = truth.known_law()?.predict(&[1.2, 0.0], &times)?;
+    /// let (q, p) = (motion.column("q").unwrap(), motion.column("p").unwrap());
+    /// let law = spec.fit(&Data::from_slices(&spec, &times, &[&q, &p])?)?;
+    /// assert!((law.parameters()[0].value.abs() - 2.0).abs() < 1e-6);
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn parameters(&self) -> &[LearnedParameter] {
+        self.file.as_ref().map_or(&[], |file| &file.model.parameters)
+    }
+
+    /// Noise of each observable, as the fit found it; none for a law that stands in its spec.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let law = spec.fit(&spec.data()?)?;
+    /// assert_eq!(law.noise()[0].observable, "q");
+    /// assert!(law.noise()[0].standard_deviation > 0.0);
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn noise(&self) -> &[Noise] {
+        self.file.as_ref().map_or(&[], |file| &file.model.noise)
+    }
+
+    /// The motion from a start (coordinates, then momenta, in the spec's units) at `times`, which
+    /// ascend; the first is the time of the start. Integrated to the limit of double precision.
+    ///
+    /// # Errors
+    /// The start has not one number for each coordinate and momentum, or the times do not ascend
+    /// ([`ErrorKind::InvalidArgument`]); the motion leaves the finite numbers
+    /// ([`ErrorKind::NotFinite`]).
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = -cos(q)")?;
+    /// let motion = spec.known_law()?.predict(&[0.1, 0.0], &[0.0, 0.5, 1.0])?;
+    /// assert_eq!(motion.states().len(), 3);
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn predict(&self, start: &[f64], times: &[f64]) -> Result<Trajectory> {
+        let system = self.spec.system();
+        let names: Vec<String> =
+            system.coordinates.iter().chain(&system.momenta).map(|v| v.name.clone()).collect();
+        if start.len() != names.len() || start.iter().any(|x| !x.is_finite()) {
+            return Err(Error::new(
+                ErrorKind::InvalidArgument,
+                format!("a start of {} numbers is no state of this system", start.len()),
+                format!("give one finite number for each of {}", names.join(", ")),
+            ));
+        }
+        let ascending = times.windows(2).all(|pair| pair[0] < pair[1]);
+        if !ascending || times.is_empty() || times.iter().any(|time| !time.is_finite()) {
+            return Err(Error::new(
+                ErrorKind::InvalidArgument,
+                "the times of a prediction must ascend and be finite",
+                "begin with the time of the start",
+            ));
+        }
+        let motion = self.numbers.simulator().trajectories(&[start.to_vec()], times)?;
+        Ok(Trajectory::first(names, motion))
+    }
+
+    /// Holds the law against measurements, best such that it was not learned from.
+    ///
+    /// # Errors
+    /// The measurements are of another spec ([`ErrorKind::InvalidArgument`]), or the law knows no
+    /// noise to judge by, for it was not fitted ([`ErrorKind::NotApplicable`]).
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
+    /// let comparison = spec.fit(&training)?.compare(&held_out)?;
+    /// for finding in comparison.findings() {
+    ///     println!("{finding}");
+    /// }
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn compare(&self, data: &Data) -> Result<Comparison> {
+        data.require(&self.spec)?;
+        self.fitted("compare")?;
+        let context = Context::of(self.numbers.clone(), data.dataset());
+        Ok(Comparison::of(compare(&context, None)?))
+    }
+
+    /// Asks what the law misses: every effect of the catalogue is tested on the measurements that
+    /// it was learned from, and the best are judged on held-out ones.
+    ///
+    /// # Errors
+    /// The measurements are of another spec ([`ErrorKind::InvalidArgument`]), or the law was not
+    /// fitted ([`ErrorKind::NotApplicable`]).
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
+    /// let diagnosis = spec.fit(&training)?.diagnose(&training, &held_out)?;
+    /// println!("{:?}: {}", diagnosis.verdict(), diagnosis.reason());
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn diagnose(&self, training: &Data, held_out: &Data) -> Result<Diagnosis> {
+        training.require(&self.spec)?;
+        held_out.require(&self.spec)?;
+        let model = &self.fitted("diagnose")?.model;
+        let (training, held_out) = (training.dataset(), held_out.dataset());
+        diagnose(self.spec.compiled(), model, training, held_out, &Silent).map(Diagnosis::of)
+    }
+
+    /// The law's spec with an effect in it, to be fitted again: [`Spec::with`].
+    ///
+    /// # Errors
+    /// As [`Spec::with`].
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
+    /// let law = spec.fit(&training)?;
+    /// let damped = law.with("viscous_drag(q)")?.fit(&training)?;
+    /// let error = |law: &leverrier::Law| {
+    ///     Ok::<f64, leverrier::Error>(law.compare(&held_out)?.horizons().last().unwrap().error)
+    /// };
+    /// assert!(error(&law)? > 3.0 && error(&damped)? < 1.5);
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn with(&self, effect: &str) -> Result<Spec> {
+        self.spec.with(effect)
+    }
+
+    /// The law's spec without an effect or a named term: [`Spec::without`].
+    ///
+    /// # Errors
+    /// As [`Spec::without`].
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = q^2/2")?;
+    /// let damped = spec.with("viscous_drag(q)")?;
+    /// assert!(damped.without("viscous_drag(q)")?.known_law().is_ok());
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn without(&self, effect: &str) -> Result<Spec> {
+        self.spec.without(effect)
+    }
+
+    pub(crate) fn numbers(&self) -> &fit::Law {
+        &self.numbers
+    }
+
+    pub(crate) fn file(&self) -> Option<&ModelFile> {
+        self.file.as_ref()
+    }
+
+    /// The record of the fit, for what needs one.
+    fn fitted(&self, what: &str) -> Result<&ModelFile> {
+        let kind = if what == "save" { ErrorKind::NothingToDo } else { ErrorKind::NotApplicable };
+        self.file.as_ref().ok_or_else(|| {
+            Error::new(
+                kind,
+                format!("there is nothing to {what}: the law stands in its spec"),
+                "fit the spec to measurements first",
+            )
+        })
+    }
+}
+
+impl fmt::Display for Law {
+    /// One line for each term: its place, its coefficient with its standard error, and the term.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (at, learned) in self.terms().iter().enumerate() {
+            let LearnedTerm { place, term, coefficient, standard_error, .. } = learned;
+            let line = if at == 0 { "" } else { "\n" };
+            write!(f, "{line}{place}: ({coefficient:.6} ± {standard_error:.1e}) {term}")?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,157 @@
+//! Files of specs, and of measurements as a spec says.
+
+use std::path::Path;
+
+use crate::data::{
+    self, Cells, Column, ColumnMap, DataReport, Dataset, FileSource, Mapping, ObservableMap, Table,
+};
+use crate::error::{Error, Result};
+use crate::expr::Compiled;
+
+/// Rows that show what the columns of a large file hold.
+const HEAD: usize = 10_000;
+
+/// Larger files than this are not specs.
+const LARGEST_SPEC: u64 = 16 << 20;
+
+/// The text of a spec.
+///
+/// # Errors
+/// The file cannot be read or is not text.
+pub fn spec_text(path: &Path) -> Result<String> {
+    let failed = |error| Error::file("read", path, explained(error, NO_SPEC));
+    let about = std::fs::metadata(path).map_err(failed)?;
+    if about.is_dir() {
+        return Err(failed(std::io::Error::other("it is a folder; name the spec in it")));
+    }
+    if about.len() > LARGEST_SPEC {
+        let message = format!("it has {} MB and is no spec", about.len() >> 20);
+        return Err(failed(std::io::Error::other(message)));
+    }
+    let bytes = std::fs::read(path).map_err(failed)?;
+    String::from_utf8(bytes).map_err(|_| {
+        failed(std::io::Error::other("it is not a text file in UTF-8; a spec is plain text"))
+    })
+}
+
+/// All measurements of a file, in memory.
+///
+/// # Errors
+/// The file cannot be read, or has not the columns that the spec asks for.
+pub fn read(compiled: &Compiled, path: &Path) -> Result<(Dataset, DataReport)> {
+    let mut table = data::read(path).map_err(|error| not_there(error, path))?;
+    let mut mapping = mapping(compiled, &table)?;
+    if pairs(compiled) {
+        mapping.run = Some(number_pairs(&mut table, mapping.run.as_deref())?);
+    }
+    data::dataset(&table, &mapping)
+}
+
+/// The measurements of a file as a source that is read anew in every pass.
+///
+/// # Errors
+/// As [`read`].
+pub fn source(compiled: &Compiled, path: &Path) -> Result<FileSource> {
+    let head = data::head(path, HEAD).map_err(|error| not_there(error, path))?;
+    FileSource::new(path, &mapping(compiled, &head)?, pairs(compiled))
+}
+
+/// Whether every two rows are one run.
+fn pairs(compiled: &Compiled) -> bool {
+    compiled.data.as_ref().is_some_and(|columns| columns.pairs)
+}
+
+fn mapping(compiled: &Compiled, table: &Table) -> Result<Mapping> {
+    let (system, columns) = (&compiled.system, compiled.data.as_ref());
+    let mut mapping = Mapping {
+        time: columns.and_then(|c| c.time.as_ref()).map(|time| ColumnMap {
+            column: time.column.clone(),
+            scale: time.scale,
+            offset: 0.0,
+        }),
+        run: columns.and_then(|c| c.run.clone()),
+        observables: Vec::new(),
+    };
+    let observed = columns.map_or_else(|| system.observed_columns(), |c| c.observables.clone());
+    // Coordinates alone will do. But a momentum that is named, of which there are others, or
+    // that a column left over may hold under another name, is missed.
+    let degrees = system.degrees();
+    let second = observed.get(degrees..).unwrap_or(&[]);
+    let usual = system.observed_columns();
+    let mut missed = second.iter().any(|column| !usual.contains(column));
+    for name in second.iter().flat_map(|column| &column.candidates) {
+        missed |= table.find(name)?.is_some();
+    }
+    let first = observed.iter().take(degrees).flat_map(|column| &column.candidates);
+    let mut taken: Vec<&str> = first.map(String::as_str).collect();
+    taken.extend(mapping.run.as_deref());
+    match &mapping.time {
+        Some(time) => taken.push(&time.column),
+        None => taken.extend(data::TIME_NAMES),
+    }
+    let mut held = Vec::new();
+    for name in taken {
+        held.extend(table.find(name)?.map(|column| column.header.clone()));
+    }
+    missed |= table.columns.iter().any(|c| !held.contains(&c.header) && table.is_numeric(c));
+    mapping.observables = observed
+        .into_iter()
+        .enumerate()
+        .map(|(row, column)| ObservableMap {
+            name: column.name,
+            columns: column.candidates,
+            scale: column.scale,
+            offset: 0.0,
+            required: missed || row < degrees,
+        })
+        .collect();
+    Ok(mapping)
+}
+
+/// Adds a column that numbers the pairs: every two rows (of one run) are one.
+fn number_pairs(table: &mut Table, run: Option<&str>) -> Result<String> {
+    let runs = match run {
+        Some(name) => table.find(name)?.map(|column| column.cells.clone()),
+        None => None,
+    };
+    if table.rows() % 2 == 1 {
+        return Err(table.error(
+            table.lines.last().copied(),
+            None,
+            format!("there are {} rows, but pairs need an even number", table.rows()),
+            "the last row has no partner: add it, or remove the row",
+        ));
+    }
+    let cells: Cells = (0..table.rows())
+        .map(|row| match &runs {
+            Some(runs) => format!("{}/{}", runs.get(row - row % 2), row / 2 + 1),
+            None => format!("{}", row / 2 + 1),
+        })
+        .collect();
+    let mut name = "pair".to_string();
+    while table.find(&name)?.is_some() {
+        name.push('_');
+    }
+    table.columns.push(Column { name: name.clone(), header: name.clone(), unit: None, cells });
+    Ok(name)
+}
+
+const NO_DATA: &str = "there is no such file; the spec's `data` line names it, as seen from the \
+                       spec's folder, or give another file";
+
+fn not_there(error: Error, path: &Path) -> Error {
+    match error {
+        Error::File { source, .. } => Error::file("read", path, explained(source, NO_DATA)),
+        other => other,
+    }
+}
+
+/// Says what to do about a file that is not there.
+pub fn explained(error: std::io::Error, advice: &str) -> std::io::Error {
+    match error.kind() {
+        std::io::ErrorKind::NotFound => std::io::Error::new(error.kind(), advice.to_string()),
+        _ => error,
+    }
+}
+
+const NO_SPEC: &str = "there is no such file; `leverrier new DATA.csv` writes a first spec";

@@ -1,0 +1,23 @@
+//! What a program builds on: a spec, measurements, the law that they give, and what it says.
+//!
+//! The types are thin: each holds what the layers before it give, and asks them.
+
+pub(crate) mod checked;
+mod comparison;
+mod data;
+mod diagnosis;
+pub(crate) mod effect;
+#[cfg(feature = "export")]
+pub(crate) mod exports;
+mod law;
+pub(crate) mod measured;
+pub(crate) mod model_file;
+mod spec;
+mod trajectory;
+
+pub use comparison::{Comparison, Horizon};
+pub use data::Data;
+pub use diagnosis::{Diagnosis, Effect, Verdict};
+pub use law::Law;
+pub use spec::Spec;
+pub use trajectory::Trajectory;
