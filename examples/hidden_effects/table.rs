@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use leverrier::internals::diagnose::missing::Verdict;
-use leverrier::internals::spec::effects::{Kind, by_name};
+use leverrier::internals::spec::effects::{EffectKind, by_name};
 
 use super::hidden::outcome::Outcome;
 use super::hidden::pairs::PAIRS;
@@ -210,7 +210,8 @@ fn answer(outcome: &Outcome) -> String {
 
 /// Confusion of kinds: hidden down, named across.
 fn kinds(out: &mut String, done: &[(Task, Outcome)]) {
-    let mut columns: Vec<String> = Kind::ALL.iter().map(|kind| kind.text().to_string()).collect();
+    let mut columns: Vec<String> =
+        EffectKind::ALL.iter().map(|kind| kind.text().to_string()).collect();
     let mut rows = columns.clone();
     columns.extend(["nothing missing".to_string(), "unexplained".to_string()]);
     rows.extend(["nothing".to_string(), "not in the catalogue".to_string()]);

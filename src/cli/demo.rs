@@ -21,7 +21,7 @@ use crate::fit::Options;
 use crate::report::layout::{WIDTH, table, wrapped};
 use crate::report::{present, seconds};
 use crate::simplify::{Style, significant, uncertain};
-use crate::simulate::{Box, Noise, Sampling, Simulator, add_noise, draw};
+use crate::simulate::{InitialDistribution, Interval, Noise, Simulator, add_noise, draw};
 
 /// Watch a law fail, be told what it lacks, and get it.
 ///
@@ -52,7 +52,7 @@ struct Demo {
     name: &'static str,
     /// What it shows, in one line.
     shows: &'static str,
-    run: fn(&Stage) -> Result<Value>,
+    run: fn(&DemoRun) -> Result<Value>,
 }
 
 /// Every demo; the first is the one that runs unless another is named.
@@ -85,7 +85,7 @@ static DEMOS: &[Demo] = &[
 ];
 
 /// Where a demo plays.
-struct Stage<'a> {
+struct DemoRun<'a> {
     folder: &'a Path,
     quick: bool,
     console: &'a Console,
@@ -129,7 +129,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
             temporary.path()
         }
     };
-    let mut object = (demo.run)(&Stage { folder, quick: arguments.quick, console })?;
+    let mut object = (demo.run)(&DemoRun { folder, quick: arguments.quick, console })?;
     object["format"] = json!("leverrier.demo/2");
     object["demo"] = json!(demo.name);
     object["folder"] = json!(arguments.output.as_ref().map(|path| path.display().to_string()));
@@ -173,7 +173,7 @@ const HENON_HEILES_TERMS: &[(&str, &str, f64)] = &[
 /// Standard deviation of the noise of every measured number.
 const SIGMA: f64 = 0.005;
 
-fn henon_heiles(stage: &Stage) -> Result<Value> {
+fn henon_heiles(stage: &DemoRun) -> Result<Value> {
     let say = |text: &str| match stage.console.is_json() {
         true => Ok(()),
         false => stage.console.text(&format!("{}\n\n", text.trim_end())),
@@ -183,9 +183,9 @@ fn henon_heiles(stage: &Stage) -> Result<Value> {
     let truth = expr::build("truth", HENON_HEILES)?;
     let nature = Simulator::known(&truth.system);
     // Chaotic energies, as in DiPietro, Xiong and Zhu (2020).
-    let side = |lower, upper| Box { lower, upper };
-    let sampling = Sampling {
-        boxes: vec![side(-1.0, 1.0), side(-0.5, 1.0), side(-1.0, 1.0), side(-1.0, 1.0)],
+    let side = |lower, upper| Interval { lower, upper };
+    let sampling = InitialDistribution {
+        intervals: vec![side(-1.0, 1.0), side(-0.5, 1.0), side(-1.0, 1.0), side(-1.0, 1.0)],
         energy: Some(side(1.0 / 12.0, 1.0 / 6.0)),
     };
     let starts = draw(&nature, &sampling, pairs, 0.0, 1)?;
@@ -284,7 +284,7 @@ fn henon_heiles(stage: &Stage) -> Result<Value> {
 }
 
 /// Largest distance of a predicted coordinate from the truth up to t = 8.
-fn prediction_error(nature: &Simulator, project: &Project, _: &Stage) -> Result<f64> {
+fn prediction_error(nature: &Simulator, project: &Project, _: &DemoRun) -> Result<f64> {
     let law = project.law(None)?;
     let learned = law.law.simulator();
     let start = vec![vec![-0.48, -0.02, -0.08, 0.18]];

@@ -21,7 +21,7 @@ use crate::facade::effect::NamedEffect;
 use crate::fit::Model;
 use crate::report::design_text;
 use crate::simplify::significant;
-use crate::simulate::Box;
+use crate::simulate::Interval;
 
 /// Say which run to measure next.
 ///
@@ -254,8 +254,8 @@ impl Arguments {
             return Err(usage("--from must be a finite time", "give a time, such as 0"));
         }
         Ok(Allowed {
-            start: boxes("--within", &self.within, system)?,
-            motion: boxes("--stay", &self.stay, system)?,
+            start: intervals("--within", &self.within, system)?,
+            motion: intervals("--stay", &self.stay, system)?,
             from: self.from,
             durations: positive("--duration", &self.duration, DURATIONS)?,
             steps: positive("--step", &self.step, STEPS)?,
@@ -264,7 +264,7 @@ impl Arguments {
 }
 
 /// A bound for each component of the state, where one is given.
-fn boxes(option: &str, texts: &[String], system: &System) -> Result<Vec<Option<Box>>> {
+fn intervals(option: &str, texts: &[String], system: &System) -> Result<Vec<Option<Interval>>> {
     let names: Vec<String> =
         system.coordinates.iter().chain(&system.momenta).map(|v| v.name.clone()).collect();
     let mut out = vec![None; names.len()];
@@ -284,7 +284,7 @@ fn boxes(option: &str, texts: &[String], system: &System) -> Result<Vec<Option<B
 }
 
 /// Values from the lower to the upper end in equal ratios.
-fn between(range: &Box, count: usize) -> Vec<f64> {
+fn between(range: &Interval, count: usize) -> Vec<f64> {
     if range.lower == range.upper {
         return vec![range.lower];
     }

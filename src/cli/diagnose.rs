@@ -14,7 +14,7 @@ use crate::diagnose::detectors::detect;
 use crate::diagnose::missing::{self, Diagnosis};
 use crate::diagnose::suffices;
 use crate::error::Result;
-use crate::report::{About, diagnosis_text};
+use crate::report::{DiagnosisContext, diagnosis_text};
 
 /// Say which physical effect a model lacks, or that nothing is missing.
 ///
@@ -53,7 +53,8 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     };
     drop(progress);
     let found: Vec<&str> = detections.iter().map(|found| found.sentence.as_str()).collect();
-    let about = About { how: &split.how, terms, spec: &project.name(), detections: &found };
+    let about =
+        DiagnosisContext { how: &split.how, terms, spec: &project.name(), detections: &found };
     let text = diagnosis_text(&diagnosis, &about, console.width());
     let mut object = json!({
         "format": "leverrier.diagnose/2",

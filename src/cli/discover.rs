@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::bench::Bench;
 use super::console::Console;
-use super::ledger::{Judged, Ledger};
+use super::ledger::{HeldOutErrors, Ledger};
 use super::progress::Progress;
 use super::project::learned::{origin, write_model};
 use super::project::lock::Lock;
@@ -114,10 +114,10 @@ fn keep(bench: &Bench, found: &Discovery, progress: &Progress) -> Result<()> {
     let mut text = old.text.clone();
     for step in &found.steps {
         text = insert(&text, &step.snippet);
-        let judged = |error: f64| Judged {
+        let judged = |error: f64| HeldOutErrors {
             held_out_error: Some(error),
             samples: found.model.evidence.window,
-            ..Judged::unknown()
+            ..HeldOutErrors::unknown()
         };
         ledger.push(
             format!("add {}", step.effect),

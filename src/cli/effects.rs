@@ -7,7 +7,7 @@ use super::console::Console;
 use super::console::usage;
 use crate::error::Result;
 use crate::report::layout::{WIDTH, table, wrapped};
-use crate::spec::effects::{EffectRow, Kind, On, Scene, by_name, catalogue, hint_for};
+use crate::spec::effects::{ActsOn, EffectKind, EffectRow, Scene, by_name, catalogue, hint_for};
 
 /// List the physical effects that a model may lack, or explain one.
 #[derive(Args)]
@@ -30,7 +30,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         return console.result(&explained(row, width), &object);
     }
     let mut sections = Vec::new();
-    for kind in Kind::ALL {
+    for kind in EffectKind::ALL {
         let rows: Vec<Vec<String>> = catalogue()
             .filter(|row| row.kind == kind)
             .map(|row| {
@@ -70,10 +70,10 @@ fn formula(row: &EffectRow) -> String {
 
 fn example(row: &EffectRow) -> Option<String> {
     let names = match row.on {
-        On::Coordinate => ["q", ""],
-        On::Pair | On::OrderedPair => ["q", "r"],
-        On::Observable => ["o", ""],
-        On::ObservablePair => ["o", "u"],
+        ActsOn::Coordinate => ["q", ""],
+        ActsOn::Pair | ActsOn::OrderedPair => ["q", "r"],
+        ActsOn::Observable => ["o", ""],
+        ActsOn::ObservablePair => ["o", "u"],
     };
     let arguments: Vec<String> =
         names.iter().take(row.on.count()).map(|name| (*name).to_string()).collect();

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::console::Console;
 use super::console::usage;
-use super::ledger::{Judged, Ledger, date};
+use super::ledger::{HeldOutErrors, Ledger, date};
 use super::project::lock::Lock;
 use super::project::undo::{self, spec_text};
 use crate::error::Result;
@@ -82,7 +82,7 @@ pub fn history(arguments: &History, console: &Console) -> Result<()> {
         });
         return console.result(&revision.spec, &object);
     }
-    let error = |judged: &Option<Judged>| {
+    let error = |judged: &Option<HeldOutErrors>| {
         let error = judged.as_ref().and_then(|j| j.held_out_error);
         error.map_or(String::new(), |error| format!("{error:.2}"))
     };

@@ -40,7 +40,7 @@ const RUN_NAMES: &[&str] = &["run", "trial", "id", "experiment", "trajectory", "
 
 /// What goes with a coordinate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Role {
+enum Partner {
     Velocity,
     Momentum,
     /// No column: positions alone are measured.
@@ -49,30 +49,30 @@ enum Role {
 
 /// Names that go together, without the index behind them: coordinate, its partner, and what
 /// the partner is. A new habit is one row here. `*` is any name.
-const PARTNERS: &[(&str, &str, Role)] = &[
-    ("theta", "omega", Role::Velocity),
-    ("phi", "omega", Role::Velocity),
-    ("alpha", "omega", Role::Velocity),
-    ("angle", "angular_velocity", Role::Velocity),
-    ("angle", "omega", Role::Velocity),
-    ("angle", "rate", Role::Velocity),
-    ("position", "velocity", Role::Velocity),
-    ("pos", "vel", Role::Velocity),
-    ("displacement", "velocity", Role::Velocity),
-    ("x", "v", Role::Velocity),
-    ("q", "v", Role::Velocity),
-    ("q", "p", Role::Momentum),
-    ("x", "p", Role::Momentum),
-    ("theta", "p", Role::Momentum),
-    ("*", "*_dot", Role::Velocity),
-    ("*", "*dot", Role::Velocity),
-    ("*", "d*", Role::Velocity),
-    ("*", "d*_dt", Role::Velocity),
-    ("*", "d*dt", Role::Velocity),
-    ("*", "v*", Role::Velocity),
-    ("*", "v_*", Role::Velocity),
-    ("*", "p*", Role::Momentum),
-    ("*", "p_*", Role::Momentum),
+const PARTNERS: &[(&str, &str, Partner)] = &[
+    ("theta", "omega", Partner::Velocity),
+    ("phi", "omega", Partner::Velocity),
+    ("alpha", "omega", Partner::Velocity),
+    ("angle", "angular_velocity", Partner::Velocity),
+    ("angle", "omega", Partner::Velocity),
+    ("angle", "rate", Partner::Velocity),
+    ("position", "velocity", Partner::Velocity),
+    ("pos", "vel", Partner::Velocity),
+    ("displacement", "velocity", Partner::Velocity),
+    ("x", "v", Partner::Velocity),
+    ("q", "v", Partner::Velocity),
+    ("q", "p", Partner::Momentum),
+    ("x", "p", Partner::Momentum),
+    ("theta", "p", Partner::Momentum),
+    ("*", "*_dot", Partner::Velocity),
+    ("*", "*dot", Partner::Velocity),
+    ("*", "d*", Partner::Velocity),
+    ("*", "d*_dt", Partner::Velocity),
+    ("*", "d*dt", Partner::Velocity),
+    ("*", "v*", Partner::Velocity),
+    ("*", "v_*", Partner::Velocity),
+    ("*", "p*", Partner::Momentum),
+    ("*", "p_*", Partner::Momentum),
 ];
 
 /// Coordinates that are known by their name, where no column goes with any.
@@ -97,16 +97,16 @@ const ALONE: &[&str] = &[
 const ANGLES: &[&str] = &["theta", "phi", "alpha", "angle", "psi"];
 
 /// What the columns were taken for.
-struct Guess<'a> {
+struct ColumnRoles<'a> {
     time: &'a Column,
     run: Option<&'a Column>,
     /// Coordinate and its partner.
     pairs: Vec<(&'a Column, Option<&'a Column>)>,
-    role: Role,
+    role: Partner,
     unused: Vec<&'a Column>,
 }
 
-impl<'a> Guess<'a> {
+impl<'a> ColumnRoles<'a> {
     /// All columns of coordinates and of what goes with them.
     fn used(&self) -> impl Iterator<Item = &'a Column> {
         self.pairs.iter().flat_map(|&(q, v)| [Some(q), v]).flatten()
@@ -153,7 +153,7 @@ fn parted(name: &str) -> (String, String) {
 }
 
 /// Whether two columns are a coordinate and its partner, and what kind.
-fn partners(coordinate: &str, other: &str) -> Option<Role> {
+fn partners(coordinate: &str, other: &str) -> Option<Partner> {
     let ((stem, index), (other_stem, other_index)) = (parted(coordinate), parted(other));
     let whole = coordinate.trim().to_lowercase();
     let other_whole = other.trim().to_lowercase();
@@ -170,7 +170,7 @@ fn partners(coordinate: &str, other: &str) -> Option<Role> {
         .map(|row| row.2)
 }
 
-fn guess(table: &Table) -> Result<Guess<'_>> {
+fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
     let is = |column: &Column, names: &[&str]| names.contains(&column.name.to_lowercase().as_str());
     let wrong = |message: String, hint: String| {
         table.error(table.reading.header_line(), None, message, hint)
@@ -193,7 +193,7 @@ fn guess(table: &Table) -> Result<Guess<'_>> {
         .copied()
         .filter(|c| c.header != time.header && run.is_none_or(|run| run.header != c.header))
         .collect();
-    let mut pairs: Vec<(&Column, &Column, Role)> = Vec::new();
+    let mut pairs: Vec<(&Column, &Column, Partner)> = Vec::new();
     for &coordinate in &rest {
         for &other in &rest {
             let taken =
@@ -206,11 +206,11 @@ fn guess(table: &Table) -> Result<Guess<'_>> {
             }
         }
     }
-    let momenta = pairs.iter().all(|pair| pair.2 == Role::Momentum);
-    let (pairs, role): (Vec<(&Column, Option<&Column>)>, Role) = if pairs.is_empty() {
-        (alone(&rest).into_iter().map(|column| (column, None)).collect(), Role::Nothing)
+    let momenta = pairs.iter().all(|pair| pair.2 == Partner::Momentum);
+    let (pairs, role): (Vec<(&Column, Option<&Column>)>, Partner) = if pairs.is_empty() {
+        (alone(&rest).into_iter().map(|column| (column, None)).collect(), Partner::Nothing)
     } else {
-        let role = if momenta { Role::Momentum } else { Role::Velocity };
+        let role = if momenta { Partner::Momentum } else { Partner::Velocity };
         (pairs.iter().map(|pair| (pair.0, Some(pair.1))).collect(), role)
     };
     if pairs.is_empty() {
@@ -223,7 +223,7 @@ fn guess(table: &Table) -> Result<Guess<'_>> {
             "call them for example `theta` and `omega`, `x` and `v`, or `q` and `p`".to_string(),
         ));
     }
-    let mut guess = Guess { time, run, pairs, role, unused: Vec::new() };
+    let mut guess = ColumnRoles { time, run, pairs, role, unused: Vec::new() };
     // A wrong cell is told now, not by the first fit.
     for column in guess.used().chain([guess.time]) {
         table.numbers(column)?;
@@ -276,7 +276,7 @@ fn quoted(name: &str) -> String {
 }
 
 /// The text of the spec, and what it assumes in sentences.
-fn spec(guess: &Guess, data: &Path, path: &Path) -> (String, Vec<String>) {
+fn spec(guess: &ColumnRoles, data: &Path, path: &Path) -> (String, Vec<String>) {
     let mut assumed = vec![format!("time is `{}`", guess.time.header)];
     match guess.run {
         Some(run) => assumed.push(format!("`{}` tells the runs apart", run.header)),
@@ -293,13 +293,13 @@ fn spec(guess: &Guess, data: &Path, path: &Path) -> (String, Vec<String>) {
     let shown = |column: &Column| unit(column).filter(|_| all);
     for (q, v) in &guess.pairs {
         let its = match (v, guess.role) {
-            (Some(v), Role::Momentum) => format!("and `{}` its momentum", v.header),
+            (Some(v), Partner::Momentum) => format!("and `{}` its momentum", v.header),
             (Some(v), _) => format!("and `{}` its velocity", v.header),
             (None, _) => "whose velocity is not measured".to_string(),
         };
         assumed.push(format!("`{}` is a coordinate {its}", q.header));
     }
-    if guess.role != Role::Momentum {
+    if guess.role != Partner::Momentum {
         assumed.push("every mass is 1 (change T in the spec if you know better)".to_string());
     }
     for column in &guess.unused {
@@ -341,7 +341,7 @@ fn spec(guess: &Guess, data: &Path, path: &Path) -> (String, Vec<String>) {
     }
     let momenta: Vec<String> = names
         .iter()
-        .map(|(q, v)| if guess.role == Role::Velocity { format!("p_{q}") } else { v.clone() })
+        .map(|(q, v)| if guess.role == Partner::Velocity { format!("p_{q}") } else { v.clone() })
         .collect();
     let kinetic: Vec<String> = momenta.iter().map(|p| format!("{p}^2/2")).collect();
     let coordinates: Vec<String> = names.iter().map(|(q, _)| q.clone()).collect();
@@ -354,9 +354,9 @@ fn spec(guess: &Guess, data: &Path, path: &Path) -> (String, Vec<String>) {
         }
     }
     let (keyword, about) = match guess.role {
-        Role::Velocity => ("velocities ", "measured velocities; momenta are called p_..."),
-        Role::Momentum => ("momenta    ", "the momenta that belong to them"),
-        Role::Nothing => ("momenta    ", "not measured: they are found along the way"),
+        Partner::Velocity => ("velocities ", "measured velocities; momenta are called p_..."),
+        Partner::Momentum => ("momenta    ", "the momenta that belong to them"),
+        Partner::Nothing => ("momenta    ", "not measured: they are found along the way"),
     };
     let text = format!(
         "# A first spec for {file}, to be edited. Text behind a # is a comment.\n\
@@ -390,7 +390,7 @@ fn absolute(path: &Path) -> String {
 }
 
 /// Columns of the guess that never change.
-fn constant_columns(table: &Table, guess: &Guess) -> Vec<String> {
+fn constant_columns(table: &Table, guess: &ColumnRoles) -> Vec<String> {
     let of_column = |column: &Column| {
         let numbers = table.numbers(column).ok()?;
         let mut known = numbers.iter().filter(|x| !x.is_nan());

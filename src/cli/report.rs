@@ -17,9 +17,9 @@ use crate::data::write_atomically;
 use crate::diagnose::missing::Diagnosis;
 use crate::error::{Error, Result};
 use crate::report::document;
-use crate::report::html::{self, Drawn, Page};
+use crate::report::html::{self, Page, RenderedPage};
 use crate::report::plots::{
-    IMAGES, Look, Paper, escaped_id, image, plot, printable, require_scale,
+    Background, IMAGES, PictureStyle, escaped_id, image, plot, printable, require_scale,
 };
 
 /// Write one page that shows the law, where it fails, what is missing, and how it was found.
@@ -119,16 +119,16 @@ impl Document {
         stem.map(|stem| escaped_id(&stem) + "-figures")
     }
 
-    fn of(page: &Page, drawn: &Drawn, folder: String) -> Self {
+    fn of(page: &Page, drawn: &RenderedPage, folder: String) -> Self {
         Document { text: document::latex(page, &drawn.figures, &folder), folder }
     }
 
     /// Writes the figures, then the text; how many bytes the text has.
-    fn write(&self, path: &Path, drawn: &Drawn) -> Result<usize> {
+    fn write(&self, path: &Path, drawn: &RenderedPage) -> Result<usize> {
         let kind = printable()?;
         let folder = path.with_file_name(&self.folder);
         std::fs::create_dir_all(&folder).map_err(|error| Error::file("create", &folder, error))?;
-        let look = Look { paper: Some(Paper::Light), scale: FOR_PRINT };
+        let look = PictureStyle { paper: Some(Background::Light), scale: FOR_PRINT };
         for (name, figure) in document::files(drawn) {
             write_atomically(&folder.join(name), &(kind.draw)(figure, look)?)?;
         }
@@ -157,10 +157,10 @@ fn require_page(path: &Path, force: bool) -> Result<()> {
 }
 
 /// Writes every figure as files of its own, and gives their names.
-fn write_plots(folder: &Path, drawn: &Drawn, arguments: &Arguments) -> Result<Vec<String>> {
+fn write_plots(folder: &Path, drawn: &RenderedPage, arguments: &Arguments) -> Result<Vec<String>> {
     std::fs::create_dir_all(folder).map_err(|error| Error::file("create", folder, error))?;
-    let paper = arguments.dark.then_some(Paper::Dark);
-    let look = Look { paper, scale: arguments.scale };
+    let paper = arguments.dark.then_some(Background::Dark);
+    let look = PictureStyle { paper, scale: arguments.scale };
     let mut files = Vec::new();
     for figure in drawn.figures.iter().flat_map(|(_, figures)| figures) {
         for row in arguments.kinds.iter().filter_map(|name| image(name)) {
@@ -176,7 +176,7 @@ fn tell(
     console: &Console,
     arguments: &Arguments,
     (path, bytes): (&Path, usize),
-    drawn: &Drawn,
+    drawn: &RenderedPage,
     files: &[String],
     findings: &[String],
     diagnosis: Option<&Diagnosis>,

@@ -10,12 +10,12 @@ use super::console::Console;
 use super::ledger::Ledger;
 use super::progress::Progress;
 use super::project::lock::Lock;
-use super::project::revise::{self, Revision};
+use super::project::revise::{self, RevisionOutcome};
 use super::splitting::Splitting;
 use crate::error::Result;
 use crate::fit::Silent;
 use crate::report::present;
-use crate::report::{Revised, revision_text};
+use crate::report::{RevisionSummary, revision_text};
 
 /// Add an effect to a spec, learn again, and show before and after on held-out runs.
 #[derive(Args)]
@@ -69,8 +69,8 @@ pub fn remove(arguments: &Remove, console: &Console) -> Result<()> {
     show(&bench, &revision, console)
 }
 
-fn show(bench: &Bench, revision: &Revision, console: &Console) -> Result<()> {
-    let revised = Revised {
+fn show(bench: &Bench, revision: &RevisionOutcome, console: &Console) -> Result<()> {
+    let revised = RevisionSummary {
         action: &revision.action,
         how: &bench.split.how,
         before: &revision.was.horizons,

@@ -14,7 +14,8 @@ use crate::error::Result;
 use crate::expr::{DataColumns, System};
 use crate::report::layout::counted;
 use crate::simulate::{
-    Box, Integrator, Sampling, Simulator, add_noise, consecutive_pairs, draw, drop_samples,
+    InitialDistribution, IntegratorChoice, Interval, Simulator, add_noise, consecutive_pairs, draw,
+    drop_samples,
 };
 
 /// More numbers than this are refused rather than kept in memory.
@@ -243,10 +244,10 @@ impl Arguments {
     }
 
     /// What to integrate with.
-    fn integrator(&self) -> Result<Integrator> {
+    fn integrator(&self) -> Result<IntegratorChoice> {
         if self.method != "taylor" {
             return match self.tolerance {
-                None => Ok(Integrator::Chosen),
+                None => Ok(IntegratorChoice::Chosen),
                 Some(_) => Err(usage(
                     "--tolerance goes with --method taylor",
                     "leave it out: equal steps reach the limit of double precision",
@@ -260,7 +261,7 @@ impl Arguments {
                 "1e-9 is a fair choice; 0 is as accurate as numbers are",
             ));
         }
-        Ok(Integrator::Taylor { tolerance })
+        Ok(IntegratorChoice::Taylor { tolerance })
     }
 
     /// The initial states.
@@ -302,10 +303,10 @@ impl Arguments {
                 })
                 .collect();
         }
-        let mut boxes: Vec<Option<Box>> = vec![None; names.len()];
+        let mut intervals: Vec<Option<Interval>> = vec![None; names.len()];
         for text in &self.start {
-            for (side, value) in boxes.iter_mut().zip(state(text, &names)?) {
-                *side = value.map(|x| Box { lower: x, upper: x }).or(*side);
+            for (side, value) in intervals.iter_mut().zip(state(text, &names)?) {
+                *side = value.map(|x| Interval { lower: x, upper: x }).or(*side);
             }
         }
         for text in &self.sample {
@@ -315,10 +316,10 @@ impl Arguments {
             let range = range_of(range)?;
             let found = matching(&names, name.trim())?;
             for at in found {
-                boxes[at] = Some(range);
+                intervals[at] = Some(range);
             }
         }
-        let missing: Vec<&str> = boxes
+        let missing: Vec<&str> = intervals
             .iter()
             .zip(&names)
             .filter(|(side, _)| side.is_none())
@@ -331,7 +332,8 @@ impl Arguments {
             ));
         }
         let energy = self.energy.as_deref().map(range_of).transpose()?;
-        let sampling = Sampling { boxes: boxes.into_iter().flatten().collect(), energy };
+        let sampling =
+            InitialDistribution { intervals: intervals.into_iter().flatten().collect(), energy };
         draw(simulator, &sampling, self.runs.unwrap_or(1).max(1), self.from, self.seed)
     }
 }

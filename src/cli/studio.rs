@@ -11,7 +11,7 @@ use tempfile::NamedTempFile;
 use super::console::Console;
 use super::report::reproduce;
 use crate::error::Result;
-use crate::studio::{Options, serve};
+use crate::studio::{StudioOptions, serve};
 
 /// Work on a spec in the browser: see where it fails, add what is missing, undo, export.
 ///
@@ -35,7 +35,7 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
-    let options = Options { spec: arguments.spec.clone(), port: arguments.port, reproduce };
+    let options = StudioOptions { spec: arguments.spec.clone(), port: arguments.port, reproduce };
     serve(&options, |address| {
         let object = json!({ "format": "leverrier.studio/1", "address": address });
         let text = format!("{} is open at\n  {address}", arguments.spec.display());

@@ -3,7 +3,7 @@
 use super::console::usage;
 use crate::error::Result;
 use crate::expr::{System, candidates};
-use crate::simulate::{Box, Noise};
+use crate::simulate::{Interval, Noise};
 use crate::spec::ast::{Expression, ExpressionKind};
 
 /// A whole initial state, as it may be written.
@@ -105,7 +105,7 @@ fn constant(expression: &Expression) -> Option<f64> {
 }
 
 /// `-1..1`.
-pub fn range_of(text: &str) -> Result<Box> {
+pub fn range_of(text: &str) -> Result<Interval> {
     let wrong = |message: String| usage(message, "write the range as LOW..HIGH, such as -1..1");
     let (lower, upper) =
         text.split_once("..").ok_or_else(|| wrong(format!("`{}` is not a range", text.trim())))?;
@@ -113,16 +113,16 @@ pub fn range_of(text: &str) -> Result<Box> {
     if lower > upper {
         return Err(wrong(format!("the range {lower}..{upper} is empty")));
     }
-    Ok(Box { lower, upper })
+    Ok(Interval { lower, upper })
 }
 
 /// `20`, or `5..20`.
-pub fn number_or_range(text: &str) -> Result<Box> {
+pub fn number_or_range(text: &str) -> Result<Interval> {
     if text.contains("..") {
         return range_of(text);
     }
     let value = number(text)?;
-    Ok(Box { lower: value, upper: value })
+    Ok(Interval { lower: value, upper: value })
 }
 
 /// One noise for each observable.

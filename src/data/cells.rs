@@ -6,10 +6,10 @@ use super::cell::{Cell, format_number, parse_cell};
 
 /// The cells of a column, kept in one piece: of text, or of numbers where the file has them.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Cells(Kept);
+pub struct Cells(Storage);
 
 #[derive(Debug, Clone, PartialEq)]
-enum Kept {
+enum Storage {
     Text {
         text: String,
         ends: Vec<usize>,
@@ -22,7 +22,7 @@ enum Kept {
 
 impl Default for Cells {
     fn default() -> Self {
-        Cells(Kept::Numbers(Vec::new()))
+        Cells(Storage::Numbers(Vec::new()))
     }
 }
 
@@ -30,9 +30,9 @@ impl Cells {
     /// How many there are.
     pub fn len(&self) -> usize {
         match &self.0 {
-            Kept::Text { ends, .. } => ends.len(),
-            Kept::Numbers(numbers) => numbers.len(),
-            Kept::Unread(_, count) => *count,
+            Storage::Text { ends, .. } => ends.len(),
+            Storage::Numbers(numbers) => numbers.len(),
+            Storage::Unread(_, count) => *count,
         }
     }
 
@@ -44,24 +44,24 @@ impl Cells {
     /// The cell of a row as text, counted from 0; empty beyond the last.
     pub fn get(&self, row: usize) -> Cow<'_, str> {
         match &self.0 {
-            Kept::Text { text, ends } => Cow::Borrowed(piece(text, ends, row)),
-            Kept::Numbers(numbers) => {
+            Storage::Text { text, ends } => Cow::Borrowed(piece(text, ends, row)),
+            Storage::Numbers(numbers) => {
                 numbers.get(row).map_or(Cow::Borrowed(""), |x| Cow::Owned(format_number(*x)))
             }
-            Kept::Unread(..) => Cow::Borrowed(""),
+            Storage::Unread(..) => Cow::Borrowed(""),
         }
     }
 
     /// What the cell of a row says as a number.
     pub fn number(&self, row: usize, decimal_comma: bool) -> Cell {
         match &self.0 {
-            Kept::Text { text, ends } => parse_cell(piece(text, ends, row), decimal_comma),
-            Kept::Numbers(numbers) => match numbers.get(row) {
+            Storage::Text { text, ends } => parse_cell(piece(text, ends, row), decimal_comma),
+            Storage::Numbers(numbers) => match numbers.get(row) {
                 Some(number) if number.is_finite() => Cell::Number(*number),
                 Some(number) if number.is_infinite() => Cell::Infinite,
                 _ => Cell::Missing,
             },
-            Kept::Unread(..) => Cell::Text,
+            Storage::Unread(..) => Cell::Text,
         }
     }
 
@@ -73,7 +73,7 @@ impl Cells {
     /// What the cells are, when they are neither text nor numbers.
     pub(super) fn unread(&self) -> Option<&'static str> {
         match self.0 {
-            Kept::Unread(what, _) => Some(what),
+            Storage::Unread(what, _) => Some(what),
             _ => None,
         }
     }
@@ -81,14 +81,14 @@ impl Cells {
     /// The numbers, when the file had numbers.
     pub(super) fn as_numbers(&self) -> Option<&[f64]> {
         match &self.0 {
-            Kept::Numbers(numbers) => Some(numbers),
+            Storage::Numbers(numbers) => Some(numbers),
             _ => None,
         }
     }
 
     pub(super) fn push(&mut self, cell: &str) {
         self.become_text();
-        if let Kept::Text { text, ends } = &mut self.0 {
+        if let Storage::Text { text, ends } = &mut self.0 {
             text.push_str(cell);
             ends.push(text.len());
         }
@@ -96,7 +96,7 @@ impl Cells {
 
     pub(super) fn push_number(&mut self, number: f64) {
         match &mut self.0 {
-            Kept::Numbers(numbers) => numbers.push(number),
+            Storage::Numbers(numbers) => numbers.push(number),
             _ => self.push(&format_number(number)),
         }
     }
@@ -107,12 +107,12 @@ impl Cells {
 
     /// Appends cells that cannot be read.
     pub(super) fn push_unread(&mut self, what: &'static str, count: usize) {
-        self.0 = Kept::Unread(what, self.len() + count);
+        self.0 = Storage::Unread(what, self.len() + count);
     }
 
     pub(super) fn extend_numbers(&mut self, more: impl Iterator<Item = f64>) {
         match &mut self.0 {
-            Kept::Numbers(numbers) => numbers.extend(more),
+            Storage::Numbers(numbers) => numbers.extend(more),
             _ => more.for_each(|number| self.push_number(number)),
         }
     }
@@ -120,8 +120,8 @@ impl Cells {
     /// Appends the cells of another piece of the same column.
     pub(super) fn append(&mut self, more: Cells) {
         match (&mut self.0, more.0) {
-            (Kept::Numbers(mine), Kept::Numbers(others)) => mine.extend(others),
-            (_, Kept::Unread(what, count)) => self.push_unread(what, count),
+            (Storage::Numbers(mine), Storage::Numbers(others)) => mine.extend(others),
+            (_, Storage::Unread(what, count)) => self.push_unread(what, count),
             (_, others) => {
                 let others = Cells(others);
                 others.iter().for_each(|cell| self.push(&cell));
@@ -130,13 +130,13 @@ impl Cells {
     }
 
     fn become_text(&mut self) {
-        if !matches!(self.0, Kept::Text { .. }) {
+        if !matches!(self.0, Storage::Text { .. }) {
             let (mut text, mut ends) = (String::new(), Vec::with_capacity(self.len()));
             for cell in self.iter() {
                 text.push_str(&cell);
                 ends.push(text.len());
             }
-            self.0 = Kept::Text { text, ends };
+            self.0 = Storage::Text { text, ends };
         }
     }
 }
@@ -152,7 +152,7 @@ fn piece<'a>(text: &'a str, ends: &[usize], row: usize) -> &'a str {
 
 impl<T: AsRef<str>> FromIterator<T> for Cells {
     fn from_iter<I: IntoIterator<Item = T>>(cells: I) -> Self {
-        let mut out = Cells(Kept::Text { text: String::new(), ends: Vec::new() });
+        let mut out = Cells(Storage::Text { text: String::new(), ends: Vec::new() });
         for cell in cells {
             out.push(cell.as_ref());
         }

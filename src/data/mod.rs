@@ -46,7 +46,7 @@ pub use parquet::{ParquetWriter, to_parquet};
 pub use quality::{Suspicion, SuspicionKind};
 pub use report::{ColumnReport, DataReport, FileReport, Gap, RunReport, Sampling, Streamed};
 pub use select::dataset;
-pub use source::{Chunk, Held, Pass, Piece, RunName, Source};
+pub use source::{Chunk, InMemory, Pass, Piece, RunName, Source};
 pub use split::{Split, concatenate};
 pub use stream::{FileSource, head, memory_needed};
 pub use survey::{Survey, survey, survey_file};

@@ -80,34 +80,34 @@ impl fmt::Display for RunName {
 }
 
 /// A data set in memory is a source too: of one chunk for every so many samples.
-pub struct Held<'a> {
+pub struct InMemory<'a> {
     data: &'a Dataset,
     samples: usize,
 }
 
-impl<'a> Held<'a> {
+impl<'a> InMemory<'a> {
     /// Chunks of whole runs, with `samples` samples or a little more.
     pub fn new(data: &'a Dataset, samples: usize) -> Self {
-        Held { data, samples }
+        InMemory { data, samples }
     }
 }
 
-impl Source for Held<'_> {
+impl Source for InMemory<'_> {
     fn observables(&self) -> &[String] {
         &self.data.observables
     }
 
     fn pass(&self) -> Result<Box<dyn Pass + '_>> {
-        Ok(Box::new(HeldPass { held: self, next: 0 }))
+        Ok(Box::new(InMemoryPass { held: self, next: 0 }))
     }
 }
 
-struct HeldPass<'a> {
-    held: &'a Held<'a>,
+struct InMemoryPass<'a> {
+    held: &'a InMemory<'a>,
     next: usize,
 }
 
-impl Pass for HeldPass<'_> {
+impl Pass for InMemoryPass<'_> {
     fn next(&mut self) -> Result<Option<Chunk>> {
         let runs = &self.held.data.runs;
         if self.next >= runs.len() {

@@ -15,7 +15,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::fit::Monitor;
 use crate::fit::segments::typical_step;
 use crate::fit::uncertainty::covariance;
-use crate::simulate::Box;
+use crate::simulate::Interval;
 
 /// A rival that is further behind than this has been told apart.
 pub const TOLD_APART: f64 = CLOSE;
@@ -65,11 +65,11 @@ pub fn design(
             (Question::Unknown(at), Some(sought))
         }
     };
-    let everywhere = Box { lower: f64::NEG_INFINITY, upper: f64::INFINITY };
+    let everywhere = Interval { lower: f64::NEG_INFINITY, upper: f64::INFINITY };
     let dimensions = 2 * first.law.system().degrees();
     let reach = reach(&known[0], dataset);
     let start = bounds(&allowed.start, &reach, 0.0);
-    let wide: Vec<Box> = start.iter().zip(&reach).map(|(a, b)| around(a, b)).collect();
+    let wide: Vec<Interval> = start.iter().zip(&reach).map(|(a, b)| around(a, b)).collect();
     let motion = bounds(&allowed.motion, &wide, 1.0);
     let samplings = samplings(dataset, allowed)?;
     let mut jury = Jury { known, dataset, window, motion: vec![everywhere; dimensions], question };
@@ -213,7 +213,7 @@ fn sought(known: &Known, name: Option<&str>) -> Result<(usize, Sought)> {
 }
 
 /// The box of all states that the measurements so far went through.
-fn reach(known: &Known, dataset: &Dataset) -> Vec<Box> {
+fn reach(known: &Known, dataset: &Dataset) -> Vec<Interval> {
     let runs: Vec<(&[f64], &[f64])> = known
         .segments
         .list
@@ -221,18 +221,18 @@ fn reach(known: &Known, dataset: &Dataset) -> Vec<Box> {
         .zip(&known.states)
         .map(|(s, state)| (state, &dataset.runs[s.run].times[s.first..=s.last]))
         .collect();
-    let none = Box { lower: f64::INFINITY, upper: f64::NEG_INFINITY };
+    let none = Interval { lower: f64::INFINITY, upper: f64::NEG_INFINITY };
     let mut reach = vec![none; 2 * known.dynamics.degrees()];
     let paths = known.predict(&runs);
     let states = paths.iter().flat_map(|path| &path.states);
     for state in states.filter(|state| state.iter().all(|x| x.is_finite())) {
         for (side, &x) in reach.iter_mut().zip(state) {
-            *side = Box { lower: side.lower.min(x), upper: side.upper.max(x) };
+            *side = Interval { lower: side.lower.min(x), upper: side.upper.max(x) };
         }
     }
     for side in &mut reach {
         if side.lower > side.upper {
-            *side = Box { lower: -1.0, upper: 1.0 };
+            *side = Interval { lower: -1.0, upper: 1.0 };
         }
         // Numbers that people would say.
         let inner = *side;
@@ -243,17 +243,17 @@ fn reach(known: &Known, dataset: &Dataset) -> Vec<Box> {
 }
 
 /// What was asked for, or else the usual, made wider on both sides by a part of its width.
-fn bounds(asked: &[Option<Box>], usual: &[Box], wider: f64) -> Vec<Box> {
-    let of = |(i, usual): (usize, &Box)| {
+fn bounds(asked: &[Option<Interval>], usual: &[Interval], wider: f64) -> Vec<Interval> {
+    let of = |(i, usual): (usize, &Interval)| {
         let more = wider * (usual.upper - usual.lower);
-        let usual = Box { lower: usual.lower - more, upper: usual.upper + more };
+        let usual = Interval { lower: usual.lower - more, upper: usual.upper + more };
         asked.get(i).copied().flatten().unwrap_or(usual)
     };
     usual.iter().enumerate().map(of).collect()
 }
 
-fn around(a: &Box, b: &Box) -> Box {
-    Box { lower: a.lower.min(b.lower), upper: a.upper.max(b.upper) }
+fn around(a: &Interval, b: &Interval) -> Interval {
+    Interval { lower: a.lower.min(b.lower), upper: a.upper.max(b.upper) }
 }
 
 /// Every duration with every step.
@@ -368,7 +368,7 @@ fn shorter(x: f64) -> f64 {
     format!("{x:.11e}").parse().unwrap_or(x)
 }
 
-fn named_bounds(rival: &Rival, bounds: &[Box]) -> Vec<Bound> {
+fn named_bounds(rival: &Rival, bounds: &[Interval]) -> Vec<Bound> {
     let names = state_names(rival).into_iter().zip(bounds);
     names.map(|(name, b)| Bound { name, lower: b.lower, upper: b.upper }).collect()
 }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::simulate::Box;
+use crate::simulate::Interval;
 
 /// What the new run is for.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -18,9 +18,9 @@ pub enum Goal {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Allowed {
     /// Where each component of the state (q, then p) may start.
-    pub start: Vec<Option<Box>>,
+    pub start: Vec<Option<Interval>>,
     /// What each component may not leave as long as the run lasts.
-    pub motion: Vec<Option<Box>>,
+    pub motion: Vec<Option<Interval>>,
     /// Time of the first sample.
     pub from: Option<f64>,
     /// Times from the first to the last sample that are tried.

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::context::Context;
 use crate::data::{Dataset, Packed};
-use crate::dynamics::{Batch, Dynamics, Kind, Method, Scratch, advance, observe};
+use crate::dynamics::{Batch, Dynamics, Method, MethodKind, Scratch, advance, observe};
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::{Bounds, Compiled, Observed, Scope};
 use crate::fit::factor::Factor;
@@ -217,7 +217,9 @@ impl<'a> Known<'a> {
 /// the larger error of the explicit method.
 fn explicit(stepping: Stepping) -> Stepping {
     match (&stepping.method.row().kind, Method::by_name("rk4")) {
-        (Kind::Implicit(_), Some(method)) => Stepping { method, longest: 0.5 * stepping.longest },
+        (MethodKind::Implicit(_), Some(method)) => {
+            Stepping { method, longest: 0.5 * stepping.longest }
+        }
         _ => stepping,
     }
 }

@@ -2,7 +2,7 @@
 
 use super::trial::{Jury, Question, Sampling, Trial};
 use crate::fit::Monitor;
-use crate::simulate::Box;
+use crate::simulate::Interval;
 
 /// A run and what it would bring.
 #[derive(Debug, Clone)]
@@ -54,7 +54,7 @@ const ROUNDS: usize = 24;
 pub(super) fn search(
     jury: &Jury,
     samplings: &[Sampling],
-    bounds: &[Box],
+    bounds: &[Interval],
     monitor: &dyn Monitor,
 ) -> Search {
     let points = points(bounds, if samplings.len() > 1 { FEWER } else { POINTS });
@@ -206,7 +206,7 @@ fn judged(jury: &Jury, at: usize, sampling: &Sampling, starts: &[Vec<f64>]) -> V
 /// The points are multiples of powers of the inverse of the root of x^(d+1) = x + 1, the golden
 /// ratio in d dimensions, which leave no large hole (Roberts, "The unreasonable effectiveness
 /// of quasirandom sequences", 2018).
-fn points(bounds: &[Box], count: usize) -> Vec<Vec<f64>> {
+fn points(bounds: &[Interval], count: usize) -> Vec<Vec<f64>> {
     let degrees = bounds.len() / 2;
     let rest = bounds[degrees..].iter().all(|b| b.lower <= 0.0 && b.upper >= 0.0);
     let place = |unit: &[f64]| -> Vec<f64> {
@@ -240,7 +240,7 @@ fn spread(dimensions: usize, count: usize) -> Vec<Vec<f64>> {
 }
 
 /// The compass around a start; one at rest stays at rest.
-fn around(seed: &Found, step: f64, bounds: &[Box]) -> Vec<Vec<f64>> {
+fn around(seed: &Found, step: f64, bounds: &[Interval]) -> Vec<Vec<f64>> {
     let free = if at_rest(&seed.start) { bounds.len() / 2 } else { bounds.len() };
     let mut out = Vec::new();
     for (i, side) in bounds.iter().enumerate().take(free) {
@@ -256,7 +256,7 @@ fn around(seed: &Found, step: f64, bounds: &[Box]) -> Vec<Vec<f64>> {
     out
 }
 
-fn distance(a: &[f64], b: &[f64], bounds: &[Box]) -> f64 {
+fn distance(a: &[f64], b: &[f64], bounds: &[Interval]) -> f64 {
     let parts = a.iter().zip(b).zip(bounds);
     parts.fold(0.0, |most: f64, ((x, y), side)| {
         let width = side.upper - side.lower;
@@ -265,7 +265,7 @@ fn distance(a: &[f64], b: &[f64], bounds: &[Box]) -> f64 {
 }
 
 /// A number that can be set on a bench: to a fiftieth of the bounds or finer, and within them.
-pub(super) fn round_to(x: f64, side: &Box) -> f64 {
+pub(super) fn round_to(x: f64, side: &Interval) -> f64 {
     let width = side.upper - side.lower;
     if !(width > 0.0 && width.is_finite()) {
         return x;
@@ -288,7 +288,7 @@ mod tests {
 
     #[test]
     fn points_leave_no_large_hole_and_some_rest() {
-        let side = Box { lower: -1.0, upper: 3.0 };
+        let side = Interval { lower: -1.0, upper: 3.0 };
         let all = points(&[side, side], 192);
         assert!(all.iter().flatten().all(|x| (-1.0..=3.0).contains(x)));
         assert!(all.iter().filter(|start| at_rest(start)).count() >= 64);
@@ -310,7 +310,7 @@ mod tests {
             (1234.5, 0.0, 5000.0, 1200.0),
             (0.7, 0.7, 0.7, 0.7),
         ] {
-            let got = round_to(x, &Box { lower, upper });
+            let got = round_to(x, &Interval { lower, upper });
             assert_eq!(got, rounded, "{x}");
             assert!(got != 0.0 || got.is_sign_positive());
         }

@@ -13,7 +13,7 @@ use crate::data::{Dataset, Run};
 use crate::fit::segments::{Segment, Segments, stretches, typical_step};
 use crate::fit::states::States;
 use crate::fit::uncertainty::covariance;
-use crate::simulate::Box;
+use crate::simulate::Interval;
 
 /// When a run is sampled.
 #[derive(Debug, Clone, PartialEq)]
@@ -59,7 +59,7 @@ pub(super) struct Jury<'a> {
     /// Samples of a segment.
     pub window: usize,
     /// The motion may not leave this.
-    pub motion: Vec<Box>,
+    pub motion: Vec<Interval>,
     pub question: Question,
 }
 
@@ -141,7 +141,7 @@ impl Jury<'_> {
 
     fn allows(&self, path: &Path) -> bool {
         path.states.iter().all(|state| {
-            let inside = |(x, side): (&f64, &Box)| *x >= side.lower && *x <= side.upper;
+            let inside = |(x, side): (&f64, &Interval)| *x >= side.lower && *x <= side.upper;
             state.iter().zip(&self.motion).all(inside)
         })
     }

@@ -6,7 +6,7 @@ use super::batch::{Batch, Scratch};
 use super::equations::Dynamics;
 use super::implicit::Stages;
 use super::integrate::advance_recording;
-use super::methods::{Kind, Method, Tableau};
+use super::methods::{Method, MethodKind, Tableau};
 use super::splitting::{rescale, stages};
 use crate::expr::Observed;
 
@@ -68,12 +68,12 @@ impl Recording {
         self.silence(cotangent);
         scratch.step.clone_from(&self.step);
         match &self.method.row().kind {
-            Kind::Splitting(gammas) => {
+            MethodKind::Splitting(gammas) => {
                 if dynamics.separable() {
                     self.sweep(dynamics, gammas, theta, cotangent, gradient, scratch);
                 }
             }
-            Kind::Implicit(tableau) | Kind::Explicit(tableau) => {
+            MethodKind::Implicit(tableau) | MethodKind::Explicit(tableau) => {
                 self.sweep_stages(dynamics, tableau, theta, cotangent, gradient, scratch);
             }
         }

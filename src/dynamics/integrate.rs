@@ -2,7 +2,7 @@
 
 use super::batch::{Batch, Scratch};
 use super::equations::Dynamics;
-use super::methods::{Kind, Method};
+use super::methods::{Method, MethodKind};
 use super::splitting::Recorder;
 use super::{explicit, implicit, splitting};
 
@@ -43,15 +43,15 @@ pub(super) fn advance_recording(
     scratch.step.extend(span.iter().map(|span| span / steps as f64));
     let mut ignore = |_: &[f64]| {};
     match &method.row().kind {
-        Kind::Splitting(_) if !dynamics.separable() => batch.state.fill(f64::NAN),
-        Kind::Splitting(gammas) => {
+        MethodKind::Splitting(_) if !dynamics.separable() => batch.state.fill(f64::NAN),
+        MethodKind::Splitting(gammas) => {
             splitting::advance(dynamics, gammas, batch, steps, theta, scratch, record);
         }
-        Kind::Implicit(tableau) => {
+        MethodKind::Implicit(tableau) => {
             let record = record.unwrap_or(&mut ignore);
             implicit::advance(dynamics, tableau, batch, steps, theta, scratch, record);
         }
-        Kind::Explicit(tableau) => {
+        MethodKind::Explicit(tableau) => {
             let record = record.unwrap_or(&mut ignore);
             explicit::advance(dynamics, tableau, batch, steps, theta, scratch, record);
         }

@@ -14,7 +14,7 @@ pub struct MethodRow {
     /// The map preserves the symplectic form of every Hamiltonian that the kind applies to.
     pub symplectic: bool,
     /// How it steps.
-    pub kind: Kind,
+    pub kind: MethodKind,
     /// Paper and equation.
     pub source: &'static str,
 }
@@ -23,15 +23,15 @@ impl MethodRow {
     /// The tableau of a Runge-Kutta method.
     pub fn tableau(&self) -> Option<&Tableau> {
         match &self.kind {
-            Kind::Splitting(_) => None,
-            Kind::Implicit(tableau) | Kind::Explicit(tableau) => Some(tableau),
+            MethodKind::Splitting(_) => None,
+            MethodKind::Implicit(tableau) | MethodKind::Explicit(tableau) => Some(tableau),
         }
     }
 }
 
 /// How a method steps, with its coefficients.
 #[derive(Debug)]
-pub enum Kind {
+pub enum MethodKind {
     /// A composition of leapfrog steps of lengths `coefficient * h`; for separable dynamics.
     Splitting(&'static [f64]),
     /// Implicit Runge-Kutta; for any dynamics.
@@ -82,15 +82,15 @@ impl Method {
 
     /// Whether the method applies to separable dynamics only.
     pub fn needs_separable(self) -> bool {
-        matches!(self.row().kind, Kind::Splitting(_))
+        matches!(self.row().kind, MethodKind::Splitting(_))
     }
 
     /// Force evaluations that one step takes, an implicit stage counted with its iterations.
     pub fn cost(self) -> usize {
         match &self.row().kind {
-            Kind::Splitting(gammas) => gammas.len(),
-            Kind::Explicit(tableau) => tableau.weights.len(),
-            Kind::Implicit(tableau) => 5 * tableau.weights.len(),
+            MethodKind::Splitting(gammas) => gammas.len(),
+            MethodKind::Explicit(tableau) => tableau.weights.len(),
+            MethodKind::Implicit(tableau) => 5 * tableau.weights.len(),
         }
     }
 }
@@ -154,7 +154,7 @@ pub static METHODS: &[MethodRow] = &[
         order: 2,
         symmetric: true,
         symplectic: true,
-        kind: Kind::Splitting(&[1.0]),
+        kind: MethodKind::Splitting(&[1.0]),
         source: "Verlet, Phys. Rev. 159 (1967) 98, eq. 4; as drift, kick, drift",
     },
     MethodRow {
@@ -162,7 +162,7 @@ pub static METHODS: &[MethodRow] = &[
         order: 4,
         symmetric: true,
         symplectic: true,
-        kind: Kind::Splitting(&symmetric::<3>(&[YOSHIDA_4])),
+        kind: MethodKind::Splitting(&symmetric::<3>(&[YOSHIDA_4])),
         source: "Forest and Ruth, Physica D 43 (1990) 105; Yoshida, Phys. Lett. A 150 (1990) 262, eq. 2.11",
     },
     MethodRow {
@@ -170,7 +170,7 @@ pub static METHODS: &[MethodRow] = &[
         order: 6,
         symmetric: true,
         symplectic: true,
-        kind: Kind::Splitting(&symmetric::<7>(&[
+        kind: MethodKind::Splitting(&symmetric::<7>(&[
             0.784_513_610_477_560,
             0.235_573_213_359_357,
             -1.177_679_984_178_87,
@@ -182,7 +182,7 @@ pub static METHODS: &[MethodRow] = &[
         order: 6,
         symmetric: true,
         symplectic: true,
-        kind: Kind::Splitting(&symmetric::<9>(&[
+        kind: MethodKind::Splitting(&symmetric::<9>(&[
             0.392_161_444_007_314_139_279_250_56,
             0.332_599_136_789_359_438_599_748_64,
             -0.706_246_172_557_639_359_809_964_82,
@@ -195,7 +195,7 @@ pub static METHODS: &[MethodRow] = &[
         order: 8,
         symmetric: true,
         symplectic: true,
-        kind: Kind::Splitting(&symmetric::<15>(&[
+        kind: MethodKind::Splitting(&symmetric::<15>(&[
             0.741_670_364_350_612_953_448_227_80,
             -0.409_100_825_800_031_593_997_300_10,
             0.190_754_710_296_238_379_953_876_26,
@@ -211,7 +211,7 @@ pub static METHODS: &[MethodRow] = &[
         order: 4,
         symmetric: true,
         symplectic: true,
-        kind: Kind::Implicit(Tableau {
+        kind: MethodKind::Implicit(Tableau {
             matrix: &[0.25, 0.25 - SQRT_3 / 6.0, 0.25 + SQRT_3 / 6.0, 0.25],
             weights: &[0.5, 0.5],
             nodes: &[0.5 - SQRT_3 / 6.0, 0.5 + SQRT_3 / 6.0],
@@ -223,7 +223,7 @@ pub static METHODS: &[MethodRow] = &[
         order: 6,
         symmetric: true,
         symplectic: true,
-        kind: Kind::Implicit(Tableau {
+        kind: MethodKind::Implicit(Tableau {
             matrix: &[
                 5.0 / 36.0,
                 2.0 / 9.0 - SQRT_15 / 15.0,
@@ -245,7 +245,7 @@ pub static METHODS: &[MethodRow] = &[
         order: 4,
         symmetric: false,
         symplectic: false,
-        kind: Kind::Explicit(Tableau {
+        kind: MethodKind::Explicit(Tableau {
             matrix: &[
                 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0,
             ],
@@ -259,7 +259,7 @@ pub static METHODS: &[MethodRow] = &[
         order: 6,
         symmetric: false,
         symplectic: false,
-        kind: Kind::Explicit(Tableau {
+        kind: MethodKind::Explicit(Tableau {
             matrix: &lower::<7, 49>(&[
                 &[1.0 / 3.0],
                 &[0.0, 2.0 / 3.0],
@@ -286,7 +286,7 @@ pub static METHODS: &[MethodRow] = &[
         order: 8,
         symmetric: false,
         symplectic: false,
-        kind: Kind::Explicit(Tableau {
+        kind: MethodKind::Explicit(Tableau {
             matrix: &lower::<11, 121>(&[
                 &[0.5],
                 &[0.25, 0.25],

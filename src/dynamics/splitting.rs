@@ -10,7 +10,7 @@ pub type Recorder<'a> = &'a mut dyn FnMut(&[f64]);
 
 /// One stage of a splitting method.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stage {
+pub struct SplittingStage {
     /// q += coefficient h v, or else p -= coefficient h g.
     pub drift: bool,
     pub coefficient: f64,
@@ -23,14 +23,14 @@ pub struct Stage {
 /// The drift that ends one leapfrog step and the one that begins the next are one stage: the
 /// momenta and the time are the same. Time stands still during drift and kick and moves on
 /// between them, which keeps every leapfrog step symmetric and so the order of the composition.
-pub fn stages(gammas: &[f64], steps: usize) -> impl Iterator<Item = Stage> {
+pub fn stages(gammas: &[f64], steps: usize) -> impl Iterator<Item = SplittingStage> {
     let mut start = 0.0;
     let mut before = 0.0;
     let mut first = Vec::with_capacity(2 * gammas.len());
     for &gamma in gammas {
         let coefficient = 0.5 * (before + gamma);
-        first.push(Stage { drift: true, coefficient, time: start });
-        first.push(Stage { drift: false, coefficient: gamma, time: start + 0.5 * gamma });
+        first.push(SplittingStage { drift: true, coefficient, time: start });
+        first.push(SplittingStage { drift: false, coefficient: gamma, time: start + 0.5 * gamma });
         start += gamma;
         before = gamma;
     }
@@ -39,15 +39,15 @@ pub fn stages(gammas: &[f64], steps: usize) -> impl Iterator<Item = Stage> {
         let (step, place) = (at / first.len(), at % first.len());
         let stage = first[place];
         let coefficient = if step > 0 && place == 0 { joint } else { stage.coefficient };
-        Stage { coefficient, time: step as f64 + stage.time, ..stage }
+        SplittingStage { coefficient, time: step as f64 + stage.time, ..stage }
     };
     (0..2 * gammas.len() * steps).map(stage).chain(last(gammas, steps))
 }
 
 /// The drift that ends the last step.
-fn last(gammas: &[f64], steps: usize) -> Option<Stage> {
+fn last(gammas: &[f64], steps: usize) -> Option<SplittingStage> {
     let gamma = gammas.last().filter(|_| steps > 0)?;
-    Some(Stage { drift: true, coefficient: 0.5 * gamma, time: steps as f64 })
+    Some(SplittingStage { drift: true, coefficient: 0.5 * gamma, time: steps as f64 })
 }
 
 /// Advances a batch; `scratch.step` holds the step of each lane. `record` sees the state before
@@ -97,11 +97,11 @@ fn run_loop(
     scratch: &mut Scratch,
 ) -> bool {
     let per_step = 2 * gammas.len();
-    let first: Vec<Stage> = stages(gammas, 1).take(per_step).collect();
+    let first: Vec<SplittingStage> = stages(gammas, 1).take(per_step).collect();
     // The drifts that begin the later steps are longer.
     let second = stages(gammas, 2).nth(per_step);
     let scale =
-        |stage: &Stage, h: f64| if stage.drift { 1.0 } else { -1.0 } * stage.coefficient * h;
+        |stage: &SplittingStage, h: f64| if stage.drift { 1.0 } else { -1.0 } * stage.coefficient * h;
     // A stage that does not move is not for machine code to find.
     let moves = |h: &f64| first.iter().all(|stage| scale(stage, *h) != 0.0);
     if !scratch.step.iter().all(moves) {
@@ -134,7 +134,7 @@ fn run_loop(
 /// One drift or kick of the states, and of the tangents if there are any.
 fn apply(
     dynamics: &Dynamics,
-    stage: Stage,
+    stage: SplittingStage,
     batch: &mut Batch,
     theta: &[f64],
     scratch: &mut Scratch,
@@ -183,7 +183,7 @@ fn apply(
     probed.push(target, source, &out[probed.rows * lanes..], 2 * degrees, columns, lanes);
 }
 
-impl Stage {
+impl SplittingStage {
     /// Sets the factors of the change from the step of each lane and, for what is `timed`, the
     /// times of evaluation.
     pub fn prepare(self, start: &[f64], timed: bool, scratch: &mut Scratch) {

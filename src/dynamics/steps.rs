@@ -3,7 +3,7 @@
 use super::batch::{Batch, Scratch};
 use super::equations::Dynamics;
 use super::integrate::advance;
-use super::methods::{Kind, Method};
+use super::methods::{Method, MethodKind};
 
 /// What to integrate with, and why.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,15 +48,16 @@ pub fn choose_steps(
 ) -> StepChoice {
     let mut methods: Vec<Method> = Method::all()
         .filter(|method| match method.row().kind {
-            Kind::Splitting(_) => dynamics.separable(),
-            Kind::Implicit(_) => !dynamics.separable(),
-            Kind::Explicit(_) => !(dynamics.separable() || keep && dynamics.is_hamiltonian()),
+            MethodKind::Splitting(_) => dynamics.separable(),
+            MethodKind::Implicit(_) => !dynamics.separable(),
+            MethodKind::Explicit(_) => !(dynamics.separable() || keep && dynamics.is_hamiltonian()),
         })
         .collect();
     // The highest order first: it bounds what the others may cost.
     methods.sort_by_key(|method| std::cmp::Reverse(method.row().order));
     let tolerance = raised(tolerance, sample);
-    let mut trial = Trial { dynamics, theta, sample, span, tolerance, scratch, truth: Vec::new() };
+    let mut trial =
+        TrialSteps { dynamics, theta, sample, span, tolerance, scratch, truth: Vec::new() };
     let settled = trial.find_truth(methods[0]);
     let fallback = StepChoice {
         method: methods[0],
@@ -134,7 +135,7 @@ fn raised(tolerance: &[f64], sample: &Batch) -> Vec<f64> {
         .collect()
 }
 
-struct Trial<'a> {
+struct TrialSteps<'a> {
     dynamics: &'a Dynamics,
     theta: &'a [f64],
     sample: &'a Batch,
@@ -145,7 +146,7 @@ struct Trial<'a> {
     truth: Vec<f64>,
 }
 
-impl Trial<'_> {
+impl TrialSteps<'_> {
     fn run(&mut self, method: Method, steps: usize) -> Vec<f64> {
         let mut batch = Batch::new(self.dynamics.degrees(), self.sample.lanes);
         batch.state.clone_from(&self.sample.state);

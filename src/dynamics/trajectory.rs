@@ -38,7 +38,7 @@ pub struct Trajectory {
 
 /// How many steps are taken from one time to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Pace {
+pub enum StepControl {
     /// The same number in every interval.
     PerInterval(usize),
     /// As few equal steps as keep each step at most this long.
@@ -48,9 +48,9 @@ pub enum Pace {
     Tolerance(f64),
 }
 
-impl Pace {
+impl StepControl {
     /// As near to machine precision as doubles allow.
-    pub const FINEST: Pace = Pace::Tolerance(f64::EPSILON);
+    pub const FINEST: StepControl = StepControl::Tolerance(f64::EPSILON);
 }
 
 /// Most steps in one interval, before an interval counts as unresolved.
@@ -79,7 +79,7 @@ pub fn simulate(
     theta: &[f64],
     starts: &[Vec<f64>],
     times: &[f64],
-    pace: Pace,
+    pace: StepControl,
 ) -> Vec<Trajectory> {
     let lanes = starts.len();
     let mut batch = Batch::new(dynamics.degrees(), lanes);
@@ -141,10 +141,10 @@ struct Walk<'a> {
 
 impl Walk<'_> {
     /// Moves every lane on; says which of them were resolved.
-    fn interval(&mut self, batch: &mut Batch, span: f64, pace: Pace) -> Vec<bool> {
+    fn interval(&mut self, batch: &mut Batch, span: f64, pace: StepControl) -> Vec<bool> {
         let steps = match pace {
-            Pace::PerInterval(steps) => steps.max(1),
-            Pace::Longest(longest) => {
+            StepControl::PerInterval(steps) => steps.max(1),
+            StepControl::Longest(longest) => {
                 let steps = (span.abs() / longest.abs()).ceil();
                 // A step of nothing asks for more steps than there are: not resolved.
                 if steps.is_nan() || steps > MOST_STEPS as f64 {
@@ -152,7 +152,7 @@ impl Walk<'_> {
                 }
                 (steps as usize).max(1)
             }
-            Pace::Tolerance(tolerance) => return self.controlled(batch, span, tolerance),
+            StepControl::Tolerance(tolerance) => return self.controlled(batch, span, tolerance),
         };
         *batch = self.moved(batch, span, steps);
         vec![true; batch.lanes]

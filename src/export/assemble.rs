@@ -1,7 +1,7 @@
 //! From a law to the forms that are printed and exported.
 
 use super::{Export, Integrator, IntegratorKind, Pretty, PrettyNumber, Provenance, Tableau};
-use crate::dynamics::{self, Kind, Method};
+use crate::dynamics::{self, Method, MethodKind};
 use crate::fit::Law;
 use crate::simplify::{self, Options, Simplified};
 
@@ -63,9 +63,11 @@ fn integrator(method: Method) -> Integrator {
         name: row.name.to_string(),
         order: row.order,
         kind: match &row.kind {
-            Kind::Splitting(weights) => IntegratorKind::Splitting { weights: weights.to_vec() },
-            Kind::Implicit(t) => IntegratorKind::Implicit(tableau(t)),
-            Kind::Explicit(t) => IntegratorKind::Explicit(tableau(t)),
+            MethodKind::Splitting(weights) => {
+                IntegratorKind::Splitting { weights: weights.to_vec() }
+            }
+            MethodKind::Implicit(t) => IntegratorKind::Implicit(tableau(t)),
+            MethodKind::Explicit(t) => IntegratorKind::Explicit(tableau(t)),
         },
     }
 }

@@ -191,7 +191,7 @@ fn source(export: &Export, model: &Model) -> String {
     }
     let _ = writeln!(out, "    return {};\n}}\n", number(time));
 
-    let body = Body { model, names: &names };
+    let body = FunctionBody { model, names: &names };
     out += &body.scalar("double model_energy", model.energy);
     out += &body.vector("void model_velocity", "DEGREES", &model.velocities);
     out += &body.vector("void model_acceleration", "DEGREES", &model.accelerations);
@@ -229,12 +229,12 @@ fn arrays(tableau: &Tableau) -> String {
     )
 }
 
-struct Body<'a> {
+struct FunctionBody<'a> {
     model: &'a Model,
     names: &'a Identifiers,
 }
 
-impl Body<'_> {
+impl FunctionBody<'_> {
     fn lines(&self, body: &code::Body) -> String {
         let has = |kind: fn(&Symbol) -> bool| body.variables.iter().any(kind);
         let mut lines = String::new();

@@ -52,7 +52,7 @@ pub fn body(model: &Model, names: &Identifiers, dialect: &Dialect, outputs: &[Ex
     for &output in &lowered.outputs {
         uses[output as usize] += 1;
     }
-    let mut writer = Writer {
+    let mut writer = CodeWriter {
         graph,
         names,
         dialect,
@@ -75,49 +75,49 @@ pub fn body(model: &Model, names: &Identifiers, dialect: &Dialect, outputs: &[Ex
 
 /// How tightly a text holds together.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
-enum Strength {
+enum Precedence {
     Sum,
     Product,
     Atom,
 }
 
 #[derive(Clone)]
-struct Text {
+struct CodeText {
     text: String,
-    strength: Strength,
+    strength: Precedence,
 }
 
-impl Text {
-    fn new(text: impl Into<String>, strength: Strength) -> Text {
-        Text { text: text.into(), strength }
+impl CodeText {
+    fn new(text: impl Into<String>, strength: Precedence) -> CodeText {
+        CodeText { text: text.into(), strength }
     }
 
     /// With parentheses when it is looser than `least`.
-    fn within(&self, least: Strength) -> String {
+    fn within(&self, least: Precedence) -> String {
         if self.strength < least { format!("({})", self.text) } else { self.text.clone() }
     }
 
     fn is_atom(&self) -> bool {
-        self.strength == Strength::Atom
+        self.strength == Precedence::Atom
     }
 }
 
-struct Writer<'a> {
+struct CodeWriter<'a> {
     graph: &'a Graph,
     names: &'a Identifiers,
     dialect: &'a Dialect,
     prefix: &'static str,
     /// What each value is written as.
-    texts: Vec<Text>,
+    texts: Vec<CodeText>,
     locals: Vec<(String, String)>,
 }
 
-impl Writer<'_> {
+impl CodeWriter<'_> {
     fn make_local(&mut self, value: Value) {
         let name = format!("{}{}", self.prefix, self.locals.len() + 1);
         let text = std::mem::replace(
             &mut self.texts[value as usize],
-            Text::new(name.clone(), Strength::Atom),
+            CodeText::new(name.clone(), Precedence::Atom),
         );
         self.locals.push((name, text.text));
     }
@@ -128,7 +128,7 @@ impl Writer<'_> {
         instruction: Instruction,
         inputs: &Inputs,
         lowered: &Lowered,
-    ) -> Text {
+    ) -> CodeText {
         let operands: Vec<Value> = instruction.operands().collect();
         if let Instruction::Apply { a, .. }
         | Instruction::Raise { a, .. }
@@ -149,38 +149,38 @@ impl Writer<'_> {
         self.compose(instruction, inputs, lowered)
     }
 
-    fn compose(&self, instruction: Instruction, inputs: &Inputs, lowered: &Lowered) -> Text {
+    fn compose(&self, instruction: Instruction, inputs: &Inputs, lowered: &Lowered) -> CodeText {
         let of = |value: Value| &self.texts[value as usize];
         let slot = |slot: u32| &lowered.slots[slot as usize];
         match instruction {
             Instruction::Load { input } => {
-                Text::new(self.names.of(inputs.varying[input as usize]), Strength::Atom)
+                CodeText::new(self.names.of(inputs.varying[input as usize]), Precedence::Atom)
             }
             Instruction::Broadcast { slot: s } => {
                 let (negative, text) = self.slot(slot(s));
-                signed(negative, text.unwrap_or(Text::new("1.0", Strength::Atom)))
+                signed(negative, text.unwrap_or(CodeText::new("1.0", Precedence::Atom)))
             }
             Instruction::Scale { a, slot: s } => self.scaled(slot(s), of(a)),
             Instruction::AddScaled { a, b, slot: s } => {
                 let (negative, factor) = self.slot(slot(s));
                 let product = times(factor, of(b));
                 let sign = if negative { '-' } else { '+' };
-                let text = format!("{} {sign} {}", of(a).text, product.within(Strength::Product));
-                Text::new(text, Strength::Sum)
+                let text = format!("{} {sign} {}", of(a).text, product.within(Precedence::Product));
+                CodeText::new(text, Precedence::Sum)
             }
             Instruction::Shift { a, slot: s } => self.shifted(of(a), slot(s)),
             Instruction::Multiply { a, b } => product(of(a), of(b)),
             Instruction::Add { a, b } => {
-                let text = format!("{} + {}", of(a).text, of(b).within(Strength::Product));
-                Text::new(text, Strength::Sum)
+                let text = format!("{} + {}", of(a).text, of(b).within(Precedence::Product));
+                CodeText::new(text, Precedence::Sum)
             }
             Instruction::Subtract { a, b } => {
-                let text = format!("{} - {}", of(a).text, of(b).within(Strength::Product));
-                Text::new(text, Strength::Sum)
+                let text = format!("{} - {}", of(a).text, of(b).within(Precedence::Product));
+                CodeText::new(text, Precedence::Sum)
             }
             Instruction::MultiplyAdd { a, b, c } => {
                 let text = format!("{} + {}", of(c).text, product(of(a), of(b)).text);
-                Text::new(text, Strength::Sum)
+                CodeText::new(text, Precedence::Sum)
             }
             Instruction::MultiplyShift { a, b, slot: s } => {
                 self.shifted(&product(of(a), of(b)), slot(s))
@@ -188,59 +188,61 @@ impl Writer<'_> {
             Instruction::ScaleShift { a, slot: s, shift } => {
                 self.shifted(&self.scaled(slot(s), of(a)), slot(shift))
             }
-            Instruction::Reciprocal { a } => {
-                Text::new(format!("1.0 / {}", of(a).within(Strength::Atom)), Strength::Product)
-            }
+            Instruction::Reciprocal { a } => CodeText::new(
+                format!("1.0 / {}", of(a).within(Precedence::Atom)),
+                Precedence::Product,
+            ),
             Instruction::Raise { a, slot: s } => self.raise(of(a), slot(s).factor),
             Instruction::Power { a, b } => {
                 let (a, b) = (of(a), of(b));
-                Text::new((self.dialect.power)(&a.text, &b.text, a.is_atom()), Strength::Atom)
+                CodeText::new((self.dialect.power)(&a.text, &b.text, a.is_atom()), Precedence::Atom)
             }
             Instruction::Apply { a, function } => self.apply(function, of(a)),
         }
     }
 
-    fn shifted(&self, a: &Text, slot: &Slot) -> Text {
+    fn shifted(&self, a: &CodeText, slot: &Slot) -> CodeText {
         let (negative, text) = self.slot(slot);
-        let text = text.unwrap_or(Text::new("1.0", Strength::Atom));
+        let text = text.unwrap_or(CodeText::new("1.0", Precedence::Atom));
         let sign = if negative { '-' } else { '+' };
-        let text = format!("{} {sign} {}", a.text, text.within(Strength::Product));
-        Text::new(text, Strength::Sum)
+        let text = format!("{} {sign} {}", a.text, text.within(Precedence::Product));
+        CodeText::new(text, Precedence::Sum)
     }
 
-    fn scaled(&self, slot: &Slot, a: &Text) -> Text {
+    fn scaled(&self, slot: &Slot, a: &CodeText) -> CodeText {
         let (negative, factor) = self.slot(slot);
         signed(negative, times(factor, a))
     }
 
-    fn apply(&self, function: Function, argument: &Text) -> Text {
+    fn apply(&self, function: Function, argument: &CodeText) -> CodeText {
         let text = (self.dialect.apply)(function, &argument.text, argument.is_atom());
-        Text::new(text, Strength::Atom)
+        CodeText::new(text, Precedence::Atom)
     }
 
-    fn raise(&self, base: &Text, exponent: f64) -> Text {
+    fn raise(&self, base: &CodeText, exponent: f64) -> CodeText {
         let whole = exponent.fract() == 0.0 && exponent.abs() <= 64.0;
         let text = if whole {
             (self.dialect.whole_power)(&base.text, exponent as i32, base.is_atom())
         } else {
             (self.dialect.power)(&base.text, &number(exponent), base.is_atom())
         };
-        Text::new(text, Strength::Atom)
+        CodeText::new(text, Precedence::Atom)
     }
 
     /// A number that is the same at every point: whether it is negative, and its size;
     /// `None` for 1.
-    fn slot(&self, slot: &Slot) -> (bool, Option<Text>) {
+    fn slot(&self, slot: &Slot) -> (bool, Option<CodeText>) {
         let size = slot.factor.abs();
-        let mut text: Option<Text> = (size != 1.0).then(|| Text::new(number(size), Strength::Atom));
+        let mut text: Option<CodeText> =
+            (size != 1.0).then(|| CodeText::new(number(size), Precedence::Atom));
         let mut parts = slot.parts.iter().map(|&(expr, exponent)| {
             let base = self.uniform(expr);
             if exponent == 1.0 { base } else { self.raise(&base, exponent) }
         });
         let product = parts.next().map(|first| {
             parts.fold(first, |product, part| {
-                let (a, b) = (product.within(Strength::Product), part.within(Strength::Atom));
-                Text::new(format!("{a} * {b}"), Strength::Product)
+                let (a, b) = (product.within(Precedence::Product), part.within(Precedence::Atom));
+                CodeText::new(format!("{a} * {b}"), Precedence::Product)
             })
         });
         if let Some(product) = product {
@@ -250,19 +252,20 @@ impl Writer<'_> {
     }
 
     /// An expression of learned numbers alone, in the order of the evaluator's scalar program.
-    fn uniform(&self, expr: Expr) -> Text {
+    fn uniform(&self, expr: Expr) -> CodeText {
         match self.graph.node(expr) {
-            Node::Number(value) => {
-                signed(value.value() < 0.0, Text::new(number(value.value().abs()), Strength::Atom))
-            }
-            Node::Symbol(symbol) => Text::new(self.names.of(*symbol), Strength::Atom),
+            Node::Number(value) => signed(
+                value.value() < 0.0,
+                CodeText::new(number(value.value().abs()), Precedence::Atom),
+            ),
+            Node::Symbol(symbol) => CodeText::new(self.names.of(*symbol), Precedence::Atom),
             Node::Sum { constant, terms } => {
                 let mut sum = String::new();
                 for &(term, factor) in terms.iter() {
                     let factor = factor.value();
                     let size = factor.abs();
-                    let size = (size != 1.0).then(|| Text::new(number(size), Strength::Atom));
-                    let product = times(size, &self.uniform(term)).within(Strength::Product);
+                    let size = (size != 1.0).then(|| CodeText::new(number(size), Precedence::Atom));
+                    let product = times(size, &self.uniform(term)).within(Precedence::Product);
                     sum += match (sum.is_empty(), factor < 0.0) {
                         (true, true) => "-",
                         (true, false) => "",
@@ -276,47 +279,47 @@ impl Writer<'_> {
                     let sign = if constant < 0.0 { '-' } else { '+' };
                     sum += &format!(" {sign} {}", number(constant.abs()));
                 }
-                Text::new(sum, Strength::Sum)
+                CodeText::new(sum, Precedence::Sum)
             }
             Node::Product(parts) => {
                 let slot = Slot {
                     factor: 1.0,
                     parts: parts.iter().map(|&(base, e)| (base, e.value())).collect(),
                 };
-                self.slot(&slot).1.unwrap_or(Text::new("1.0", Strength::Atom))
+                self.slot(&slot).1.unwrap_or(CodeText::new("1.0", Precedence::Atom))
             }
             Node::Power(base, exponent) => {
                 let (base, exponent) = (self.uniform(*base), self.uniform(*exponent));
                 let text = (self.dialect.power)(&base.text, &exponent.text, base.is_atom());
-                Text::new(text, Strength::Atom)
+                CodeText::new(text, Precedence::Atom)
             }
             Node::Apply(function, argument) => self.apply(*function, &self.uniform(*argument)),
         }
     }
 }
 
-fn product(a: &Text, b: &Text) -> Text {
-    let (a, b) = (a.within(Strength::Product), b.within(Strength::Atom));
-    Text::new(format!("{a} * {b}"), Strength::Product)
+fn product(a: &CodeText, b: &CodeText) -> CodeText {
+    let (a, b) = (a.within(Precedence::Product), b.within(Precedence::Atom));
+    CodeText::new(format!("{a} * {b}"), Precedence::Product)
 }
 
 /// factor * a, multiplied from left to right with a as a whole.
-fn times(factor: Option<Text>, a: &Text) -> Text {
+fn times(factor: Option<CodeText>, a: &CodeText) -> CodeText {
     match factor {
         None => a.clone(),
         Some(factor) => {
-            let (factor, a) = (factor.within(Strength::Product), a.within(Strength::Atom));
-            Text::new(format!("{factor} * {a}"), Strength::Product)
+            let (factor, a) = (factor.within(Precedence::Product), a.within(Precedence::Atom));
+            CodeText::new(format!("{factor} * {a}"), Precedence::Product)
         }
     }
 }
 
-fn signed(negative: bool, text: Text) -> Text {
+fn signed(negative: bool, text: CodeText) -> CodeText {
     if !negative {
         return text;
     }
     // A minus sign stands in front of a product only: it binds like a sum inside another.
-    Text::new(format!("-{}", text.within(Strength::Product)), Strength::Sum)
+    CodeText::new(format!("-{}", text.within(Precedence::Product)), Precedence::Sum)
 }
 
 /// The shortest decimal with a point or an exponent that reads back as the same number.

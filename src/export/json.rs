@@ -3,7 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::model::Model;
-use super::tex::Writer;
+use super::tex::TexWriter;
 use super::{Export, IntegratorKind, Output, Tableau};
 use crate::error::Result;
 use crate::expr::{Expr, Graph, Names, Node, Place, Symbol, System, Variable};
@@ -125,7 +125,7 @@ fn expression(graph: &Graph, expr: Expr, names: &Names, numbers: &[super::Pretty
     json!({
         "text": graph.text(expr, names),
         "tree": tree(graph, expr, names),
-        "latex": Writer { graph, names, numbers }.expression(expr),
+        "latex": TexWriter { graph, names, numbers }.expression(expr),
     })
 }
 

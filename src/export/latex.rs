@@ -6,7 +6,7 @@ use super::escape::plain_latex as text;
 use super::letters;
 use super::model::Model;
 use super::number::Measured;
-use super::tex::Writer;
+use super::tex::TexWriter;
 use super::{Export, Output};
 use crate::error::Result;
 use crate::expr::{Expr, Graph, Names, Place, Symbol};
@@ -36,7 +36,7 @@ pub fn equations(export: &Export) -> Result<Vec<Equation>> {
     let gradient = graph.gradient(energy, &system.state());
     let slopes: Vec<Expr> = (0..n).map(|i| graph.subtract(forces[i], gradient[i])).collect();
 
-    let writer = Writer { graph: &graph, names: &names, numbers: &pretty.numbers };
+    let writer = TexWriter { graph: &graph, names: &names, numbers: &pretty.numbers };
     let equation = |left: String, expr| Equation { left, right: writer.lines(expr) };
     let mut out = Vec::new();
     let split = !writer.graph.is_zero(kinetic) || !writer.graph.is_zero(potential);
@@ -120,7 +120,7 @@ pub fn document(export: &Export) -> Result<Output> {
                 let meaning = match constant.symbol {
                     Symbol::Coefficient(k) => {
                         let graph = &system.graph;
-                        let writer = Writer { graph, names: &names, numbers: &[] };
+                        let writer = TexWriter { graph, names: &names, numbers: &[] };
                         format!("${}$", writer.expression(system.terms[k].expr))
                     }
                     _ => text(&constant.meaning),

@@ -99,7 +99,7 @@ pub fn export(export: &Export) -> Result<Output> {
         coefficients: list(&mut (0..system.terms.len()).map(Symbol::Coefficient)),
     };
     let mut whole = system.clone();
-    let parts = Parts::new(export, &mut whole)?;
+    let parts = ModuleParts::new(export, &mut whole)?;
     let python = |expr: Expr| {
         let text = whole.graph.text(expr, &names);
         // Time has no entry in `Names`: it is always t there.
@@ -180,15 +180,15 @@ pub fn export(export: &Export) -> Result<Output> {
 }
 
 /// T, V, what else is in H, and the forces, learned terms included.
-struct Parts {
+struct ModuleParts {
     kinetic: Expr,
     potential: Expr,
     rest: Expr,
     forces: Vec<Expr>,
 }
 
-impl Parts {
-    fn new(export: &Export, system: &mut System) -> Result<Parts> {
+impl ModuleParts {
+    fn new(export: &Export, system: &mut System) -> Result<ModuleParts> {
         let mut part = |place, known| {
             let mut sum = vec![known];
             for (id, term, _) in export.law.terms() {
@@ -198,7 +198,7 @@ impl Parts {
             }
             system.graph.sum(&sum)
         };
-        Ok(Parts {
+        Ok(ModuleParts {
             kinetic: part(Place::Kinetic, export.system().kinetic),
             potential: part(Place::Potential, export.system().potential),
             rest: part(Place::Hamiltonian, export.system().hamiltonian),

@@ -3,7 +3,7 @@
 use super::letters::name;
 use super::number::{Measured, fraction, shortest, significant};
 use super::pretty::PrettyNumber;
-use crate::expr::{Expr, FUNCTIONS, Function, Graph, Latex, Names, Node, Strength, Symbol};
+use crate::expr::{Expr, FUNCTIONS, Function, Graph, Latex, Names, Node, Precedence, Symbol};
 
 /// Largest denominator of a number that is printed as a fraction.
 const LARGEST_DENOMINATOR: u32 = 100;
@@ -11,7 +11,7 @@ const LARGEST_DENOMINATOR: u32 = 100;
 const LINE: usize = 64;
 
 /// Writes expressions of one graph.
-pub struct Writer<'a> {
+pub struct TexWriter<'a> {
     /// The graph that the expressions belong to.
     pub graph: &'a Graph,
     /// What symbols are called.
@@ -20,7 +20,7 @@ pub struct Writer<'a> {
     pub numbers: &'a [PrettyNumber],
 }
 
-impl Writer<'_> {
+impl TexWriter<'_> {
     /// The expression on one line.
     pub fn expression(&self, expr: Expr) -> String {
         self.write(expr).0
@@ -62,7 +62,7 @@ impl Writer<'_> {
         }
     }
 
-    fn write(&self, expr: Expr) -> (String, Strength) {
+    fn write(&self, expr: Expr) -> (String, Precedence) {
         match self.graph.node(expr) {
             Node::Number(_) | Node::Sum { .. } | Node::Product(_) => {
                 let mut terms = self.terms(expr);
@@ -77,10 +77,10 @@ impl Writer<'_> {
                     append(&mut out, *negative, body);
                 }
                 let strength = match (&terms[..], self.graph.node(expr)) {
-                    ([(false, _)], Node::Number(_)) => Strength::Atom,
-                    ([(false, _)], Node::Product(parts)) if parts.len() == 1 => Strength::Power,
-                    ([(false, _)], _) => Strength::Product,
-                    _ => Strength::Sum,
+                    ([(false, _)], Node::Number(_)) => Precedence::Atom,
+                    ([(false, _)], Node::Product(parts)) if parts.len() == 1 => Precedence::Power,
+                    ([(false, _)], _) => Precedence::Product,
+                    _ => Precedence::Sum,
                 };
                 (out, strength)
             }
@@ -88,12 +88,12 @@ impl Writer<'_> {
                 let (negative, text) = self.number(*j, 1.0);
                 let sign = if negative { "-" } else { "" };
                 let loose = negative || text.contains(' ');
-                (format!("{sign}{text}"), if loose { Strength::Sum } else { Strength::Atom })
+                (format!("{sign}{text}"), if loose { Precedence::Sum } else { Precedence::Atom })
             }
-            Node::Symbol(symbol) => (name(&self.names.of(*symbol)), Strength::Atom),
+            Node::Symbol(symbol) => (name(&self.names.of(*symbol)), Precedence::Atom),
             Node::Power(base, exponent) => {
-                let base = self.wrapped(*base, Strength::Atom);
-                (format!("{base}^{{{}}}", self.expression(*exponent)), Strength::Power)
+                let base = self.wrapped(*base, Precedence::Atom);
+                (format!("{base}^{{{}}}", self.expression(*exponent)), Precedence::Power)
             }
             Node::Apply(function, argument) => self.call(*function, *argument, ""),
         }
@@ -165,7 +165,7 @@ impl Writer<'_> {
 
     fn power(&self, base: Expr, exponent: f64) -> String {
         if exponent == 1.0 {
-            return self.wrapped(base, Strength::Power);
+            return self.wrapped(base, Precedence::Power);
         }
         if exponent == 0.5 {
             return format!(r"\sqrt{{{}}}", self.expression(base));
@@ -174,11 +174,11 @@ impl Writer<'_> {
         if let Node::Apply(function, argument) = self.graph.node(base) {
             return self.call(*function, *argument, &exponent).0;
         }
-        format!("{}^{{{exponent}}}", self.wrapped(base, Strength::Atom))
+        format!("{}^{{{exponent}}}", self.wrapped(base, Precedence::Atom))
     }
 
     /// function(argument) ^ exponent; no exponent when it is empty.
-    fn call(&self, function: Function, argument: Expr, exponent: &str) -> (String, Strength) {
+    fn call(&self, function: Function, argument: Expr, exponent: &str) -> (String, Precedence) {
         let inside = self.expression(argument);
         let row = function.row();
         let raised = if exponent.is_empty() { String::new() } else { format!("^{{{exponent}}}") };
@@ -188,10 +188,10 @@ impl Writer<'_> {
             Latex::Bars => format!(r"\left|{inside}\right|{raised}"),
             Latex::Command(command) => format!(r"{command}{raised}\left({inside}\right)"),
         };
-        (text, Strength::Power)
+        (text, Precedence::Power)
     }
 
-    fn wrapped(&self, expr: Expr, least: Strength) -> String {
+    fn wrapped(&self, expr: Expr, least: Precedence) -> String {
         let (text, strength) = self.write(expr);
         if strength < least { format!(r"\left({text}\right)") } else { text }
     }
@@ -374,7 +374,7 @@ mod tests {
                 snapped: Some("pi/2".into()),
             },
         ];
-        Writer { graph: &graph, names: &Names::default(), numbers: &numbers }.expression(expr)
+        TexWriter { graph: &graph, names: &Names::default(), numbers: &numbers }.expression(expr)
     }
 
     #[test]
@@ -469,7 +469,7 @@ mod tests {
             let mut graph = Graph::new();
             let expr = random(&mut graph, &code);
             let numbers = [PrettyNumber { value: -1e-9, standard_error: 1e-10, snapped: None }];
-            let writer = Writer { graph: &graph, names: &Names::default(), numbers: &numbers };
+            let writer = TexWriter { graph: &graph, names: &Names::default(), numbers: &numbers };
             let text = writer.expression(expr);
             prop_assert!(balanced(&text), "{}", text);
             prop_assert!(!text.contains("NaN") && !text.contains("inf "), "{}", text);

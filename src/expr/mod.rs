@@ -24,7 +24,7 @@ pub use identity::{ParameterId, TermId};
 pub use independence::{Dependence, MOST_EXAMINED, dependences};
 pub use lower::{Candidate, Compiled, Extension, MOST_TERMS, Scope, build};
 pub use print::Names;
-pub(crate) use print::Strength;
+pub(crate) use print::Precedence;
 pub use space::{FunctionSpace, SpaceKnown, SpaceParameter, SpaceTerm, SpaceVariable};
 pub use system::{Bounds, Observed, Parameter, Place, System, Term, Variable};
 pub use unit::Unit;

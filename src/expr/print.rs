@@ -33,7 +33,7 @@ impl Names {
 
 /// How tightly a text holds together; a looser one gets parentheses inside a tighter one.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
-pub(crate) enum Strength {
+pub(crate) enum Precedence {
     Sum,
     Product,
     Power,
@@ -46,10 +46,10 @@ impl Graph {
         self.write(expr, names).0
     }
 
-    fn write(&self, expr: Expr, names: &Names) -> (String, Strength) {
+    fn write(&self, expr: Expr, names: &Names) -> (String, Precedence) {
         match self.node(expr) {
             Node::Number(number) => number_text(number.value()),
-            Node::Symbol(symbol) => (names.of(*symbol), Strength::Atom),
+            Node::Symbol(symbol) => (names.of(*symbol), Precedence::Atom),
             Node::Sum { constant, terms } => {
                 let mut out = String::new();
                 // The first term that is added leads: q[3] - q[2], not -q[2] + q[3].
@@ -65,8 +65,11 @@ impl Graph {
                 }
                 let single = terms.len() == 1 && constant == 0.0;
                 // A leading minus binds like a sum: it needs parentheses inside a product.
-                let strength =
-                    if single && !out.starts_with('-') { Strength::Product } else { Strength::Sum };
+                let strength = if single && !out.starts_with('-') {
+                    Precedence::Product
+                } else {
+                    Precedence::Sum
+                };
                 (out, strength)
             }
             Node::Product(parts) => {
@@ -85,16 +88,16 @@ impl Graph {
                 for factor in under {
                     let _ = write!(out, "/{factor}");
                 }
-                (out, if single_power { Strength::Power } else { Strength::Product })
+                (out, if single_power { Precedence::Power } else { Precedence::Product })
             }
             Node::Power(base, exponent) => {
-                let base = self.wrapped(*base, names, Strength::Atom);
-                let exponent = self.wrapped(*exponent, names, Strength::Atom);
-                (format!("{base}^{exponent}"), Strength::Power)
+                let base = self.wrapped(*base, names, Precedence::Atom);
+                let exponent = self.wrapped(*exponent, names, Precedence::Atom);
+                (format!("{base}^{exponent}"), Precedence::Power)
             }
             Node::Apply(function, argument) => {
                 let argument = self.text(*argument, names);
-                (format!("{}({argument})", function.row().name), Strength::Atom)
+                (format!("{}({argument})", function.row().name), Precedence::Atom)
             }
         }
     }
@@ -107,7 +110,7 @@ impl Graph {
             (false, true) => " - ",
             (false, false) => " + ",
         };
-        let text = self.wrapped(term, names, Strength::Product);
+        let text = self.wrapped(term, names, Precedence::Product);
         let size = factor.abs();
         let inverse = 1.0 / size;
         let _ = if size == 1.0 {
@@ -120,27 +123,27 @@ impl Graph {
     }
 
     fn write_power(&self, base: Expr, exponent: f64, names: &Names) -> String {
-        let text = self.wrapped(base, names, Strength::Atom);
+        let text = self.wrapped(base, names, Precedence::Atom);
         if exponent == 1.0 {
             return text;
         }
         let (exponent, strength) = number_text(exponent);
-        if strength == Strength::Atom {
+        if strength == Precedence::Atom {
             format!("{text}^{exponent}")
         } else {
             format!("{text}^({exponent})")
         }
     }
 
-    fn wrapped(&self, expr: Expr, names: &Names, least: Strength) -> String {
+    fn wrapped(&self, expr: Expr, names: &Names, least: Precedence) -> String {
         let (text, strength) = self.write(expr, names);
         if strength < least { format!("({text})") } else { text }
     }
 }
 
 /// The shortest decimal that reads back as the same number.
-fn number_text(value: f64) -> (String, Strength) {
+fn number_text(value: f64) -> (String, Precedence) {
     let plain = value == 0.0 || (1e-5..1e16).contains(&value.abs());
     let text = if plain { format!("{value}") } else { format!("{value:e}") };
-    (text, if value < 0.0 { Strength::Sum } else { Strength::Atom })
+    (text, if value < 0.0 { Precedence::Sum } else { Precedence::Atom })
 }

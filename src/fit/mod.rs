@@ -56,7 +56,7 @@ pub use resume::resume;
 
 use std::sync::Arc;
 
-use crate::data::{Dataset, Held, Source, Survey, survey};
+use crate::data::{Dataset, InMemory, Source, Survey, survey};
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
 
@@ -140,7 +140,7 @@ fn learn(
     }
     if dataset.samples() > ALL_AT_ONCE {
         // The early rounds on a sample, the last ones on all data.
-        let source = Held::new(dataset, HELD_CHUNK);
+        let source = InMemory::new(dataset, HELD_CHUNK);
         let survey = survey(&source, SAMPLED, options.seed, &|_| true)?;
         return streamed::learn(system, &source, &survey, options, monitor);
     }

@@ -7,7 +7,7 @@
 
 use super::block::Block;
 use super::pass::Problem;
-use crate::dynamics::{Batch, Dynamics, Kind, Method, Scratch, advance};
+use crate::dynamics::{Batch, Dynamics, Method, MethodKind, Scratch, advance};
 
 /// The cheaper trajectory may differ by this part of the motion from end to end,
 const APART: f64 = 1e-4;
@@ -60,7 +60,7 @@ impl<'a> Motion<'a> {
     ) -> Motion<'a> {
         let (lanes, intervals) = (block.lanes(), block.samples.max(2) - 1);
         let row = problem.stepping.method.row();
-        let dear = matches!(row.kind, Kind::Splitting(_)) && row.order > DEAR;
+        let dear = matches!(row.kind, MethodKind::Splitting(_)) && row.order > DEAR;
         Motion {
             batch: Batch::with_tangents_in(
                 scratch,

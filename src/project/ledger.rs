@@ -17,7 +17,7 @@ pub const BY_HAND: &str = "edited by hand";
 
 /// Error of a model on held-out runs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Judged {
+pub struct HeldOutErrors {
     /// Root mean square in units of the noise, over `samples` at a time; null without held-out
     /// runs.
     #[serde(alias = "unseen_error")]
@@ -32,10 +32,10 @@ pub struct Judged {
     pub noise: Vec<(String, f64)>,
 }
 
-impl Judged {
+impl HeldOutErrors {
     /// Where nothing is held out.
     pub fn unknown() -> Self {
-        Judged {
+        HeldOutErrors {
             held_out_error: None,
             noise_floor: 1.0,
             samples: 0,
@@ -57,8 +57,8 @@ pub struct Revision {
     /// Whether it was taken back.
     pub undone: bool,
     /// Before and after the action; null for the start.
-    pub before: Option<Judged>,
-    pub after: Option<Judged>,
+    pub before: Option<HeldOutErrors>,
+    pub after: Option<HeldOutErrors>,
 }
 
 /// All revisions of a spec, oldest first.
@@ -156,8 +156,8 @@ impl Ledger {
         &mut self,
         action: String,
         spec: String,
-        before: Option<Judged>,
-        after: Option<Judged>,
+        before: Option<HeldOutErrors>,
+        after: Option<HeldOutErrors>,
     ) {
         let time = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |past| past.as_secs());
         self.revisions.push(Revision { action, time, spec, undone: false, before, after });

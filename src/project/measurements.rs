@@ -19,7 +19,7 @@ const SMALL: u64 = 1 << 20;
 /// Measurements to learn from.
 pub enum Measurements {
     /// All of them.
-    Held(Box<(Dataset, DataReport)>),
+    InMemory(Box<(Dataset, DataReport)>),
     /// A file that is read in every pass, and what the first pass found.
     Streamed(Box<FileSource>, Box<Survey>),
 }
@@ -38,7 +38,7 @@ impl Measurements {
         say: impl Fn(&str),
     ) -> Result<Measurements> {
         let Some(needed) = too_large(project, asked, allowed)? else {
-            return Ok(Measurements::Held(Box::new(project.read(asked)?)));
+            return Ok(Measurements::InMemory(Box::new(project.read(asked)?)));
         };
         say(&format!(
             "The data would take about {} of memory, and {} are allowed: they are read part by \
@@ -63,7 +63,7 @@ impl Measurements {
         monitor: &dyn Monitor,
     ) -> Result<Model> {
         match self {
-            Measurements::Held(held) => learn(system, &held.0, options, threads, monitor),
+            Measurements::InMemory(held) => learn(system, &held.0, options, threads, monitor),
             Measurements::Streamed(source, survey) => on_threads(threads, || {
                 fit_stream(system, source.as_ref(), survey, options, monitor)
             }),
@@ -73,7 +73,7 @@ impl Measurements {
     /// All measurements, or a sample of them.
     pub fn dataset(&self) -> &Dataset {
         match self {
-            Measurements::Held(held) => &held.0,
+            Measurements::InMemory(held) => &held.0,
             Measurements::Streamed(_, survey) => &survey.sample,
         }
     }
@@ -81,7 +81,7 @@ impl Measurements {
     /// What they hold.
     pub fn report(&self) -> &DataReport {
         match self {
-            Measurements::Held(held) => &held.1,
+            Measurements::InMemory(held) => &held.1,
             Measurements::Streamed(_, survey) => &survey.report,
         }
     }

@@ -2,7 +2,7 @@
 
 use super::bench::Bench;
 use super::learned::origin;
-use super::ledger::{Judged, Ledger, date};
+use super::ledger::{HeldOutErrors, Ledger, date};
 use super::written::the_export;
 use super::{ModelFile, ProjectLaw, digest};
 use crate::diagnose::compare::{self, Comparison, Horizon};
@@ -16,21 +16,21 @@ use crate::export::formulas;
 use crate::expr::{Observed, Variable};
 use crate::fit::segments::typical_step;
 use crate::fit::{Model, Monitor};
-use crate::report::html::{Entry, Page};
-use crate::report::plots::{Material, Stage};
+use crate::report::html::{HistoryEntry, Page};
+use crate::report::plots::{HistoryPoint, PlotData};
 use crate::report::present;
 
 /// Gives the commands that make a page again, with or without a diagnosis.
 pub type Reproduce = fn(&Bench, bool) -> Vec<String>;
 
 /// A model held against its measurements.
-pub struct Seen {
+pub struct Assessment {
     pub view: View,
     pub comparison: Comparison,
 }
 
 /// Where a model of the training part fails.
-pub fn seen(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<Seen> {
+pub fn seen(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<Assessment> {
     monitor.stage("where it fails", 0.2);
     let mut training = Context::new(bench.project.system(), model, &bench.split.training)?;
     let detections = detect(&training, model);
@@ -41,12 +41,12 @@ pub fn seen(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<Seen>
     comparison.findings.extend(detections.into_iter().map(|found| found.sentence));
     monitor.stage("what there is to see", 0.3);
     let view = view(&training, held_out.as_ref())?;
-    Ok(Seen { view, comparison })
+    Ok(Assessment { view, comparison })
 }
 
 /// What is known of a model that was just judged, before it is held against the measurements
 /// again: its errors on the held-out runs.
-pub fn glimpse(bench: &Bench, judged: &Judged) -> Seen {
+pub fn glimpse(bench: &Bench, judged: &HeldOutErrors) -> Assessment {
     let system = bench.project.system();
     let step = typical_step(&bench.split.training);
     let horizons = judged.horizons.iter().map(|&(samples, error)| Horizon {
@@ -86,7 +86,7 @@ pub fn glimpse(bench: &Bench, judged: &Judged) -> Seen {
         portraits: Vec::new(),
         planes: Vec::new(),
     };
-    Seen { view, comparison }
+    Assessment { view, comparison }
 }
 
 /// What is missing from a model of the training part; none without held-out runs.
@@ -103,7 +103,7 @@ pub fn diagnosis(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<
 pub fn with_page<T>(
     bench: &Bench,
     (model, terms): (&Model, &str),
-    seen: &Seen,
+    seen: &Assessment,
     diagnosis: Option<&Diagnosis>,
     reproduce: Reproduce,
     tell: impl FnOnce(&Page) -> T,
@@ -116,7 +116,7 @@ pub fn with_page<T>(
     let pretty = present::pretty(&simplified);
     // A law that cannot be typeset is printed as text.
     let formulas = formulas(&the_export(&bench.project, &law, &pretty)).unwrap_or_default();
-    let material = Material {
+    let material = PlotData {
         view: &seen.view,
         comparison: &seen.comparison,
         model: own,
@@ -159,17 +159,17 @@ fn law(bench: &Bench, model: &Model) -> Result<ProjectLaw> {
 }
 
 /// States of the spec as the ledger's plot takes them.
-fn stages(ledger: &Ledger) -> Vec<Stage> {
-    let mut out: Vec<Stage> = Vec::new();
+fn stages(ledger: &Ledger) -> Vec<HistoryPoint> {
+    let mut out: Vec<HistoryPoint> = Vec::new();
     for revision in &ledger.revisions {
-        let held_out = |judged: &Option<Judged>| judged.as_ref()?.held_out_error;
+        let held_out = |judged: &Option<HeldOutErrors>| judged.as_ref()?.held_out_error;
         // What was there before the first step was judged with it.
         if let Some(before) = out.last_mut()
             && before.error.is_none()
         {
             before.error = held_out(&revision.before);
         }
-        out.push(Stage {
+        out.push(HistoryPoint {
             action: revision.action.clone(),
             error: held_out(&revision.after),
             undone: revision.undone,
@@ -178,11 +178,11 @@ fn stages(ledger: &Ledger) -> Vec<Stage> {
     out
 }
 
-fn entries(ledger: &Ledger) -> Vec<Entry> {
-    let held_out = |judged: &Option<Judged>| judged.as_ref()?.held_out_error;
+fn entries(ledger: &Ledger) -> Vec<HistoryEntry> {
+    let held_out = |judged: &Option<HeldOutErrors>| judged.as_ref()?.held_out_error;
     let revisions = ledger.revisions.iter();
     revisions
-        .map(|revision| Entry {
+        .map(|revision| HistoryEntry {
             date: date(revision.time),
             action: revision.action.clone(),
             before: held_out(&revision.before),

@@ -2,7 +2,7 @@
 
 use super::bench::{Bench, errors};
 use super::learned::{origin, write_model};
-use super::ledger::{Judged, Ledger};
+use super::ledger::{HeldOutErrors, Ledger};
 use super::{ModelFile, Project};
 use crate::data::write_atomically;
 use crate::diagnose::compare::windows;
@@ -13,7 +13,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::expr::{self, Term};
 use crate::facade::effect::{NamedEffect, effects_of};
 use crate::fit::{Model, Monitor};
-use crate::report::Moved;
+use crate::report::CoefficientChange;
 use crate::spec::edit;
 
 /// Standard errors that the coefficient of a warranted effect is from zero, at least.
@@ -22,7 +22,7 @@ const CLEAR: f64 = 4.0;
 const FREE: f64 = 1.02;
 
 /// An edited spec that was learned and judged, and is not written yet.
-pub struct Revision {
+pub struct RevisionOutcome {
     /// `add viscous_drag(theta)`.
     pub action: String,
     pub adds: bool,
@@ -33,10 +33,10 @@ pub struct Revision {
     /// Its model from all measurements.
     pub whole: Model,
     /// The model before and after on the held-out runs, in the same units.
-    pub was: Judged,
-    pub is: Judged,
+    pub was: HeldOutErrors,
+    pub is: HeldOutErrors,
     /// How earlier coefficients moved.
-    pub moved: Vec<Moved>,
+    pub moved: Vec<CoefficientChange>,
     /// Terms of the effect, then its inner parameters: name, value, standard error.
     pub effect: Vec<(String, f64, f64)>,
     /// Whether it pays; `None` without held-out runs.
@@ -54,7 +54,7 @@ pub fn add(
     known: Option<&Model>,
     effect: &str,
     monitor: &dyn Monitor,
-) -> Result<Revision> {
+) -> Result<RevisionOutcome> {
     let mut asked = NamedEffect::new(effect, &bench.project.text, bench.project.system())?;
     if asked.place(&bench.project.text).is_some() {
         return Err(Error::new(
@@ -87,7 +87,7 @@ pub fn add(
         }
     }
     let after = bench.resume(&start, monitor)?;
-    Revision::judged(bench, &model, project, after, (&asked.label, true), monitor)
+    RevisionOutcome::judged(bench, &model, project, after, (&asked.label, true), monitor)
 }
 
 /// Removes an effect, or a term by its name. `known` as in [`add`].
@@ -99,7 +99,7 @@ pub fn remove(
     known: Option<&Model>,
     effect: &str,
     monitor: &dyn Monitor,
-) -> Result<Revision> {
+) -> Result<RevisionOutcome> {
     let text = &bench.project.text;
     let (label, shorter) =
         match NamedEffect::new(effect, &bench.project.text, bench.project.system()) {
@@ -123,7 +123,7 @@ pub fn remove(
     let project = edited(bench, shorter)?;
     let model = before(bench, known, monitor)?;
     let after = bench.fit(&project, monitor)?;
-    Revision::judged(bench, &model, project, after, (&label, false), monitor)
+    RevisionOutcome::judged(bench, &model, project, after, (&label, false), monitor)
 }
 
 fn before(bench: &Bench, known: Option<&Model>, monitor: &dyn Monitor) -> Result<Model> {
@@ -133,7 +133,7 @@ fn before(bench: &Bench, known: Option<&Model>, monitor: &dyn Monitor) -> Result
     }
 }
 
-impl Revision {
+impl RevisionOutcome {
     fn judged(
         bench: &Bench,
         before: &Model,
@@ -141,7 +141,7 @@ impl Revision {
         after: Model,
         (label, adds): (&str, bool),
         monitor: &dyn Monitor,
-    ) -> Result<Revision> {
+    ) -> Result<RevisionOutcome> {
         let whole = bench.widen(&project, &after, monitor)?;
         let (was, is) = judge(bench, before, &project, &after)?;
         let mut effect = Vec::new();
@@ -154,7 +154,7 @@ impl Revision {
         let verb = if adds { "add" } else { "remove" };
         let (action, moved) = (format!("{verb} {label}"), moved(before, &after));
         let training = after;
-        Ok(Revision {
+        Ok(RevisionOutcome {
             action,
             adds,
             project,
@@ -232,7 +232,7 @@ fn judge(
     before: &Model,
     project: &Project,
     after: &Model,
-) -> Result<(Judged, Judged)> {
+) -> Result<(HeldOutErrors, HeldOutErrors)> {
     let data = bench.held_out().unwrap_or(&bench.split.held_out);
     let old = Context::new(bench.project.system(), before, data)?;
     let new = Context::new(project.system(), after, data)?;
@@ -242,10 +242,10 @@ fn judge(
     let samples = old.law.window().max(new.law.window());
     let of = |context: &Context| {
         if bench.held_out().is_none() {
-            return Judged { samples, noise: noise_of.clone(), ..Judged::unknown() };
+            return HeldOutErrors { samples, noise: noise_of.clone(), ..HeldOutErrors::unknown() };
         }
         let error = errors(context, &noise, &[samples]);
-        Judged {
+        HeldOutErrors {
             held_out_error: error.first().map(|e| e.1),
             noise_floor: 1.0,
             samples,
@@ -293,7 +293,11 @@ fn effect_terms(
 const NO_JUDGE: &str = "there are no held-out runs to judge it on";
 
 /// Whether an addition pays; `None` without held-out runs.
-fn added(was: &Judged, is: &Judged, effect: &[(String, f64, f64)]) -> (Option<bool>, String) {
+fn added(
+    was: &HeldOutErrors,
+    is: &HeldOutErrors,
+    effect: &[(String, f64, f64)],
+) -> (Option<bool>, String) {
     if effect.is_empty() {
         return (Some(false), "the fit does not choose it: its coefficient is zero".to_string());
     }
@@ -311,7 +315,7 @@ fn added(was: &Judged, is: &Judged, effect: &[(String, f64, f64)]) -> (Option<bo
 }
 
 /// Whether a removal costs nothing; `None` without held-out runs.
-fn removed(was: &Judged, is: &Judged) -> (Option<bool>, String) {
+fn removed(was: &HeldOutErrors, is: &HeldOutErrors) -> (Option<bool>, String) {
     let Some((was, is)) = was.held_out_error.zip(is.held_out_error) else {
         return (None, NO_JUDGE.to_string());
     };
@@ -322,10 +326,10 @@ fn removed(was: &Judged, is: &Judged) -> (Option<bool>, String) {
 }
 
 /// How the coefficients and inner parameters of the model before moved.
-fn moved(before: &Model, after: &Model) -> Vec<Moved> {
+fn moved(before: &Model, after: &Model) -> Vec<CoefficientChange> {
     let parameters = before.parameters.iter().map(|old| {
         let new = after.parameters.iter().find(|p| p.name == old.name);
-        Moved {
+        CoefficientChange {
             place: "param".to_string(),
             term: old.name.clone(),
             before: old.value,
@@ -339,7 +343,7 @@ fn moved(before: &Model, after: &Model) -> Vec<Moved> {
         .iter()
         .map(|old| {
             let new = after.terms.iter().find(|t| t.term == old.term && t.place == old.place);
-            Moved {
+            CoefficientChange {
                 place: old.place.clone(),
                 term: old.term.clone(),
                 before: old.coefficient,

@@ -197,7 +197,7 @@ pub fn discovery_text(
 }
 
 /// What a diagnosis is of.
-pub struct About<'a> {
+pub struct DiagnosisContext<'a> {
     /// How the data were split.
     pub how: &'a str,
     /// Where the model comes from.
@@ -209,8 +209,12 @@ pub struct About<'a> {
 }
 
 /// The verdict of a diagnosis, and its ranking.
-pub fn diagnosis_text(diagnosis: &Diagnosis, about: &About, width: Option<u16>) -> String {
-    let About { how, terms, spec, detections } = *about;
+pub fn diagnosis_text(
+    diagnosis: &Diagnosis,
+    about: &DiagnosisContext,
+    width: Option<u16>,
+) -> String {
+    let DiagnosisContext { how, terms, spec, detections } = *about;
     let width = width.map_or(WIDTH, |width| usize::from(width).max(40));
     let word = match diagnosis.verdict {
         Verdict::Missing => "Missing",
@@ -289,7 +293,7 @@ fn unexplained(diagnosis: &Diagnosis, width: usize) -> Vec<String> {
 
 /// A coefficient before and after a revision of the spec.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Moved {
+pub struct CoefficientChange {
     /// Where the term stands: T, V, H, a force or a sensor.
     pub place: String,
     /// The term, or the name of an inner parameter.
@@ -305,7 +309,7 @@ pub struct Moved {
 }
 
 /// What a revision of a spec brought.
-pub struct Revised<'a> {
+pub struct RevisionSummary<'a> {
     /// `add viscous_drag(theta)`.
     pub action: &'a str,
     /// How the data were split.
@@ -315,7 +319,7 @@ pub struct Revised<'a> {
     /// Samples and error after, for every length of prediction.
     pub after: &'a [(usize, f64)],
     /// How earlier numbers moved.
-    pub moved: &'a [Moved],
+    pub moved: &'a [CoefficientChange],
     /// Terms of the effect: name, coefficient, standard error.
     pub effect: &'a [(String, f64, f64)],
     /// `None` where nothing can be said.
@@ -325,8 +329,8 @@ pub struct Revised<'a> {
 }
 
 /// Before and after a revision of a spec.
-pub fn revision_text(revised: &Revised, width: Option<u16>) -> String {
-    let Revised { action, how, before, after, moved, effect, warranted, why } = *revised;
+pub fn revision_text(revised: &RevisionSummary, width: Option<u16>) -> String {
+    let RevisionSummary { action, how, before, after, moved, effect, warranted, why } = *revised;
     let width = width.map_or(WIDTH, |width| usize::from(width).max(40));
     let word = match warranted {
         Some(true) => "The data support it",

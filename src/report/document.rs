@@ -7,7 +7,7 @@ use std::fmt::Write;
 
 use super::html::sections::{amount_of_data, found, sentence};
 use super::html::tables::{self, Table};
-use super::html::{Drawn, Page};
+use super::html::{Page, RenderedPage};
 use crate::diagnose::missing::Diagnosis;
 use crate::export::escape;
 use crate::report::plots::{Figure, escaped_id};
@@ -129,7 +129,7 @@ fn missing(out: &mut String, diagnosis: &Diagnosis, ranking: &[&Figure], folder:
 }
 
 /// Files of the figures, in the order of the page.
-pub fn files(drawn: &Drawn) -> impl Iterator<Item = (String, &Figure)> {
+pub fn files(drawn: &RenderedPage) -> impl Iterator<Item = (String, &Figure)> {
     let figures = drawn.figures.iter().flat_map(|(_, figures)| figures);
     figures.map(|figure| (file(figure), figure))
 }

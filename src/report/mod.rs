@@ -16,7 +16,8 @@ use serde_json::{Value, json};
 
 pub use design::design_text;
 pub use diagnosis::{
-    About, Moved, Revised, compare_text, diagnosis_text, discovery_text, revision_text,
+    CoefficientChange, DiagnosisContext, RevisionSummary, compare_text, diagnosis_text,
+    discovery_text, revision_text,
 };
 pub use text::{fit_text, seconds};
 

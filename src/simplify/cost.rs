@@ -6,9 +6,9 @@ use super::lang::{Math, Rational};
 use crate::expr::{Expr, Graph, Node};
 
 /// Description length for people: how much there is to read and to remember.
-pub struct Reading;
+pub struct ReadingCost;
 
-impl CostFunction<Math> for Reading {
+impl CostFunction<Math> for ReadingCost {
     type Cost = f64;
 
     fn cost<C: FnMut(Id) -> f64>(&mut self, node: &Math, mut costs: C) -> f64 {

@@ -7,7 +7,7 @@ use egg::{Id, RecExpr};
 use super::DerivedNumber;
 use super::lang::{Math, Rational};
 use super::numbers::Numbers;
-use super::snap::Nice;
+use super::snap::NiceNumber;
 use crate::expr::{Expr, Graph, Symbol};
 
 /// What two numbers must share to be one row of the table.
@@ -15,7 +15,7 @@ use crate::expr::{Expr, Graph, Symbol};
 enum Key {
     /// Row of the numbers of one part.
     Row(usize, usize),
-    Nice(Nice),
+    NiceNumber(NiceNumber),
 }
 
 /// Where a sum or term stands in print.
@@ -33,7 +33,7 @@ pub struct Emitter {
 /// A product taken apart: its sign, its rational factor and power of pi, the rest.
 struct Factors {
     negative: bool,
-    number: Option<Nice>,
+    number: Option<NiceNumber>,
     rest: Vec<Id>,
 }
 
@@ -64,7 +64,7 @@ fn factors(expr: &RecExpr<Math>, id: Id) -> Factors {
         rational = positive;
     }
     if rational != Rational::ONE || pi || out.rest.is_empty() {
-        out.number = Some(Nice::of(rational, pi));
+        out.number = Some(NiceNumber::of(rational, pi));
     }
     out
 }
@@ -146,7 +146,7 @@ impl Emitter {
             let found = factors(expr, term);
             let lonely = found.rest.len() + usize::from(found.number.is_some()) == 1;
             if let Some(nice) = found.number {
-                self.enter(Key::Nice(nice), numbers, !lonely);
+                self.enter(Key::NiceNumber(nice), numbers, !lonely);
             }
             for factor in found.rest {
                 self.collect_factor(expr, factor, numbers, part, !lonely);
@@ -182,7 +182,7 @@ impl Emitter {
             return;
         }
         let number = match key {
-            Key::Nice(nice) => {
+            Key::NiceNumber(nice) => {
                 DerivedNumber { value: nice.value(), standard_error: 0.0, snapped: Some(nice) }
             }
             Key::Row(_, row) => {
@@ -244,7 +244,7 @@ impl Emitter {
             Some(nice) if !nice.pi && (nice.numerator == 0 || nice.value() == 1.0) => {
                 factor = nice.value();
             }
-            Some(nice) => list.push((self.placeholder(graph, Key::Nice(nice)), 1.0)),
+            Some(nice) => list.push((self.placeholder(graph, Key::NiceNumber(nice)), 1.0)),
             None => {}
         }
         let mut rest = found.rest;

@@ -11,7 +11,7 @@ use crate::expr::{Function, Graph, Names, Number};
 
 /// What a form does beyond writing the terms down; each way is tried and the shortest kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Plan {
+pub struct FormStyle {
     /// Quadratic forms of coordinates as springs and completed squares.
     pub springs: bool,
     /// A sin x + B cos x as C cos(x - phi).
@@ -27,14 +27,14 @@ pub struct Addend {
 }
 
 /// Writes forms.
-pub struct Writer<'a, 'b> {
+pub struct FormWriter<'a, 'b> {
     pub atoms: &'a Atoms,
     pub numbers: &'a mut Numbers<'b>,
     pub names: &'a Names,
     pub expr: RecExpr<Math>,
 }
 
-impl Writer<'_, '_> {
+impl FormWriter<'_, '_> {
     pub fn add(&mut self, node: Math) -> Id {
         self.expr.add(node)
     }
@@ -82,7 +82,7 @@ impl Writer<'_, '_> {
         for addend in addends {
             let key = match addend.number.map(|row| (row, self.numbers.rows[row].printed)) {
                 None => "1".to_string(),
-                Some((_, Printed::Nice(nice))) => nice.to_string(),
+                Some((_, Printed::NiceNumber(nice))) => nice.to_string(),
                 Some((_, Printed::Same(row)) | (row, Printed::Itself)) => format!("#{row}"),
             };
             let id = self.signed(addend.negative, addend.id);
@@ -239,7 +239,7 @@ impl Writer<'_, '_> {
         let phase = phase.shifted(-2.0 * PI * (phase.value / (2.0 * PI)).round());
         let row = self.numbers.row(&phase, Some(Niceness::Phase), &|| format!("phase in {name}"));
         let quarter = match self.numbers.rows[row].printed {
-            Printed::Nice(nice) => nice.denominator <= 2,
+            Printed::NiceNumber(nice) => nice.denominator <= 2,
             _ => false,
         };
         if quarter || phase.value.abs() <= PI / 2.0 {

@@ -30,7 +30,7 @@ use nalgebra::DMatrix;
 
 pub use code::for_machines;
 pub use measured::Measured;
-pub use snap::{Nice, Tolerance};
+pub use snap::{NiceNumber, Tolerance};
 pub use text::{Style, significant, uncertain};
 
 use crate::expr::{Expr, Graph, Names, Place, Symbol, System};
@@ -110,7 +110,7 @@ pub struct DerivedNumber {
     /// By the delta method from the covariance of the fit; zero for what is exact or snapped.
     pub standard_error: f64,
     /// The nice number that is printed in its place.
-    pub snapped: Option<Nice>,
+    pub snapped: Option<NiceNumber>,
 }
 
 /// What a number was replaced by.
@@ -170,7 +170,7 @@ pub struct Info {
 }
 
 /// A form that passed the checks.
-struct Candidate<'a> {
+struct SnapCandidate<'a> {
     cost: f64,
     expr: RecExpr<Math>,
     numbers: Numbers<'a>,
@@ -190,9 +190,9 @@ pub fn simplify(law: &Law, options: &Options) -> Simplified {
     let mut found = Vec::new();
     let mut snaps: Vec<Snap> = Vec::new();
     for place in places(system) {
-        let Some(raw) = Raw::new(fitted, place) else { continue };
+        let Some(raw) = SpecifiedPart::new(fitted, place) else { continue };
         let samples = Samples::new(fitted, place);
-        let mut best: Option<Candidate> = None;
+        let mut best: Option<SnapCandidate> = None;
         let mut forms = Vec::new();
         for expands in [false, true] {
             let (mut atoms, form) = raw.normal(fitted, expands);
@@ -222,7 +222,7 @@ pub fn simplify(law: &Law, options: &Options) -> Simplified {
                 let exact = Tolerance { sigmas: 0.0, relative: 0.0, chance: 0.0 };
                 let mut numbers = Numbers::new(fitted.covariance, exact);
                 let (mut atoms, form) = raw.normal(fitted, false);
-                let plain = form::Plan { springs: false, waves: false };
+                let plain = form::FormStyle { springs: false, waves: false };
                 let written = part::write(plain, &form, &mut atoms, &mut numbers, &names);
                 (written.unwrap_or_default().0, numbers, Vec::new())
             }
@@ -257,14 +257,14 @@ fn places(system: &System) -> Vec<Place> {
 }
 
 /// A part as it was specified: the known expression and the learned terms.
-struct Raw {
+struct SpecifiedPart {
     known: Expr,
     /// (place in the law's support, term).
     terms: Vec<(usize, Expr)>,
     energy: bool,
 }
 
-impl Raw {
+impl SpecifiedPart {
     /// `None` where the part is zero.
     fn new(fitted: &Fitted, place: Place) -> Option<Self> {
         let system = fitted.law.system();
@@ -280,7 +280,7 @@ impl Raw {
             .collect();
         let empty = terms.is_empty() && system.graph.is_zero(known);
         let energy = place.is_energy();
-        (!empty).then_some(Raw { known, terms, energy })
+        (!empty).then_some(SpecifiedPart { known, terms, energy })
     }
 
     fn normal(&self, fitted: &Fitted, expands: bool) -> (Atoms, Polynomial) {
@@ -316,7 +316,7 @@ fn check_and_rewrite<'a>(
     numbers: Numbers<'a>,
     options: &Options,
     info: &mut Info,
-) -> Option<Candidate<'a>> {
+) -> Option<SnapCandidate<'a>> {
     let as_fitted = |row: usize| numbers.rows[row].fitted.value;
     let difference = samples.against_model(written, &as_fitted);
     let as_printed = |row: usize| numbers.printed_value(row);
@@ -339,7 +339,7 @@ fn check_and_rewrite<'a>(
     used.sort_unstable();
     used.dedup();
     let snaps = used.iter().filter_map(|&row| numbers.rows[row].snap.clone()).collect();
-    Some(Candidate { cost, expr, numbers, snaps })
+    Some(SnapCandidate { cost, expr, numbers, snaps })
 }
 
 /// Sentences on polynomials in one variable that look like a known function.

@@ -5,14 +5,14 @@ use std::collections::HashMap;
 use nalgebra::DMatrix;
 
 use super::quantity::Quantity;
-use super::snap::{Nice, Niceness, Tolerance, nice};
+use super::snap::{NiceNumber, Niceness, Tolerance, nice};
 use super::{Snap, Target};
 
 /// What stands in print for a number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Printed {
     Itself,
-    Nice(Nice),
+    NiceNumber(NiceNumber),
     /// The number of that row, which it cannot be told from.
     Same(usize),
 }
@@ -77,7 +77,7 @@ impl<'a> Numbers<'a> {
             }
             _ => None,
         };
-        let printed = found.map_or(Printed::Itself, Printed::Nice);
+        let printed = found.map_or(Printed::Itself, Printed::NiceNumber);
         self.rows.push(Row { fitted: size.clone(), shown: size, printed, snap, what: what() });
         self.known.insert(key, self.rows.len() - 1);
         self.rows.len() - 1
@@ -102,9 +102,9 @@ impl<'a> Numbers<'a> {
     /// A row that is printed as zero.
     pub fn nothing(&mut self, quantity: &Quantity, what: String) -> usize {
         let size = if quantity.value < 0.0 { quantity.scaled(-1.0) } else { quantity.clone() };
-        let zero = Nice { numerator: 0, denominator: 1, pi: false };
+        let zero = NiceNumber { numerator: 0, denominator: 1, pi: false };
         let snap = self.snap(&size, Target { text: "0".into(), value: 0.0 }, what.clone());
-        let printed = Printed::Nice(zero);
+        let printed = Printed::NiceNumber(zero);
         self.rows.push(Row { fitted: size.clone(), shown: size, printed, snap: Some(snap), what });
         self.rows.len() - 1
     }
@@ -167,7 +167,7 @@ impl<'a> Numbers<'a> {
     pub fn printed_value(&self, row: usize) -> f64 {
         match self.rows[row].printed {
             Printed::Itself => self.rows[row].shown.value,
-            Printed::Nice(nice) => nice.value(),
+            Printed::NiceNumber(nice) => nice.value(),
             Printed::Same(other) => self.rows[other].shown.value,
         }
     }

@@ -5,8 +5,8 @@ use std::time::Duration;
 use egg::{BackoffScheduler, CostFunction, Extractor, Id, Language, RecExpr, Runner};
 
 use super::analysis::Folding;
-use super::cost::Reading;
-use super::form::{Plan, Writer};
+use super::cost::ReadingCost;
+use super::form::{FormStyle, FormWriter};
 use super::lang::{Fitted, Math, Rational};
 use super::normal::{Atom, Atoms, Monomial, Polynomial};
 use super::numbers::{Numbers, Printed};
@@ -22,11 +22,11 @@ const SMALL: usize = 24;
 const LARGE: usize = 6_000;
 
 /// Every plan, simplest first: a tie is won by the first.
-pub const PLANS: &[Plan] = &[
-    Plan { springs: false, waves: false },
-    Plan { springs: true, waves: false },
-    Plan { springs: false, waves: true },
-    Plan { springs: true, waves: true },
+pub const PLANS: &[FormStyle] = &[
+    FormStyle { springs: false, waves: false },
+    FormStyle { springs: true, waves: false },
+    FormStyle { springs: false, waves: true },
+    FormStyle { springs: true, waves: true },
 ];
 
 /// What it is worth, in description length, that one number follows from others.
@@ -35,7 +35,7 @@ const RELATION: f64 = 12.0;
 /// Writes a form according to a plan, and says what the relations that it shows are worth;
 /// `None` where the plan finds nothing to do.
 pub fn write(
-    plan: Plan,
+    plan: FormStyle,
     form: &Polynomial,
     atoms: &mut Atoms,
     numbers: &mut Numbers,
@@ -48,7 +48,7 @@ pub fn write(
     } else {
         form
     };
-    let mut writer = Writer { atoms, numbers, names, expr: RecExpr::default() };
+    let mut writer = FormWriter { atoms, numbers, names, expr: RecExpr::default() };
     let springs =
         if plan.springs { springs::write(&mut writer, form)? } else { Springs::default() };
     let Springs { mut addends, taken, without_wall } = springs;
@@ -141,7 +141,7 @@ pub fn with_nice_numbers(expr: &RecExpr<Math>, numbers: &Numbers) -> RecExpr<Mat
             Math::Fitted(Fitted(row)) => match numbers.rows[*row].printed {
                 Printed::Itself => out.add(node.clone()),
                 Printed::Same(other) => out.add(Math::Fitted(Fitted(other))),
-                Printed::Nice(nice) => {
+                Printed::NiceNumber(nice) => {
                     let rational = out.add(Math::Rational(nice.rational()));
                     if nice.pi {
                         let pi = out.add(Math::Pi);
@@ -181,7 +181,7 @@ pub fn with_nice_numbers(expr: &RecExpr<Math>, numbers: &Numbers) -> RecExpr<Mat
 pub fn rewritten(expr: &RecExpr<Math>, options: &Options, info: &mut Info) -> (f64, RecExpr<Math>) {
     if expr.len() > LARGE {
         info.stop = info.stop.max(StopReason::TooLarge);
-        return (Reading.cost_rec(expr), expr.clone());
+        return (ReadingCost.cost_rec(expr), expr.clone());
     }
     let runner = Runner::<Math, Folding>::new(Folding)
         .with_expr(expr)
@@ -199,5 +199,5 @@ pub fn rewritten(expr: &RecExpr<Math>, options: &Options, info: &mut Info) -> (f
         _ => StopReason::Saturated,
     };
     info.stop = info.stop.max(stop);
-    Extractor::new(&runner.egraph, Reading).find_best(runner.roots[0])
+    Extractor::new(&runner.egraph, ReadingCost).find_best(runner.roots[0])
 }

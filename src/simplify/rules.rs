@@ -24,7 +24,7 @@ pub enum Condition {
 
 /// What a rewrite is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum RuleKind {
     /// Neutral elements, signs, powers.
     Arithmetic,
     /// Common factors and squares.
@@ -49,11 +49,11 @@ pub struct Rule {
     /// When it holds.
     pub condition: Condition,
     /// What it is for.
-    pub kind: Kind,
+    pub kind: RuleKind,
 }
 
 const fn rule(
-    kind: Kind,
+    kind: RuleKind,
     name: &'static str,
     left: &'static str,
     right: &'static str,
@@ -63,7 +63,7 @@ const fn rule(
 }
 
 use Condition::{Always, NonNegative, Number, Positive};
-use Kind::{Arithmetic, Factor, Reorder, Transcendental, Trigonometric};
+use RuleKind::{Arithmetic, Factor, Reorder, Transcendental, Trigonometric};
 
 /// Every rewrite. A new one is one row here.
 #[rustfmt::skip]

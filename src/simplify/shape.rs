@@ -44,7 +44,7 @@ pub struct Power {
 
 /// amplitude * shape(wave_number * x), up to a constant.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Likeness {
+pub struct TaylorMatch {
     /// The function's name.
     pub name: &'static str,
     /// The factor in front.
@@ -55,7 +55,7 @@ pub struct Likeness {
     pub difference: f64,
 }
 
-impl Likeness {
+impl TaylorMatch {
     /// "V has the shape of the Taylor polynomial of -2.00 cos(1.00 q): ...".
     pub fn sentence(&self, variable: &str, place: Place, powers: &[Power]) -> String {
         let part = match place {
@@ -104,8 +104,8 @@ const ABSENT: f64 = 0.02;
 ///
 /// The constant is ignored: it is free in an energy. `range` in units of x; without one,
 /// some usual ranges are tried.
-pub fn recognise(powers: &[Power], range: Option<f64>) -> Option<Likeness> {
-    let mut best: Option<(f64, Likeness)> = None;
+pub fn recognise(powers: &[Power], range: Option<f64>) -> Option<TaylorMatch> {
+    let mut best: Option<(f64, TaylorMatch)> = None;
     for shape in SHAPES {
         let tried = match range {
             Some(range) if range > 0.0 && range.is_finite() => vec![range],
@@ -121,7 +121,7 @@ pub fn recognise(powers: &[Power], range: Option<f64>) -> Option<Likeness> {
     best.map(|(_, likeness)| likeness)
 }
 
-fn compare(shape: &Shape, powers: &[Power], range: f64) -> Option<(f64, Likeness)> {
+fn compare(shape: &Shape, powers: &[Power], range: f64) -> Option<(f64, TaylorMatch)> {
     let at_end = |p: &Power| p.value.abs() * range.powi(p.power as i32);
     let largest = powers.iter().map(at_end).fold(0.0, f64::max);
     let (own, other): (Vec<&Power>, Vec<&Power>) =
@@ -163,7 +163,7 @@ fn compare(shape: &Shape, powers: &[Power], range: f64) -> Option<(f64, Likeness
             ((p.value - series) / series).abs()
         })
         .fold(0.0, f64::max);
-    let likeness = Likeness { name: shape.name, amplitude, wave_number, difference };
+    let likeness = TaylorMatch { name: shape.name, amplitude, wave_number, difference };
     Some((worst, likeness))
 }
 

@@ -10,7 +10,7 @@ use super::lang::Rational;
 
 /// A rational number, or a rational multiple of pi.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct Nice {
+pub struct NiceNumber {
     /// Carries the sign.
     pub numerator: i64,
     /// Positive, without a common factor with the numerator.
@@ -19,7 +19,7 @@ pub struct Nice {
     pub pi: bool,
 }
 
-impl Nice {
+impl NiceNumber {
     /// As a floating-point number.
     pub fn value(self) -> f64 {
         let ratio = self.numerator as f64 / self.denominator as f64;
@@ -32,12 +32,12 @@ impl Nice {
     }
 
     pub(super) fn of(rational: Rational, pi: bool) -> Self {
-        Nice { numerator: *rational.0.numer(), denominator: *rational.0.denom(), pi }
+        NiceNumber { numerator: *rational.0.numer(), denominator: *rational.0.denom(), pi }
     }
 }
 
 /// `1/2`, `-3`, `pi/2`, `3*pi/4`: the mini-language's syntax.
-impl fmt::Display for Nice {
+impl fmt::Display for NiceNumber {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match (self.pi && self.numerator != 0, self.numerator) {
             (false, n) => write!(f, "{n}")?,
@@ -98,7 +98,7 @@ pub fn nice(
     standard_error: f64,
     niceness: Niceness,
     tolerance: Tolerance,
-) -> Option<Nice> {
+) -> Option<NiceNumber> {
     if !value.is_finite() || !standard_error.is_finite() {
         return None;
     }
@@ -120,7 +120,7 @@ pub fn nice(
         let allowed = numerator != 0.0 || niceness != Niceness::Factor;
         if near && allowed && numerator.abs() <= limit {
             let rational = Rational::new(numerator as i128, denominator.into())?;
-            return Some(Nice::of(rational, pi && numerator != 0.0));
+            return Some(NiceNumber::of(rational, pi && numerator != 0.0));
         }
     }
     None

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use egg::Id;
 
-use super::form::{Addend, Writer};
+use super::form::{Addend, FormWriter};
 use super::lang::{Fitted, Math};
 use super::normal::{Monomial, Polynomial};
 use super::quantity::Quantity;
@@ -25,7 +25,7 @@ struct Quadratic {
 }
 
 impl Quadratic {
-    fn of(writer: &Writer, form: &Polynomial) -> Self {
+    fn of(writer: &FormWriter, form: &Polynomial) -> Self {
         let mut out = Quadratic::default();
         for (monomial, quantity) in &form.0 {
             let powers: Vec<(usize, f64)> = monomial.iter().map(|&(a, e)| (a, e.value())).collect();
@@ -81,7 +81,7 @@ pub struct Springs {
 }
 
 /// Writes the quadratic part as springs. `None` where it is none.
-pub fn write(writer: &mut Writer, form: &Polynomial) -> Option<Springs> {
+pub fn write(writer: &mut FormWriter, form: &Polynomial) -> Option<Springs> {
     let quadratic = Quadratic::of(writer, form);
     let completes = quadratic
         .linear
@@ -172,13 +172,13 @@ pub fn write(writer: &mut Writer, form: &Polynomial) -> Option<Springs> {
     Some(Springs { addends, taken, without_wall })
 }
 
-fn variable(writer: &Writer, atom: usize) -> super::lang::Variable {
+fn variable(writer: &FormWriter, atom: usize) -> super::lang::Variable {
     let index = writer.atoms.coordinate(atom).unwrap_or(0);
     super::lang::Variable(crate::expr::Symbol::Coordinate(index))
 }
 
 /// k/2 times a square, or k times it.
-fn spring(writer: &mut Writer, row: usize, negative: bool, square: Id, half: bool) -> Addend {
+fn spring(writer: &mut FormWriter, row: usize, negative: bool, square: Id, half: bool) -> Addend {
     let number = writer.add(Math::Fitted(Fitted(row)));
     let mut id = writer.add(Math::Multiply([number, square]));
     if half {

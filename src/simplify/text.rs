@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::measured::Measured;
 use super::{DerivedNumber, Part, Simplified};
-use crate::expr::{Expr, Node, Place, Strength, Symbol};
+use crate::expr::{Expr, Node, Place, Precedence, Symbol};
 
 /// How numbers are printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,7 +33,7 @@ impl DerivedNumber {
 
     /// The value that is printed: the nice one where the number snapped.
     pub fn printed_value(&self) -> f64 {
-        self.snapped.map_or(self.value, super::Nice::value)
+        self.snapped.map_or(self.value, super::NiceNumber::value)
     }
 }
 
@@ -93,18 +93,18 @@ impl Simplified {
         self.write(part.pretty, style, false).0
     }
 
-    fn write(&self, expr: Expr, style: Style, inner: bool) -> (String, Strength) {
+    fn write(&self, expr: Expr, style: Style, inner: bool) -> (String, Precedence) {
         match self.graph.node(expr) {
-            Node::Number(number) => (significant(number.value(), style.digits), Strength::Atom),
+            Node::Number(number) => (significant(number.value(), style.digits), Precedence::Atom),
             Node::Symbol(Symbol::Coefficient(j)) => match self.numbers.get(*j) {
                 Some(number) => {
                     let text = number.text(style);
                     let product = number.snapped.is_some() && text.contains(['/', '*']);
-                    (text, if product { Strength::Product } else { Strength::Atom })
+                    (text, if product { Precedence::Product } else { Precedence::Atom })
                 }
-                None => ("?".to_string(), Strength::Atom),
+                None => ("?".to_string(), Precedence::Atom),
             },
-            Node::Symbol(symbol) => (self.names.of(*symbol), Strength::Atom),
+            Node::Symbol(symbol) => (self.names.of(*symbol), Precedence::Atom),
             Node::Sum { constant, terms } => {
                 let mut terms: Vec<(Expr, f64)> =
                     terms.iter().map(|&(t, c)| (t, c.value())).collect();
@@ -119,7 +119,7 @@ impl Simplified {
                 let mut out = String::new();
                 for (term, factor) in terms {
                     let (text, strength) = self.write(term, style, true);
-                    let text = if strength == Strength::Sum { format!("({text})") } else { text };
+                    let text = if strength == Precedence::Sum { format!("({text})") } else { text };
                     let text = match factor.abs() {
                         1.0 => text,
                         size => format!("{} {text}", significant(size, style.digits)),
@@ -130,17 +130,17 @@ impl Simplified {
                     let text = significant(constant.value().abs(), style.digits);
                     push_signed(&mut out, constant.value() < 0.0, &text);
                 }
-                (out, Strength::Sum)
+                (out, Precedence::Sum)
             }
             Node::Product(parts) => self.write_product(parts, style),
             Node::Power(base, exponent) => {
-                let base = self.wrapped(*base, style, Strength::Atom);
-                let exponent = self.wrapped(*exponent, style, Strength::Atom);
-                (format!("{base}^{exponent}"), Strength::Power)
+                let base = self.wrapped(*base, style, Precedence::Atom);
+                let exponent = self.wrapped(*exponent, style, Precedence::Atom);
+                (format!("{base}^{exponent}"), Precedence::Power)
             }
             Node::Apply(function, argument) => {
                 let argument = self.write(*argument, style, true).0;
-                (format!("{}({argument})", function.row().name), Strength::Atom)
+                (format!("{}({argument})", function.row().name), Precedence::Atom)
             }
         }
     }
@@ -149,7 +149,7 @@ impl Simplified {
         &self,
         parts: &[(Expr, crate::expr::Number)],
         style: Style,
-    ) -> (String, Strength) {
+    ) -> (String, Precedence) {
         let (mut over, mut under) = (Vec::new(), Vec::new());
         for &(base, exponent) in parts {
             let exponent = exponent.value();
@@ -172,7 +172,7 @@ impl Simplified {
                 }
                 continue;
             }
-            let text = self.wrapped(base, style, Strength::Atom);
+            let text = self.wrapped(base, style, Precedence::Atom);
             let power = |e: f64| match e {
                 1.0 => text.clone(),
                 e if e.fract() == 0.0 => format!("{text}^{e}"),
@@ -185,10 +185,10 @@ impl Simplified {
         for divisor in under {
             let _ = write!(out, "/{divisor}");
         }
-        (out, if single { Strength::Power } else { Strength::Product })
+        (out, if single { Precedence::Power } else { Precedence::Product })
     }
 
-    fn wrapped(&self, expr: Expr, style: Style, least: Strength) -> String {
+    fn wrapped(&self, expr: Expr, style: Style, least: Precedence) -> String {
         let (text, strength) = self.write(expr, style, true);
         if strength < least { format!("({text})") } else { text }
     }

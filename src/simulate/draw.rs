@@ -1,4 +1,4 @@
-//! Initial states drawn at random: from boxes, within a range of energies.
+//! Initial states drawn at random: from intervals, within a range of energies.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -13,7 +13,7 @@ const PATIENCE: usize = 10_000;
 
 /// Where one component of the state may lie; the same numbers for a fixed one.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Box {
+pub struct Interval {
     /// The smallest value.
     pub lower: f64,
     /// The largest value.
@@ -22,20 +22,20 @@ pub struct Box {
 
 /// What starts are drawn from.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sampling {
+pub struct InitialDistribution {
     /// One for each component of the state: q, then p.
-    pub boxes: Vec<Box>,
+    pub intervals: Vec<Interval>,
     /// Starts outside this range of energies are drawn again.
-    pub energy: Option<Box>,
+    pub energy: Option<Interval>,
 }
 
-/// `count` states, uniform over the boxes, and over what the energies leave of them.
+/// `count` states, uniform over the intervals, and over what the energies leave of them.
 ///
 /// # Errors
-/// Hardly any state of the boxes has an energy in the range.
+/// Hardly any state of the intervals has an energy in the range.
 pub fn draw(
     simulator: &Simulator,
-    sampling: &Sampling,
+    sampling: &InitialDistribution,
     count: usize,
     time: f64,
     seed: u64,
@@ -57,11 +57,11 @@ pub fn draw(
         let many = if sampling.energy.is_some() { BATCH } else { count - found.len() };
         let candidates: Vec<Vec<f64>> = (0..many)
             .map(|_| {
-                let one = |side: &Box| {
+                let one = |side: &Interval| {
                     let part: f64 = generator.random_range(0.0..1.0);
                     side.lower + (side.upper - side.lower) * part
                 };
-                sampling.boxes.iter().map(one).collect()
+                sampling.intervals.iter().map(one).collect()
             })
             .collect();
         tried = tried.saturating_add(many);

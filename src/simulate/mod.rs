@@ -5,6 +5,8 @@ mod draw;
 mod instrument;
 mod trajectory;
 
-pub use draw::{Box, Sampling, draw};
+pub use draw::{InitialDistribution, Interval, draw};
 pub use instrument::{Noise, add_noise, consecutive_pairs, drop_samples};
-pub use trajectory::{EnergyDrift, Integration, Integrator, Simulator, Trajectories};
+pub use trajectory::{
+    EnergyConservation, IntegrationRecord, IntegratorChoice, Simulator, Trajectories,
+};

@@ -22,7 +22,7 @@ pub struct Simulator<'a> {
 
 /// What trajectories are integrated with.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub enum Integrator {
+pub enum IntegratorChoice {
     /// As many equal steps of the cheapest method of the table as reach the limit of double
     /// precision.
     #[default]
@@ -37,7 +37,7 @@ pub enum Integrator {
 
 /// With what trajectories were integrated.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Integration {
+pub struct IntegrationRecord {
     /// Name of a row of the methods, or `taylor`.
     pub method: &'static str,
     /// Order of the method or of the series.
@@ -52,7 +52,7 @@ pub struct Integration {
 
 /// How far the energy of simulated trajectories strayed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EnergyDrift {
+pub struct EnergyConservation {
     /// Largest |H(t) - H(0)| over all runs, in the unit of energy.
     pub largest: f64,
     /// The same in units of the largest |H(0)|; `None` where that is zero.
@@ -71,9 +71,9 @@ pub struct Trajectories {
     /// What was measured of each state: q, then p or the velocities.
     pub observed: Vec<Vec<Vec<f64>>>,
     /// How far the energy strayed.
-    pub drift: EnergyDrift,
+    pub drift: EnergyConservation,
     /// With what they were integrated, and how well.
-    pub integration: Integration,
+    pub integration: IntegrationRecord,
 }
 
 impl<'a> Simulator<'a> {
@@ -129,7 +129,7 @@ impl<'a> Simulator<'a> {
     /// # Errors
     /// A trajectory leaves the finite numbers; the message says which and when.
     pub fn trajectories(&self, starts: &[Vec<f64>], times: &[f64]) -> Result<Trajectories> {
-        self.trajectories_by(Integrator::Chosen, starts, times)
+        self.trajectories_by(IntegratorChoice::Chosen, starts, times)
     }
 
     /// The same by an integrator of one's choice.
@@ -139,13 +139,13 @@ impl<'a> Simulator<'a> {
     /// place where its steps become nothing.
     pub fn trajectories_by(
         &self,
-        integrator: Integrator,
+        integrator: IntegratorChoice,
         starts: &[Vec<f64>],
         times: &[f64],
     ) -> Result<Trajectories> {
         let (states, integration) = match integrator {
-            Integrator::Chosen => self.by_steps(starts, times)?,
-            Integrator::Taylor { tolerance } => self.by_series(starts, times, tolerance)?,
+            IntegratorChoice::Chosen => self.by_steps(starts, times)?,
+            IntegratorChoice::Taylor { tolerance } => self.by_series(starts, times, tolerance)?,
         };
         let mut scratch = Scratch::new();
         let before = self.energies(starts, times.first().copied().unwrap_or(0.0));
@@ -176,12 +176,12 @@ impl<'a> Simulator<'a> {
         }
         let scale = before.iter().fold(0.0f64, |most, e| most.max(e.abs()));
         let relative = (scale > 0.0).then_some(strayed / scale);
-        let drift = EnergyDrift { largest: strayed, relative };
+        let drift = EnergyConservation { largest: strayed, relative };
         Ok(Trajectories { times: times.to_vec(), states, observed, drift, integration })
     }
 
     /// `[run][sample]` by equal steps.
-    fn by_steps(&self, starts: &[Vec<f64>], times: &[f64]) -> Result<(States, Integration)> {
+    fn by_steps(&self, starts: &[Vec<f64>], times: &[f64]) -> Result<(States, IntegrationRecord)> {
         let first = times.first().copied().unwrap_or(0.0);
         let interval = times.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
         let intervals = times.len().saturating_sub(1);
@@ -204,7 +204,7 @@ impl<'a> Simulator<'a> {
                 states.push(batch.get(lane));
             }
         }
-        let integration = Integration {
+        let integration = IntegrationRecord {
             method: method.row().name,
             order: method.row().order as usize,
             steps: steps * intervals * starts.len(),
@@ -220,7 +220,7 @@ impl<'a> Simulator<'a> {
         starts: &[Vec<f64>],
         times: &[f64],
         tolerance: f64,
-    ) -> Result<(States, Integration)> {
+    ) -> Result<(States, IntegrationRecord)> {
         let (mut states, mut steps, mut order) = (States::new(), 0, 0);
         for (run, start) in starts.iter().enumerate() {
             let found = taylor(&self.dynamics, &self.theta, start, times, tolerance);
@@ -249,7 +249,7 @@ impl<'a> Simulator<'a> {
             "Taylor series of order {order} take steps with an error of {:.1e} of the state",
             tolerance.max(f64::EPSILON)
         );
-        Ok((states, Integration { method: "taylor", order, steps, per_sample: None, reason }))
+        Ok((states, IntegrationRecord { method: "taylor", order, steps, per_sample: None, reason }))
     }
 
     fn no_series(&self) -> Error {

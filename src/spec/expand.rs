@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use super::ast::*;
-use super::effects::{self, EffectRow, On, Scene};
+use super::effects::{self, ActsOn, EffectRow, Scene};
 use super::parse::template;
 use super::resolve::{Meaning, Resolved, integer, resolve};
 use crate::diagnostic::{Diagnostic, Span};
@@ -40,7 +40,7 @@ pub fn expand(spec: &Spec, diagnostics: &mut Vec<Diagnostic>) -> Spec {
     for statement in &spec.statements {
         match &statement.kind {
             StatementKind::Effect { name, arguments, settings } => {
-                let asked = Asked { name, arguments, settings, span: statement.site.0 };
+                let asked = EffectUse { name, arguments, settings, span: statement.site.0 };
                 out.statements.extend(expander.effect(asked).unwrap_or_default());
             }
             StatementKind::Candidates(_) => {}
@@ -52,7 +52,7 @@ pub fn expand(spec: &Spec, diagnostics: &mut Vec<Diagnostic>) -> Spec {
 
 /// An `effect` statement.
 #[derive(Clone, Copy)]
-struct Asked<'a> {
+struct EffectUse<'a> {
     name: &'a Word,
     arguments: &'a [Expression],
     settings: &'a [Setting],
@@ -105,7 +105,7 @@ impl<'a> Expander<'a, '_> {
     }
 
     /// The statements of one effect; `None` after a diagnostic.
-    fn effect(&mut self, asked: Asked) -> Option<Vec<Statement>> {
+    fn effect(&mut self, asked: EffectUse) -> Option<Vec<Statement>> {
         let name = asked.name.text.as_str();
         if let Some(&candidate) = self.candidates.get(name) {
             return self.candidate(asked, candidate);
@@ -153,7 +153,7 @@ impl<'a> Expander<'a, '_> {
         Some(out)
     }
 
-    fn candidate(&mut self, asked: Asked, candidate: &Candidate) -> Option<Vec<Statement>> {
+    fn candidate(&mut self, asked: EffectUse, candidate: &Candidate) -> Option<Vec<Statement>> {
         let name = &candidate.name.text;
         if !asked.arguments.is_empty() || !asked.settings.is_empty() {
             self.report(
@@ -190,7 +190,7 @@ impl<'a> Expander<'a, '_> {
     }
 
     /// The names that the arguments stand for.
-    fn arguments(&mut self, row: &EffectRow, asked: Asked) -> Option<Vec<String>> {
+    fn arguments(&mut self, row: &EffectRow, asked: EffectUse) -> Option<Vec<String>> {
         let there =
             if row.on.observes() { &self.scene.observables } else { &self.scene.coordinates };
         let example: Vec<String> = there.iter().take(row.on.count()).cloned().collect();
@@ -242,7 +242,7 @@ impl<'a> Expander<'a, '_> {
     /// belongs to. `None` after a diagnostic.
     fn variable(
         &mut self,
-        on: On,
+        on: ActsOn,
         expression: &Expression,
     ) -> Option<(Option<String>, Option<String>)> {
         let (name, index) = match &expression.kind {
@@ -307,7 +307,7 @@ impl<'a> Expander<'a, '_> {
     fn parameters(
         &mut self,
         row: &EffectRow,
-        asked: Asked,
+        asked: EffectUse,
         arguments: &[String],
     ) -> Option<Vec<Statement>> {
         let at = self.scene.coordinates.iter().position(|name| Some(name) == arguments.first());

@@ -7,14 +7,14 @@ use serde::Serialize;
 use tokio::sync::watch;
 
 /// Parts as JSON texts. Whoever has read up to a version is given what came later.
-pub struct Board {
+pub struct StatusBoard {
     parts: Mutex<BTreeMap<&'static str, (u64, Arc<str>)>>,
     version: watch::Sender<u64>,
 }
 
-impl Board {
+impl StatusBoard {
     pub fn new() -> Self {
-        Board { parts: Mutex::new(BTreeMap::new()), version: watch::Sender::new(0) }
+        StatusBoard { parts: Mutex::new(BTreeMap::new()), version: watch::Sender::new(0) }
     }
 
     /// Puts a part up. What is as it was keeps its version.
@@ -59,7 +59,7 @@ mod tests {
 
     #[test]
     fn only_what_changed_is_told() {
-        let board = Board::new();
+        let board = StatusBoard::new();
         board.post("a", &1);
         board.post("b", &"x");
         assert_eq!(board.since(0), r#"{"version":2,"parts":{"a":1,"b":"x"}}"#);

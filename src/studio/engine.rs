@@ -3,8 +3,8 @@
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use super::files::{self, Fence, Stamps};
-use super::jobs::Wish;
+use super::files::{self, AllowedFolder, FileStamps};
+use super::jobs::JobRequest;
 use super::{Studio, wire};
 use crate::data::write_atomically;
 use crate::diagnose::missing::Diagnosis;
@@ -14,12 +14,12 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::fit::{Model, Monitor, Options, StopReason};
 use crate::project::bench::{Bench, Splitting};
 use crate::project::learned::{origin, write_model};
-use crate::project::ledger::{Judged, Ledger};
+use crate::project::ledger::{HeldOutErrors, Ledger};
 use crate::project::lock::Lock;
 use crate::project::measurements::Measurements;
 use crate::project::memory;
-use crate::project::page::{self, Seen};
-use crate::project::revise::{self, Revision};
+use crate::project::page::{self, Assessment};
+use crate::project::revise::{self, RevisionOutcome};
 use crate::project::undo::undo;
 use crate::project::{Listener, ModelFile, Project};
 
@@ -28,20 +28,20 @@ const FREQUENT: Duration = Duration::from_millis(60);
 
 /// A learned model with what is known of it. It is never changed, only replaced.
 #[derive(Clone)]
-pub struct Held {
+pub struct LearnedState {
     pub bench: Arc<Bench>,
     /// The model of the training part.
     pub training: Arc<Model>,
     /// Where its terms come from.
     pub terms: &'static str,
-    seen: Option<Arc<Seen>>,
+    seen: Option<Arc<Assessment>>,
     pub diagnosis: Option<Arc<Diagnosis>>,
 }
 
-impl Held {
+impl LearnedState {
     /// # Errors
     /// It was not held against the measurements yet.
-    pub fn seen(&self) -> Result<&Seen> {
+    pub fn seen(&self) -> Result<&Assessment> {
         self.seen.as_deref().ok_or_else(|| {
             Error::new(
                 ErrorKind::NotReady,
@@ -55,38 +55,38 @@ impl Held {
 /// Does the work, one thing after the other.
 pub struct Engine {
     pub studio: Arc<Studio>,
-    fence: Fence,
-    stamps: Stamps,
+    fence: AllowedFolder,
+    stamps: FileStamps,
     /// Whether the user gave up the question what is missing.
     pub gave_up: bool,
 }
 
 /// Warnings about the data stand in the report on them; those about a text in its editor.
-struct Quiet;
+struct NoMessages;
 
-impl Listener for Quiet {
+impl Listener for NoMessages {
     fn diagnostics(&self, _: &str, _: &str, _: &[Diagnostic]) {}
 
     fn warning(&self, _: &str) {}
 }
 
 /// Tells the page how far a computation has come.
-pub struct Teller<'a> {
+pub struct ProgressReporter<'a> {
     studio: &'a Studio,
     what: &'a str,
     background: bool,
     told: Mutex<Option<Instant>>,
 }
 
-impl<'a> Teller<'a> {
+impl<'a> ProgressReporter<'a> {
     pub fn new(studio: &'a Studio, what: &'a str, background: bool) -> Self {
-        let teller = Teller { studio, what, background, told: Mutex::new(None) };
+        let teller = ProgressReporter { studio, what, background, told: Mutex::new(None) };
         teller.stage("", 0.0);
         teller
     }
 }
 
-impl Monitor for Teller<'_> {
+impl Monitor for ProgressReporter<'_> {
     fn stage(&self, stage: &str, fraction: f64) {
         let mut told = self.told.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         if told.is_some_and(|at| at.elapsed() < FREQUENT) {
@@ -103,7 +103,7 @@ impl Monitor for Teller<'_> {
     }
 }
 
-impl Drop for Teller<'_> {
+impl Drop for ProgressReporter<'_> {
     fn drop(&mut self) {
         self.studio.board.post("job", &());
     }
@@ -111,8 +111,8 @@ impl Drop for Teller<'_> {
 
 impl Engine {
     pub fn new(studio: Arc<Studio>) -> Result<Self> {
-        let fence = Fence::new(&studio.path);
-        let engine = Engine { studio, fence, stamps: Stamps::default(), gave_up: false };
+        let fence = AllowedFolder::new(&studio.path);
+        let engine = Engine { studio, fence, stamps: FileStamps::default(), gave_up: false };
         // The text is there before the page asks for it.
         engine.post_files()?;
         Ok(engine)
@@ -130,20 +130,20 @@ impl Engine {
     fn stamp(&mut self) {
         let path = &self.studio.path;
         let data = self.studio.held().and_then(|held| held.bench.project.data_path(None).ok());
-        self.stamps = Stamps::of(path, data.as_deref());
+        self.stamps = FileStamps::of(path, data.as_deref());
     }
 
     /// Whether somebody else wrote the files since.
     pub fn changed(&self) -> bool {
         let data = self.studio.held().and_then(|held| held.bench.project.data_path(None).ok());
-        self.stamps != Stamps::of(&self.studio.path, data.as_deref())
+        self.stamps != FileStamps::of(&self.studio.path, data.as_deref())
     }
 
     /// The spec with its data, if these may be read.
     fn bench(&self) -> Result<Bench> {
         let path = &self.studio.path;
         self.fence.check(&Project::open(path)?)?;
-        Bench::open(path, &Splitting::default(), &Quiet)
+        Bench::open(path, &Splitting::default(), &NoMessages)
     }
 
     /// Reads all files anew; learns the spec where it has no model.
@@ -169,7 +169,7 @@ impl Engine {
     fn opened(&self, background: bool) -> Result<(Bench, Model, &'static str)> {
         let studio = Arc::clone(&self.studio);
         let mut bench = self.bench()?;
-        let teller = Teller::new(&studio, "Learning the spec", background);
+        let teller = ProgressReporter::new(&studio, "Learning the spec", background);
         if bench.project.law(None).is_err() {
             let _lock = self.lock(&teller)?;
             // Another command may have changed the spec, or learned it, while this one waited.
@@ -191,7 +191,7 @@ impl Engine {
     fn hold(&mut self, bench: Bench, training: Model, terms: &'static str) {
         let (bench, training) = (Arc::new(bench), Arc::new(training));
         self.gave_up = false;
-        let held = Held { bench, training, terms, seen: None, diagnosis: None };
+        let held = LearnedState { bench, training, terms, seen: None, diagnosis: None };
         self.studio.board.post("missing", &wire::unasked("waiting"));
         self.studio.hold(Some(Arc::new(held)));
     }
@@ -212,7 +212,7 @@ impl Engine {
     }
 
     /// Searches terms and numbers on all measurements and writes the model, as `fit` does.
-    fn learned(&self, bench: &Bench, teller: &Teller) -> Result<()> {
+    fn learned(&self, bench: &Bench, teller: &ProgressReporter) -> Result<()> {
         let project = &bench.project;
         let parameter_starts = project.compiled.starts.clone();
         let memory = memory::usual();
@@ -241,27 +241,27 @@ impl Engine {
     }
 
     /// Does what the user asks for; returns a sentence about it.
-    pub fn fulfil(&mut self, wish: &Wish) -> Result<String> {
+    pub fn fulfil(&mut self, wish: &JobRequest) -> Result<String> {
         match wish {
-            Wish::Diagnose => {
+            JobRequest::Diagnose => {
                 self.gave_up = false;
                 Ok(String::new())
             }
-            Wish::Learn => {
+            JobRequest::Learn => {
                 let studio = Arc::clone(&self.studio);
-                let teller = Teller::new(&studio, "Learning the spec", false);
+                let teller = ProgressReporter::new(&studio, "Learning the spec", false);
                 let lock = self.lock(&teller)?;
                 self.learned(&self.bench()?, &teller)?;
                 drop((lock, teller));
                 self.open(false)?;
                 Ok(format!("Learned; the model is in {}.", self.model_name()))
             }
-            Wish::Save { text, base, learn } => self.save(text, base, *learn),
-            Wish::Add { effect } => self.revised(effect, true),
-            Wish::Remove { effect } => self.revised(effect, false),
-            Wish::Undo { force } => {
+            JobRequest::Save { text, base, learn } => self.save(text, base, *learn),
+            JobRequest::Add { effect } => self.revised(effect, true),
+            JobRequest::Remove { effect } => self.revised(effect, false),
+            JobRequest::Undo { force } => {
                 let studio = Arc::clone(&self.studio);
-                let lock = self.lock(&Teller::new(&studio, "Undoing", false))?;
+                let lock = self.lock(&ProgressReporter::new(&studio, "Undoing", false))?;
                 let undone = undo(&self.studio.path, *force)?;
                 drop(lock);
                 self.open(false)?;
@@ -281,7 +281,7 @@ impl Engine {
     fn save(&mut self, text: &str, base: &str, learn: bool) -> Result<String> {
         let studio = Arc::clone(&self.studio);
         let path = studio.path.clone();
-        let lock = self.lock(&Teller::new(&studio, "Saving", false))?;
+        let lock = self.lock(&ProgressReporter::new(&studio, "Saving", false))?;
         let old = files::read_spec(&path)?;
         if files::hash(&old) != base {
             self.post_files()?;
@@ -296,7 +296,7 @@ impl Engine {
         let name = super::name(&path);
         self.open(false)?;
         if learn && old == text {
-            return self.fulfil(&Wish::Learn);
+            return self.fulfil(&JobRequest::Learn);
         }
         Ok(format!("{name} is written{}.", if learn { " and learned" } else { "" }))
     }
@@ -315,7 +315,7 @@ impl Engine {
                     "mend the spec, then learn it",
                 )
             })?;
-            let teller = Teller::new(&studio, &what, false);
+            let teller = ProgressReporter::new(&studio, &what, false);
             let lock = self.lock(&teller)?;
             // What another command wrote while this one waited is read before it is added to.
             if !self.changed() {
@@ -334,7 +334,7 @@ impl Engine {
         revision.keep(bench)?;
         drop(teller);
         self.post_files()?;
-        let Revision { action, training, is, warranted, why, .. } = revision;
+        let RevisionOutcome { action, training, is, warranted, why, .. } = revision;
         let (bench, terms) = (self.bench()?, "terms and numbers from the training part");
         self.glimpse(&bench, (&training, terms), &is)?;
         self.hold(bench, training, terms);
@@ -352,15 +352,15 @@ impl Engine {
             return Ok(false);
         };
         let studio = Arc::clone(&self.studio);
-        let teller = Teller::new(&studio, "Looking where it fails", true);
+        let teller = ProgressReporter::new(&studio, "Looking where it fails", true);
         let seen = page::seen(&held.bench, &held.training, &teller)?;
-        let held = Held { seen: Some(Arc::new(seen)), ..(*held).clone() };
+        let held = LearnedState { seen: Some(Arc::new(seen)), ..(*held).clone() };
         self.show(held)?;
         Ok(true)
     }
 
     /// Puts up what takes no time to draw; the rest of the plots stay as they are meanwhile.
-    fn glimpse(&self, bench: &Bench, model: (&Model, &str), judged: &Judged) -> Result<()> {
+    fn glimpse(&self, bench: &Bench, model: (&Model, &str), judged: &HeldOutErrors) -> Result<()> {
         if judged.horizons.is_empty() {
             return Ok(());
         }
@@ -376,7 +376,7 @@ impl Engine {
     }
 
     /// Puts up all that is drawn.
-    fn show(&self, held: Held) -> Result<()> {
+    fn show(&self, held: LearnedState) -> Result<()> {
         let seen = held.seen()?;
         let model = (&*held.training, held.terms);
         let (law, figures) = page::with_page(
@@ -398,14 +398,14 @@ impl Engine {
 
     /// Asks what is missing. False if that is answered already.
     pub fn ask(&mut self) -> Result<bool> {
-        let asked = |held: &Arc<Held>| held.diagnosis.is_none() && held.seen.is_some();
+        let asked = |held: &Arc<LearnedState>| held.diagnosis.is_none() && held.seen.is_some();
         let Some(held) = self.studio.held().filter(asked) else { return Ok(false) };
         let studio = Arc::clone(&self.studio);
         if self.gave_up {
             return Ok(false);
         }
         studio.board.post("missing", &wire::unasked("asking"));
-        let teller = Teller::new(&studio, "Asking what is missing", true);
+        let teller = ProgressReporter::new(&studio, "Asking what is missing", true);
         let bench = &held.bench;
         let lacking =
             suffices::lacking(bench.project.system(), &bench.split.training, bench.held_out());
@@ -424,7 +424,7 @@ impl Engine {
             return Ok(true);
         }
         let answer = wire::missing(&diagnosis);
-        self.show(Held { diagnosis: Some(Arc::new(diagnosis)), ..(*held).clone() })?;
+        self.show(LearnedState { diagnosis: Some(Arc::new(diagnosis)), ..(*held).clone() })?;
         studio.board.post("missing", &answer);
         Ok(true)
     }

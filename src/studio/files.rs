@@ -27,36 +27,36 @@ pub fn hash(text: &str) -> String {
 
 /// When files were written last, and how long they are: enough to look closer.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Stamps(Vec<Option<(SystemTime, u64)>>);
+pub struct FileStamps(Vec<Option<(SystemTime, u64)>>);
 
-impl Stamps {
+impl FileStamps {
     /// Of a spec, its model, its ledger and its data.
-    pub fn of(spec: &Path, data: Option<&Path>) -> Stamps {
+    pub fn of(spec: &Path, data: Option<&Path>) -> FileStamps {
         let stamp = |path: &Path| {
             let about = std::fs::metadata(path).ok()?;
             Some((about.modified().ok()?, about.len()))
         };
         let beside = ["model.json", "ledger.json"].map(|end| spec.with_extension(end));
         let paths = [Some(spec), Some(&beside[0]), Some(&beside[1]), data];
-        Stamps(paths.into_iter().map(|path| path.and_then(stamp)).collect())
+        FileStamps(paths.into_iter().map(|path| path.and_then(stamp)).collect())
     }
 }
 
 /// Which data may be read: what the spec named when the studio was started, and what lies in
 /// its folder. A text that is typed into a page gets no farther.
-pub struct Fence {
+pub struct AllowedFolder {
     folder: PathBuf,
     first: Option<PathBuf>,
 }
 
-impl Fence {
-    pub fn new(spec: &Path) -> Fence {
+impl AllowedFolder {
+    pub fn new(spec: &Path) -> AllowedFolder {
         let folder = match spec.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent,
             _ => Path::new("."),
         };
         let first = Project::open(spec).and_then(|project| project.data_path(None)).ok();
-        Fence {
+        AllowedFolder {
             folder: folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf()),
             first: first.and_then(|path| path.canonicalize().ok()),
         }
@@ -98,12 +98,13 @@ mod tests {
             format!("coordinates q; momenta p\ndata \"{data}\" {{ time t }}\nT = p^2/2\nV = q^2\n")
         };
         let write = |data: &str| std::fs::write(&spec, text(data)).expect("written");
-        let pass = |fence: &Fence| fence.check(&Project::open(&spec).expect("a spec")).is_ok();
+        let pass =
+            |fence: &AllowedFolder| fence.check(&Project::open(&spec).expect("a spec")).is_ok();
         write("in.csv");
-        let fence = Fence::new(&spec);
+        let fence = AllowedFolder::new(&spec);
         assert!(pass(&fence));
         write("../out.csv");
-        assert!(!pass(&fence) && pass(&Fence::new(&spec)));
+        assert!(!pass(&fence) && pass(&AllowedFolder::new(&spec)));
         write("/etc/hostname");
         assert!(!pass(&fence));
         write("../missing.csv");

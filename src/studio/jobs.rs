@@ -9,7 +9,7 @@ use serde::Deserialize;
 /// A wish of the user.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(tag = "do", rename_all = "snake_case")]
-pub enum Wish {
+pub enum JobRequest {
     /// Learn the spec as `leverrier fit` does.
     Learn,
     /// Write the text into the spec, if it still is as `base` (a SHA-256) says; then learn.
@@ -35,7 +35,7 @@ pub struct Jobs {
 
 #[derive(Default)]
 struct State {
-    next: Option<Wish>,
+    next: Option<JobRequest>,
     busy: bool,
 }
 
@@ -54,7 +54,7 @@ impl Jobs {
     }
 
     /// Takes a wish, or refuses it while another waits or is worked on.
-    pub fn ask(&self, wish: Wish) -> bool {
+    pub fn ask(&self, wish: JobRequest) -> bool {
         let mut state = self.state();
         if state.busy || state.next.is_some() {
             return false;
@@ -72,7 +72,7 @@ impl Jobs {
     }
 
     /// The next wish, if one comes in time. It is busy until [`Jobs::done`].
-    pub fn next(&self, patience: Duration) -> Option<Wish> {
+    pub fn next(&self, patience: Duration) -> Option<JobRequest> {
         let state = self.state();
         let waited = self.bell.wait_timeout_while(state, patience, |state| state.next.is_none());
         let (mut state, _) = waited.unwrap_or_else(|poisoned| poisoned.into_inner());
@@ -109,20 +109,20 @@ mod tests {
     #[test]
     fn one_wish_at_a_time() {
         let jobs = Jobs::new();
-        assert!(jobs.ask(Wish::Learn) && !jobs.ask(Wish::Learn) && jobs.stopped(true));
-        assert_eq!(jobs.next(Duration::ZERO), Some(Wish::Learn));
-        assert!(!jobs.ask(Wish::Learn) && !jobs.stopped(true));
+        assert!(jobs.ask(JobRequest::Learn) && !jobs.ask(JobRequest::Learn) && jobs.stopped(true));
+        assert_eq!(jobs.next(Duration::ZERO), Some(JobRequest::Learn));
+        assert!(!jobs.ask(JobRequest::Learn) && !jobs.stopped(true));
         jobs.cancel();
         assert!(jobs.stopped(false));
         jobs.done();
         assert!(!jobs.stopped(true) && jobs.next(Duration::ZERO).is_none());
-        assert!(jobs.ask(Wish::Undo { force: false }));
+        assert!(jobs.ask(JobRequest::Undo { force: false }));
     }
 
     #[test]
     fn wishes_are_read() {
-        let read = |text| serde_json::from_str::<Wish>(text).expect("a wish");
-        assert_eq!(read(r#"{"do":"learn"}"#), Wish::Learn);
-        assert_eq!(read(r#"{"do":"undo","force":true}"#), Wish::Undo { force: true });
+        let read = |text| serde_json::from_str::<JobRequest>(text).expect("a wish");
+        assert_eq!(read(r#"{"do":"learn"}"#), JobRequest::Learn);
+        assert_eq!(read(r#"{"do":"undo","force":true}"#), JobRequest::Undo { force: true });
     }
 }

@@ -20,13 +20,13 @@ use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::project::page::Reproduce;
-use board::Board;
+use board::StatusBoard;
 use engine::Engine;
 use guard::Guard;
 use jobs::Jobs;
 
 /// What a studio is started with.
-pub struct Options {
+pub struct StudioOptions {
     /// The spec.
     pub spec: PathBuf,
     /// 0 takes one that is free.
@@ -41,20 +41,20 @@ pub struct Studio {
     path: PathBuf,
     reproduce: Reproduce,
     guard: Guard,
-    board: Board,
+    board: StatusBoard,
     jobs: Jobs,
     /// The model with all that is known of it; none before the first was learned.
-    held: std::sync::Mutex<Option<Arc<engine::Held>>>,
+    held: std::sync::Mutex<Option<Arc<engine::LearnedState>>>,
 }
 
 impl Studio {
     /// What is known now. A thread that panicked while it held the lock left it whole: it is
     /// only ever replaced.
-    fn held(&self) -> Option<Arc<engine::Held>> {
+    fn held(&self) -> Option<Arc<engine::LearnedState>> {
         self.held.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).clone()
     }
 
-    fn hold(&self, held: Option<Arc<engine::Held>>) {
+    fn hold(&self, held: Option<Arc<engine::LearnedState>>) {
         *self.held.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = held;
     }
 }
@@ -64,14 +64,14 @@ impl Studio {
 ///
 /// # Errors
 /// The spec cannot be read (it may well have errors), or the port is taken.
-pub fn serve(options: &Options, ready: impl FnOnce(&str)) -> Result<()> {
+pub fn serve(options: &StudioOptions, ready: impl FnOnce(&str)) -> Result<()> {
     let path = options.spec.clone();
     files::read_spec(&path)?;
     let listener = server::listen(options.port)?;
     let port = listener.local_addr().map_err(|error| server_error(&error))?.port();
     let studio = Arc::new(Studio {
         guard: Guard::new(port)?,
-        board: Board::new(),
+        board: StatusBoard::new(),
         jobs: Jobs::new(),
         held: std::sync::Mutex::new(None),
         path,

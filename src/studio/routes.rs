@@ -8,7 +8,7 @@ use hyper::{Method, StatusCode};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::jobs::Wish;
+use super::jobs::JobRequest;
 use super::{Studio, archive, files, name, wire};
 use crate::error::{Error, ErrorKind, Result};
 use crate::export::{EXPORTERS, Output};
@@ -18,7 +18,7 @@ use crate::project::page::with_page;
 use crate::project::written::output;
 use crate::report::html;
 use crate::report::plots::{
-    Figure, IMAGES, Image, Look, Paper, SCRIPT, escaped_id, image, live_sheet,
+    Background, Figure, IMAGES, Image, PictureStyle, SCRIPT, escaped_id, image, live_sheet,
 };
 
 /// Longest time that a page waits for news before it asks again.
@@ -54,7 +54,7 @@ impl Answer {
 }
 
 /// How a route answers.
-enum Reply {
+enum Handler {
     /// With a text that is always the same.
     Text(&'static str, fn() -> String),
     /// At once.
@@ -71,7 +71,7 @@ pub struct Route {
     path: &'static str,
     /// Whether it tells nothing of the user's work, and needs no token.
     pub open: bool,
-    reply: Reply,
+    reply: Handler,
 }
 
 const HTML: &str = "text/html; charset=utf-8";
@@ -79,10 +79,10 @@ const CSS: &str = "text/css; charset=utf-8";
 const JS: &str = "text/javascript; charset=utf-8";
 
 const fn open(path: &'static str, kind: &'static str, text: fn() -> String) -> Route {
-    Route { method: Method::GET, path, open: true, reply: Reply::Text(kind, text) }
+    Route { method: Method::GET, path, open: true, reply: Handler::Text(kind, text) }
 }
 
-const fn closed(method: Method, path: &'static str, reply: Reply) -> Route {
+const fn closed(method: Method, path: &'static str, reply: Handler) -> Route {
     Route { method, path, open: false, reply }
 }
 
@@ -92,13 +92,13 @@ static ROUTES: &[Route] = &[
     open("/studio.js", JS, || include_str!("assets/studio.js").to_string()),
     open("/editor.js", JS, || include_str!("assets/editor.js").to_string()),
     open("/figures.js", JS, || SCRIPT.to_string()),
-    closed(Method::GET, "/api/state", Reply::News),
-    closed(Method::POST, "/api/check", Reply::Work(check)),
-    closed(Method::POST, "/api/do", Reply::Now(ask)),
-    closed(Method::POST, "/api/cancel", Reply::Now(cancel)),
-    closed(Method::GET, "/api/export", Reply::Work(export)),
-    closed(Method::GET, "/api/report", Reply::Work(report)),
-    closed(Method::GET, "/api/plots", Reply::Work(plots)),
+    closed(Method::GET, "/api/state", Handler::News),
+    closed(Method::POST, "/api/check", Handler::Work(check)),
+    closed(Method::POST, "/api/do", Handler::Now(ask)),
+    closed(Method::POST, "/api/cancel", Handler::Now(cancel)),
+    closed(Method::GET, "/api/export", Handler::Work(export)),
+    closed(Method::GET, "/api/report", Handler::Work(report)),
+    closed(Method::GET, "/api/plots", Handler::Work(plots)),
 ];
 
 /// The route of a request.
@@ -110,10 +110,10 @@ impl Route {
     /// Answers a request that the guard let pass.
     pub async fn answer(&self, studio: &Arc<Studio>, query: String, body: Bytes) -> Answer {
         let answered = match self.reply {
-            Reply::Text(kind, text) => Ok(Answer::new(kind, text())),
-            Reply::Now(reply) => reply(studio, &query, &body),
-            Reply::News => Ok(news(studio, &query).await),
-            Reply::Work(reply) => {
+            Handler::Text(kind, text) => Ok(Answer::new(kind, text())),
+            Handler::Now(reply) => reply(studio, &query, &body),
+            Handler::News => Ok(news(studio, &query).await),
+            Handler::Work(reply) => {
                 let studio = Arc::clone(studio);
                 let work = move || reply(&studio, &query, &body);
                 match tokio::task::spawn_blocking(work).await {
@@ -143,7 +143,7 @@ async fn news(studio: &Studio, query: &str) -> Answer {
 }
 
 #[derive(Deserialize)]
-struct Text {
+struct CheckRequest {
     text: String,
 }
 
@@ -158,7 +158,7 @@ fn read<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Result<T> {
 }
 
 fn check(studio: &Studio, _: &str, body: &[u8]) -> Result<Answer> {
-    let Text { text } = read(body)?;
+    let CheckRequest { text } = read(body)?;
     too_long(&text)?;
     let diagnostics = match expr::build(&name(&studio.path), &text) {
         Ok(compiled) => compiled.warnings,
@@ -180,8 +180,8 @@ fn too_long(text: &str) -> Result<()> {
 }
 
 fn ask(studio: &Studio, _: &str, body: &[u8]) -> Result<Answer> {
-    let wish: Wish = read(body)?;
-    if let Wish::Save { text, .. } = &wish {
+    let wish: JobRequest = read(body)?;
+    if let JobRequest::Save { text, .. } = &wish {
         too_long(text)?;
     }
     if studio.jobs.ask(wish) {
@@ -254,10 +254,10 @@ fn plots(studio: &Studio, query: &str, _: &[u8]) -> Result<Answer> {
         )
     })?;
     let paper = value(query, "paper").map(|name| match name {
-        "dark" => Paper::Dark,
-        _ => Paper::Light,
+        "dark" => Background::Dark,
+        _ => Background::Light,
     });
-    let look = Look { paper, ..Look::default() };
+    let look = PictureStyle { paper, ..PictureStyle::default() };
     let drawn = drawn(studio, "draw", |page| html::figures(&page.material))?;
     let file = |figure: &Figure, kind: &Image| escaped_id(&figure.id) + "." + kind.name;
     let Some(name) = value(query, "plot") else {

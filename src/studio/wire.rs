@@ -8,9 +8,9 @@ use super::routes::formats;
 use crate::diagnose::missing::{Diagnosis, Leader};
 use crate::diagnostic::Diagnostic;
 use crate::error::Error;
-use crate::project::ledger::{BY_HAND, Judged, Ledger, date};
+use crate::project::ledger::{BY_HAND, HeldOutErrors, Ledger, date};
 use crate::report::html::{self, Page};
-use crate::report::plots::{For, Material, PLOTS, Plot, draw, number};
+use crate::report::plots::{Medium, PLOTS, Plot, PlotData, draw, number};
 use crate::report::present;
 use crate::spec::effects::by_name;
 
@@ -116,12 +116,12 @@ pub fn law(page: &Page) -> Value {
 const FIRST: &[&str] = &["horizons", "path", "front", "ledger"];
 
 /// Every plot, drawn.
-pub fn figures(material: &Material) -> Value {
+pub fn figures(material: &PlotData) -> Value {
     PLOTS.iter().map(|row| drawn(row, material)).collect()
 }
 
 /// The plots that take no time; of the others, that they will come.
-pub fn first_figures(material: &Material) -> Value {
+pub fn first_figures(material: &PlotData) -> Value {
     let rows = PLOTS.iter().map(|row| match FIRST.contains(&row.name) {
         true => drawn(row, material),
         false => json!({ "plot": row.name, "title": row.title, "pending": true }),
@@ -129,7 +129,7 @@ pub fn first_figures(material: &Material) -> Value {
     rows.collect()
 }
 
-fn drawn(row: &Plot, material: &Material) -> Value {
+fn drawn(row: &Plot, material: &PlotData) -> Value {
     let figures = (row.figures)(material);
     json!({
         "plot": row.name,
@@ -139,7 +139,7 @@ fn drawn(row: &Plot, material: &Material) -> Value {
             "id": figure.id,
             "title": figure.title,
             "caption": figure.caption,
-            "svg": draw(figure, For::Page),
+            "svg": draw(figure, Medium::Page),
         })).collect::<Vec<_>>(),
     })
 }
@@ -190,7 +190,8 @@ pub fn ledger(ledger: &Ledger, text: &str) -> Value {
     let mut ledger = ledger.clone();
     ledger.recover(text);
     let current = ledger.current();
-    let error = |judged: &Option<Judged>| judged.as_ref().and_then(|judged| judged.held_out_error);
+    let error =
+        |judged: &Option<HeldOutErrors>| judged.as_ref().and_then(|judged| judged.held_out_error);
     let newest = current.and_then(|at| ledger.revisions.get(at));
     let edited = newest.is_some_and(|r| r.spec != text || r.action == BY_HAND);
     let mut ahead = ledger.clone();

@@ -8,7 +8,7 @@ use leverrier::internals::diagnose::rival::Rival;
 use leverrier::internals::error::Error;
 use leverrier::internals::expr::{Compiled, build};
 use leverrier::internals::fit::{Model, Options, Silent, fit};
-use leverrier::internals::simulate::{Box, Noise, Simulator, add_noise};
+use leverrier::internals::simulate::{Interval, Noise, Simulator, add_noise};
 
 const VARIABLES: &str = "coordinates q\nmomenta p\n";
 const SPACE: &str = "T = p^2/2\nV = span{ cos(q) }\n";
@@ -96,8 +96,8 @@ impl Bench {
 
 /// Starts from which dry friction does not bring the motion to rest within the run.
 fn lively() -> Allowed {
-    let q = Box { lower: 0.4, upper: 0.95 };
-    let p = Box { lower: -0.9, upper: 0.9 };
+    let q = Interval { lower: 0.4, upper: 0.95 };
+    let p = Interval { lower: -0.9, upper: 0.9 };
     Allowed { start: vec![Some(q), Some(p)], ..Allowed::default() }
 }
 
@@ -201,7 +201,7 @@ fn a_coefficient_becomes_as_certain_as_was_said() {
     let whole = Options { sparse: false, window: Some(32), ..Options::default() };
     let before = bench(SPRING, data, &whole);
     let rival = [Rival::as_it_is(&before.context(), "the model")];
-    let wide = Box { lower: -1.1, upper: 1.1 };
+    let wide = Interval { lower: -1.1, upper: 1.1 };
     let allowed = Allowed { start: vec![Some(wide); 2], ..Allowed::default() };
     let plan = ok(before.plan(&rival, &Goal::Coefficient(None), &allowed));
     let sought = plan.coefficient.as_ref().unwrap();
@@ -234,8 +234,11 @@ fn a_run_stays_within_what_is_allowed() {
     let before = bench(SPACE, swings(VISCOUS.1, 3), &Options::default());
     let rivals = before.pair();
     let allowed = Allowed {
-        start: vec![Some(Box { lower: 0.2, upper: 0.7 }), Some(Box { lower: -0.31, upper: 0.52 })],
-        motion: vec![Some(Box { lower: -0.75, upper: 0.75 }), None],
+        start: vec![
+            Some(Interval { lower: 0.2, upper: 0.7 }),
+            Some(Interval { lower: -0.31, upper: 0.52 }),
+        ],
+        motion: vec![Some(Interval { lower: -0.75, upper: 0.75 }), None],
         from: Some(3.0),
         durations: vec![4.0, 6.0],
         steps: vec![0.1, 0.2],
@@ -253,7 +256,7 @@ fn a_run_stays_within_what_is_allowed() {
         assert!(motion.runs[0].values[0].iter().all(|q| q.abs() < 0.75 + 5.0 * NOISE));
     }
     // Motions of bounded energy cannot stay where none of them is.
-    let nowhere = Allowed { motion: vec![Some(Box { lower: 0.19, upper: 0.2 })], ..allowed };
+    let nowhere = Allowed { motion: vec![Some(Interval { lower: 0.19, upper: 0.2 })], ..allowed };
     let error = before.plan(&rivals, &Goal::Rivals, &nowhere).unwrap_err().to_string();
     assert!(error.contains("stays within its bounds"), "{error}");
     let error = before.plan(&rivals[..1], &Goal::Rivals, &lively()).unwrap_err().to_string();

@@ -15,9 +15,9 @@ use leverrier::internals::diagnose::view::{EnergySeries, Portrait, Quantity, Vie
 use leverrier::internals::expr::{Compiled, build};
 use leverrier::internals::fit::model::{FrontPoint, PathEntry};
 use leverrier::internals::fit::{Model, Options, Silent, fit};
-use leverrier::internals::report::html::{Entry, Page, page};
+use leverrier::internals::report::html::{HistoryEntry, Page, page};
 use leverrier::internals::report::plots::{
-    Figure, For, Look, Material, PLOTS, Paper, Stage, draw, image, plot,
+    Background, Figure, HistoryPoint, Medium, PLOTS, PictureStyle, PlotData, draw, image, plot,
 };
 use leverrier::internals::report::present;
 use leverrier::internals::simulate::Simulator;
@@ -34,12 +34,12 @@ struct Story {
     view: View,
     comparison: Comparison,
     diagnosis: Option<Diagnosis>,
-    history: Vec<Stage>,
+    history: Vec<HistoryPoint>,
 }
 
 impl Story {
-    fn material(&self) -> Material<'_> {
-        Material {
+    fn material(&self) -> PlotData<'_> {
+        PlotData {
             view: &self.view,
             comparison: &self.comparison,
             model: &self.model,
@@ -90,7 +90,7 @@ fn damped() -> Story {
     let spec = "system \"bench <pendulum> & co\"\ncoordinates theta [rad]\nmomenta p [rad/s]\ntime t [s]\n\
                 T = p^2/2\nV = span{ poly(theta; 3), cos(theta) }\n";
     let mut story = story(spec, measured(law, &starts, 120, 0.005), 0.3, true);
-    let stage = |action: &str, error, undone| Stage { action: action.into(), error, undone };
+    let stage = |action: &str, error, undone| HistoryPoint { action: action.into(), error, undone };
     story.history = vec![
         stage("start", Some(5.0), false),
         stage("add coulomb_friction(theta)", Some(2.0), true),
@@ -252,7 +252,7 @@ fn broken(value: f64) -> Story {
         held_out_error: value,
         ..Diagnosis::too_little("x < y".into())
     });
-    let stage = |error| Stage { action: "add".into(), error, undone: false };
+    let stage = |error| HistoryPoint { action: "add".into(), error, undone: false };
     story.history = vec![stage(Some(value)), stage(None), stage(Some(1e9)), stage(Some(1.0))];
     story
 }
@@ -306,11 +306,11 @@ fn path_points(path: &str) -> Vec<(f64, f64)> {
 
 /// A drawing is XML, has a title and a description, and every number of it lies in its view box.
 fn inspect(figure: &Figure, what: &str) {
-    let look = Look { paper: Some(Paper::Dark), scale: 1.0 };
+    let look = PictureStyle { paper: Some(Background::Dark), scale: 1.0 };
     let png = (image("png").expect("a row").draw)(figure, look).expect("pixels");
     let png = Pixmap::decode_png(&png).unwrap_or_else(|error| panic!("{what}: {error}"));
     assert_eq!((f64::from(png.width()), f64::from(png.height())), (figure.width, figure.height));
-    for target in [For::File, For::Page, For::Print(Paper::Dark)] {
+    for target in [Medium::File, Medium::Page, Medium::Print(Background::Dark)] {
         let svg = draw(figure, target);
         let document = roxmltree::Document::parse(&svg)
             .unwrap_or_else(|error| panic!("{what}: {error}\n{svg}"));
@@ -389,9 +389,9 @@ fn every_plot_of_a_damped_pendulum_is_drawn() {
     let all: Vec<&str> = PLOTS.iter().map(|row| row.name).collect();
     assert_eq!(drawn, all);
     let ranking = (plot("ranking").expect("a row").figures)(&story.material());
-    assert!(draw(&ranking[0], For::Page).contains("viscous_drag(theta)"));
+    assert!(draw(&ranking[0], Medium::Page).contains("viscous_drag(theta)"));
     let forces = (plot("forces").expect("a row").figures)(&story.material());
-    let svg = draw(&forces[0], For::Page);
+    let svg = draw(&forces[0], Medium::Page);
     assert!(svg.contains("[rad/s]") || svg.contains("[rad]") || svg.contains("[s]"), "{svg}");
 }
 
@@ -441,7 +441,7 @@ fn html(story: &Story) -> String {
     let law = story.model.law(system).expect("its own");
     let simplified = present::simplified(&law, &[]);
     let notes = present::notes(&simplified);
-    let history = [Entry {
+    let history = [HistoryEntry {
         date: "2026-01-01 00:00".into(),
         action: "start <now>".into(),
         before: None,

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use leverrier::internals::data::{
-    Dataset, FileSource, Held, Layout, Mapping, ObservableMap, Source, dataset, head,
+    Dataset, FileSource, InMemory, Layout, Mapping, ObservableMap, Source, dataset, head,
     memory_needed, read, survey, survey_file, to_csv, to_parquet,
 };
 use leverrier::internals::dynamics::Dynamics;
@@ -128,7 +128,7 @@ fn a_pass_over_chunks_leaves_what_a_pass_in_memory_leaves() {
         let held = training.problem(&weights);
         let (gram, sums) = left(&held, &training, &whole);
         for samples in [600, 5000] {
-            let source = Held::new(&data, samples);
+            let source = InMemory::new(&data, samples);
             let found = survey(&source, 2000, 3, &|_| true).expect("sound data");
             let stream = Stream::new(&source, &found, typical_step(&data), &Silent);
             let streamed = Problem { stream: Some(&stream), ..held };
@@ -154,7 +154,7 @@ fn noisy_pairs_give_the_model_that_memory_gives() {
     assert_eq!(whole.terms.len(), 6);
     // Chunks of odd sizes, a sample of a quarter of the data.
     for samples in [700, 4096] {
-        let model = streamed(&space, &Held::new(&data, samples), 2000, &Options::default());
+        let model = streamed(&space, &InMemory::new(&data, samples), 2000, &Options::default());
         assert_same(&whole, &model);
         assert_eq!(model.evidence.samples, 8000);
         assert_eq!(model.evidence.runs, 4000);
@@ -168,7 +168,7 @@ fn noisy_pairs_give_the_model_that_memory_gives() {
 fn clean_pairs_give_the_coefficients_to_rounding() {
     let data = pairs(0.0);
     let space = space(SPACE);
-    let model = streamed(&space, &Held::new(&data, 1000), 2000, &Options::default());
+    let model = streamed(&space, &InMemory::new(&data, 1000), 2000, &Options::default());
     let truth = [0.5, 0.5, 0.5, -1.0 / 3.0, 0.5, 1.0];
     assert_eq!(model.terms.len(), 6);
     let mut learned: Vec<f64> = model.terms.iter().map(|t| t.coefficient).collect();
@@ -211,7 +211,7 @@ fn the_number_of_threads_changes_nothing() {
     let space = space(SPACE);
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        pool.install(|| streamed(&space, &Held::new(&data, 900), 1500, &Options::default()))
+        pool.install(|| streamed(&space, &InMemory::new(&data, 900), 1500, &Options::default()))
     };
     let one = on(1);
     for threads in [2, 5] {
@@ -308,7 +308,7 @@ fn every_run_is_as_likely_to_be_in_the_sample() {
     let data = pairs(0.0);
     let mut counts = vec![0; data.runs.len()];
     for seed in 0..200 {
-        let found = survey(&Held::new(&data, 512), 800, seed, &|_| true).expect("sound");
+        let found = survey(&InMemory::new(&data, 512), 800, seed, &|_| true).expect("sound");
         assert_eq!(found.sample.samples(), 800);
         for run in &found.sample.runs {
             let at = data.runs.iter().position(|r| r.name == run.name).expect("one of them");
@@ -363,7 +363,7 @@ impl Monitor for Stopping {
 fn a_fit_that_is_stopped_keeps_the_best_so_far() {
     let data = pairs(0.005);
     let space = space(SPACE);
-    let source = Held::new(&data, 500);
+    let source = InMemory::new(&data, 500);
     let found = survey(&source, 2000, 3, &|_| true).expect("sound data");
     for after in [1, 2, 5, 17, 18, 19, 25, 40] {
         let monitor = Stopping { stages: AtomicUsize::new(0), after };

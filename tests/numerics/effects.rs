@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use leverrier::internals::expr::{Compiled, Place, Symbol, System, build, instances};
-use leverrier::internals::spec::effects::{self, Kind, ScanBy, catalogue};
+use leverrier::internals::spec::effects::{self, EffectKind, ScanBy, catalogue};
 use leverrier::internals::spec::spec;
 
 /// x, y, p_x, p_y, t, then inner parameters in the order of the row.
@@ -314,7 +314,7 @@ fn candidates_are_listed_and_added_by_name() {
 
 #[test]
 fn every_kind_has_rows() {
-    for kind in Kind::ALL {
+    for kind in EffectKind::ALL {
         let count = catalogue().filter(|row| row.kind == kind).count();
         assert!(count >= 4, "{}: {count}", kind.text());
     }

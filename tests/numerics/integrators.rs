@@ -3,8 +3,8 @@
 use crate::support::{learned_system, symplectic_defect};
 use leverrier::internals::dynamics::systems::{SYSTEMS, SystemRow, known_system};
 use leverrier::internals::dynamics::{
-    Batch, Dynamics, Kind, METHODS, Method, Pace, Scratch, Stop, advance, choose_steps,
-    finest_method, observe, pull_back, pull_back_observed, simulate,
+    Batch, Dynamics, METHODS, Method, MethodKind, Scratch, StepControl, Stop, advance,
+    choose_steps, finest_method, observe, pull_back, pull_back_observed, simulate,
 };
 use leverrier::internals::eval::{BACKENDS, Backend};
 use leverrier::internals::expr::Observed;
@@ -41,13 +41,13 @@ fn the_rows_say_which_systems_separate() {
 fn compositions_are_consistent_and_symmetric() {
     for row in METHODS {
         match &row.kind {
-            Kind::Splitting(gammas) => {
+            MethodKind::Splitting(gammas) => {
                 let sum: f64 = gammas.iter().sum();
                 assert!((sum - 1.0).abs() < 1e-14, "{}: {sum}", row.name);
                 let backward: Vec<f64> = gammas.iter().rev().copied().collect();
                 assert_eq!(gammas.to_vec(), backward, "{}", row.name);
             }
-            Kind::Implicit(tableau) | Kind::Explicit(tableau) => {
+            MethodKind::Implicit(tableau) | MethodKind::Explicit(tableau) => {
                 let sum: f64 = tableau.weights.iter().sum();
                 assert!((sum - 1.0).abs() < 1e-15, "{}: {sum}", row.name);
                 let stages = tableau.weights.len();
@@ -67,7 +67,7 @@ fn measured_order(method: Method, row: &SystemRow) -> f64 {
     let dynamics = compiled(row);
     let span = 0.7 * row.period;
     // An independent method, fine enough to be near rounding.
-    let other = if matches!(method.row().kind, Kind::Implicit(_)) || !row.separable {
+    let other = if matches!(method.row().kind, MethodKind::Implicit(_)) || !row.separable {
         "rk4"
     } else {
         "gauss-legendre-6"
@@ -284,7 +284,8 @@ fn every_closed_form_and_invariant_is_met() {
         let dynamics = compiled(row);
         let method = finest_method(&dynamics);
         let times: Vec<f64> = (0..40).map(|i| 0.13 * row.period * f64::from(i)).collect();
-        let runs = simulate(&dynamics, method, &[], &[row.start.to_vec()], &times, Pace::FINEST);
+        let runs =
+            simulate(&dynamics, method, &[], &[row.start.to_vec()], &times, StepControl::FINEST);
         assert_eq!(runs[0].stop, Stop::Finished, "{}", row.name);
         for (i, (&time, state)) in times.iter().zip(&runs[0].states).enumerate() {
             if let Some(solution) = row.solution {
@@ -327,7 +328,7 @@ fn every_lane_has_its_own_span_and_explosions_stay_alone() {
         }
         assert_eq!(batch.get(2), starts[2], "{name}: a lane without a span stays");
         // Implicit stage equations may have a far-off root where the motion has exploded.
-        let implicit = matches!(method.row().kind, Kind::Implicit(_));
+        let implicit = matches!(method.row().kind, MethodKind::Implicit(_));
         for lane in if implicit { 4..5 } else { 1..2 } {
             assert!(batch.get(lane).iter().all(|x| x.is_nan()), "{name}");
             assert!((0..4).all(|i| batch.tangent[i * 5 + lane].is_nan()), "{name}");
@@ -340,7 +341,7 @@ fn every_lane_has_its_own_span_and_explosions_stay_alone() {
         &[],
         &[vec![1.0, 1.0], vec![0.0, 0.0]],
         &[0.0, 0.2, 5.0, 6.0],
-        Pace::FINEST,
+        StepControl::FINEST,
     );
     assert!(!matches!(runs[0].stop, Stop::Finished) && runs[0].times == [0.0, 0.2]);
     assert_eq!((runs[1].stop, runs[1].states.len()), (Stop::Finished, 4));
@@ -490,8 +491,13 @@ fn the_pace_of_a_simulation_is_kept() {
     let method = Method::by_name("leapfrog").unwrap();
     let starts = [row.start.to_vec()];
     let go = |pace| simulate(&dynamics, method, &[], &starts, &[0.0, 1.0, 1.5], pace);
-    assert_eq!(go(Pace::PerInterval(4))[0].states[1], go(Pace::Longest(0.25))[0].states[1]);
-    assert_eq!(go(Pace::PerInterval(2))[0].states.len(), 3);
-    assert!(matches!(go(Pace::Longest(0.0))[0].stop, Stop::Unresolved { after: 0.0 }));
-    assert!(simulate(&dynamics, method, &[], &starts, &[], Pace::FINEST)[0].times.is_empty());
+    assert_eq!(
+        go(StepControl::PerInterval(4))[0].states[1],
+        go(StepControl::Longest(0.25))[0].states[1]
+    );
+    assert_eq!(go(StepControl::PerInterval(2))[0].states.len(), 3);
+    assert!(matches!(go(StepControl::Longest(0.0))[0].stop, Stop::Unresolved { after: 0.0 }));
+    assert!(
+        simulate(&dynamics, method, &[], &starts, &[], StepControl::FINEST)[0].times.is_empty()
+    );
 }

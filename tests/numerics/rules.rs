@@ -1,6 +1,6 @@
 //! Every rewrite holds numerically, by itself, wherever its condition says so.
 
-use leverrier::internals::simplify::rules::{Condition, Kind, RULES, compiled};
+use leverrier::internals::simplify::rules::{Condition, RULES, RuleKind, compiled};
 
 /// Points of a low-discrepancy sequence in (-2, 2).
 fn point(sample: usize, variable: usize) -> f64 {
@@ -55,7 +55,7 @@ fn conditions_are_needed() {
 fn every_row_compiles_and_has_its_own_name() {
     let (ordered, all) = compiled();
     assert_eq!(all, RULES.len());
-    assert_eq!(ordered, RULES.iter().filter(|rule| rule.kind != Kind::Reorder).count());
+    assert_eq!(ordered, RULES.iter().filter(|rule| rule.kind != RuleKind::Reorder).count());
     for (i, rule) in RULES.iter().enumerate() {
         assert!(RULES[..i].iter().all(|other| other.name != rule.name), "{} twice", rule.name);
     }

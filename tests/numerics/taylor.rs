@@ -1,7 +1,9 @@
 //! Taylor series of the motion, against closed forms, invariants and other integrators.
 
 use leverrier::internals::dynamics::systems::{SYSTEMS, known_system};
-use leverrier::internals::dynamics::{Dynamics, Pace, Stop, finest_method, simulate, taylor};
+use leverrier::internals::dynamics::{
+    Dynamics, StepControl, Stop, finest_method, simulate, taylor,
+};
 use leverrier::internals::eval::Backend;
 use leverrier::internals::expr::Function;
 
@@ -104,7 +106,7 @@ fn every_function_has_its_series() {
         }
         let run = run.unwrap();
         let method = finest_method(&dynamics);
-        let other = simulate(&dynamics, method, &[], &[start], &times, Pace::FINEST);
+        let other = simulate(&dynamics, method, &[], &[start], &times, StepControl::FINEST);
         for (a, b) in run.trajectory.states.iter().zip(&other[0].states) {
             assert!(distance(a, b) < 1e-13, "{name}: {a:?} {b:?}");
         }
@@ -120,7 +122,7 @@ fn learned_terms_and_inner_parameters_take_part() {
         let (start, times) = (vec![0.1, 0.2, 0.05, -0.1], [1.0, 0.5, 2.0]);
         let run = taylor(&dynamics, &theta, &start, &times, 0.0).unwrap();
         let method = finest_method(&dynamics);
-        let other = simulate(&dynamics, method, &theta, &[start], &times, Pace::FINEST);
+        let other = simulate(&dynamics, method, &theta, &[start], &times, StepControl::FINEST);
         for (a, b) in run.trajectory.states.iter().zip(&other[0].states) {
             assert!(distance(a, b) < 1e-12, "{a:?} {b:?}");
         }

@@ -137,7 +137,7 @@ fn fit_learns_prints_and_keeps_the_model() {
     let dense = json(path, &["fit", "swings.ham", "--dense"], "leverrier.fit/1");
     assert_eq!(dense["model"]["terms"].as_array().expect("terms").len(), 3);
     for loss in ["huber", "absolute", "cauchy"] {
-        good(path, &["fit", "swings.ham", "--loss", loss, "--select", "held_out"]);
+        good(path, &["fit", "swings.ham", "--loss", loss, "--select", "held-out"]);
     }
 }
 

@@ -56,7 +56,7 @@ fn data_that_take_more_memory_than_allowed_are_read_part_by_part() {
     };
     let done = from("large.csv", &["--memory", "64MiB", "--threads", "2"]);
     assert!(done.err.contains("64.0 MiB are allowed: they are read part by part"), "{}", done.err);
-    assert!(done.out.contains("first looked for on"), "{}", done.out);
+    assert!(done.out.contains("first searched for on"), "{}", done.out);
     let kept: serde_json::Value =
         serde_json::from_slice(&fs::read(path.join("m.json")).expect("written")).expect("JSON");
     assert_eq!(kept["evidence"]["samples"], 162_000);

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::{Stage, indented};
+use super::{DemoRun, indented};
 use crate::cli::progress::Progress;
 use crate::data::{Layout, write_atomically, write_csv};
 use crate::error::Result;
@@ -15,7 +15,9 @@ use crate::project::{ModelFile, Project};
 use crate::report::layout::{WIDTH, wrapped};
 use crate::report::{present, seconds};
 use crate::simplify::Style;
-use crate::simulate::{Box, Noise, Sampling, Simulator, add_noise, consecutive_pairs, draw};
+use crate::simulate::{
+    InitialDistribution, Interval, Noise, Simulator, add_noise, consecutive_pairs, draw,
+};
 
 /// One folder of the course.
 pub struct Course {
@@ -86,15 +88,16 @@ pub static PENDULUM: Course = Course {
 };
 
 /// Makes the data, learns the law from them, and shows it beside the truth.
-pub fn walk(stage: &Stage, course: &Course) -> Result<Value> {
+pub fn walk(stage: &DemoRun, course: &Course) -> Result<Value> {
     let say = |text: &str| match stage.console.is_json() {
         true => Ok(()),
         false => stage.console.text(&format!("{}\n\n", text.trim_end())),
     };
     let truth = expr::build("truth.ham", course.truth)?;
     let nature = Simulator::known(&truth.system);
-    let boxes = course.starts.iter().map(|&(lower, upper)| Box { lower, upper }).collect();
-    let starts = draw(&nature, &Sampling { boxes, energy: None }, course.runs, 0.0, 1)?;
+    let intervals = course.starts.iter().map(|&(lower, upper)| Interval { lower, upper }).collect();
+    let starts =
+        draw(&nature, &InitialDistribution { intervals, energy: None }, course.runs, 0.0, 1)?;
     let times: Vec<f64> = (0..course.samples).map(|i| 0.1 * f64::from(i)).collect();
     let mut data = nature.trajectories(&starts, &times)?.dataset(&truth.system);
     if course.pairs {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
-use super::{Stage, indented};
+use super::{DemoRun, indented};
 use crate::cli::progress::Progress;
 use crate::cli::splitting::Splitting;
 use crate::cli::{compare, diagnose, revise};
@@ -20,7 +20,7 @@ use crate::project::Project;
 use crate::project::bench::Bench;
 use crate::report::layout::{WIDTH, table, wrapped};
 use crate::simplify::{significant, uncertain};
-use crate::simulate::{Box, Noise, Sampling, Simulator, add_noise, draw};
+use crate::simulate::{InitialDistribution, Interval, Noise, Simulator, add_noise, draw};
 
 const TRUTH: &str = r#"# The truth, from which the measurements are made.
 system "damped pendulum"
@@ -51,7 +51,7 @@ const TERMS: [(&str, &str, f64); 2] = [("V", "cos(q)", -1.0), ("force q", "-p", 
 const NOISE: f64 = 0.01;
 
 /// The hidden drag.
-pub fn drag(stage: &Stage) -> Result<Value> {
+pub fn drag(stage: &DemoRun) -> Result<Value> {
     let runs = if stage.quick { 6 } else { 8 };
     measure(stage, runs)?;
     // In the folder itself, so that commands are shown as one would type them.
@@ -63,7 +63,7 @@ pub fn drag(stage: &Stage) -> Result<Value> {
     done
 }
 
-fn story(stage: &Stage, runs: usize) -> Result<Value> {
+fn story(stage: &DemoRun, runs: usize) -> Result<Value> {
     let spec = PathBuf::from("pendulum.ham");
     write_atomically(&spec, SPEC.as_bytes())?;
     let splitting = Splitting { data: None, held_out: 0.25, seed: 0, threads: None };
@@ -118,11 +118,12 @@ fn story(stage: &Stage, runs: usize) -> Result<Value> {
 }
 
 /// Makes the swings.
-fn measure(stage: &Stage, runs: usize) -> Result<()> {
+fn measure(stage: &DemoRun, runs: usize) -> Result<()> {
     let truth = expr::build("truth", TRUTH)?;
     let nature = Simulator::known(&truth.system);
-    let side = |lower, upper| Box { lower, upper };
-    let sampling = Sampling { boxes: vec![side(-1.5, 1.5), side(-0.5, 0.5)], energy: None };
+    let side = |lower, upper| Interval { lower, upper };
+    let sampling =
+        InitialDistribution { intervals: vec![side(-1.5, 1.5), side(-0.5, 0.5)], energy: None };
     let starts = draw(&nature, &sampling, runs, 0.0, 3)?;
     let times: Vec<f64> = (0..=120).map(|i| 0.1 * f64::from(i)).collect();
     let mut data = nature.trajectories(&starts, &times)?.dataset(&truth.system);

@@ -10,7 +10,7 @@ use super::super::cells::Cells;
 
 /// What the cells of a column are.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Kind {
+pub(super) enum ColumnKind {
     /// Floating point numbers and signed integers as they stand.
     Number,
     /// Integers whose first bit is not a sign.
@@ -23,29 +23,29 @@ pub(super) enum Kind {
     Other(&'static str),
 }
 
-impl Kind {
-    pub(super) fn of(column: &ColumnDescriptor) -> Kind {
+impl ColumnKind {
+    pub(super) fn of(column: &ColumnDescriptor) -> ColumnKind {
         if column.max_rep_level() > 0 {
-            return Kind::Other("lists");
+            return ColumnKind::Other("lists");
         }
         let converted = column.converted_type();
         match column.logical_type_ref() {
-            Some(LogicalType::Date) => return Kind::Other("dates"),
-            Some(LogicalType::Time(_)) => return Kind::Other("times of the day"),
-            Some(LogicalType::Timestamp(_)) => return Kind::Other("timestamps"),
-            Some(LogicalType::Float16) => return Kind::Other("16-bit numbers"),
-            Some(LogicalType::Uuid | LogicalType::Bson) => return Kind::Other("binary data"),
+            Some(LogicalType::Date) => return ColumnKind::Other("dates"),
+            Some(LogicalType::Time(_)) => return ColumnKind::Other("times of the day"),
+            Some(LogicalType::Timestamp(_)) => return ColumnKind::Other("timestamps"),
+            Some(LogicalType::Float16) => return ColumnKind::Other("16-bit numbers"),
+            Some(LogicalType::Uuid | LogicalType::Bson) => return ColumnKind::Other("binary data"),
             _ => {}
         }
         match converted {
-            ConvertedType::DATE => return Kind::Other("dates"),
+            ConvertedType::DATE => return ColumnKind::Other("dates"),
             ConvertedType::TIME_MILLIS | ConvertedType::TIME_MICROS => {
-                return Kind::Other("times of the day");
+                return ColumnKind::Other("times of the day");
             }
             ConvertedType::TIMESTAMP_MILLIS | ConvertedType::TIMESTAMP_MICROS => {
-                return Kind::Other("timestamps");
+                return ColumnKind::Other("timestamps");
             }
-            ConvertedType::INTERVAL => return Kind::Other("intervals of the calendar"),
+            ConvertedType::INTERVAL => return ColumnKind::Other("intervals of the calendar"),
             _ => {}
         }
         let decimal = converted == ConvertedType::DECIMAL
@@ -58,22 +58,22 @@ impl Kind {
                 | ConvertedType::UINT_64
         ) || matches!(column.logical_type_ref(), Some(LogicalType::Integer(int)) if !int.is_signed);
         match column.physical_type() {
-            Type::INT96 => Kind::Other("timestamps"),
-            _ if decimal => Kind::Decimal(10f64.powi(column.type_scale())),
-            Type::FLOAT | Type::DOUBLE => Kind::Number,
-            Type::INT32 | Type::INT64 if unsigned => Kind::Unsigned,
-            Type::INT32 | Type::INT64 => Kind::Number,
-            Type::BYTE_ARRAY | Type::BOOLEAN => Kind::Text,
-            Type::FIXED_LEN_BYTE_ARRAY => Kind::Other("binary data"),
+            Type::INT96 => ColumnKind::Other("timestamps"),
+            _ if decimal => ColumnKind::Decimal(10f64.powi(column.type_scale())),
+            Type::FLOAT | Type::DOUBLE => ColumnKind::Number,
+            Type::INT32 | Type::INT64 if unsigned => ColumnKind::Unsigned,
+            Type::INT32 | Type::INT64 => ColumnKind::Number,
+            Type::BYTE_ARRAY | Type::BOOLEAN => ColumnKind::Text,
+            Type::FIXED_LEN_BYTE_ARRAY => ColumnKind::Other("binary data"),
         }
     }
 }
 
-impl Kind {
+impl ColumnKind {
     /// What the cells are, where they are neither numbers nor text.
     pub(super) fn other(self) -> &'static str {
         match self {
-            Kind::Other(what) => what,
+            ColumnKind::Other(what) => what,
             _ => "nothing that was asked for",
         }
     }
@@ -85,37 +85,37 @@ const EXACT: i128 = 1 << 53;
 /// Appends the next `count` cells of a column, or as many as are left; says how many.
 pub(super) fn decode(
     reader: &mut ColumnReader,
-    kind: Kind,
+    kind: ColumnKind,
     nullable: i16,
     count: usize,
     into: &mut Cells,
 ) -> Result<usize> {
     use ColumnReader as R;
     let integer = |x: i128| match kind {
-        Kind::Decimal(scale) => Value::Number(x as f64 / scale),
+        ColumnKind::Decimal(scale) => Value::Number(x as f64 / scale),
         _ if x.abs() <= EXACT => Value::Number(x as f64),
         _ => Value::Text(x.to_string()),
     };
     match (reader, kind) {
-        (_, Kind::Other(what)) => {
+        (_, ColumnKind::Other(what)) => {
             into.push_unread(what, count);
             Ok(count)
         }
         (R::DoubleColumnReader(r), _) => plain(r, nullable, count, into, |x| *x),
         (R::FloatColumnReader(r), _) => plain(r, nullable, count, into, |x| f64::from(*x)),
-        (R::Int32ColumnReader(r), Kind::Unsigned) => {
+        (R::Int32ColumnReader(r), ColumnKind::Unsigned) => {
             cells(r, nullable, count, into, |x| Ok(integer(i128::from(*x as u32))))
         }
         (R::Int32ColumnReader(r), _) => {
             cells(r, nullable, count, into, |x| Ok(integer(i128::from(*x))))
         }
-        (R::Int64ColumnReader(r), Kind::Unsigned) => {
+        (R::Int64ColumnReader(r), ColumnKind::Unsigned) => {
             cells(r, nullable, count, into, |x| Ok(integer(i128::from(*x as u64))))
         }
         (R::Int64ColumnReader(r), _) => {
             cells(r, nullable, count, into, |x| Ok(integer(i128::from(*x))))
         }
-        (R::ByteArrayColumnReader(r), Kind::Decimal(_)) => {
+        (R::ByteArrayColumnReader(r), ColumnKind::Decimal(_)) => {
             cells(r, nullable, count, into, |x: &ByteArray| Ok(integer(big_endian(x.data()))))
         }
         (R::FixedLenByteArrayColumnReader(r), _) => {

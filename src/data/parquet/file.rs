@@ -14,7 +14,7 @@ use super::super::cells::Cells;
 use super::super::format::hash_file;
 use super::super::header::split_unit;
 use super::super::table::{Column, ParquetReading, Reading, Table, wrong};
-use super::decode::{Kind, decode};
+use super::decode::{ColumnKind, decode};
 use super::guard::guarded;
 use crate::error::{DataError, Error, Result};
 
@@ -56,7 +56,7 @@ pub(in crate::data) struct Blocks {
     path: PathBuf,
     file: Box<dyn FileReader>,
     headers: Vec<Column>,
-    kinds: Vec<Kind>,
+    kinds: Vec<ColumnKind>,
     wanted: Vec<bool>,
     reading: ParquetReading,
     /// Row group of the next block, and readers of its columns once it has begun.
@@ -141,7 +141,7 @@ impl Blocks {
         let written_by = about.file_metadata().created_by().map(str::to_string);
         Ok(Blocks {
             path: path.to_path_buf(),
-            kinds: schema.columns().iter().map(|column| Kind::of(column)).collect(),
+            kinds: schema.columns().iter().map(|column| ColumnKind::of(column)).collect(),
             wanted: vec![true; headers.len()],
             headers,
             reading: ParquetReading { row_groups: ends.len(), written_by, ends },
@@ -235,7 +235,7 @@ impl Blocks {
             .map_err(|error| damaged(path, place, None, &error))?;
         self.readers = Vec::with_capacity(self.headers.len());
         for (at, column) in self.headers.iter().enumerate() {
-            if !self.wanted[at] || matches!(self.kinds[at], Kind::Other(_)) {
+            if !self.wanted[at] || matches!(self.kinds[at], ColumnKind::Other(_)) {
                 self.readers.push(None);
                 continue;
             }

@@ -7,7 +7,7 @@
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
-use super::terms::Draft;
+use super::terms::DraftTerm;
 use super::value::Value;
 use super::{Compiled, Lowering, Named};
 use crate::diagnostic::{Severity, Span};
@@ -146,7 +146,7 @@ struct Standing {
     dependence: Vec<u8>,
     constants: Vec<Option<Named>>,
     parameters: Vec<Option<Named>>,
-    drafts: Vec<Draft>,
+    drafts: Vec<DraftTerm>,
     index: HashMap<(Option<Place>, Expr), usize>,
     shared: HashMap<String, Option<usize>>,
     flow: Option<Vec<(Symbol, Expr)>>,
@@ -271,7 +271,7 @@ impl Scope {
         let all = lowering.drafts.iter().enumerate();
         let changed =
             all.filter(|(k, draft)| !same_unit || self.standing.drafts.get(*k) != Some(*draft));
-        let (places, drafts): (Vec<usize>, Vec<Draft>) =
+        let (places, drafts): (Vec<usize>, Vec<DraftTerm>) =
             changed.map(|(k, draft)| (k, draft.clone())).unzip();
         let terms = places.into_iter().zip(lowering.finish_terms(drafts, energy_unit)).collect();
         let parameters = (from.parameters..).zip(new).collect();

@@ -22,7 +22,7 @@ use crate::spec::ast::{EnergyPart, ExpressionKind, Spec, UnitText};
 use crate::spec::resolve::{Declared, Energy, Force, Resolved, Sensor, resolve};
 pub use candidates::Candidate;
 pub use extension::{Extension, Scope};
-use terms::Draft;
+use terms::DraftTerm;
 use value::Value;
 
 /// How many terms a function space may have.
@@ -134,7 +134,7 @@ pub(super) struct Lowering<'a> {
     reported: HashSet<(Span, String)>,
     /// For each node of the graph, what it depends on.
     dependence: Vec<u8>,
-    drafts: Vec<Draft>,
+    drafts: Vec<DraftTerm>,
     /// Terms by place (energy: none) and expression without its factor.
     index: HashMap<(Option<Place>, Expr), usize>,
     /// The effect whose statements are lowered.

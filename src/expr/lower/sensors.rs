@@ -3,7 +3,7 @@
 use super::super::graph::{Expr, Symbol};
 use super::super::system::Place;
 use super::super::unit::Unit;
-use super::terms::{Draft, Part};
+use super::terms::{DraftTerm, TermPart};
 use super::value::Value;
 use super::{Context, Lowering};
 use crate::diagnostic::{Diagnostic, Span};
@@ -199,7 +199,7 @@ impl Lowering<'_> {
 
     /// Takes up a place of a shared coefficient; true where it is the first one, which is
     /// the next term.
-    pub(super) fn first_of_shared(&mut self, name: &str, part: Part) -> bool {
+    pub(super) fn first_of_shared(&mut self, name: &str, part: TermPart) -> bool {
         let next = self.drafts.len();
         let Some(at) = *self.shared.entry(name.to_string()).or_default() else {
             self.shared.insert(name.to_string(), Some(next));
@@ -218,8 +218,13 @@ impl Lowering<'_> {
     }
 
     /// The unit of a coefficient; all its places must agree on it.
-    pub(super) fn coefficient_unit(&mut self, draft: &Draft, energy: Option<Unit>) -> Option<Unit> {
-        let own = Part { place: draft.place, expr: draft.expr, unit: draft.unit, span: draft.span };
+    pub(super) fn coefficient_unit(
+        &mut self,
+        draft: &DraftTerm,
+        energy: Option<Unit>,
+    ) -> Option<Unit> {
+        let own =
+            TermPart { place: draft.place, expr: draft.expr, unit: draft.unit, span: draft.span };
         let mut first: Option<(Unit, Span)> = None;
         for part in std::iter::once(&own).chain(&draft.also) {
             let whole = match part.place {

@@ -14,7 +14,7 @@ use crate::spec::resolve::{Force, Meaning};
 
 /// A term before labels and constraints.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Draft {
+pub struct DraftTerm {
     pub place: Place,
     pub expr: Expr,
     pub unit: Option<Unit>,
@@ -23,7 +23,7 @@ pub struct Draft {
     /// Written out, not a member of a family.
     pub explicit: bool,
     /// Further places where the same coefficient stands.
-    pub also: Vec<Part>,
+    pub also: Vec<TermPart>,
     pub effect: Option<String>,
     /// As it was written, where the expression does not print like that.
     pub text: Option<String>,
@@ -31,7 +31,7 @@ pub struct Draft {
 
 /// What a coefficient multiplies at a further place.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Part {
+pub struct TermPart {
     pub place: Place,
     pub expr: Expr,
     pub unit: Option<Unit>,
@@ -156,14 +156,14 @@ impl Lowering<'_> {
                     let members = lowering.family(row, arguments, order, span);
                     for (i, value) in members.into_iter().flatten().enumerate() {
                         let name = name.as_ref().map(|name| format!("{name}[{}]", i + 1));
-                        let found = Found { place, value, sign, name, span, text: None };
+                        let found = FoundTerm { place, value, sign, name, span, text: None };
                         lowering.add(found, false, &mut repeated);
                     }
                 }
                 None => {
                     if let Some(value) = lowering.value(&item.body) {
                         let span = item.body.site.0;
-                        let found = Found { place, value, sign, name, span, text };
+                        let found = FoundTerm { place, value, sign, name, span, text };
                         lowering.add(found, true, &mut repeated);
                     }
                 }
@@ -368,8 +368,8 @@ impl Lowering<'_> {
         }
     }
 
-    fn add(&mut self, found: Found, explicit: bool, repeated: &mut Repeated) {
-        let Found { place, value, sign, name, span, text } = found;
+    fn add(&mut self, found: FoundTerm, explicit: bool, repeated: &mut Repeated) {
+        let FoundTerm { place, value, sign, name, span, text } = found;
         let on = self.depends_on(value.expr);
         if on & BROKEN != 0 {
             return self.not_finite(span);
@@ -402,14 +402,14 @@ impl Lowering<'_> {
         let expr = if sign < 0.0 { self.graph.negate(value.expr) } else { value.expr };
         let unit = value.unit;
         if let Some(name) = name.as_ref().filter(|name| self.is_shared(name))
-            && !self.first_of_shared(name, Part { place, expr, unit, span })
+            && !self.first_of_shared(name, TermPart { place, expr, unit, span })
         {
             return;
         }
         let is_shared = name.as_ref().is_some_and(|name| self.is_shared(name));
         let effect = self.effect.clone();
         let also = Vec::new();
-        let draft = Draft { place, expr, unit, name, span, explicit, also, effect, text };
+        let draft = DraftTerm { place, expr, unit, name, span, explicit, also, effect, text };
         if is_shared {
             // Tied to other places, it may stand beside a term of its own.
             self.drafts.push(draft);
@@ -495,7 +495,11 @@ impl Lowering<'_> {
     }
 
     /// Terms with labels and units.
-    pub(super) fn finish_terms(&mut self, drafts: Vec<Draft>, energy: Option<Unit>) -> Vec<Term> {
+    pub(super) fn finish_terms(
+        &mut self,
+        drafts: Vec<DraftTerm>,
+        energy: Option<Unit>,
+    ) -> Vec<Term> {
         let names = self.symbol_names();
         let terms = drafts.into_iter().map(|draft| {
             let unit = self.coefficient_unit(&draft, energy);
@@ -516,7 +520,7 @@ impl Lowering<'_> {
 }
 
 /// A member of the function space where it was found.
-struct Found {
+struct FoundTerm {
     place: Place,
     value: Value,
     sign: f64,

@@ -8,7 +8,7 @@ use std::fmt::Write;
 use crate::data::DataReport;
 use crate::export::Formula;
 use crate::fit::Model;
-use crate::report::plots::{Figure, For, Material, PLOTS, SCRIPT, draw, escaped, live_sheet};
+use crate::report::plots::{Figure, Medium, PLOTS, PlotData, SCRIPT, draw, escaped, live_sheet};
 use crate::simplify::Simplified;
 
 const PAGE_STYLE: &str = include_str!("page.css");
@@ -18,7 +18,7 @@ pub struct Page<'a> {
     /// Name of the system.
     pub title: &'a str,
     /// What the plots are drawn from.
-    pub material: Material<'a>,
+    pub material: PlotData<'a>,
     /// The learned law: its numbers, uncertainties and search.
     pub model: Option<&'a Model>,
     /// Its printed form.
@@ -36,7 +36,7 @@ pub struct Page<'a> {
     /// The text of the spec.
     pub spec: &'a str,
     /// Dates and actions of the ledger, oldest first.
-    pub history: &'a [Entry],
+    pub history: &'a [HistoryEntry],
     /// What it takes to make the page again: name and value.
     pub facts: &'a [(String, String)],
     /// Commands that make the page again.
@@ -44,7 +44,7 @@ pub struct Page<'a> {
 }
 
 /// A line of the ledger.
-pub struct Entry {
+pub struct HistoryEntry {
     /// When, in UTC.
     pub date: String,
     /// What was done.
@@ -58,7 +58,7 @@ pub struct Entry {
 }
 
 /// The page, and the figures in it by the name of their plot.
-pub struct Drawn {
+pub struct RenderedPage {
     /// HTML.
     pub html: String,
     /// Every plot of [`PLOTS`], in that order.
@@ -66,12 +66,12 @@ pub struct Drawn {
 }
 
 /// Figures of every plot, in the order of [`PLOTS`].
-pub fn figures(material: &Material) -> Vec<(&'static str, Vec<Figure>)> {
+pub fn figures(material: &PlotData) -> Vec<(&'static str, Vec<Figure>)> {
     PLOTS.iter().map(|row| (row.name, (row.figures)(material))).collect()
 }
 
 /// Draws the page.
-pub fn page(page: &Page) -> Drawn {
+pub fn page(page: &Page) -> RenderedPage {
     let figures = figures(&page.material);
     let mut out = String::new();
     let title = if page.title.is_empty() { "A learned model" } else { page.title };
@@ -115,11 +115,11 @@ pub fn page(page: &Page) -> Drawn {
          it in every figure of the same run, Escape to let it go.</footer>\n\
          <script>\n{SCRIPT}</script>\n</body>\n</html>\n"
     );
-    Drawn { html: out, figures }
+    RenderedPage { html: out, figures }
 }
 
 /// Parts of the page as HTML, for pages that are arranged in another way.
-pub struct Parts {
+pub struct PageParts {
     /// The numbers that a reader looks for first.
     pub cards: String,
     /// The law, typeset.
@@ -133,8 +133,8 @@ pub struct Parts {
 }
 
 /// The page's parts.
-pub fn parts(page: &Page) -> Parts {
-    Parts {
+pub fn parts(page: &Page) -> PageParts {
+    PageParts {
         cards: sections::cards(page),
         equations: sections::equations(page),
         numbers: sections::numbers(page),
@@ -153,7 +153,7 @@ fn shown(figures: &[Figure]) -> String {
         let _ = write!(
             out,
             "<figure>\n{}<figcaption>{}</figcaption>\n</figure>\n",
-            draw(figure, For::Page),
+            draw(figure, Medium::Page),
             escaped(&figure.caption)
         );
     }

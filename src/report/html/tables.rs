@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Entry, Page};
+use super::{HistoryEntry, Page};
 use crate::data::DataReport;
 use crate::diagnose::compare::Comparison;
 use crate::diagnose::missing::Diagnosis;
@@ -195,7 +195,7 @@ pub fn runners_up(model: &Model) -> Table {
 }
 
 /// The ledger.
-pub fn ledger(history: &[Entry]) -> Table {
+pub fn ledger(history: &[HistoryEntry]) -> Table {
     let error = |error: Option<f64>| error.map_or(String::new(), |e| number(e, 3));
     let rows: Vec<Vec<String>> = history
         .iter()

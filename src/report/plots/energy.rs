@@ -1,8 +1,8 @@
 //! How the model's energy goes along the measurements: what drifts loses or gains it.
 
 use super::axes::Axis;
-use super::figure::{About, Figure, Mark, Panel, Shape, Style};
-use super::{Material, forces, label};
+use super::figure::{Figure, Mark, Panel, SeriesInfo, Shape, Style};
+use super::{PlotData, forces, label};
 use crate::diagnose::compare::EnergyDrift;
 use crate::diagnose::view::{EnergySeries, View};
 
@@ -19,7 +19,7 @@ fn energy_unit(view: &View) -> Option<String> {
 }
 
 /// One figure of all runs that are long enough.
-pub fn figures(material: &Material) -> Vec<Figure> {
+pub fn figures(material: &PlotData) -> Vec<Figure> {
     let view = material.view;
     let drift = |series: &EnergySeries| -> Option<&EnergyDrift> {
         material.comparison.energy.iter().find(|e| !series.held_out && e.run == series.run)
@@ -64,7 +64,7 @@ pub fn figures(material: &Material) -> Vec<Figure> {
     let mut panel = Panel::new(1.0, x, y);
     for (at, series) in all.iter().enumerate().rev() {
         let style = if at < NAMED { Style::Series(at as u8) } else { Style::Faint };
-        let about = About::run("energy", &series.run);
+        let about = SeriesInfo::run("energy", &series.run);
         panel.marks.push(Mark::Line { style, points: series.points.clone(), about });
         if at < NAMED && series.points.len() <= 40 {
             let texts = series

@@ -117,7 +117,7 @@ pub enum Mark {
         /// Its points.
         points: Vec<(f64, f64)>,
         /// What it is, for whoever points at it.
-        about: About,
+        about: SeriesInfo,
     },
     /// Points, of which there may be very many.
     Cloud {
@@ -126,7 +126,7 @@ pub enum Mark {
         /// Where they are.
         points: Vec<(f64, f64)>,
         /// What they are, for whoever points at them.
-        about: About,
+        about: SeriesInfo,
     },
     /// Few points, each with a marker that differs from style to style.
     Markers {
@@ -231,7 +231,7 @@ pub enum Anchor {
 
 /// What a series of points is: what links it to others.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
-pub struct About {
+pub struct SeriesInfo {
     /// What it is called.
     pub name: String,
     /// The run that all of its points belong to.
@@ -240,15 +240,15 @@ pub struct About {
     pub times: Vec<f64>,
 }
 
-impl About {
+impl SeriesInfo {
     /// A series that belongs to no run.
-    pub fn named(name: &str) -> About {
-        About { name: name.to_string(), ..About::default() }
+    pub fn named(name: &str) -> SeriesInfo {
+        SeriesInfo { name: name.to_string(), ..SeriesInfo::default() }
     }
 
     /// A series of a run.
-    pub fn run(name: &str, run: &str) -> About {
-        About { run: Some(run.to_string()), ..About::named(name) }
+    pub fn run(name: &str, run: &str) -> SeriesInfo {
+        SeriesInfo { run: Some(run.to_string()), ..SeriesInfo::named(name) }
     }
 }
 

@@ -3,7 +3,7 @@
 use super::axes::Axis;
 use super::figure::{Figure, Mark, Panel};
 use super::forces::{force_unit, p_value_text};
-use super::{Material, label};
+use super::{PlotData, label};
 use crate::diagnose::plane::{ForceNode, ForcePlane};
 use crate::diagnose::view::View;
 
@@ -11,7 +11,7 @@ use crate::diagnose::view::View;
 const TELLING: f64 = 1e-3;
 
 /// One figure for each coordinate whose plane is known, the most telling first.
-pub fn figures(material: &Material) -> Vec<Figure> {
+pub fn figures(material: &PlotData) -> Vec<Figure> {
     let view = material.view;
     let mut planes: Vec<&ForcePlane> = view.planes.iter().collect();
     planes.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));

@@ -1,8 +1,8 @@
 //! Residual force against each variable, with its band.
 
 use super::axes::Axis;
-use super::figure::{About, Figure, Mark, Panel, Shape, Style};
-use super::{Material, label};
+use super::figure::{Figure, Mark, Panel, SeriesInfo, Shape, Style};
+use super::{PlotData, label};
 use crate::diagnose::compare::ResidualMap;
 use crate::diagnose::view::View;
 
@@ -10,7 +10,7 @@ use crate::diagnose::view::View;
 const MOST: usize = 6;
 
 /// The most telling maps.
-pub fn figures(material: &Material) -> Vec<Figure> {
+pub fn figures(material: &PlotData) -> Vec<Figure> {
     let mut maps: Vec<&ResidualMap> = material.comparison.maps.iter().collect();
     maps.sort_by(|a, b| a.p_value.total_cmp(&b.p_value).then(b.deviance.total_cmp(&a.deviance)));
     maps.iter().filter_map(|map| figure(material.view, map)).take(MOST).collect()
@@ -82,7 +82,11 @@ pub fn figure(view: &View, map: &ResidualMap) -> Option<Figure> {
     panel.marks = vec![
         Mark::Level { style: Style::Reference, y: 0.0 },
         Mark::Band { style: Style::Model, points: band },
-        Mark::Line { style: Style::Model, points: curve.clone(), about: About::named("force") },
+        Mark::Line {
+            style: Style::Model,
+            points: curve.clone(),
+            about: SeriesInfo::named("force"),
+        },
         Mark::Markers { style: Style::Model, points: curve, texts },
     ];
     figure.panels.push(panel);

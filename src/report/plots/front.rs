@@ -1,12 +1,12 @@
 //! The Pareto front: error against number of terms, and the model that was chosen.
 
 use super::axes::Axis;
-use super::figure::{About, Anchor, Figure, Mark, Panel, Shape, Style};
-use super::{Material, label, times};
+use super::figure::{Anchor, Figure, Mark, Panel, SeriesInfo, Shape, Style};
+use super::{PlotData, label, times};
 use crate::fit::model::FrontPoint;
 
 /// One figure of all sizes.
-pub fn figures(material: &Material) -> Vec<Figure> {
+pub fn figures(material: &PlotData) -> Vec<Figure> {
     let mut front: Vec<&FrontPoint> = material
         .model
         .front
@@ -52,7 +52,11 @@ pub fn figures(material: &Material) -> Vec<Figure> {
         .collect();
     panel.marks = vec![
         Mark::Level { style: Style::Reference, y: 1.0 },
-        Mark::Line { style: Style::Model, points: points.clone(), about: About::named("front") },
+        Mark::Line {
+            style: Style::Model,
+            points: points.clone(),
+            about: SeriesInfo::named("front"),
+        },
         Mark::Markers { style: Style::Model, points, texts },
     ];
     figure.key(Style::Model, Shape::Both, "best model of each size");

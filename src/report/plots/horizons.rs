@@ -1,12 +1,12 @@
 //! Error against length of prediction, with the noise floor and a guess to beat.
 
 use super::axes::Axis;
-use super::figure::{About, Figure, Mark, Panel, Shape, Style};
-use super::{Material, label, times};
+use super::figure::{Figure, Mark, Panel, SeriesInfo, Shape, Style};
+use super::{PlotData, label, times};
 use crate::diagnose::compare::Horizon;
 
 /// One figure: training, held-out, the guess that nothing moves.
-pub fn figures(material: &Material) -> Vec<Figure> {
+pub fn figures(material: &PlotData) -> Vec<Figure> {
     let horizons = &material.comparison.horizons;
     let (Some(last), true) = (horizons.last(), horizons.len() > 1) else { return Vec::new() };
     let time = &material.view.time;
@@ -52,7 +52,11 @@ pub fn figures(material: &Material) -> Vec<Figure> {
                 format!("{name}: {} times the noise over {}", times(*error), label::number(*t, 3))
             })
             .collect();
-        panel.marks.push(Mark::Line { style, points: points.clone(), about: About::named(name) });
+        panel.marks.push(Mark::Line {
+            style,
+            points: points.clone(),
+            about: SeriesInfo::named(name),
+        });
         panel.marks.push(Mark::Markers { style, points, texts });
     }
     figure.key(Style::Reference, Shape::Line, "noise floor");

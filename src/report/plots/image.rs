@@ -3,8 +3,8 @@
 use super::figure::Figure;
 #[cfg(feature = "pictures")]
 use super::raster::png;
-use super::style::Paper;
-use super::svg::{For, draw};
+use super::style::Background;
+use super::svg::{Medium, draw};
 use crate::error::{Error, ErrorKind, Result};
 
 /// Largest and smallest number of pixels of a picture for one of a screen.
@@ -12,16 +12,16 @@ pub const SCALES: std::ops::RangeInclusive<f64> = 0.25..=8.0;
 
 /// How a picture is wanted.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Look {
+pub struct PictureStyle {
     /// Light or dark; where there is none, what its reader prefers, or light.
-    pub paper: Option<Paper>,
+    pub paper: Option<Background>,
     /// Pixels of the picture for each of a screen; drawings have none.
     pub scale: f64,
 }
 
-impl Default for Look {
+impl Default for PictureStyle {
     fn default() -> Self {
-        Look { paper: None, scale: 2.0 }
+        PictureStyle { paper: None, scale: 2.0 }
     }
 }
 
@@ -34,7 +34,7 @@ pub struct Image {
     /// One line of help.
     pub description: &'static str,
     /// Draws a figure as the bytes of a file.
-    pub draw: fn(&Figure, Look) -> Result<Vec<u8>>,
+    pub draw: fn(&Figure, PictureStyle) -> Result<Vec<u8>>,
 }
 
 /// Every kind. A new one is one function and one row here.
@@ -44,7 +44,7 @@ pub static IMAGES: &[Image] = &[
         media: "image/svg+xml",
         description: "drawings, light or dark as their reader prefers",
         draw: |figure, look| {
-            let target = look.paper.map_or(For::File, For::Print);
+            let target = look.paper.map_or(Medium::File, Medium::Print);
             Ok(draw(figure, target).into_bytes())
         },
     },

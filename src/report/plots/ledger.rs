@@ -1,22 +1,22 @@
 //! The ledger: the error on held-out runs, falling with every addition.
 
 use super::axes::Axis;
-use super::figure::{About, Figure, Mark, Panel, Shape, Style};
-use super::{Material, Stage, times};
+use super::figure::{Figure, Mark, Panel, SeriesInfo, Shape, Style};
+use super::{HistoryPoint, PlotData, times};
 
 /// Steps that are shown, the newest.
 const MOST: usize = 24;
 
 /// One figure, the first step on top.
-pub fn figures(material: &Material) -> Vec<Figure> {
-    let known = |stage: &&Stage| stage.error.is_some_and(|e| e.is_finite() && e > 0.0);
-    let all: Vec<&Stage> = material.history.iter().filter(known).collect();
+pub fn figures(material: &PlotData) -> Vec<Figure> {
+    let known = |stage: &&HistoryPoint| stage.error.is_some_and(|e| e.is_finite() && e > 0.0);
+    let all: Vec<&HistoryPoint> = material.history.iter().filter(known).collect();
     let stages = &all[all.len().saturating_sub(MOST)..];
     if stages.len() < 2 {
         return Vec::new();
     }
-    let error = |stage: &Stage| stage.error.unwrap_or(f64::NAN);
-    let kept: Vec<&&Stage> = stages.iter().filter(|stage| !stage.undone).collect();
+    let error = |stage: &HistoryPoint| stage.error.unwrap_or(f64::NAN);
+    let kept: Vec<&&HistoryPoint> = stages.iter().filter(|stage| !stage.undone).collect();
     let ends = kept.first().zip(kept.last());
     let mut caption = "Error on held-out runs after every step, in units of the noise.".to_string();
     if let Some((first, last)) = ends {
@@ -42,7 +42,7 @@ pub fn figures(material: &Material) -> Vec<Figure> {
         let texts = vec![format!("{}: {} times the noise", stage.action, times(error(stage)))];
         panel.marks.push(Mark::Markers { style, points: vec![here], texts });
     }
-    let about = About::named("error");
+    let about = SeriesInfo::named("error");
     panel.marks.insert(1, Mark::Line { style: Style::Model, points, about });
     figure.key(Style::Model, Shape::Both, "kept");
     if stages.iter().any(|stage| stage.undone) {

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::figure::{About, Anchor, Mark, Panel, Style};
+use super::figure::{Anchor, Mark, Panel, SeriesInfo, Style};
 use super::svg::escaped;
 use super::thin;
 
@@ -287,7 +287,7 @@ fn ascending(points: &[(f64, f64)]) -> bool {
     points.windows(2).all(|pair| pair[0].0 <= pair[1].0 || pair[0].0.is_nan() || pair[1].0.is_nan())
 }
 
-fn series(about: &About) -> String {
+fn series(about: &SeriesInfo) -> String {
     let mut out = String::new();
     if !about.name.is_empty() {
         let _ = write!(out, " data-series=\"{}\"", escaped(&about.name));

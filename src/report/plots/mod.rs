@@ -1,6 +1,6 @@
 //! Plots: what a model, its data and its doubts look like.
 //!
-//! A plot is one file and one row of [`PLOTS`]: a function from plain data ([`Material`]) to
+//! A plot is one file and one row of [`PLOTS`]: a function from plain data ([`PlotData`]) to
 //! [`Figure`]s, which are plain data too. [`draw`] makes SVG of them. Terminal commands, the
 //! report and whatever shows them live take the same figures.
 
@@ -30,10 +30,10 @@ use serde::Serialize;
 
 pub use axes::{Axis, Scale, Tick};
 pub use figure::Figure;
-pub use image::{IMAGES, Image, Look, SCALES, image, printable, require_scale};
+pub use image::{IMAGES, Image, PictureStyle, SCALES, image, printable, require_scale};
 pub use label::{amount, measured, number, plain, tenths, term, unit};
-pub use style::{Paper, SCRIPT, live_sheet, sheet};
-pub use svg::{For, draw, escaped};
+pub use style::{Background, SCRIPT, live_sheet, sheet};
+pub use svg::{Medium, draw, escaped};
 
 /// The id of a figure in letters that every file system and header takes.
 pub fn escaped_id(id: &str) -> String {
@@ -48,7 +48,7 @@ use crate::fit::Model;
 
 /// What plots are drawn from.
 #[derive(Debug, Clone, Copy, Serialize)]
-pub struct Material<'a> {
+pub struct PlotData<'a> {
     /// The model before its data.
     pub view: &'a View,
     /// Its errors.
@@ -58,12 +58,12 @@ pub struct Material<'a> {
     /// What is missing, where that was asked.
     pub diagnosis: Option<&'a Diagnosis>,
     /// How the spec came about, oldest first.
-    pub history: &'a [Stage],
+    pub history: &'a [HistoryPoint],
 }
 
 /// A state of the spec, and the error on held-out runs that its model had.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Stage {
+pub struct HistoryPoint {
     /// What was done: `start`, `add viscous_drag(theta)`.
     pub action: String,
     /// Error on held-out runs in units of the noise; none where it was not judged.
@@ -82,7 +82,7 @@ pub struct Plot {
     pub absent: &'static str,
     /// Draws it: several figures where there are several things of the kind, none where there
     /// is nothing.
-    pub figures: fn(&Material) -> Vec<Figure>,
+    pub figures: fn(&PlotData) -> Vec<Figure>,
 }
 
 /// Every plot, in the order of a report. A new one is one file and one row here.

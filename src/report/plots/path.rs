@@ -3,14 +3,14 @@
 use std::collections::HashMap;
 
 use super::axes::Axis;
-use super::figure::{About, Figure, Mark, Panel, Shape, Style};
-use super::{Material, label};
+use super::figure::{Figure, Mark, Panel, SeriesInfo, Shape, Style};
+use super::{PlotData, label};
 
 /// Terms with a name; the others are faint.
 const NAMED: usize = 7;
 
 /// One figure: the larger the penalty, the fewer terms are left.
-pub fn figures(material: &Material) -> Vec<Figure> {
+pub fn figures(material: &PlotData) -> Vec<Figure> {
     let path = &material.model.path;
     let entries: Vec<_> = path.iter().filter(|e| e.lambda > 0.0 && e.lambda.is_finite()).collect();
     let mut terms: Vec<&str> = Vec::new();
@@ -53,7 +53,7 @@ pub fn figures(material: &Material) -> Vec<Figure> {
         let named = rank < NAMED && (chosen(term) || rank < 3);
         let style = if named { Style::Series(rank as u8) } else { Style::Faint };
         let points = (0..entries.len()).map(|at| (entries[at].lambda, value(term, at))).collect();
-        let about = About::named(&label::term(term));
+        let about = SeriesInfo::named(&label::term(term));
         panel.marks.push(Mark::Line { style, points, about });
     }
     let mut faint = 0;

@@ -2,8 +2,8 @@
 
 use super::axes::{Axis, nice_ticks};
 use super::contour;
-use super::figure::{About, Anchor, Figure, Mark, Panel, Shape, Style};
-use super::{Material, label};
+use super::figure::{Anchor, Figure, Mark, Panel, SeriesInfo, Shape, Style};
+use super::{PlotData, label};
 use crate::diagnose::predictions::Prediction;
 use crate::diagnose::view::{Portrait, View};
 
@@ -15,7 +15,7 @@ const FEW: usize = 4;
 const RUNS: usize = 40;
 
 /// One figure for each plane.
-pub fn figures(material: &Material) -> Vec<Figure> {
+pub fn figures(material: &PlotData) -> Vec<Figure> {
     let view = material.view;
     view.portraits.iter().filter_map(|portrait| figure(view, portrait)).collect()
 }
@@ -80,16 +80,16 @@ fn tracks(view: &View, portrait: &Portrait, panel: &mut Panel) {
             let ys = component(prediction, portrait.up);
             points.extend(xs.zip(ys));
             if separate {
-                let about = About {
+                let about = SeriesInfo {
                     times: prediction.times.clone(),
-                    ..About::run("motion", &prediction.run)
+                    ..SeriesInfo::run("motion", &prediction.run)
                 };
                 let points = std::mem::take(&mut points);
                 panel.marks.push(Mark::Cloud { style, points, about });
             }
         }
         if !points.is_empty() {
-            let about = About::named(if held_out { "held_out" } else { "training" });
+            let about = SeriesInfo::named(if held_out { "held_out" } else { "training" });
             panel.marks.push(Mark::Cloud { style, points, about });
         }
     }
@@ -154,7 +154,7 @@ fn contours(portrait: &Portrait, panel: &mut Panel) {
             });
         }
         for points in lines {
-            let about = About::named(&format!("H = {}", tick.text));
+            let about = SeriesInfo::named(&format!("H = {}", tick.text));
             panel.marks.push(Mark::Line { style: Style::Contour, points, about });
         }
     }

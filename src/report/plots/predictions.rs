@@ -1,8 +1,8 @@
 //! Measured against predicted, with the residual under it.
 
 use super::axes::{Axis, extent};
-use super::figure::{About, Figure, Mark, Panel, Shape, Style};
-use super::{Material, label, times};
+use super::figure::{Figure, Mark, Panel, SeriesInfo, Shape, Style};
+use super::{PlotData, label, times};
 use crate::diagnose::predictions::Prediction;
 use crate::diagnose::view::View;
 
@@ -11,7 +11,7 @@ const MOST: usize = 8;
 
 /// The runs that say most: the worst held-out one, the worst that the model was trained on, and
 /// the one in the middle.
-pub fn figures(material: &Material) -> Vec<Figure> {
+pub fn figures(material: &PlotData) -> Vec<Figure> {
     let view = material.view;
     let long = |p: &&Prediction| p.times.len() > 2 && p.error.is_finite();
     let mut order: Vec<usize> = (0..view.predictions.len())
@@ -86,8 +86,8 @@ pub fn figure(view: &View, run: usize, observable: usize, why: &str) -> Option<F
     };
     let y = Axis::linear(measured.iter().copied().chain(near), 4).variable(&quantity.name, unit);
     let mut above = Panel::new(0.64, time(), y);
-    let about = About::run("predicted", &prediction.run);
-    let cloud = About::run("measured", &prediction.run);
+    let about = SeriesInfo::run("predicted", &prediction.run);
+    let cloud = SeriesInfo::run("measured", &prediction.run);
     above.marks = vec![
         Mark::Cloud { style: Style::Measured, points: points(measured), about: cloud },
         Mark::Line { style, points: broken(points(predicted), &prediction.starts), about },
@@ -105,7 +105,7 @@ pub fn figure(view: &View, run: usize, observable: usize, why: &str) -> Option<F
         Mark::Cloud {
             style: Style::Measured,
             points: points(&residual),
-            about: About::run("residual", &prediction.run),
+            about: SeriesInfo::run("residual", &prediction.run),
         },
     ];
     figure.panels = vec![above, below];
@@ -186,7 +186,7 @@ fn pairs(view: &View) -> Vec<Figure> {
         let mut below = Panel::new(0.36, x(), Axis::linear(residuals, 3).words("difference"));
         let (low, high) = (above.x.low, above.x.high);
         let diagonal = vec![(low, low), (high, high)];
-        let about = About::default();
+        let about = SeriesInfo::default();
         above.marks.push(Mark::Line { style: Style::Reference, points: diagonal, about });
         let band = [low, high].map(|x| (x, -2.0 * noise, 2.0 * noise));
         below.marks.push(Mark::Band { style: Style::Reference, points: band.to_vec() });
@@ -194,7 +194,7 @@ fn pairs(view: &View) -> Vec<Figure> {
         for (points, style, what) in
             [(&training, Style::Measured, "training"), (&held_out, Style::HeldOut, "held_out")]
         {
-            let about = About::named(what);
+            let about = SeriesInfo::named(what);
             above.marks.push(Mark::Cloud { style, points: points.clone(), about: about.clone() });
             let points = points.iter().map(|p| (p.0, p.1 - p.0)).collect();
             below.marks.push(Mark::Cloud { style, points, about });

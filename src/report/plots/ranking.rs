@@ -3,12 +3,12 @@
 
 use super::axes::Axis;
 use super::figure::{Arrangement, Figure, Mark, Panel, Shape, Style};
-use super::{Material, forces, tenths, times};
+use super::{PlotData, forces, tenths, times};
 use crate::diagnose::missing::Diagnosis;
 use crate::report::present;
 
 /// The leaders, the best on top; and the force that is left when all that has a name is in.
-pub fn figures(material: &Material) -> Vec<Figure> {
+pub fn figures(material: &PlotData) -> Vec<Figure> {
     let Some(diagnosis) = material.diagnosis else { return Vec::new() };
     let shape = diagnosis.shape.as_ref().and_then(|map| forces::figure(material.view, map));
     let shape = shape.map(|mut figure| {

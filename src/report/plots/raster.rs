@@ -11,8 +11,8 @@ use resvg::usvg::{Options, Tree};
 
 use super::figure::Figure;
 use super::image::require_scale;
-use super::style::Paper;
-use super::svg::{For, draw};
+use super::style::Background;
+use super::svg::{Medium, draw};
 use crate::error::{Error, ErrorKind, Result};
 
 const SANS: &str = "DejaVu Sans";
@@ -50,7 +50,7 @@ fn own_fonts() -> Database {
 ///
 /// # Errors
 /// The scale is not one of [`SCALES`], or the picture cannot be drawn.
-pub fn png(figure: &Figure, paper: Paper, scale: f64) -> Result<Vec<u8>> {
+pub fn png(figure: &Figure, paper: Background, scale: f64) -> Result<Vec<u8>> {
     require_scale(scale)?;
     let failed = |why: String| {
         Error::new(
@@ -59,7 +59,7 @@ pub fn png(figure: &Figure, paper: Paper, scale: f64) -> Result<Vec<u8>> {
             "write it as SVG instead",
         )
     };
-    let svg = draw(figure, For::Print(paper));
+    let svg = draw(figure, Medium::Print(paper));
     let fonts = if svg.chars().any(|c| c > OWN) { &ALL_FONTS } else { &FONTS };
     let options =
         Options { font_family: SANS.to_string(), fontdb: Arc::clone(fonts), ..Options::default() };
@@ -108,7 +108,7 @@ mod tests {
         let axis = Axis::between(-1.0, 1.0, 5).variable("p_theta", Some("kg*m^2/s"));
         figure.panels.push(Panel::new(1.0, axis.clone(), axis));
         let options = Options { fontdb: Arc::clone(&FONTS), ..Options::default() };
-        let tree = Tree::from_str(&draw(&figure, For::Print(Paper::Light)), &options);
+        let tree = Tree::from_str(&draw(&figure, Medium::Print(Background::Light)), &options);
         let (mut seen, mut found) = (0, Vec::new());
         formless(tree.expect("a drawing").root(), &mut seen, &mut found);
         assert!(seen > letters.chars().count(), "{seen}");

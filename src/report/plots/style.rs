@@ -26,7 +26,7 @@ const LIVE: &str = include_str!("live.css");
 
 /// What a picture is drawn on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Paper {
+pub enum Background {
     /// White.
     #[default]
     Light,
@@ -48,17 +48,17 @@ pub fn live_sheet() -> String {
 }
 
 /// The style sheet of figures on one kind of paper, whatever the reader prefers.
-pub fn print_sheet(paper: Paper) -> String {
+pub fn print_sheet(paper: Background) -> String {
     coloured(FIGURES, paper)
 }
 
-fn coloured(text: &str, paper: Paper) -> String {
+fn coloured(text: &str, paper: Background) -> String {
     PALETTE.iter().fold(text.to_string(), |text, (name, light, dark)| {
         text.replace(
             name,
             match paper {
-                Paper::Light => light,
-                Paper::Dark => dark,
+                Background::Light => light,
+                Background::Dark => dark,
             },
         )
     })
@@ -69,8 +69,8 @@ fn themed(rules: &str) -> String {
         rules.lines().filter(|line| line.contains('$')).flat_map(|line| [line, "\n"]).collect();
     format!(
         "{}@media (prefers-color-scheme: dark) {{\n{}}}\n",
-        coloured(rules, Paper::Light),
-        coloured(&colours, Paper::Dark)
+        coloured(rules, Background::Light),
+        coloured(&colours, Background::Dark)
     )
 }
 
@@ -80,7 +80,7 @@ mod tests {
 
     #[test]
     fn every_colour_has_a_value() {
-        for sheet in [sheet(), live_sheet(), print_sheet(Paper::Dark)] {
+        for sheet in [sheet(), live_sheet(), print_sheet(Background::Dark)] {
             assert!(!sheet.contains('$'), "{sheet}");
             assert!(sheet.matches('{').count() == sheet.matches('}').count());
         }

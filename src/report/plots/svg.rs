@@ -7,16 +7,16 @@ use super::axes::Axis;
 use super::figure::{Arrangement, Figure, Key, Panel, Shape};
 use super::label;
 use super::marks::{Frame, Pen, class, draw_mark, marker};
-use super::style::{self, Paper};
+use super::style::{self, Background};
 
 /// Where the drawing goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum For {
+pub enum Medium {
     /// A file of its own, with its style sheet and a background: light or dark as the reader
     /// prefers.
     File,
     /// The same, light or dark for good.
-    Print(Paper),
+    Print(Background),
     /// A page that has [`sheet`](super::sheet) already.
     Page,
 }
@@ -32,7 +32,7 @@ const RIGHT: f64 = 16.0;
 const LONGEST_NAME: usize = 26;
 
 /// The figure as one `svg` element.
-pub fn draw(figure: &Figure, target: For) -> String {
+pub fn draw(figure: &Figure, target: Medium) -> String {
     let (keys, legend_lines) = legend(figure);
     let top = 26.0 + LINE * legend_lines as f64 + if legend_lines > 0 { 8.0 } else { 6.0 };
     let frames = frames(figure, top);
@@ -49,9 +49,9 @@ pub fn draw(figure: &Figure, target: For) -> String {
         escaped(&figure.caption),
     );
     let sheet = match target {
-        For::File => Some(style::sheet()),
-        For::Print(paper) => Some(style::print_sheet(paper)),
-        For::Page => None,
+        Medium::File => Some(style::sheet()),
+        Medium::Print(paper) => Some(style::print_sheet(paper)),
+        Medium::Page => None,
     };
     if let Some(sheet) = sheet {
         let _ = write!(

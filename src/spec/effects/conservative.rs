@@ -1,8 +1,8 @@
 //! Effects that are parts of the potential.
 
-use super::{EffectRow, Kind, On, ROW, Scan, ScanBy};
+use super::{ActsOn, EffectKind, EffectRow, ROW, Scan, ScanBy};
 
-const BASE: EffectRow = EffectRow { kind: Kind::Conservative, ..ROW };
+const BASE: EffectRow = EffectRow { kind: EffectKind::Conservative, ..ROW };
 
 const BETWEEN: &str = "it couples one coordinate to another";
 const PLANE: &str = "its distance from a centre is that of a plane, which has two coordinates";
@@ -92,7 +92,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     EffectRow {
         name: "coupling_spring",
         alike: true,
-        on: On::Pair,
+        on: ActsOn::Pair,
         template: "V += span{ {n}: ({r} - {q})^2/2 }",
         why_two: BETWEEN,
         physics: "A linear spring between two coordinates.",
@@ -103,7 +103,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     EffectRow {
         name: "quadratic_coupling",
         alike: true,
-        on: On::Pair,
+        on: ActsOn::Pair,
         template: "V += span{ {n}: ({r} - {q})^3/3 }",
         why_two: BETWEEN,
         physics: "A spring between two coordinates that is stiffer in stretch than in compression.",
@@ -114,7 +114,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     EffectRow {
         name: "cubic_coupling",
         alike: true,
-        on: On::Pair,
+        on: ActsOn::Pair,
         template: "V += span{ {n}: ({r} - {q})^4/4 }",
         why_two: BETWEEN,
         physics: "A spring between two coordinates that hardens or softens with their distance.",
@@ -124,7 +124,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "bilinear_coupling",
-        on: On::Pair,
+        on: ActsOn::Pair,
         template: "V += span{ {n}: {q}*{r} }",
         why_two: BETWEEN,
         physics: "Each coordinate pushes the other in proportion to its own excursion: skewed principal axes.",
@@ -134,7 +134,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "quadratic_cross_coupling",
-        on: On::OrderedPair,
+        on: ActsOn::OrderedPair,
         template: "V += span{ {n}: {q}^2*{r} }",
         why_two: BETWEEN,
         physics: "The stiffness of the first coordinate goes with the second, as of a swinging spring.",
@@ -146,7 +146,7 @@ pub(super) static ROWS: &[EffectRow] = &[
         name: "central_inverse",
         alike: true,
         aliases: &["kepler", "coulomb_potential"],
-        on: On::Pair,
+        on: ActsOn::Pair,
         template: "V += span{ {n}: -1/sqrt({q}^2 + {r}^2) }",
         why_two: PLANE,
         physics: "Gravity or an electric charge at the origin of a plane: a force like 1/r^2.",
@@ -157,7 +157,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     EffectRow {
         name: "central_inverse_square",
         alike: true,
-        on: On::Pair,
+        on: ActsOn::Pair,
         template: "V += span{ {n}: -1/({q}^2 + {r}^2) }",
         why_two: PLANE,
         physics: "A potential like 1/r^2 about the origin, as of a dipole; it turns the apsides of an orbit.",
@@ -169,7 +169,7 @@ pub(super) static ROWS: &[EffectRow] = &[
         name: "softened_centre",
         alike: true,
         aliases: &["plummer"],
-        on: On::Pair,
+        on: ActsOn::Pair,
         template: "V += span{ {n}: -1/sqrt({q}^2 + {r}^2 + {length}^2) }",
         parameters: &[Scan { name: "length", by: ScanBy::Length, example: 0.5 }],
         why_two: PLANE,

@@ -1,8 +1,8 @@
 //! Effects that take energy away, or feed it in.
 
-use super::{EffectRow, Kind, On, ROW, Scan, ScanBy};
+use super::{ActsOn, EffectKind, EffectRow, ROW, Scan, ScanBy};
 
-const BASE: EffectRow = EffectRow { kind: Kind::Dissipative, ..ROW };
+const BASE: EffectRow = EffectRow { kind: EffectKind::Dissipative, ..ROW };
 
 pub(super) static ROWS: &[EffectRow] = &[
     EffectRow {
@@ -64,7 +64,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     EffectRow {
         name: "relative_damping",
         alike: true,
-        on: On::Pair,
+        on: ActsOn::Pair,
         template: "force {q} += span{ {n}: {s} - {p} }; force {r} += span{ {n}: {p} - {s} }",
         why_two: "it damps the motion of one coordinate against another",
         physics: "A damper between two moving parts of equal inertia: equal and opposite forces against their relative motion.",

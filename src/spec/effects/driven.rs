@@ -1,8 +1,8 @@
 //! Effects that depend on time itself.
 
-use super::{EffectRow, Kind, ROW, Scan, ScanBy};
+use super::{EffectKind, EffectRow, ROW, Scan, ScanBy};
 
-const BASE: EffectRow = EffectRow { kind: Kind::TimeDependent, ..ROW };
+const BASE: EffectRow = EffectRow { kind: EffectKind::TimeDependent, ..ROW };
 
 const FREQUENCY: &[Scan] = &[Scan { name: "frequency", by: ScanBy::Frequency, example: 2.0 }];
 

@@ -13,7 +13,7 @@ use super::nearest;
 
 /// What an effect does to the motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Kind {
+pub enum EffectKind {
     /// It takes energy away, or feeds it in.
     Dissipative,
     /// It is a part of the potential.
@@ -28,33 +28,33 @@ pub enum Kind {
     Sensor,
 }
 
-impl Kind {
+impl EffectKind {
     /// Every kind, in the order in which they are listed.
-    pub const ALL: [Kind; 6] = [
-        Kind::Dissipative,
-        Kind::Conservative,
-        Kind::Kinetic,
-        Kind::Gyroscopic,
-        Kind::TimeDependent,
-        Kind::Sensor,
+    pub const ALL: [EffectKind; 6] = [
+        EffectKind::Dissipative,
+        EffectKind::Conservative,
+        EffectKind::Kinetic,
+        EffectKind::Gyroscopic,
+        EffectKind::TimeDependent,
+        EffectKind::Sensor,
     ];
 
     /// In words.
     pub fn text(self) -> &'static str {
         match self {
-            Kind::Dissipative => "dissipative",
-            Kind::Conservative => "conservative",
-            Kind::Kinetic => "kinetic",
-            Kind::Gyroscopic => "gyroscopic",
-            Kind::TimeDependent => "time-dependent",
-            Kind::Sensor => "sensor",
+            EffectKind::Dissipative => "dissipative",
+            EffectKind::Conservative => "conservative",
+            EffectKind::Kinetic => "kinetic",
+            EffectKind::Gyroscopic => "gyroscopic",
+            EffectKind::TimeDependent => "time-dependent",
+            EffectKind::Sensor => "sensor",
         }
     }
 }
 
 /// What an effect acts on: its arguments.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum On {
+pub enum ActsOn {
     /// One coordinate.
     Coordinate,
     /// Two coordinates; which comes first makes no difference.
@@ -67,27 +67,27 @@ pub enum On {
     ObservablePair,
 }
 
-impl On {
+impl ActsOn {
     /// How many arguments it takes.
     pub fn count(self) -> usize {
         match self {
-            On::Coordinate | On::Observable => 1,
-            On::Pair | On::OrderedPair | On::ObservablePair => 2,
+            ActsOn::Coordinate | ActsOn::Observable => 1,
+            ActsOn::Pair | ActsOn::OrderedPair | ActsOn::ObservablePair => 2,
         }
     }
 
     /// Whether the arguments are measured columns, not coordinates.
     pub fn observes(self) -> bool {
-        matches!(self, On::Observable | On::ObservablePair)
+        matches!(self, ActsOn::Observable | ActsOn::ObservablePair)
     }
 
     /// In words, as what an effect takes.
     pub fn text(self) -> &'static str {
         match self {
-            On::Coordinate => "one coordinate",
-            On::Pair | On::OrderedPair => "two coordinates",
-            On::Observable => "one observable",
-            On::ObservablePair => "two observables",
+            ActsOn::Coordinate => "one coordinate",
+            ActsOn::Pair | ActsOn::OrderedPair => "two coordinates",
+            ActsOn::Observable => "one observable",
+            ActsOn::ObservablePair => "two observables",
         }
     }
 }
@@ -178,9 +178,9 @@ pub struct EffectRow {
     /// Other names that it goes by.
     pub aliases: &'static [&'static str],
     /// What sort of physics it is.
-    pub kind: Kind,
+    pub kind: EffectKind,
     /// What it takes as arguments.
-    pub on: On,
+    pub on: ActsOn,
     /// Statements with placeholders: {q} {p} the first argument's coordinate and momentum,
     /// {r} {s} those of the second, {o} {u} the observables, {t} time, {n} a name made of the
     /// effect and its arguments, and the inner parameters by their names.
@@ -208,8 +208,8 @@ pub struct EffectRow {
 const ROW: EffectRow = EffectRow {
     name: "",
     aliases: &[],
-    kind: Kind::Conservative,
-    on: On::Coordinate,
+    kind: EffectKind::Conservative,
+    on: ActsOn::Coordinate,
     template: "",
     parameters: &[],
     angle: false,
@@ -296,7 +296,7 @@ impl EffectRow {
     /// `viscous_drag(theta)`; arguments in the order of the text, sorted where order means nothing.
     pub fn label(&self, arguments: &[String]) -> String {
         let mut arguments = arguments.to_vec();
-        if self.on == On::Pair {
+        if self.on == ActsOn::Pair {
             arguments.sort();
         }
         format!("{}({})", self.name, arguments.join(", "))
@@ -382,7 +382,7 @@ impl EffectRow {
                 continue;
             }
             for (j, second) in names.iter().enumerate() {
-                if i < j || (i > j && self.on != On::Pair) {
+                if i < j || (i > j && self.on != ActsOn::Pair) {
                     out.push(vec![first.clone(), second.clone()]);
                 }
             }
@@ -424,11 +424,11 @@ mod tests {
             for scan in row.parameters {
                 assert!(row.template.contains(&format!("{{{}}}", scan.name)), "{}", row.name);
             }
-            let pairs = matches!(row.on, On::Pair | On::OrderedPair);
+            let pairs = matches!(row.on, ActsOn::Pair | ActsOn::OrderedPair);
             assert_eq!(pairs, !row.why_two.is_empty(), "{}", row.name);
         }
         assert!(catalogue().count() >= 36);
-        assert!(Kind::ALL.iter().all(|&kind| catalogue().any(|row| row.kind == kind)));
+        assert!(EffectKind::ALL.iter().all(|&kind| catalogue().any(|row| row.kind == kind)));
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! Kinetic effects, and gyroscopic ones.
 
-use super::{EffectRow, Kind, On, ROW};
+use super::{ActsOn, EffectKind, EffectRow, ROW};
 
-const KINETIC: EffectRow = EffectRow { kind: Kind::Kinetic, ..ROW };
-const GYROSCOPIC: EffectRow = EffectRow { kind: Kind::Gyroscopic, on: On::Pair, ..ROW };
+const KINETIC: EffectRow = EffectRow { kind: EffectKind::Kinetic, ..ROW };
+const GYROSCOPIC: EffectRow = EffectRow { kind: EffectKind::Gyroscopic, on: ActsOn::Pair, ..ROW };
 
 const ACROSS: &str =
     "it turns a motion along one direction into the one across, and one dimension has none";
@@ -20,7 +20,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "coupled_momenta",
-        on: On::Pair,
+        on: ActsOn::Pair,
         template: "T += span{ {n}: {p}*{s} }",
         why_two: "it makes one momentum move the other coordinate",
         physics: "Inertia shared between two coordinates: relative coordinates, added mass, skewed axes.",
@@ -39,7 +39,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "inertial_coupling",
-        on: On::Pair,
+        on: ActsOn::Pair,
         template: "H += span{ {n}: -cos({q} - {r})*{p}*{s} }",
         angle: true,
         why_two: "it couples the inertia of two angles",
@@ -62,7 +62,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     EffectRow {
         name: "magnetic_gradient",
         alike: true,
-        on: On::OrderedPair,
+        on: ActsOn::OrderedPair,
         template: "force {q} += span{ {n}: {q}*{s} }; force {r} += span{ {n}: -{q}*{p} }",
         why_two: ACROSS,
         physics: "A magnetic field that changes along the first coordinate.",

@@ -1,8 +1,8 @@
 //! Effects in the instrument: they move nothing.
 
-use super::{EffectRow, Kind, On, ROW, Scan, ScanBy};
+use super::{ActsOn, EffectKind, EffectRow, ROW, Scan, ScanBy};
 
-const BASE: EffectRow = EffectRow { kind: Kind::Sensor, on: On::Observable, ..ROW };
+const BASE: EffectRow = EffectRow { kind: EffectKind::Sensor, on: ActsOn::Observable, ..ROW };
 
 pub(super) static ROWS: &[EffectRow] = &[
     EffectRow {
@@ -35,7 +35,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     EffectRow {
         name: "sensor_cross_talk",
         aliases: &["cross_talk"],
-        on: On::ObservablePair,
+        on: ActsOn::ObservablePair,
         template: "sensor {o} += span{ {n}: {u} }",
         physics: "A part of the second signal leaks into the first column: axes not square, wires too close.",
         telltale: "The error of one column goes with the reading of another.",

@@ -7,7 +7,7 @@ use nom::error::ParseError;
 use nom::multi::{many0, separated_list0, separated_list1};
 use nom::sequence::{delimited, preceded};
 
-use super::token::{DEEPEST, Kind, too_deep};
+use super::token::{DEEPEST, TokenKind, too_deep};
 use super::{Fault, Parsed, Tokens};
 use crate::diagnostic::Span;
 use crate::spec::ast::*;
@@ -18,7 +18,7 @@ pub const RESERVED: [&str; 8] = ["for", "in", "where", "and", "sum", "span", "te
 /// A mark: `(`, `+=`, ...
 pub fn mark<'a>(text: &'static str) -> impl Fn(Tokens<'a>) -> Parsed<'a, ()> {
     move |input| match input.first() {
-        Some(token) if token.kind == Kind::Mark && token.text == text => {
+        Some(token) if token.kind == TokenKind::Mark && token.text == text => {
             Ok((nom::Input::take_from(&input, 1), ()))
         }
         _ => Err(Fault::expected(input, format!("`{text}`"))),
@@ -28,7 +28,7 @@ pub fn mark<'a>(text: &'static str) -> impl Fn(Tokens<'a>) -> Parsed<'a, ()> {
 /// A fixed word.
 pub fn keyword<'a>(text: &'static str) -> impl Fn(Tokens<'a>) -> Parsed<'a, ()> {
     move |input| match input.first() {
-        Some(token) if token.kind == Kind::Word && token.text == text => {
+        Some(token) if token.kind == TokenKind::Word && token.text == text => {
             Ok((nom::Input::take_from(&input, 1), ()))
         }
         _ => Err(Fault::expected(input, format!("`{text}`"))),
@@ -38,7 +38,7 @@ pub fn keyword<'a>(text: &'static str) -> impl Fn(Tokens<'a>) -> Parsed<'a, ()> 
 /// name = word ;
 pub fn name(input: Tokens) -> Parsed<Word> {
     match input.first() {
-        Some(token) if token.kind == Kind::Word && !RESERVED.contains(&token.text) => {
+        Some(token) if token.kind == TokenKind::Word && !RESERVED.contains(&token.text) => {
             let word = Word { text: token.text.to_string(), site: Site(token.span) };
             Ok((nom::Input::take_from(&input, 1), word))
         }
@@ -49,7 +49,7 @@ pub fn name(input: Tokens) -> Parsed<Word> {
 /// quoted = '"' , text , '"' ;
 pub fn quoted(input: Tokens) -> Parsed<Word> {
     match input.first() {
-        Some(token) if token.kind == Kind::Text => {
+        Some(token) if token.kind == TokenKind::Text => {
             let word = Word { text: token.text.to_string(), site: Site(token.span) };
             Ok((nom::Input::take_from(&input, 1), word))
         }
@@ -156,7 +156,8 @@ fn power(input: Tokens) -> Parsed<Expression> {
 /// quantity = primary , [ unit ] ;
 fn quantity(input: Tokens) -> Parsed<Expression> {
     let (rest, inner) = primary(input)?;
-    let has_unit = rest.first().is_some_and(|token| token.text == "[" && token.kind == Kind::Mark);
+    let has_unit =
+        rest.first().is_some_and(|token| token.text == "[" && token.kind == TokenKind::Mark);
     if !has_unit {
         return Ok((rest, inner));
     }
@@ -168,11 +169,13 @@ fn quantity(input: Tokens) -> Parsed<Expression> {
 /// primary = number | sum_over | span | call | variable | "(" , expression , ")" ;
 fn primary(input: Tokens) -> Parsed<Expression> {
     match input.first().map(|token| (token.kind, token.text)) {
-        Some((Kind::Number(_), _)) => number(input),
-        Some((Kind::Word, "sum")) => sum_over(input),
-        Some((Kind::Word, "span")) => span(input),
-        Some((Kind::Word, word)) if !RESERVED.contains(&word) => alt((call, variable)).parse(input),
-        Some((Kind::Mark, "(")) => {
+        Some((TokenKind::Number(_), _)) => number(input),
+        Some((TokenKind::Word, "sum")) => sum_over(input),
+        Some((TokenKind::Word, "span")) => span(input),
+        Some((TokenKind::Word, word)) if !RESERVED.contains(&word) => {
+            alt((call, variable)).parse(input)
+        }
+        Some((TokenKind::Mark, "(")) => {
             let (rest, inner) =
                 delimited(mark("("), cut(expression), cut(mark(")"))).parse(input)?;
             Ok((rest, Expression { site: from_to(input, rest), ..inner }))
@@ -184,7 +187,7 @@ fn primary(input: Tokens) -> Parsed<Expression> {
 /// number = digits , [ "." , digits ] , [ exponent ] ;
 fn number(input: Tokens) -> Parsed<Expression> {
     match input.first().map(|token| (token.kind, token.span)) {
-        Some((Kind::Number(value), span)) => {
+        Some((TokenKind::Number(value), span)) => {
             let kind = ExpressionKind::Number(value);
             Ok((nom::Input::take_from(&input, 1), Expression { kind, site: Site(span) }))
         }

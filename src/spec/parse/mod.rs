@@ -15,7 +15,7 @@ use nom::{IResult, Input, Needed};
 use super::ast::{Spec, Statement};
 use crate::diagnostic::{Diagnostic, Span};
 pub use statement::may_name;
-use token::{Kind, Token};
+use token::{Token, TokenKind};
 
 /// What is left of one statement.
 #[derive(Debug, Clone, Copy)]
@@ -131,7 +131,7 @@ impl Fault {
         };
         let found_text = match found {
             None => "the end of the statement".to_string(),
-            Some(token) if token.kind == Kind::Text => format!("\"{}\"", token.text),
+            Some(token) if token.kind == TokenKind::Text => format!("\"{}\"", token.text),
             Some(token) => format!("`{}`", token.text),
         };
         let diagnostic = Diagnostic::error(self.at, format!("expected {wanted}"))

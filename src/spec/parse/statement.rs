@@ -10,7 +10,7 @@ use super::expression::{
     RESERVED, comprehension, expression, keyword, mark, name, quoted, range, relation, unit,
     variable,
 };
-use super::token::Kind;
+use super::token::TokenKind;
 use super::{Fault, Parsed, Tokens};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::spec::ast::*;
@@ -59,11 +59,11 @@ pub fn statement(input: Tokens) -> Parsed<Statement> {
     Ok((rest, Statement { kind, site, effect: None }))
 }
 
-fn unknown_statement(word: &str, kind: Kind, span: Span) -> nom::Err<Fault> {
+fn unknown_statement(word: &str, kind: TokenKind, span: Span) -> nom::Err<Fault> {
     let known = format!("statements begin with {}", STATEMENTS.join(", "));
     let near = crate::spec::nearest(word, STATEMENTS);
     let hint = match near {
-        Some(near) if kind == Kind::Word => format!("did you mean `{near}`?"),
+        Some(near) if kind == TokenKind::Word => format!("did you mean `{near}`?"),
         _ => known,
     };
     Fault::fatal(
@@ -150,7 +150,7 @@ fn data_item(input: Tokens) -> Parsed<DataItem> {
     let word = input.first().map_or("", |token| token.text);
     // A column may be called `"="`, in quotes.
     let assigned =
-        input.rest.get(1).is_some_and(|token| token.kind == Kind::Mark && token.text == "=");
+        input.rest.get(1).is_some_and(|token| token.kind == TokenKind::Mark && token.text == "=");
     let (rest, kind) = match word {
         "time" if !assigned => {
             let (rest, ((), column, unit)) = (keyword("time"), column, opt(unit)).parse(input)?;
@@ -295,7 +295,7 @@ fn candidate(input: Tokens) -> Parsed<Candidate> {
         let over = match rest.rest {
             [] => true,
             [first, ..] if first.text == "}" => true,
-            [_, second, ..] => second.kind == Kind::Mark && second.text == ":",
+            [_, second, ..] => second.kind == TokenKind::Mark && second.text == ":",
             _ => false,
         };
         if over && !statements.is_empty() {

@@ -13,7 +13,7 @@ use crate::diagnostic::{Diagnostic, Span};
 pub const DEEPEST: usize = 100;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Kind {
+pub enum TokenKind {
     Word,
     Number(f64),
     /// A quoted text; the token's text is what stands between the quotes.
@@ -25,7 +25,7 @@ pub enum Kind {
 /// The smallest piece of text that means something.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Token<'a> {
-    pub kind: Kind,
+    pub kind: TokenKind,
     pub text: &'a str,
     pub span: Span,
     /// Whether white space stands before it: `q[1]` is an index, `9.81 [m]` a unit.
@@ -105,9 +105,9 @@ fn next<'a>(
     rest: &'a str,
     start: usize,
     diagnostics: &mut Vec<Diagnostic>,
-) -> (Kind, &'a str, &'a str) {
+) -> (TokenKind, &'a str, &'a str) {
     if let Some(after) = rest.strip_prefix('\n') {
-        return (Kind::Newline, &rest[..1], after);
+        return (TokenKind::Newline, &rest[..1], after);
     }
     if let Some(after) = rest.strip_prefix('"') {
         let end = after.find(['"', '\n']).unwrap_or(after.len());
@@ -119,9 +119,9 @@ fn next<'a>(
                     .label("it starts here")
                     .hint("close it with `\"` on the same line"),
             );
-            return (Kind::Text, text, tail);
+            return (TokenKind::Text, text, tail);
         };
-        return (Kind::Text, text, tail);
+        return (TokenKind::Text, text, tail);
     }
     if let Ok((after, text)) = number(rest) {
         let value: f64 = text.parse().unwrap_or(f64::NAN);
@@ -132,16 +132,16 @@ fn next<'a>(
                     .label("not below 1.8e308")
                     .hint("choose units in which it is smaller"),
             );
-            return (Kind::Number(1.0), text, after);
+            return (TokenKind::Number(1.0), text, after);
         }
-        return (Kind::Number(value), text, after);
+        return (TokenKind::Number(value), text, after);
     }
     if let Ok((after, text)) = word(rest) {
-        return (Kind::Word, text, after);
+        return (TokenKind::Word, text, after);
     }
     match mark(rest) {
-        Ok((after, text)) => (Kind::Mark, text, after),
-        Err(_) => (Kind::Mark, rest, ""),
+        Ok((after, text)) => (TokenKind::Mark, text, after),
+        Err(_) => (TokenKind::Mark, rest, ""),
     }
 }
 
@@ -166,13 +166,13 @@ const ADDITIONS: [&str; 7] = ["param", "T", "V", "H", "force", "sensor", "constr
 
 /// Whether a statement plainly begins here, whatever bracket is still open.
 fn begins_statement(tokens: &[Token]) -> bool {
-    let mut ahead = tokens.iter().filter(|token| token.kind != Kind::Newline);
+    let mut ahead = tokens.iter().filter(|token| token.kind != TokenKind::Newline);
     let (Some(first), Some(second)) = (ahead.next(), ahead.next()) else { return false };
-    if first.kind != Kind::Word {
+    if first.kind != TokenKind::Word {
         return false;
     }
     if OPENERS.contains(&first.text) {
-        return matches!(second.kind, Kind::Word | Kind::Text);
+        return matches!(second.kind, TokenKind::Word | TokenKind::Text);
     }
     ["T", "V", "H"].contains(&first.text) && ["=", "+="].contains(&second.text)
 }
@@ -204,14 +204,14 @@ pub fn statements<'a>(
         }
     };
     for (at, &token) in tokens.iter().enumerate() {
-        if token.kind == Kind::Newline {
+        if token.kind == TokenKind::Newline {
             let unfinished = !open.is_empty()
-                || current
-                    .last()
-                    .is_some_and(|last| last.kind == Kind::Mark && CONTINUED.contains(&last.text));
+                || current.last().is_some_and(|last| {
+                    last.kind == TokenKind::Mark && CONTINUED.contains(&last.text)
+                });
             let among_candidates = open.len() == 1
                 && current.first().is_some_and(|first| first.text == "candidates")
-                && (tokens[at..].iter().find(|token| token.kind != Kind::Newline))
+                && (tokens[at..].iter().find(|token| token.kind != TokenKind::Newline))
                     .is_some_and(|next| ADDITIONS.contains(&next.text));
             if unfinished && (among_candidates || !begins_statement(&tokens[at..])) {
                 continue;
@@ -225,7 +225,7 @@ pub fn statements<'a>(
             finish(&mut current, &mut sound);
             continue;
         }
-        if token.kind == Kind::Mark {
+        if token.kind == TokenKind::Mark {
             match token.text {
                 "(" | "[" | "{" => {
                     open.push(token);

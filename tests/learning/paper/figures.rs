@@ -4,13 +4,13 @@ use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 use leverrier::internals::data::Dataset;
-use leverrier::internals::dynamics::{Dynamics, Method, Pace, Stop, simulate};
+use leverrier::internals::dynamics::{Dynamics, Method, StepControl, Stop, simulate};
 use leverrier::internals::eval::Backend;
 use leverrier::internals::expr::System;
 use leverrier::internals::fit::Model;
 use leverrier::internals::report::present;
 use leverrier::internals::simplify::{Simplified, Style};
-use leverrier::internals::simulate::{Box as Side, Sampling, Simulator, draw};
+use leverrier::internals::simulate::{InitialDistribution, Interval as Side, Simulator, draw};
 
 use super::{Law, STEP, system};
 
@@ -108,7 +108,7 @@ pub fn fresh_starts(law: &Law, count: usize, seed: u64) -> Vec<Vec<f64>> {
     let known = system(&law.spec);
     let nature = Simulator::known(&known);
     let side = Side { lower: -1.0, upper: 1.0 };
-    let sampling = Sampling { boxes: vec![side; 2 * known.degrees()], energy: None };
+    let sampling = InitialDistribution { intervals: vec![side; 2 * known.degrees()], energy: None };
     draw(&nature, &sampling, count, 0.0, seed).expect("no energy asked for")
 }
 
@@ -203,7 +203,7 @@ pub fn energy_stray(
     let theta: Vec<f64> = learned.coefficients().iter().copied().chain(values).collect();
     let samples = (until / STEP).round() as usize;
     let times: Vec<f64> = (0..=samples).map(|i| STEP * i as f64).collect();
-    let pace = Pace::PerInterval(1);
+    let pace = StepControl::PerInterval(1);
     let run = simulate(&dynamics, method, &theta, &[start.to_vec()], &times, pace).remove(0);
     assert_eq!(run.stop, Stop::Finished, "{} loses the motion", method.row().name);
     let known = system(&law.spec);

@@ -11,7 +11,7 @@ use leverrier::internals::data::Dataset;
 use leverrier::internals::expr::{Compiled, System, build};
 use leverrier::internals::fit::{self, Model, Options, Silent};
 use leverrier::internals::simulate::{
-    Box as Side, Noise, Sampling, Simulator, add_noise, consecutive_pairs, draw,
+    InitialDistribution, Interval as Side, Noise, Simulator, add_noise, consecutive_pairs, draw,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -81,8 +81,8 @@ pub fn henon_heiles() -> Law {
 
 /// 5,000 pairs at chaotic energies.
 pub fn henon_heiles_pairs(count: usize, sigma: f64, seed: u64) -> Dataset {
-    let sampling = Sampling {
-        boxes: vec![side(-1.0, 1.0), side(-0.5, 1.0), side(-1.0, 1.0), side(-1.0, 1.0)],
+    let sampling = InitialDistribution {
+        intervals: vec![side(-1.0, 1.0), side(-0.5, 1.0), side(-1.0, 1.0), side(-1.0, 1.0)],
         energy: Some(side(1.0 / 12.0, 1.0 / 6.0)),
     };
     runs(&henon_heiles(), &sampling, count, 2, sigma, seed)
@@ -103,8 +103,8 @@ pub fn coupled() -> Law {
     )
 }
 
-fn anywhere(components: usize) -> Sampling {
-    Sampling { boxes: vec![side(-1.0, 1.0); components], energy: None }
+fn anywhere(components: usize) -> InitialDistribution {
+    InitialDistribution { intervals: vec![side(-1.0, 1.0); components], energy: None }
 }
 
 /// 500 consecutive pairs of one clean motion.
@@ -145,10 +145,17 @@ pub fn mass_spring(seed: u64) -> Law {
 
 /// 800 consecutive pairs of one motion, each copy of each sample with its own noise.
 pub fn mass_spring_pairs(law: &Law, sigma: f64, seed: u64) -> Dataset {
-    let mut boxes: Vec<Side> = [0.25, 0.5, 0.75, 1.0, 1.25].iter().map(|&q| side(q, q)).collect();
-    boxes.extend(vec![side(-0.1, 0.1); 5]);
-    let mut data =
-        consecutive_pairs(&runs(law, &Sampling { boxes, energy: None }, 1, 801, 0.0, seed));
+    let mut intervals: Vec<Side> =
+        [0.25, 0.5, 0.75, 1.0, 1.25].iter().map(|&q| side(q, q)).collect();
+    intervals.extend(vec![side(-0.1, 0.1); 5]);
+    let mut data = consecutive_pairs(&runs(
+        law,
+        &InitialDistribution { intervals, energy: None },
+        1,
+        801,
+        0.0,
+        seed,
+    ));
     noisy(&mut data, sigma, seed);
     data
 }
@@ -164,7 +171,8 @@ pub fn pendulum() -> Law {
 
 /// 200 consecutive pairs from 1.4 at rest.
 pub fn pendulum_pairs() -> Dataset {
-    let sampling = Sampling { boxes: vec![side(1.4, 1.4), side(0.0, 0.0)], energy: None };
+    let sampling =
+        InitialDistribution { intervals: vec![side(1.4, 1.4), side(0.0, 0.0)], energy: None };
     consecutive_pairs(&runs(&pendulum(), &sampling, 1, 201, 0.0, 0))
 }
 
@@ -199,7 +207,7 @@ pub fn pendulum_space(which: &PendulumSpace) -> Arc<System> {
 /// Runs of a law from random starts.
 fn runs(
     law: &Law,
-    sampling: &Sampling,
+    sampling: &InitialDistribution,
     count: usize,
     samples: usize,
     sigma: f64,
@@ -207,7 +215,7 @@ fn runs(
 ) -> Dataset {
     let system = system(&law.spec);
     let nature = Simulator::known(&system);
-    let starts = draw(&nature, sampling, count, 0.0, seed).expect("states in the boxes");
+    let starts = draw(&nature, sampling, count, 0.0, seed).expect("states in the intervals");
     let times: Vec<f64> = (0..samples).map(|i| STEP * i as f64).collect();
     let trajectories = nature.trajectories(&starts, &times).expect("bounded motion");
     let mut data = trajectories.dataset(&system);
