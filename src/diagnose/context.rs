@@ -238,7 +238,7 @@ impl Settled<'_> {
 fn patiently(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mut States) -> Sums {
     let mut sums = settle(problem, dynamics, theta, states);
     for _ in 0..PATIENCE {
-        if sums.restless == 0 {
+        if sums.unsettled == 0 {
             break;
         }
         let further = settle(problem, dynamics, theta, states);

@@ -216,7 +216,7 @@ impl Refitted {
     pub fn left_of_all(&self, context: &Context) -> Sums {
         let count = cut(&context.measured, context.law.window()).list.len();
         let by_fit = self.left_by_fit(context.law.window(), count);
-        if let Some(sums) = by_fit.filter(|sums| sums.restless == 0) {
+        if let Some(sums) = by_fit.filter(|sums| sums.unsettled == 0) {
             return sums.clone();
         }
         let afresh = context.settle(context.law.window()).2;

@@ -2,11 +2,11 @@
 
 use super::factor::Factor;
 use super::model::{
-    Evidence, Exchange, FORMAT, FrontPoint, Integrator, LearnedParameter, LearnedTerm, Model,
+    Evidence, Exchange, FORMAT, FrontPoint, IntegratorRecord, LearnedParameter, LearnedTerm, Model,
     Noise, PathEntry, RunnerUp, Stop, fingerprint, place_name,
 };
 use super::options::Selection;
-use super::support::{Candidate, alternatives, front};
+use super::support::{SupportFit, alternatives, front};
 use super::train::{Round, Training};
 use super::uncertainty::{Unlearnable, covariance, inclusion, unlearnable};
 use crate::expr::{ParameterId, System, Term, TermId};
@@ -81,7 +81,7 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
         parameters,
         covariance: (0..learned).map(|a| (0..learned).map(|b| spread[(a, b)]).collect()).collect(),
         noise: noise(training),
-        integrator: Integrator {
+        integrator: IntegratorRecord {
             method: law.stepping().method.row().name.to_string(),
             longest_step: law.stepping().longest,
             reason: training.accuracy.reason.clone(),
@@ -155,7 +155,7 @@ fn noise(training: &Training) -> Vec<Noise> {
 
 fn front_points(
     system: &System,
-    candidates: &[Candidate],
+    candidates: &[SupportFit],
     residuals: usize,
     support: &[usize],
 ) -> Vec<FrontPoint> {
@@ -173,7 +173,7 @@ fn front_points(
 
 fn runners_up(
     system: &System,
-    candidates: &[Candidate],
+    candidates: &[SupportFit],
     chosen: f64,
     support: &[usize],
 ) -> Vec<RunnerUp> {

@@ -139,13 +139,13 @@ mod tests {
         let mut elimination = Elimination::new(&factor, &columns, (0..6).collect());
         for left in (0..6).rev() {
             let before = elimination.squares;
-            let dearer = |k: usize| {
+            let loss_without = |k: usize| {
                 let rest: Vec<usize> =
                     elimination.support.iter().copied().filter(|&j| j != k).collect();
                 factor.select(&rest).least()
             };
             let cheapest =
-                elimination.support.iter().map(|&k| dearer(k)).fold(f64::INFINITY, f64::min);
+                elimination.support.iter().map(|&k| loss_without(k)).fold(f64::INFINITY, f64::min);
             elimination.remove_weakest(&columns);
             assert_eq!(elimination.support.len(), left);
             assert!(elimination.squares >= before);

@@ -264,7 +264,7 @@ impl Factor {
     }
 
     /// Sets the columns of A to zero that `negligible(column, norm)` names.
-    pub fn silence(&mut self, negligible: impl Fn(usize, f64) -> bool) {
+    pub fn zero_columns(&mut self, negligible: impl Fn(usize, f64) -> bool) {
         for (k, norm) in self.norms().into_iter().enumerate() {
             if norm > 0.0 && negligible(k, norm) {
                 self.triangle.column_mut(k).fill(0.0);

@@ -80,9 +80,9 @@ pub fn refit(
     promise: f64,
     monitor: &dyn Monitor,
 ) -> Refit {
-    let search = Search { problem, dynamics };
+    let minimisation = Minimisation { problem, dynamics };
     let theta: Vec<f64> = start.iter().zip(bounds).map(|(&x, bound)| bound.clamp(x)).collect();
-    let mut here = search.first(theta, states);
+    let mut here = minimisation.first(theta, states);
     let coefficients = dynamics.active().len();
     let mut damping = 0.0;
     let mut iterations = 0;
@@ -94,7 +94,7 @@ pub fn refit(
                 (_, true) => StopReason::Converged,
                 _ => StopReason::IterationLimit,
             };
-            return search.end(here, iterations, stop);
+            return minimisation.end(here, iterations, stop);
         }
         iterations += 1;
         let mut factor = here.linearised.merged();
@@ -109,13 +109,13 @@ pub fn refit(
             let step = step(&factor, theta, &near, damping);
             if invisible(step.promise, promise, &here.linearised.sums, problem.floor) {
                 if here.is_rough() {
-                    here = search.settled(here);
+                    here = minimisation.settled(here);
                     factor = here.linearised.merged();
                     continue;
                 }
                 break Some(StopReason::Converged);
             }
-            let next = search.moved(&here, &step.change);
+            let next = minimisation.moved(&here, &step.change);
             let (sums, trial_sums) = (&here.linearised.sums, &next.linearised.sums);
             let sane = trial_sums.exploded <= sums.exploded && trial_sums.loss.is_finite();
             let fewer = trial_sums.exploded < sums.exploded;
@@ -133,7 +133,7 @@ pub fn refit(
             }
         };
         if let Some(stop) = outcome {
-            return search.end(here, iterations, stop);
+            return minimisation.end(here, iterations, stop);
         }
     }
 }
@@ -152,41 +152,48 @@ impl Point {
     }
 }
 
-struct Search<'a> {
+struct Minimisation<'a> {
     problem: &'a Problem<'a>,
     dynamics: &'a Dynamics,
 }
 
-impl Search<'_> {
+impl Minimisation<'_> {
     fn first(&self, theta: Vec<f64>, states: States) -> Point {
         self.at(theta, states, None, true)
     }
 
-    fn at(&self, theta: Vec<f64>, mut states: States, led: Option<&States>, nearly: bool) -> Point {
+    fn at(
+        &self,
+        theta: Vec<f64>,
+        mut states: States,
+        extrapolated: Option<&States>,
+        nearly: bool,
+    ) -> Point {
         let law = (self.dynamics, &theta[..]);
-        let linearised = settle_linearise_and_respond(self.problem, law, &mut states, led, nearly);
+        let linearised =
+            settle_linearise_and_respond(self.problem, law, &mut states, extrapolated, nearly);
         Point { theta, states, linearised }
     }
 
     /// Theta moved by a step, and the states with it.
     fn moved(&self, from: &Point, change: &[f64]) -> Point {
         let theta: Vec<f64> = from.theta.iter().zip(change).map(|(x, d)| x + d).collect();
-        self.led(from, theta, change, true)
+        self.extrapolated(from, theta, change, true)
     }
 
     /// The same theta, its states settled to the last.
     fn settled(&self, rough: Point) -> Point {
-        self.led(&rough, rough.theta.clone(), &[], false)
+        self.extrapolated(&rough, rough.theta.clone(), &[], false)
     }
 
-    /// The states led to where they are expected to be best after a change of theta.
-    fn led(&self, from: &Point, theta: Vec<f64>, change: &[f64], nearly: bool) -> Point {
-        let led = from.linearised.responses.as_ref().map(|responses| {
+    /// The states extrapolated to where they are expected to be best after a change of theta.
+    fn extrapolated(&self, from: &Point, theta: Vec<f64>, change: &[f64], nearly: bool) -> Point {
+        let extrapolated = from.linearised.responses.as_ref().map(|responses| {
             let mut states = from.states.clone();
             responses.follow(&mut states, change);
             states
         });
-        self.at(theta, from.states.clone(), led.as_ref(), nearly)
+        self.at(theta, from.states.clone(), extrapolated.as_ref(), nearly)
     }
 
     fn end(&self, here: Point, iterations: usize, stop: StopReason) -> Refit {

@@ -2,7 +2,7 @@
 
 use super::bounded::solve_bounded;
 use super::factor::Factor;
-use super::support::{Candidate, Columns};
+use super::support::{Columns, SupportFit};
 
 /// Candidates that are compared, at most.
 const COMPARED: usize = 120;
@@ -13,7 +13,7 @@ const COMPARED: usize = 120;
 ///
 /// `folds` are factors of disjoint parts of the data, unknowns absolute. With a single fold
 /// the order is left alone.
-pub fn prefer_held_out(candidates: &mut [Candidate], folds: &[Factor], columns: &Columns) {
+pub fn prefer_held_out(candidates: &mut [SupportFit], folds: &[Factor], columns: &Columns) {
     if folds.len() < 2 {
         return;
     }
@@ -30,7 +30,7 @@ pub fn prefer_held_out(candidates: &mut [Candidate], folds: &[Factor], columns: 
 }
 
 /// Mean squared error a row over the left-out folds, and its standard error.
-fn held_out_error(candidate: &Candidate, folds: &[Factor], columns: &Columns) -> (f64, f64) {
+fn held_out_error(candidate: &SupportFit, folds: &[Factor], columns: &Columns) -> (f64, f64) {
     let chosen = columns.of(&candidate.support);
     let selected: Vec<Factor> = folds.iter().map(|fold| fold.select(&chosen)).collect();
     let mut errors = Vec::with_capacity(folds.len());

@@ -1,8 +1,8 @@
 //! Training: from measurements and a function space to a sparse model.
 //!
 //! [`fit`] is the whole of it, and [`fit_stream`] for data larger than memory. The parts, in the order in which data pass through them:
-//! segments are cut ([`segments`]), integrated and freed of their unknown initial states
-//! ([`pass`]), gathered in a triangular factor ([`factor`]) on which the support is searched
+//! segments are cut ([`segments`]), integrated and their unknown initial states eliminated by variable
+//! projection ([`pass`]), gathered in a triangular factor ([`factor`]) on which the support is searched
 //! ([`path`], [`support`]) and refitted ([`gauss_newton`]); rounds of this are [`train`].
 
 mod block;

@@ -36,7 +36,7 @@ pub struct Model {
     /// Noise of each observable, in the order of the system's observables.
     pub noise: Vec<Noise>,
     /// How trajectories were integrated.
-    pub integrator: Integrator,
+    pub integrator: IntegratorRecord,
     /// What the fit rests on.
     pub evidence: Evidence,
     /// The best model of every size: error against number of terms.
@@ -100,7 +100,7 @@ pub struct Noise {
 
 /// The integrator that the fit ended with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Integrator {
+pub struct IntegratorRecord {
     /// Name of the method, as in "leapfrog".
     pub method: String,
     /// No step was longer, in the spec's unit of time.

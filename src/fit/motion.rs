@@ -14,7 +14,7 @@ const APART: f64 = 1e-4;
 /// and by no less than this from sample to sample.
 const LEAST_APART: f64 = 1e-5;
 /// Order from which on a cheaper method is tried.
-const DEAR: u32 = 4;
+const HIGH_ORDER: u32 = 4;
 /// Steps of order four that are tried, for one of the states' own method.
 const MOST_STEPS: usize = 2;
 
@@ -60,7 +60,7 @@ impl<'a> Motion<'a> {
     ) -> Motion<'a> {
         let (lanes, intervals) = (block.lanes(), block.samples.max(2) - 1);
         let row = problem.stepping.method.row();
-        let dear = matches!(row.kind, MethodKind::Splitting(_)) && row.order > DEAR;
+        let high_order = matches!(row.kind, MethodKind::Splitting(_)) && row.order > HIGH_ORDER;
         Motion {
             batch: Batch::with_tangents_in(
                 scratch,
@@ -71,7 +71,7 @@ impl<'a> Motion<'a> {
             problem,
             propagation,
             cheaper: Method::by_name("forest-ruth")
-                .filter(|_| dear)
+                .filter(|_| high_order)
                 .map(|method| Cheaper { method, steps: 1 }),
             apart: (APART / intervals as f64).max(LEAST_APART),
         }

@@ -17,7 +17,7 @@ use super::loss::Loss;
 use super::motion::{Equations, Propagation};
 use super::rows::Rows;
 use super::segments::{LANES, Segment, Segments, blocks};
-use super::settling::{By, Responses, expected_steps, settled, steps_of_few};
+use super::settling::{Responses, TangentRequest, expected_steps, settled, steps_of_few};
 use super::states::States;
 use super::stream::Stream;
 use crate::data::Packed;
@@ -73,7 +73,7 @@ pub struct Sums {
     /// Segments whose trajectory left the finite numbers.
     pub exploded: usize,
     /// Segments whose states were still moving when they were left.
-    pub restless: usize,
+    pub unsettled: usize,
     /// What a last step of states that are only nearly settled takes off; `loss` is that after it.
     pub promised: f64,
     /// Measured values minus what the states take up: the number of independent residuals.
@@ -92,7 +92,7 @@ impl Sums {
     fn add(&mut self, other: &Sums) {
         self.loss += other.loss;
         self.exploded += other.exploded;
-        self.restless += other.restless;
+        self.unsettled += other.unsettled;
         self.promised += other.promised;
         self.rows += other.rows;
         for (a, b) in self.squares.iter_mut().zip(&other.squares) {
@@ -124,7 +124,7 @@ pub fn settle(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mu
             let (rows, taken) = settled(problem, (dynamics, theta), None, &block, states, scratch);
             let mut sums = Sums::new(problem.weights.len());
             rows.sum_up(&mut sums);
-            sums.restless = taken.restless;
+            sums.unsettled = taken.unsettled;
             rows.recycle(scratch);
             sums
         })
@@ -180,10 +180,13 @@ pub struct Linearised {
 
 impl Linearised {
     /// What the folds left, put together in their order.
-    pub(super) fn of(folds: impl IntoIterator<Item = Left>, observables: usize) -> Linearised {
+    pub(super) fn of(
+        folds: impl IntoIterator<Item = FoldResult>,
+        observables: usize,
+    ) -> Linearised {
         let mut all =
             Linearised { folds: Vec::new(), sums: Sums::new(observables), responses: None };
-        for Left { factor, sums, responses } in folds {
+        for FoldResult { factor, sums, responses } in folds {
             all.sums.add(&sums);
             all.folds.push(factor);
             join(&mut all.responses, responses);
@@ -242,14 +245,15 @@ pub fn settle_and_linearise(
 /// The same by the present model itself, with the responses of the states where segments are long
 /// and memory allows.
 ///
-/// `led` is where those of a pass before have led the states: most are settled there. If `nearly`,
+/// `extrapolated` are the states where the responses of a pass before expect them: most are settled
+/// there. If `nearly`,
 /// it will do if a step is left that promises next to nothing; the loss is then what this step is
 /// expected to leave.
 pub fn settle_linearise_and_respond(
     problem: &Problem,
     (dynamics, theta): (&Dynamics, &[f64]),
     states: &mut States,
-    led: Option<&States>,
+    extrapolated: Option<&States>,
     nearly: bool,
 ) -> Linearised {
     let law = (dynamics, theta);
@@ -263,7 +267,7 @@ pub fn settle_linearise_and_respond(
         .flatten();
     let part = FoldPass::new(unknowns, problem.weights.len());
     let part = FoldPass { steps, responses, nearly, ..part };
-    settle_and_take_all(problem, law, law, &part, states, led)
+    settle_and_take_all(problem, law, law, &part, states, extrapolated)
 }
 
 fn settle_and_take_all(
@@ -272,7 +276,7 @@ fn settle_and_take_all(
     whole: Equations,
     nothing: &FoldPass,
     states: &mut States,
-    led: Option<&States>,
+    extrapolated: Option<&States>,
 ) -> Linearised {
     let size = 2 * present.0.degrees();
     let parts = Parts::of(problem, whole.0);
@@ -280,12 +284,26 @@ fn settle_and_take_all(
     let mut split = |range: &Range<usize>| rest.split_off_mut(..range.len() * size);
     let starts = parts.ranges();
     let starts = starts
-        .filter_map(|range| Some((split(range)?, led.map(|led| led.part(range.clone())))))
+        .filter_map(|range| {
+            Some((split(range)?, extrapolated.map(|extrapolated| extrapolated.part(range.clone()))))
+        })
         .collect();
-    parts.each(problem, nothing, starts, |part, segments, (starts, led), range, scratch| {
-        let led = led.map(|led| &led[range.clone()]);
-        part.settle_and_take(problem, (present, whole), segments, &mut starts[range], led, scratch);
-    })
+    parts.each(
+        problem,
+        nothing,
+        starts,
+        |part, segments, (starts, extrapolated), range, scratch| {
+            let extrapolated = extrapolated.map(|extrapolated| &extrapolated[range.clone()]);
+            part.settle_and_take(
+                problem,
+                (present, whole),
+                segments,
+                &mut starts[range],
+                extrapolated,
+                scratch,
+            );
+        },
+    )
 }
 
 /// The folds in parts that threads take one after the other. They depend on the segments and the
@@ -338,7 +356,7 @@ impl Parts {
         starts: Vec<S>,
         take: impl Fn(&mut FoldPass, &[Segment], &mut S, Range<usize>, &mut Scratch) + Sync,
     ) -> Linearised {
-        let done: Vec<(usize, Left)> = self
+        let done: Vec<(usize, FoldResult)> = self
             .parts
             .par_iter()
             .zip(starts)
@@ -354,9 +372,10 @@ impl Parts {
             })
             .collect();
         let folds = problem.segments.folds.len();
-        let mut parts: Vec<Vec<Left>> = (0..folds).map(|_| Vec::new()).collect();
+        let mut parts: Vec<Vec<FoldResult>> = (0..folds).map(|_| Vec::new()).collect();
         done.into_iter().for_each(|(fold, left)| parts[fold].push(left));
-        let folds: Vec<Left> = parts.into_par_iter().filter_map(Left::together).collect();
+        let folds: Vec<FoldResult> =
+            parts.into_par_iter().filter_map(FoldResult::together).collect();
         Linearised::of(folds, problem.weights.len())
     }
 }
@@ -413,16 +432,22 @@ impl FoldPass {
         (present, by): (Equations, Equations),
         segments: &[Segment],
         states: &mut [f64],
-        led: Option<&[f64]>,
+        extrapolated: Option<&[f64]>,
         scratch: &mut Scratch,
     ) {
         let expected = self.steps.or(steps_of_few(by.0));
         let block = Block::gather(problem.measured, segments, problem.weights.len());
         let responses = self.responses.is_some();
-        let by = By { law: by, expected, led, responses, nearly: responses && self.nearly };
+        let by = TangentRequest {
+            law: by,
+            expected,
+            extrapolated,
+            responses,
+            nearly: responses && self.nearly,
+        };
         let (rows, taken) = settled(problem, present, Some(by), &block, states, scratch);
         self.steps = self.steps.max(Some(taken.steps));
-        self.sums.restless += taken.restless;
+        self.sums.unsettled += taken.unsettled;
         self.sums.loss -= taken.promised;
         self.sums.promised += taken.promised;
         self.take_rows(rows, scratch);
@@ -444,32 +469,32 @@ impl FoldPass {
     }
 
     /// What all of them leave, without columns that the states have absorbed.
-    pub(super) fn finish(mut self) -> Left {
+    pub(super) fn finish(mut self) -> FoldResult {
         self.flush();
         let FoldPass { mut factor, sums, responses, touched, .. } = self;
-        factor.silence(|k, norm| norm <= ABSORBED * touched[k].sqrt());
-        Left { factor, sums, responses }
+        factor.zero_columns(|k, norm| norm <= ABSORBED * touched[k].sqrt());
+        FoldResult { factor, sums, responses }
     }
 }
 
 /// What one fold of the data leaves, or a part of it.
-pub(super) struct Left {
+pub(super) struct FoldResult {
     factor: Factor,
     sums: Sums,
     responses: Option<Responses>,
 }
 
-impl Left {
+impl FoldResult {
     /// What the parts of a fold leave, in their order; `None` where there are no parts.
-    pub(super) fn together(mut parts: Vec<Left>) -> Option<Left> {
+    pub(super) fn together(mut parts: Vec<FoldResult>) -> Option<FoldResult> {
         if parts.len() < 2 {
             return parts.pop();
         }
         let columns = parts[0].factor.columns();
         let factor = Factor::together(columns, parts.iter().map(|part| (&part.factor, 1)));
         let mut parts = parts.into_iter();
-        let mut all = Left { factor, ..parts.next()? };
-        for Left { sums, responses, .. } in parts {
+        let mut all = FoldResult { factor, ..parts.next()? };
+        for FoldResult { sums, responses, .. } in parts {
             all.sums.add(&sums);
             join(&mut all.responses, responses);
         }

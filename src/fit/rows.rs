@@ -1,4 +1,4 @@
-//! Rows of a linearised block: weighted residuals and their derivatives, freed of the states.
+//! Rows of a linearised block: weighted residuals and their derivatives, with the states eliminated.
 
 use std::ops::Range;
 
@@ -12,7 +12,7 @@ use crate::eval::{
     compare, leverages, reflect_lanes, sum_squares, weigh,
 };
 
-/// Bytes that the rows of the lanes may take that are freed of their states together.
+/// Bytes that the rows of the lanes may take whose states are eliminated together.
 const NEAR_BYTES: usize = 512 << 10;
 
 /// Weighted residuals and derivatives of a block of segments, `[row][column][lane]`.
@@ -176,7 +176,7 @@ impl Rows {
     }
 
     /// Takes exploded lanes out: all their rows become zero.
-    fn silence(&mut self) {
+    fn zero_lost_lanes(&mut self) {
         let lost: Vec<usize> =
             (0..self.lanes).filter(|&lane| !self.losses[lane].is_finite()).collect();
         if !lost.is_empty() {
@@ -190,7 +190,7 @@ impl Rows {
     /// the states stands what is left of the reflections: nobody reads it. The first rows by theta
     /// are what the states respond with, if that is `responses`; else they may stay as they were.
     pub(super) fn eliminate_states(&mut self, responses: bool) {
-        self.silence();
+        self.zero_lost_lanes();
         let (lanes, columns) = (self.lanes, self.columns);
         let set = InstructionSet::widest();
         let width = self.state * lanes;

@@ -86,7 +86,7 @@ fn value(
     criterion.value(squares, factor.rows(), columns.of(support).len(), choice)
 }
 
-/// Columns and target, freed of what a growing set of the columns spans.
+/// Columns and target, with what a growing set of the columns spans projected out.
 struct Forward {
     columns: DMatrix<f64>,
     target: DVector<f64>,

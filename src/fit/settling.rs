@@ -20,23 +20,23 @@ const NEARLY_SETTLED: f64 = 1e-3;
 const ALIKE: f64 = 1e-4;
 
 /// What it took to settle the states of a block.
-pub(super) struct Taken {
+pub(super) struct Settlement {
     pub(super) steps: usize,
     /// Lanes that were still moving at the end.
-    pub(super) restless: usize,
+    pub(super) unsettled: usize,
     /// By how much the loss falls with their next step, where that is all that is missing.
     pub(super) promised: f64,
 }
 
 /// What rows by theta are wanted of a block.
 #[derive(Clone, Copy)]
-pub(super) struct By<'a> {
+pub(super) struct TangentRequest<'a> {
     /// The model whose theta it is.
     pub(super) law: Equations<'a>,
     /// Steps after which the states are expected to be settled.
     pub(super) expected: Option<usize>,
     /// Where the states are expected to be settled at once, `[lane][state]`.
-    pub(super) led: Option<&'a [f64]>,
+    pub(super) extrapolated: Option<&'a [f64]>,
     /// Whether it is asked how the states respond to theta.
     pub(super) responses: bool,
     /// Whether nearly settled states will do: a step of theta and the states together needs no
@@ -44,26 +44,26 @@ pub(super) struct By<'a> {
     pub(super) nearly: bool,
 }
 
-/// Rows of a block at settled states, freed of these: without columns for theta, or with those of
-/// `by`.
+/// Rows of a block at settled states, with these eliminated: without columns for theta, or with
+/// those of `by`.
 ///
-/// Rows by theta are dear. They are computed where `by` expects the states to be settled; if that
+/// Rows by theta are costly. They are computed where `by` expects the states to be settled; if that
 /// was too soon, once more at the end.
 pub(super) fn settled(
     problem: &Problem,
     present: Equations,
-    by: Option<By>,
+    by: Option<TangentRequest>,
     block: &Block,
     states: &mut [f64],
     scratch: &mut Scratch,
-) -> (Rows, Taken) {
+) -> (Rows, Settlement) {
     let size = 2 * present.0.degrees();
     let lanes = block.lanes();
     if let Some(by) = by
-        && let Some(led) = by.led
-        && let Some(rows) = at_once(problem, present, by, led, block, scratch)
+        && let Some(extrapolated) = by.extrapolated
+        && let Some(rows) = at_once(problem, present, by, extrapolated, block, scratch)
     {
-        states.copy_from_slice(led);
+        states.copy_from_slice(extrapolated);
         return rows;
     }
     let mut trial = states.to_vec();
@@ -115,7 +115,7 @@ pub(super) fn settled(
         if settled.iter().all(|&done| done) && improved {
             // The rows at hand are those of the settled states.
             if by.is_none() || here.is_some() {
-                return (rows, Taken { steps: taken, restless: 0, promised: 0.0 });
+                return (rows, Settlement { steps: taken, unsettled: 0, promised: 0.0 });
             }
             rows.recycle(scratch);
             break;
@@ -131,8 +131,8 @@ pub(super) fn settled(
     let propagation = Propagation { present, by: by.map(|by| by.law) };
     let mut rows = Rows::integrate(problem, propagation, block, states, scratch);
     rows.eliminate_states(by.is_some_and(|by| by.responses));
-    let restless = settled.iter().filter(|&&done| !done).count();
-    (rows, Taken { steps: taken, restless, promised: 0.0 })
+    let unsettled = settled.iter().filter(|&&done| !done).count();
+    (rows, Settlement { steps: taken, unsettled, promised: 0.0 })
 }
 
 /// Whether the state of a lane is settled.
@@ -146,26 +146,31 @@ fn is_nearly_still(rows: &Rows, promised: &[f64], lane: usize) -> bool {
 }
 
 /// What is taken where all that is left is a last step of the lanes that are not settled.
-fn left_to_take(promised: &[f64], steps: usize, settled: impl Fn(usize) -> bool) -> Taken {
+fn left_to_take(promised: &[f64], steps: usize, settled: impl Fn(usize) -> bool) -> Settlement {
     let moving = || (0..promised.len()).filter(|&lane| !settled(lane));
     let promised = moving().map(|lane| promised[lane]).sum();
-    Taken { steps, restless: moving().count(), promised }
+    Settlement { steps, unsettled: moving().count(), promised }
 }
 
-/// Rows where the states were led, if they are settled there, or nearly where that will do.
+/// Rows where the states were extrapolated, if they are settled there, or nearly where that will do.
 ///
-/// Otherwise they were led too far for what is linear. Over many periods the misfit has many
+/// Otherwise they were extrapolated too far for what is linear. Over many periods the misfit has many
 /// minima, and from there a state may find another one than it had.
 fn at_once(
     problem: &Problem,
     present: Equations,
-    by: By,
-    led: &[f64],
+    by: TangentRequest,
+    extrapolated: &[f64],
     block: &Block,
     scratch: &mut Scratch,
-) -> Option<(Rows, Taken)> {
-    let mut rows =
-        Rows::integrate(problem, Propagation { present, by: Some(by.law) }, block, led, scratch);
+) -> Option<(Rows, Settlement)> {
+    let mut rows = Rows::integrate(
+        problem,
+        Propagation { present, by: Some(by.law) },
+        block,
+        extrapolated,
+        scratch,
+    );
     rows.eliminate_states(by.responses);
     let promised = rows.promised();
     let finite = |lane: usize| rows.losses[lane].is_finite();

@@ -38,7 +38,7 @@ const SHARE: f64 = 0.02;
 const SHARE_OF_MEAN: f64 = 4.0;
 /// Where that cannot be reached, or only by more evaluations of the forces between two samples
 /// than this, by such a part of the noise there.
-const DEAR: usize = 200;
+const COSTLY: usize = 200;
 const HIDDEN: f64 = 0.01;
 /// Residuals this many times the integrator's error may be the integrator's.
 const SUSPECT: f64 = 20.0;
@@ -109,7 +109,7 @@ pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64], keep: boo
     let tolerance: Vec<f64> = noise.iter().map(|s| share * s).collect();
     let mut scratch = Scratch::new();
     let mut choice = choose_steps(dynamics, theta, &batch, &span, &tolerance, keep, &mut scratch);
-    if share > 0.0 && (!choice.reached || choice.cost > DEAR) {
+    if share > 0.0 && (!choice.reached || choice.cost > COSTLY) {
         // Across a jump every method is of the first order: hundreds of steps an interval would
         // go to errors that the noise hides.
         let tolerance: Vec<f64> = noise.iter().map(|s| HIDDEN * s).collect();

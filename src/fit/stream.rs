@@ -12,7 +12,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use super::monitor::Monitor;
-use super::pass::{FoldPass, Left, Linearised, Problem, block_width, shares};
+use super::pass::{FoldPass, FoldResult, Linearised, Problem, block_width, shares};
 use super::segments::{FOLDS, Segment, Segments, blocks, cut_run};
 use super::states::States;
 use crate::data::{Chunk, Packed, Source, Survey};
@@ -158,7 +158,8 @@ impl<'a> Stream<'a> {
             self.monitor.stage(&what, pass.fraction());
         }
         let mut left = parts.into_iter().map(FoldPass::finish);
-        let folds = (0..FOLDS).filter_map(|_| Left::together(left.by_ref().take(shares).collect()));
+        let folds =
+            (0..FOLDS).filter_map(|_| FoldResult::together(left.by_ref().take(shares).collect()));
         self.kept().segments = segments;
         Ok(Some((Linearised::of(folds, observables), transitions)))
     }

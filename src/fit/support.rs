@@ -83,7 +83,7 @@ impl Columns {
 
 /// A support with its unpenalised solution on the factor.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Candidate {
+pub struct SupportFit {
     /// Terms, sorted.
     pub support: Vec<usize>,
     /// (column, value) of every unknown that belongs to it.
@@ -96,9 +96,9 @@ pub struct Candidate {
 
 /// What the search found.
 #[derive(Debug, Clone)]
-pub struct Search {
+pub struct SupportSearch {
     /// Distinct supports, best first.
-    pub candidates: Vec<Candidate>,
+    pub candidates: Vec<SupportFit>,
     /// The solutions of the L1 problem, from strong to weak penalties.
     pub path: Vec<PathPoint>,
     /// Supports that were tried.
@@ -115,7 +115,7 @@ const ROUNDS: usize = 60;
 const POLISHED: usize = 3;
 
 /// Searches the supports of a factor whose unknowns are absolute (not increments).
-pub fn search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Search {
+pub fn search(factor: &Factor, columns: &Columns, criterion: Criterion) -> SupportSearch {
     let mut pool = Pool::new(factor, columns, criterion);
     let mut nested = Pool::new(factor, columns, criterion);
     pool.try_support(Vec::new());
@@ -128,11 +128,11 @@ pub fn search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Searc
         pool.polish(candidate);
     }
     let tried = pool.known.len();
-    Search { candidates: pool.best(usize::MAX), path, tried }
+    SupportSearch { candidates: pool.best(usize::MAX), path, tried }
 }
 
 /// Backward elimination of the whole space and forward selection, the best of them polished.
-pub fn rough(factor: &Factor, columns: &Columns, criterion: Criterion) -> Search {
+pub fn rough(factor: &Factor, columns: &Columns, criterion: Criterion) -> SupportSearch {
     let mut pool = Pool::new(factor, columns, criterion);
     pool.try_support(Vec::new());
     pool.eliminate_quickly();
@@ -141,11 +141,16 @@ pub fn rough(factor: &Factor, columns: &Columns, criterion: Criterion) -> Search
         pool.polish(candidate);
     }
     let tried = pool.known.len();
-    Search { candidates: pool.best(usize::MAX), path: Vec::new(), tried }
+    SupportSearch { candidates: pool.best(usize::MAX), path: Vec::new(), tried }
 }
 
 /// Searches around a support: its own sub-supports, then additions, removals and exchanges.
-pub fn near(factor: &Factor, columns: &Columns, criterion: Criterion, support: &[usize]) -> Search {
+pub fn near(
+    factor: &Factor,
+    columns: &Columns,
+    criterion: Criterion,
+    support: &[usize],
+) -> SupportSearch {
     let mut pool = Pool::new(factor, columns, criterion);
     pool.try_support(Vec::new());
     pool.try_support(support.to_vec());
@@ -154,7 +159,7 @@ pub fn near(factor: &Factor, columns: &Columns, criterion: Criterion, support: &
         pool.polish(candidate);
     }
     let tried = pool.known.len();
-    Search { candidates: pool.best(usize::MAX), path: Vec::new(), tried }
+    SupportSearch { candidates: pool.best(usize::MAX), path: Vec::new(), tried }
 }
 
 /// Complexities up to which nested spaces are taken, the largest last.
@@ -223,15 +228,15 @@ pub fn alternatives(
 }
 
 /// The whole function space as the only candidate: a fit without sparsity.
-pub fn whole(factor: &Factor, columns: &Columns, criterion: Criterion) -> Search {
+pub fn whole(factor: &Factor, columns: &Columns, criterion: Criterion) -> SupportSearch {
     let mut pool = Pool::new(factor, columns, criterion);
     pool.try_support((0..columns.terms).collect());
-    Search { candidates: pool.best(usize::MAX), path: Vec::new(), tried: 1 }
+    SupportSearch { candidates: pool.best(usize::MAX), path: Vec::new(), tried: 1 }
 }
 
 /// The best candidate of every size: error against number of terms.
-pub fn front(candidates: &[Candidate]) -> Vec<Candidate> {
-    let mut best: BTreeMap<usize, &Candidate> = BTreeMap::new();
+pub fn front(candidates: &[SupportFit]) -> Vec<SupportFit> {
+    let mut best: BTreeMap<usize, &SupportFit> = BTreeMap::new();
     for candidate in candidates {
         let slot = best.entry(candidate.support.len()).or_insert(candidate);
         if candidate.squares < slot.squares {
@@ -268,7 +273,7 @@ struct Pool<'a> {
     factor: &'a Factor,
     columns: &'a Columns,
     criterion: Criterion,
-    known: HashMap<Vec<usize>, Candidate>,
+    known: HashMap<Vec<usize>, SupportFit>,
     design: DMatrix<f64>,
     target: DVector<f64>,
     norms: Vec<f64>,
@@ -288,7 +293,7 @@ impl<'a> Pool<'a> {
     }
 
     /// Refits a support without penalty; a coefficient that ends on a bound of zero leaves it.
-    fn try_support(&mut self, support: Vec<usize>) -> Candidate {
+    fn try_support(&mut self, support: Vec<usize>) -> SupportFit {
         self.try_on(None, support)
     }
 
@@ -305,7 +310,7 @@ impl<'a> Pool<'a> {
         }
     }
 
-    fn try_on(&mut self, reduced: Option<&Reduced>, mut support: Vec<usize>) -> Candidate {
+    fn try_on(&mut self, reduced: Option<&Reduced>, mut support: Vec<usize>) -> SupportFit {
         support.sort_unstable();
         support.dedup();
         if let Some(known) = self.known.get(&support) {
@@ -330,13 +335,13 @@ impl<'a> Pool<'a> {
         let rows = self.factor.rows();
         let criterion = self.criterion.value(solution.squares, rows, columns.len(), choice);
         let candidate =
-            Candidate { support: support.clone(), values, squares: solution.squares, criterion };
+            SupportFit { support: support.clone(), values, squares: solution.squares, criterion };
         self.known.insert(support, candidate.clone());
         candidate
     }
 
-    fn best(&self, count: usize) -> Vec<Candidate> {
-        let mut all: Vec<Candidate> = self.known.values().cloned().collect();
+    fn best(&self, count: usize) -> Vec<SupportFit> {
+        let mut all: Vec<SupportFit> = self.known.values().cloned().collect();
         // Ties are broken by the support itself: the order of a hash map is not repeatable.
         all.sort_by(|a, b| {
             a.criterion.total_cmp(&b.criterion).then_with(|| a.support.cmp(&b.support))
@@ -404,7 +409,7 @@ impl<'a> Pool<'a> {
     /// Adds the most useful term again and again, until three in a row do not pay.
     fn grow(&mut self) {
         selection::forward(self.factor, self.columns, |support, _| {
-            let Candidate { criterion, support, .. } = self.try_support(support);
+            let SupportFit { criterion, support, .. } = self.try_support(support);
             (criterion, support)
         });
     }
@@ -465,7 +470,7 @@ impl<'a> Pool<'a> {
     }
 
     /// Additions, removals and exchanges until none of them pays.
-    fn polish(&mut self, start: Candidate) {
+    fn polish(&mut self, start: SupportFit) {
         let mut current = start;
         for _ in 0..ROUNDS {
             let moves = self.moves(&current.support);

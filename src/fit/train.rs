@@ -2,7 +2,7 @@
 //!
 //! A round linearises the integrator map by every term at the present model, searches the
 //! support on the triangular factor, and refits the winner to convergence. Rounds go on
-//! until the refit finds what the factor foretold of the support and the noise stands still;
+//! until the refit finds what the factor predicted of the support and the noise stands still;
 //! the integrator is made as accurate as the noise asks for.
 
 use std::collections::HashMap;
@@ -22,7 +22,7 @@ use super::segments::{Segment, Segments, cut, packed};
 use super::states::States;
 use super::stepping::{self, Accuracy, Choice};
 use super::stream::Stream;
-use super::support::{self, Candidate, Columns, Search};
+use super::support::{self, Columns, SupportFit, SupportSearch};
 use crate::data::{Dataset, Packed};
 use crate::dynamics::Dynamics;
 use crate::error::{Error, ErrorKind, Result};
@@ -86,7 +86,7 @@ pub enum Extent {
 /// What a round ended with.
 pub struct Round {
     /// The supports that the round found.
-    pub search: Search,
+    pub search: SupportSearch,
     /// The model, refitted on its support.
     pub refit: Refit,
     /// The factor of the whole space at the model before the round; coefficients absolute,
@@ -98,9 +98,9 @@ pub struct Round {
     pub columns: Columns,
     /// What the search chose by.
     pub criterion: Criterion,
-    /// Whether the refit found what the factor had foretold of its best support: the search was
-    /// then not led astray by where it was linearised.
-    pub foretold: bool,
+    /// Whether the refit found what the factor had predicted of its best support: the search was
+    /// then not misled by where it was linearised.
+    pub predicted: bool,
     /// Standard deviation of the noise of each observable that the residuals were weighed by.
     pub noise: Vec<f64>,
 }
@@ -349,12 +349,12 @@ impl<'a> Training<'a> {
             false => self.adopt(&best, &whole, monitor),
         };
         self.rounds += 1;
-        let foretold = criterion.agree(best.squares, refit.sums().loss, refit.sums().rows);
-        Ok(Round { search, refit, folds, merged, columns, criterion, foretold, noise })
+        let predicted = criterion.agree(best.squares, refit.sums().loss, refit.sums().rows);
+        Ok(Round { search, refit, folds, merged, columns, criterion, predicted, noise })
     }
 
     /// Whether a candidate is the present model but for what the data cannot see.
-    fn confirmed(&self, candidate: &Candidate, merged: &Factor, sums: &Sums) -> bool {
+    fn confirmed(&self, candidate: &SupportFit, merged: &Factor, sums: &Sums) -> bool {
         if !self.system().parameters.is_empty() {
             // The motion is bent in a number inside a term: a refit has to look.
             return false;
@@ -368,7 +368,7 @@ impl<'a> Training<'a> {
     /// Takes the coefficients of a candidate that is confirmed: what a refit would find is known.
     fn settle_on(
         &mut self,
-        candidate: &Candidate,
+        candidate: &SupportFit,
         columns: &Columns,
         folds: &[Factor],
         sums: Sums,
@@ -393,7 +393,7 @@ impl<'a> Training<'a> {
 
     /// Terms of a candidate with their coefficients: the first columns of the whole factor are
     /// those of the terms, in their order.
-    fn terms_of(&self, candidate: &Candidate) -> Vec<(TermId, f64)> {
+    fn terms_of(&self, candidate: &SupportFit) -> Vec<(TermId, f64)> {
         let ids = self.system().term_ids();
         let value = |k: usize| candidate.values.iter().find(|(column, _)| *column == k);
         let term = |&k: &usize| (ids[k], value(k).map_or(0.0, |(_, value)| *value));
@@ -406,7 +406,7 @@ impl<'a> Training<'a> {
     }
 
     /// Makes a candidate the present model and refits it.
-    fn adopt(&mut self, candidate: &Candidate, whole: &Dynamics, monitor: &dyn Monitor) -> Refit {
+    fn adopt(&mut self, candidate: &SupportFit, whole: &Dynamics, monitor: &dyn Monitor) -> Refit {
         let terms = self.system().terms.len();
         let inner = candidate.values.iter().filter(|(column, _)| *column >= terms);
         let moved = inner.filter_map(|&(column, change)| {
@@ -522,7 +522,7 @@ impl<'a> Training<'a> {
             let stepping = self.law.stepping();
             let mut round = self.round(monitor)?;
             let same = self.law.support() == before;
-            let known = same || round.foretold;
+            let known = same || round.predicted;
             let steady = |(a, b): (&f64, &f64)| (a / b).ln().abs() < QUIET.ln();
             let chosen = self.accuracy.error.iter().all(|error| error.is_finite());
             let still = same && self.law.noise().iter().zip(&round.noise).all(steady);

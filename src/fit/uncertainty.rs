@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::criterion::Criterion;
 use super::factor::Factor;
-use super::support::{Candidate, Columns, quick_search};
+use super::support::{Columns, SupportFit, quick_search};
 
 /// Unknowns that the data do not determine beside those before them.
 pub fn undetermined(factor: &Factor) -> Vec<usize> {
@@ -47,7 +47,7 @@ pub fn inclusion(
     folds: &[Factor],
     columns: &Columns,
     criterion: Criterion,
-    candidates: &[Candidate],
+    candidates: &[SupportFit],
     seed: u64,
 ) -> Vec<f64> {
     const DRAWS: usize = 40;

@@ -135,6 +135,6 @@ fn a_refit_ends_with_settled_states() {
     for promise in [1e-2, 1e-9] {
         let refit = training.refit_until(promise, &Silent);
         assert_eq!(refit.sums().promised, 0.0);
-        assert_eq!(refit.sums().restless, 0);
+        assert_eq!(refit.sums().unsettled, 0);
     }
 }
