@@ -58,8 +58,13 @@
 // What only a feature uses is not worth a mark of its own: with all of them on, nothing is dead.
 #![cfg_attr(not(all(feature = "studio", feature = "parquet")), allow(dead_code, unused_imports))]
 
+// What users write is read without an index that could be wrong: in the layers that read their
+// text and files none is allowed. The numeric layers index: the sizes of their arrays are their
+// own, set where the arrays are made, and a wrong one is a mistake of ours that must stop.
 #[cfg(feature = "cli")]
+#[deny(clippy::indexing_slicing)]
 mod cli;
+#[deny(clippy::indexing_slicing)]
 mod data;
 mod diagnose;
 mod diagnostic;
@@ -69,17 +74,21 @@ mod eval;
 #[cfg(feature = "export")]
 mod export;
 mod expr;
+#[deny(clippy::indexing_slicing)]
 mod facade;
 mod fit;
 #[cfg(feature = "cli")]
+#[deny(clippy::indexing_slicing)]
 mod project;
 #[cfg(feature = "cli")]
 mod report;
 #[cfg(feature = "export")]
 mod simplify;
 mod simulate;
+#[deny(clippy::indexing_slicing)]
 mod spec;
 #[cfg(feature = "studio")]
+#[deny(clippy::indexing_slicing)]
 mod studio;
 
 pub use diagnostic::{Diagnostic, Severity, Span};

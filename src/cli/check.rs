@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::console::{Console, diagnostic_object};
+use super::console::{Console, diagnostic_object, set};
 use super::project::Project;
 use crate::error::Result;
 use crate::expr::{FunctionSpace, Observed};
@@ -42,18 +42,28 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     if let (Some(object), Value::Object(fields)) = (object.as_object_mut(), json!(space)) {
         object.extend(fields);
     }
-    object["observed"] = json!(match project.system().observed {
-        Observed::Momenta => "momenta",
-        Observed::Velocities => "velocities",
-    });
-    object["time"] =
-        json!({ "name": project.system().time.name, "unit": project.system().time.unit_text });
+    set(
+        &mut object,
+        "observed",
+        json!(match project.system().observed {
+            Observed::Momenta => "momenta",
+            Observed::Velocities => "velocities",
+        }),
+    );
+    set(
+        &mut object,
+        "time",
+        json!({ "name": project.system().time.name, "unit": project.system().time.unit_text }),
+    );
     let warnings = &project.compiled.warnings;
-    object["warnings"] =
-        warnings.iter().map(|warning| diagnostic_object(warning, &project.text)).collect();
-    object["data"] = Value::Null;
+    set(
+        &mut object,
+        "warnings",
+        warnings.iter().map(|warning| diagnostic_object(warning, &project.text)).collect(),
+    );
+    set(&mut object, "data", Value::Null);
     if let Some(Ok((_, about))) = &data {
-        object["data"] = json!(about);
+        set(&mut object, "data", json!(about));
         text.push_str("\ndata\n");
         text.push_str(&about.to_text());
     } else if !named {

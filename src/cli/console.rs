@@ -159,6 +159,13 @@ pub fn is_broken_pipe(error: &Error) -> bool {
     matches!(error, Error::File { source, .. } if source.kind() == io::ErrorKind::BrokenPipe)
 }
 
+/// Writes a field of an object.
+pub fn set(object: &mut Value, field: &str, value: Value) {
+    if let Some(fields) = object.as_object_mut() {
+        fields.insert(field.to_string(), value);
+    }
+}
+
 pub fn pretty(object: &Value) -> String {
     serde_json::to_string_pretty(object).unwrap_or_default()
 }
@@ -192,26 +199,29 @@ fn error_object(error: &Error) -> Value {
     });
     match error {
         Error::Spec { name, text, diagnostics } => {
-            object["file"] = json!(name);
-            object["diagnostics"] =
-                diagnostics.iter().map(|diagnostic| diagnostic_object(diagnostic, text)).collect();
+            set(&mut object, "file", json!(name));
+            set(
+                &mut object,
+                "diagnostics",
+                diagnostics.iter().map(|diagnostic| diagnostic_object(diagnostic, text)).collect(),
+            );
         }
         Error::Data(data) => {
-            object["message"] = json!(data.message);
-            object["hint"] = json!(data.hint);
-            object["file"] = json!(data.file.display().to_string());
-            object["line"] = json!(data.line);
-            object["row_group"] = json!(data.row_group);
-            object["column"] = json!(data.column);
+            set(&mut object, "message", json!(data.message));
+            set(&mut object, "hint", json!(data.hint));
+            set(&mut object, "file", json!(data.file.display().to_string()));
+            set(&mut object, "line", json!(data.line));
+            set(&mut object, "row_group", json!(data.row_group));
+            set(&mut object, "column", json!(data.column));
         }
         Error::Refused { path, message, hint, .. } => {
-            object["message"] = json!(message);
-            object["hint"] = json!(hint);
+            set(&mut object, "message", json!(message));
+            set(&mut object, "hint", json!(hint));
             if let Some(path) = path {
-                object["file"] = json!(path.display().to_string());
+                set(&mut object, "file", json!(path.display().to_string()));
             }
         }
-        Error::File { path, .. } => object["file"] = json!(path.display().to_string()),
+        Error::File { path, .. } => set(&mut object, "file", json!(path.display().to_string())),
         Error::Interrupted => {}
     }
     object

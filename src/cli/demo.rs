@@ -9,8 +9,7 @@ use std::time::Instant;
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::console::Console;
-use super::console::usage;
+use super::console::{Console, set, usage};
 use super::progress::Progress;
 use super::project::learned::{learn, origin, write_model};
 use super::project::{ModelFile, Project};
@@ -130,9 +129,13 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         }
     };
     let mut object = (demo.run)(&DemoRun { folder, quick: arguments.quick, console })?;
-    object["format"] = json!("leverrier.demo/2");
-    object["demo"] = json!(demo.name);
-    object["folder"] = json!(arguments.output.as_ref().map(|path| path.display().to_string()));
+    set(&mut object, "format", json!("leverrier.demo/2"));
+    set(&mut object, "demo", json!(demo.name));
+    set(
+        &mut object,
+        "folder",
+        json!(arguments.output.as_ref().map(|path| path.display().to_string())),
+    );
     if console.is_json() {
         return console.result("", &object);
     }

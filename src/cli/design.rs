@@ -6,8 +6,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::bench::Bench;
-use super::console::Console;
-use super::console::usage;
+use super::console::{Console, set, usage};
 use super::progress::Progress;
 use super::splitting::Splitting;
 use super::values::{example, matching, number_or_range, range_of};
@@ -105,7 +104,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     if let (Some(object), Value::Object(fields)) = (object.as_object_mut(), json!(plan)) {
         object.extend(fields);
     }
-    object["simulate"] = json!(simulate);
+    set(&mut object, "simulate", json!(simulate));
     console.result(&text, &object)
 }
 
@@ -193,8 +192,8 @@ fn purpose(
         let mut behind = behind.iter().map(|standing| standing.behind);
         rivals.retain(|_| behind.next().is_some_and(|behind| behind <= design::TOLD_APART));
     }
-    Ok(match (rivals.len(), found.verdict) {
-        (2.., _) => {
+    Ok(match (rivals.as_slice(), found.verdict) {
+        ([_, _, ..], _) => {
             let more = match more {
                 0 => String::new(),
                 1 => " (one more comes close, and is left out)".to_string(),
@@ -203,8 +202,7 @@ fn purpose(
             let why = format!("These data cannot distinguish {}{more}.", listed(&rivals));
             Purpose { goal: Goal::Rivals, rivals, why }
         }
-        (1, _) => {
-            let label = &rivals[0].label;
+        ([Rival { label, .. }], _) => {
             let missing = if alone {
                 format!("{label} is missing, and no other effect comes close: `leverrier add` it.")
             } else {
@@ -272,12 +270,17 @@ fn intervals(option: &str, texts: &[String], system: &System) -> Result<Vec<Opti
         let (name, range) = text.split_once('=').ok_or_else(|| {
             usage(
                 format!("`{text}` bounds nothing"),
-                format!("write {option} {}", example(&names[..1]).replace("0.1", "-1..1")),
+                format!(
+                    "write {option} {}",
+                    example(names.get(..1).unwrap_or_default()).replace("0.1", "-1..1")
+                ),
             )
         })?;
         let range = range_of(range)?;
         for at in matching(&names, name.trim())? {
-            out[at] = Some(range);
+            if let Some(side) = out.get_mut(at) {
+                *side = Some(range);
+            }
         }
     }
     Ok(out)

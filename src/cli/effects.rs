@@ -3,8 +3,7 @@
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::console::Console;
-use super::console::usage;
+use super::console::{Console, set, usage};
 use crate::error::Result;
 use crate::report::layout::{WIDTH, table, wrapped};
 use crate::spec::effects::{ActsOn, EffectKind, EffectRow, Scene, by_name, catalogue, hint_for};
@@ -26,7 +25,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         let row = by_name(name)
             .ok_or_else(|| usage(format!("there is no effect `{name}`"), hint_for(name, &[])))?;
         let mut object = json!({ "format": "leverrier.effects/1" });
-        object["effect"] = about(row);
+        set(&mut object, "effect", about(row));
         return console.result(&explained(row, width), &object);
     }
     let mut sections = Vec::new();

@@ -6,8 +6,7 @@ use std::time::Instant;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::console::Console;
-use super::console::usage;
+use super::console::{Console, set, usage};
 use super::measurements::Measurements;
 use super::memory;
 use super::progress::Progress;
@@ -168,8 +167,8 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         FitReport { system: project.system(), model: &file.model, simplified, measured, elapsed };
     let mut object = report.to_json();
     let path_text = written.is_ok().then(|| path.display().to_string());
-    object["model_file"] = json!(path_text);
-    object["data"] = json!(about);
+    set(&mut object, "model_file", json!(path_text));
+    set(&mut object, "data", json!(about));
     let text = report::fit_text(&report, console.width());
     console.result(&text, &object)?;
     written?;

@@ -142,7 +142,7 @@ fn misused(error: &clap::Error) -> ExitCode {
     // Nothing was parsed, so the wish for JSON must be found in the raw arguments.
     let arguments: Vec<String> =
         std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
-    let json = arguments.windows(2).any(|pair| pair[0] == "--format" && pair[1] == "json")
+    let json = arguments.windows(2).any(|pair| pair == ["--format", "json"])
         || arguments.iter().any(|word| word == "--format=json");
     if json {
         let text = error.render().to_string();

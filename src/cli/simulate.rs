@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::console::Console;
-use super::console::usage;
+use super::console::{Console, set, usage};
 use super::project::{Project, refuse_overwrite};
 use super::values::{example, matching, noise, range_of, state};
 use crate::data::{Dataset, Layout, to_bytes, to_csv, write_atomically};
@@ -179,7 +178,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
             console.result(&format!("{what} written to {}", path.display()), &object)
         }
         None if console.is_json() => {
-            object["data"] = data.runs.iter().map(run_object).collect();
+            set(&mut object, "data", data.runs.iter().map(run_object).collect());
             console.result("", &object)
         }
         None => console.text(&String::from_utf8_lossy(&to_csv(&path, &written, &layout)?)),
@@ -316,7 +315,9 @@ impl Arguments {
             let range = range_of(range)?;
             let found = matching(&names, name.trim())?;
             for at in found {
-                intervals[at] = Some(range);
+                if let Some(side) = intervals.get_mut(at) {
+                    *side = Some(range);
+                }
             }
         }
         let missing: Vec<&str> = intervals

@@ -65,7 +65,9 @@ pub fn state(text: &str, names: &[String]) -> Result<Vec<Option<f64>>> {
         })?;
         let value = number(value)?;
         for at in matching(names, name.trim())? {
-            out[at] = Some(value);
+            if let Some(place) = out.get_mut(at) {
+                *place = Some(value);
+            }
         }
     }
     Ok(out)
@@ -143,7 +145,9 @@ pub fn noise(system: &System, texts: &[String]) -> Result<Vec<Noise>> {
             None => (0..names.len()).collect(),
         };
         for row in at {
-            out[row] = noise;
+            if let Some(place) = out.get_mut(row) {
+                *place = noise;
+            }
         }
     }
     Ok(out)

@@ -160,6 +160,11 @@ impl<T: AsRef<str>> FromIterator<T> for Cells {
     }
 }
 
+/// A number of a column; not a number where the column has none.
+pub(super) fn entry(column: &[f64], row: usize) -> f64 {
+    column.get(row).copied().unwrap_or(f64::NAN)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -27,9 +27,12 @@ const DELIMITERS: &[(Delimiter, char, &str)] = &[
     (Delimiter::Tab, '\t', "tab"),
     (Delimiter::Semicolon, ';', "semicolon"),
     (Delimiter::Bar, '|', "vertical bar"),
-    (Delimiter::Comma, ',', "comma"),
+    COMMA,
     (Delimiter::Blanks, '\t', "blanks"),
 ];
+
+/// What a file of one column is taken to have.
+const COMMA: (Delimiter, char, &str) = (Delimiter::Comma, ',', "comma");
 
 /// How many lines are looked at.
 const LOOKED_AT: usize = 200;
@@ -56,7 +59,7 @@ impl Delimiter {
     }
 
     fn row(self) -> &'static (Delimiter, char, &'static str) {
-        DELIMITERS.iter().find(|row| row.0 == self).unwrap_or(&DELIMITERS[3])
+        DELIMITERS.iter().find(|row| row.0 == self).unwrap_or(&COMMA)
     }
 
     /// The line with a single character between cells. Blanks inside quotes, inside
@@ -110,7 +113,7 @@ impl Delimiter {
         let Some((header, rows)) = lines.split_first() else {
             return Delimiter::Comma;
         };
-        let rows = &rows[..rows.len().min(LOOKED_AT)];
+        let rows = rows.get(..LOOKED_AT).unwrap_or(rows);
         let mut best = (Delimiter::Comma, None);
         for (delimiter, _, _) in DELIMITERS {
             let (cells, filled) = delimiter.count(header);

@@ -93,7 +93,7 @@ pub(super) fn hash_file(path: &Path) -> Result<String> {
     loop {
         match file.read(&mut buffer).map_err(failed)? {
             0 => return Ok(format!("{:x}", hash.finalize())),
-            read => hash.update(&buffer[..read]),
+            read => hash.update(buffer.get(..read).unwrap_or_default()),
         }
     }
 }

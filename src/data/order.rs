@@ -20,23 +20,23 @@ pub(super) enum Order {
 /// backwards. They differ in this: two recordings are long stretches of rising time that
 /// cover the same interval, so sorting would interleave them.
 pub(super) fn judge(times: &[f64]) -> Order {
-    let falls: Vec<usize> = (1..times.len()).filter(|at| times[*at] < times[at - 1]).collect();
+    let steps = (1..).zip(times.array_windows());
+    let falls: Vec<usize> = steps.filter(|(_, [a, b])| b < a).map(|(at, _)| at).collect();
     let Some(&first) = falls.first() else {
         return Order::Rising;
     };
     if falls.len() + 1 == times.len() {
         return Order::Falling;
     }
-    let mut bounds = vec![0];
-    bounds.extend(&falls);
-    bounds.push(times.len());
-    let stretches: Vec<&[f64]> = bounds.windows(2).map(|w| &times[w[0]..w[1]]).collect();
-    for (pair, at) in stretches.windows(2).zip(&falls) {
-        if interleave(pair[0], pair[1]) && times.len() >= 3 * stretches.len() {
+    let stretches: Vec<&[f64]> = times.chunk_by(|a, b| a <= b).collect();
+    for ([one, other], at) in stretches.array_windows().zip(&falls) {
+        if interleave(one, other) && times.len() >= 3 * stretches.len() {
             return Order::Restarted { at: *at };
         }
         // Equal clocks, the same times again: two transition pairs, for one.
-        if pair[0].len() >= 2 && pair[1].len() >= 2 && pair[0][..2] == pair[1][..2] {
+        if let ([a, b, ..], [c, d, ..]) = (one, other)
+            && (a, b) == (c, d)
+        {
             return Order::Restarted { at: *at };
         }
     }

@@ -34,7 +34,9 @@ impl Packed {
         let deal = piles * SIDE_BY_SIDE;
         let sizes = |runs: &[Run]| {
             let mut sizes = vec![0; piles];
-            runs.iter().enumerate().for_each(|(at, run)| sizes[at % piles] += run.times.len());
+            for dealt in runs.chunks(piles) {
+                sizes.iter_mut().zip(dealt).for_each(|(size, run)| *size += run.times.len());
+            }
             (sizes, runs.iter().map(|run| run.values.len()).max())
         };
         let sizes: Vec<(Vec<usize>, Option<usize>)> = runs.par_chunks(deal).map(sizes).collect();
@@ -78,12 +80,12 @@ impl Packed {
 
     /// Sample times of a run, in the spec's time unit, strictly increasing.
     pub fn times_of(&self, run: usize) -> &[f64] {
-        &self.times[self.samples_of(run)]
+        self.times.get(self.samples_of(run)).unwrap_or_default()
     }
 
     /// What a run shows of an observable; nothing where it was never measured.
     pub fn values_of(&self, observable: usize, run: usize) -> &[f64] {
-        self.values.get(observable).map_or(&[], |column| &column[self.samples_of(run)])
+        self.column(observable).get(self.samples_of(run)).unwrap_or_default()
     }
 
     /// What all runs show of an observable, pile after pile.
@@ -98,15 +100,15 @@ impl Packed {
     }
 
     fn samples_of(&self, run: usize) -> Range<usize> {
-        let [start, end] = self.places[run];
-        start..end
+        self.places.get(run).map_or(0..0, |&[start, end]| start..end)
     }
 }
 
 /// The median interval between consecutive times of runs; 0 when there is none.
 pub fn typical_step<'a>(runs: impl Iterator<Item = &'a [f64]>) -> f64 {
-    let mut steps: Vec<f64> =
-        runs.flat_map(|times| times.windows(2).map(|pair| pair[1] - pair[0])).collect();
+    let mut steps: Vec<f64> = runs
+        .flat_map(|times| times.array_windows().map(|[before, after]| after - before))
+        .collect();
     if steps.is_empty() {
         return 0.0;
     }
@@ -135,7 +137,7 @@ fn rooms<'a>(sizes: Vec<&[usize]>, columns: Vec<&'a mut Vec<f64>>) -> Vec<Room<'
     let mut start = 0;
     for pile in 0..piles {
         for (room, sizes) in rooms.iter_mut().zip(&sizes) {
-            let size = sizes[pile];
+            let size = sizes.get(pile).copied().unwrap_or(0);
             room.starts.push(start);
             room.columns.extend(rest.iter_mut().filter_map(|all| all.split_off_mut(..size)));
             start += size;
@@ -151,7 +153,7 @@ impl Room<'_> {
         let measured = std::iter::once(&run.times).chain(&run.values).map(Some);
         let missing = std::iter::repeat(None);
         let width = self.columns.len() / self.starts.len();
-        let columns = self.columns[pile * width..][..width].iter_mut();
+        let columns = self.columns.iter_mut().skip(pile * width).take(width);
         for (column, values) in columns.zip(measured.chain(missing)) {
             let Some(place) = column.split_off_mut(..samples) else { continue };
             match values {
@@ -159,8 +161,8 @@ impl Room<'_> {
                 None => place.fill(f64::NAN),
             }
         }
-        let start = self.starts[pile];
-        self.starts[pile] += samples;
+        let Some(empty) = self.starts.get_mut(pile) else { return [0, 0] };
+        let start = std::mem::replace(empty, *empty + samples);
         [start, start + samples]
     }
 }

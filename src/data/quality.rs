@@ -130,7 +130,8 @@ fn steps(sorted: &[f64]) -> Option<(f64, f64)> {
     }
     let span = sorted.last()? - sorted.first()?;
     // Values that differ by rounding in a unit conversion only are the same value.
-    let gaps = || sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 1e-9 * span);
+    let all = || sorted.array_windows().map(|[below, above]| above - below);
+    let gaps = || all().filter(|gap| *gap > 1e-9 * span);
     let step = gaps().fold(f64::INFINITY, f64::min);
     let levels = span / step;
     let whole = gaps().all(|gap| {

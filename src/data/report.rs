@@ -180,7 +180,7 @@ fn run_report(run: &Run) -> RunReport {
 }
 
 fn steps(run: &Run) -> Vec<f64> {
-    run.times.windows(2).map(|pair| pair[1] - pair[0]).collect()
+    run.times.array_windows().map(|[before, after]| after - before).collect()
 }
 
 fn median(mut values: Vec<f64>) -> Option<f64> {
@@ -211,13 +211,14 @@ fn gaps(run: &Run, median_of_all: f64) -> Vec<Gap> {
     };
     steps
         .iter()
+        .zip(run.times.array_windows())
         .enumerate()
-        .filter(|(_, step)| **step > 1.5 * usual)
-        .map(|(at, step)| Gap {
+        .filter(|(_, (step, _))| **step > 1.5 * usual)
+        .map(|(at, (step, [start, end]))| Gap {
             run: run.name.clone(),
             after_line: run.lines.get(at).copied().unwrap_or(0),
-            start: run.times[at],
-            end: run.times[at + 1],
+            start: *start,
+            end: *end,
             steps: step / usual,
         })
         .collect()

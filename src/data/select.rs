@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::collections::HashMap;
 
+use super::cells::entry;
 use super::header::counted;
 use super::mapping::{Mapping, converted, missing_column, observable_column, time_column};
 use super::order::{Order, judge};
@@ -131,6 +132,11 @@ struct Rows<'a> {
 }
 
 impl Rows<'_> {
+    /// Time of a row; not a number where there is none.
+    fn time_of(&self, row: usize) -> f64 {
+        entry(&self.times, row)
+    }
+
     fn line(&self, row: usize) -> u64 {
         self.table.lines.get(row).copied().unwrap_or(0)
     }
@@ -154,11 +160,11 @@ impl Rows<'_> {
         }
         let mut places: HashMap<Cow<'_, str>, usize> = HashMap::new();
         for row in 0..self.table.rows() {
-            if self.values.iter().all(|column| column[row].is_nan()) {
+            if self.values.iter().all(|column| entry(column, row).is_nan()) {
                 notes.empty += 1;
                 continue;
             }
-            if self.times[row].is_nan() {
+            if self.time_of(row).is_nan() {
                 return Err(self.error(
                     row,
                     &self.time.header,
@@ -175,21 +181,19 @@ impl Rows<'_> {
                     "give the name of its run",
                 ));
             }
-            let place = match places.get(&name) {
-                Some(place) => *place,
+            match places.get(&name).and_then(|place| groups.get_mut(*place)) {
+                Some((_, members)) => members.push(row),
                 None => {
-                    groups.push((name.to_string(), Vec::new()));
-                    places.insert(name, groups.len() - 1);
-                    groups.len() - 1
+                    places.insert(name.clone(), groups.len());
+                    groups.push((name.into_owned(), vec![row]));
                 }
-            };
-            groups[place].1.push(row);
+            }
         }
         Ok(groups)
     }
 
     fn times_of(&self, members: &[usize]) -> Vec<f64> {
-        members.iter().map(|row| self.times[*row]).collect()
+        members.iter().map(|row| self.time_of(*row)).collect()
     }
 
     /// Whether time runs backwards in every run that has two samples.
@@ -208,6 +212,7 @@ impl Rows<'_> {
         falling: bool,
         notes: &mut Notes,
     ) -> Result<Vec<usize>> {
+        let row = |at: usize| members.get(at).copied().unwrap_or(0);
         let (first, late) = match judge(&self.times_of(&members)) {
             Order::Rising => return Ok(members),
             Order::Shuffled { first, late } => (first, late),
@@ -215,19 +220,20 @@ impl Rows<'_> {
             Order::Falling if !falling && members.len() < 4 => (1, members.len() - 1),
             Order::Falling => {
                 return Err(self.error(
-                    members[1],
+                    row(1),
                     &self.time.header,
                     format!(
                         "time runs backwards, from {} to {}",
-                        self.times[members[0]], self.times[members[1]]
+                        self.time_of(row(0)),
+                        self.time_of(row(1))
                     ),
                     "order the rows by rising time, and look whether the clock counts down",
                 ));
             }
-            Order::Restarted { at } => return Err(self.restarted(members[at - 1], members[at])),
+            Order::Restarted { at } => return Err(self.restarted(row(at - 1), row(at))),
         };
-        notes.late.push((name.to_string(), self.line(members[first]), late));
-        members.sort_by(|a, b| self.times[*a].total_cmp(&self.times[*b]));
+        notes.late.push((name.to_string(), self.line(row(first)), late));
+        members.sort_by(|a, b| self.time_of(*a).total_cmp(&self.time_of(*b)));
         Ok(members)
     }
 
@@ -257,7 +263,8 @@ impl Rows<'_> {
             &self.time.header,
             format!(
                 "time jumps back from {} to {}, over times that were already recorded",
-                self.times[before], self.times[at]
+                self.time_of(before),
+                self.time_of(at)
             ),
             &hint,
         )
@@ -273,11 +280,11 @@ impl Rows<'_> {
             lines: Vec::with_capacity(members.len()),
         };
         for &row in members {
-            let same = run.times.last().is_some_and(|time| *time == self.times[row]);
+            let same = run.times.last().is_some_and(|time| *time == self.time_of(row));
             if same {
                 let line = run.lines.last().copied().unwrap_or(0);
                 for (column, values) in run.values.iter_mut().zip(&self.values) {
-                    let (Some(kept), new) = (column.last_mut(), values[row]) else {
+                    let (Some(kept), new) = (column.last_mut(), entry(values, row)) else {
                         continue;
                     };
                     if kept.is_nan() {
@@ -292,7 +299,7 @@ impl Rows<'_> {
                                 self.table.reading.noun(),
                                 self.line(row),
                                 run.name,
-                                self.times[row]
+                                self.time_of(row)
                             ),
                             "remove one, give the time with more digits, or name the run column",
                         ));
@@ -301,9 +308,9 @@ impl Rows<'_> {
                 notes.doubled.push((self.line(row), line));
                 continue;
             }
-            run.times.push(self.times[row]);
+            run.times.push(self.time_of(row));
             for (column, values) in run.values.iter_mut().zip(&self.values) {
-                column.push(values[row]);
+                column.push(entry(values, row));
             }
             run.lines.push(self.line(row));
         }

@@ -75,7 +75,7 @@ impl Dataset {
         let mut aside = HashSet::new();
         let mut samples = 0;
         for at in order {
-            let more = self.runs[at].times.len();
+            let more = self.runs.get(at).map_or(0, |run| run.times.len());
             // Never the last run, and no run that brings the share further from the wish.
             let closer = samples as f64 + 0.5 * more as f64 <= wanted;
             if aside.len() + 1 < self.runs.len() && (aside.is_empty() || closer) {
@@ -84,8 +84,9 @@ impl Dataset {
             }
         }
         let part = |held_out: bool| {
-            let runs = (0..self.runs.len()).filter(|at| aside.contains(at) == held_out);
-            self.with(runs.map(|at| self.runs[at].clone()).collect())
+            let runs = self.runs.iter().enumerate();
+            let runs = runs.filter(|(at, _)| aside.contains(at) == held_out);
+            self.with(runs.map(|(_, run)| run.clone()).collect())
         };
         let (training, held_out) = (part(false), part(true));
         let how = format!(

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::blocks::Blocks;
+use super::cells::entry;
 use super::mapping::{Mapping, converted, missing_column, observable_column, time_column};
 use super::source::{Chunk, Pass, Piece, RunName, Source};
 use super::table::{Reading, Table};
@@ -234,10 +235,10 @@ impl FilePass<'_> {
         for row in 0..table.rows() {
             self.rows += 1;
             let line = table.lines.get(row).copied().unwrap_or(0);
-            if values.iter().all(|column| column[row].is_nan()) {
+            if values.iter().all(|column| entry(column, row).is_nan()) {
                 continue;
             }
-            let time = times[row];
+            let time = entry(&times, row);
             if time.is_nan() {
                 let message = "this sample has no time";
                 return Err(table.error(
@@ -254,7 +255,7 @@ impl FilePass<'_> {
                 (Some(RunName::Pair(number)), _) => *number == pair,
                 (Some(_), None) => true,
                 (Some(RunName::Number(name)), Some(column)) => match column.cells.as_numbers() {
-                    Some(numbers) => numbers[row] == *name,
+                    Some(numbers) => numbers.get(row) == Some(name),
                     None => false,
                 },
                 (Some(RunName::Text(name)), Some(column)) => column.cells.get(row) == *name,
@@ -263,10 +264,12 @@ impl FilePass<'_> {
                 let name = match run {
                     None if self.source.pairs => RunName::Pair(pair),
                     None => RunName::Number(1.0),
-                    Some(column) => match column.cells.as_numbers().map(|numbers| numbers[row]) {
-                        Some(number) if !number.is_nan() => RunName::Number(number),
-                        _ => RunName::Text(column.cells.get(row).into_owned()),
-                    },
+                    Some(column) => {
+                        match column.cells.as_numbers().map(|numbers| entry(numbers, row)) {
+                            Some(number) if !number.is_nan() => RunName::Number(number),
+                            _ => RunName::Text(column.cells.get(row).into_owned()),
+                        }
+                    }
                 };
                 if let (RunName::Text(text), Some(column)) = (&name, run)
                     && text.is_empty()
@@ -287,7 +290,7 @@ impl FilePass<'_> {
             }
             self.chunk.times.push(time);
             for (all, column) in self.chunk.values.iter_mut().zip(&values) {
-                all.push(column[row]);
+                all.push(entry(column, row));
             }
             if let Some(piece) = self.chunk.pieces.last_mut() {
                 piece.samples.end += 1;
@@ -337,7 +340,7 @@ impl FilePass<'_> {
         row: usize,
     ) -> Result<()> {
         for (all, column) in self.chunk.values.iter_mut().zip(values) {
-            let (Some(kept), new) = (all.last_mut(), column[row]) else { continue };
+            let (Some(kept), new) = (all.last_mut(), entry(column, row)) else { continue };
             if kept.is_nan() {
                 *kept = new;
             } else if !new.is_nan() && new != *kept {

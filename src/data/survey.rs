@@ -222,10 +222,11 @@ impl Reservoir {
         }
         let whole = piece.begins && piece.ends && end - start == piece.samples.len();
         let name = piece.name.to_string();
+        let part = |column: &[f64]| column.get(start..end).unwrap_or_default().to_vec();
         let run = Run {
             name: if whole { name } else { format!("{name}, part {}", self.stretches + 1) },
-            times: chunk.times[start..end].to_vec(),
-            values: chunk.values.iter().map(|column| column[start..end].to_vec()).collect(),
+            times: part(&chunk.times),
+            values: chunk.values.iter().map(|column| part(column)).collect(),
             lines: vec![piece.line; end - start],
         };
         self.samples += end - start;

@@ -51,12 +51,14 @@ pub(super) fn decode(bytes: &[u8]) -> Result<(String, Encoding), NotText> {
     };
     // DOS programs end a text with this byte.
     let end = text.trim_end().trim_end_matches('\x1a').len();
-    match text[..end]
+    match text
+        .get(..end)
+        .unwrap_or(&text)
         .char_indices()
         .find(|(_, c)| c.is_ascii_control() && !matches!(c, '\t' | '\n' | '\r' | '\x0c'))
     {
         Some((at, control)) => Err(NotText {
-            line: line_of(&text.as_bytes()[..at]),
+            line: line_of(text.as_bytes().split_at(at).0),
             what: format!("a byte {:#04x}, which no text has", control as u32),
         }),
         None => Ok((text, encoding)),
@@ -72,7 +74,7 @@ fn decode_bytes(bytes: &[u8]) -> Result<(String, Encoding), NotText> {
     let high = bytes.iter().filter(|b| **b >= 0x80).count();
     if high * 10 > bytes.len() {
         return Err(NotText {
-            line: line_of(&bytes[..error.valid_up_to()]),
+            line: line_of(bytes.split_at(error.valid_up_to()).0),
             what: "bytes that are neither UTF-8 nor Latin-1 text".to_string(),
         });
     }
@@ -80,9 +82,9 @@ fn decode_bytes(bytes: &[u8]) -> Result<(String, Encoding), NotText> {
 }
 
 fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Result<String, NotText> {
-    let pairs = bytes.chunks_exact(2);
-    let whole = pairs.remainder().is_empty();
-    let units = pairs.map(|pair| unit([pair[0], pair[1]]));
+    let (pairs, rest) = bytes.as_chunks();
+    let whole = rest.is_empty();
+    let units = pairs.iter().map(|pair| unit(*pair));
     let mut text = String::with_capacity(bytes.len() / 2);
     for decoded in char::decode_utf16(units) {
         match decoded {

@@ -240,7 +240,7 @@ fn run(name: &str, times: &[f64], values: &[&[f64]], observables: usize) -> Resu
             "give one value for each time, NaN where nothing was measured",
         );
     }
-    let ascending = times.windows(2).all(|pair| pair[0] < pair[1]);
+    let ascending = times.is_sorted_by(|before, after| before < after);
     if !ascending || times.iter().any(|time| !time.is_finite()) {
         return wrong("the times do not ascend".to_string(), "sort the samples by time");
     }

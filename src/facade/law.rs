@@ -201,7 +201,7 @@ impl Law {
                 format!("give one finite number for each of {}", names.join(", ")),
             ));
         }
-        let ascending = times.windows(2).all(|pair| pair[0] < pair[1]);
+        let ascending = times.is_sorted_by(|before, after| before < after);
         if !ascending || times.is_empty() || times.iter().any(|time| !time.is_finite()) {
             return Err(Error::new(
                 ErrorKind::InvalidArgument,

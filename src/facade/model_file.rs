@@ -75,11 +75,11 @@ fn first_state(system: &System, dataset: &Dataset) -> Option<(f64, Vec<f64>)> {
         return None;
     }
     dataset.runs.iter().find_map(|run| {
-        (0..run.times.len()).find_map(|at| {
+        run.times.iter().enumerate().find_map(|(at, &time)| {
             let state: Vec<f64> = run.values.iter().filter_map(|c| c.get(at).copied()).collect();
             let complete =
                 state.len() == 2 * system.degrees() && state.iter().all(|x| x.is_finite());
-            complete.then(|| (run.times[at], state))
+            complete.then_some((time, state))
         })
     })
 }

@@ -97,12 +97,12 @@ pub fn remove_term(text: &str, name: &str) -> Option<String> {
         spans_of(value, &mut spans);
         let named = |item: &Item| item.name.as_ref().is_some_and(|word| word.text == name);
         for items in spans {
-            let Some(at) = items.iter().position(named) else { continue };
+            let Some(item) = items.iter().find(|item| named(item)) else { continue };
             let alone = items.len() == 1 && matches!(value.kind, ExpressionKind::Span(_));
             if alone && movable {
                 return Some(remove(text, statement.site.0));
             }
-            return Some(remove_item(text, items[at].site.0));
+            return Some(remove_item(text, item.site.0));
         }
     }
     None

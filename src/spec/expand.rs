@@ -318,7 +318,7 @@ impl<'a> Expander<'a, '_> {
         let time = resolved.time.and_then(|(_, unit)| unit).map(|unit| unit.text.clone());
         for (i, setting) in asked.settings.iter().enumerate() {
             let name = setting.name.text.as_str();
-            let twice = asked.settings[..i].iter().find(|other| other.name.text == name);
+            let twice = asked.settings.iter().take(i).find(|other| other.name.text == name);
             if let Some(first) = twice {
                 let diagnostic =
                     Diagnostic::error(setting.site.0, format!("`{name}` is given twice"))

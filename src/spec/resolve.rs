@@ -309,17 +309,17 @@ impl<'a> Resolver<'a, '_> {
             }
             return;
         }
-        if count == 0 {
+        let Some(first) = self.out.coordinates.first() else {
             self.report(
                 Diagnostic::error(Span::default(), "the spec has no coordinates")
                     .label("a spec says what moves")
                     .hint("write for example `coordinates theta [rad]`"),
             );
             return;
-        }
+        };
         let at = whole(&self.out.coordinates);
         if self.out.momenta.is_empty() && self.out.velocities.is_empty() {
-            let example = &self.out.coordinates[0].name;
+            let example = &first.name;
             self.report(
                 Diagnostic::error(at, "the coordinates have no momenta")
                     .label(match count {

@@ -152,7 +152,7 @@ pub fn unasked(state: &str) -> Value {
 
 /// The answer.
 pub fn missing(diagnosis: &Diagnosis) -> Value {
-    let mut object = json!({
+    json!({
         "state": "answered",
         "verdict": diagnosis.verdict,
         "reason": capital(&diagnosis.reason),
@@ -160,12 +160,8 @@ pub fn missing(diagnosis: &Diagnosis) -> Value {
         "indistinguishable": diagnosis.indistinguishable,
         "then": diagnosis.then.iter().map(|leader| &leader.effect).collect::<Vec<_>>(),
         "unnamed": diagnosis.unnamed.as_ref().map(leader),
-        "tested": present::tested(diagnosis),
-    });
-    if diagnosis.candidates == 0 {
-        object["tested"] = Value::Null;
-    }
-    object
+        "tested": (diagnosis.candidates > 0).then(|| present::tested(diagnosis)),
+    })
 }
 
 fn leader(leader: &Leader) -> Value {
@@ -194,8 +190,12 @@ pub fn ledger(ledger: &Ledger, text: &str) -> Value {
         |judged: &Option<HeldOutErrors>| judged.as_ref().and_then(|judged| judged.held_out_error);
     let newest = current.and_then(|at| ledger.revisions.get(at));
     let edited = newest.is_some_and(|r| r.spec != text || r.action == BY_HAND);
+    let by_hand = |ledger: &Ledger| {
+        let newest = ledger.current().and_then(|at| ledger.revisions.get(at));
+        newest.is_some_and(|revision| revision.action == BY_HAND)
+    };
     let mut ahead = ledger.clone();
-    while edited && ahead.current().is_some_and(|at| ahead.revisions[at].action == BY_HAND) {
+    while edited && by_hand(&ahead) {
         if ahead.take_back().is_none() {
             break;
         }

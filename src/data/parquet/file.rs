@@ -202,20 +202,15 @@ impl Blocks {
         let first = self.row + 1;
         let mut table = self.headers();
         let schema = self.file.metadata().file_metadata().schema_descr_ptr();
-        for (at, reader) in self.readers.iter_mut().enumerate() {
-            let column = &mut table.columns[at];
+        let columns = table.columns.iter_mut().zip(&self.kinds);
+        for (at, (reader, (column, &kind))) in self.readers.iter_mut().zip(columns).enumerate() {
             let Some(reader) = reader else {
-                column.cells.push_unread(self.kinds[at].other(), count);
+                column.cells.push_unread(kind.other(), count);
                 continue;
             };
-            let (kind, nullable) = (self.kinds[at], schema.column(at).max_def_level());
+            let nullable = schema.column(at).max_def_level();
             let broken = |error: &ParquetError| {
-                damaged(
-                    &self.path,
-                    Some((first, self.group)),
-                    Some(&self.headers[at].header),
-                    error,
-                )
+                damaged(&self.path, Some((first, self.group)), Some(&column.header), error)
             };
             let read = guarded(|| decode(reader, kind, nullable, count, &mut column.cells))
                 .map_err(|error| broken(&error))?;
@@ -234,8 +229,9 @@ impl Blocks {
         let group = guarded(|| self.file.get_row_group(self.group))
             .map_err(|error| damaged(path, place, None, &error))?;
         self.readers = Vec::with_capacity(self.headers.len());
-        for (at, column) in self.headers.iter().enumerate() {
-            if !self.wanted[at] || matches!(self.kinds[at], ColumnKind::Other(_)) {
+        let asked = self.headers.iter().zip(self.kinds.iter().zip(&self.wanted));
+        for (at, (column, (kind, wanted))) in asked.enumerate() {
+            if !wanted || matches!(kind, ColumnKind::Other(_)) {
                 self.readers.push(None);
                 continue;
             }

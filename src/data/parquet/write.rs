@@ -97,19 +97,17 @@ impl<W: Write + Send> ParquetWriter<W> {
             check_finite(&self.path, run, row, &self.layout, &self.observables)?;
             row += run.times.len() as u64;
         }
-        let mut start = 0;
-        while start < data.runs.len() {
+        let mut rest = data.runs.as_slice();
+        while !rest.is_empty() {
             let mut rows = 0;
-            let end = (start..data.runs.len())
-                .find(|&at| {
-                    rows += data.runs[at].times.len();
-                    rows >= GROUP
-                })
-                .map_or(data.runs.len(), |at| at + 1);
-            let runs = &data.runs[start..end];
+            let full = rest.iter().position(|run| {
+                rows += run.times.len();
+                rows >= GROUP
+            });
+            let (runs, after) = rest.split_at(full.map_or(rest.len(), |last| last + 1));
             self.group(runs).map_err(|error| unwritable(&self.path, &error))?;
             self.rows += rows as u64;
-            start = end;
+            rest = after;
         }
         Ok(())
     }

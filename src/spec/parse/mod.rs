@@ -51,12 +51,13 @@ impl<'a> Input for Tokens<'a> {
     }
 
     fn take(&self, index: usize) -> Self {
-        Tokens { rest: &self.rest[..index], ..*self }
+        Tokens { rest: self.rest.get(..index).unwrap_or(self.rest), ..*self }
     }
 
     fn take_from(&self, index: usize) -> Self {
-        let taken = index.checked_sub(1).map_or(self.taken, |last| self.rest[last].span.end);
-        Tokens { rest: &self.rest[index..], taken, ..*self }
+        let last = index.checked_sub(1).and_then(|last| self.rest.get(last));
+        let taken = last.map_or(self.taken, |last| last.span.end);
+        Tokens { rest: self.rest.get(index..).unwrap_or_default(), taken, ..*self }
     }
 
     fn take_split(&self, index: usize) -> (Self, Self) {

@@ -203,7 +203,9 @@ pub fn statements<'a>(
             lost.push(first.text.to_string());
         }
     };
-    for (at, &token) in tokens.iter().enumerate() {
+    let mut rest = tokens;
+    while let Some((&token, after)) = rest.split_first() {
+        let here = std::mem::replace(&mut rest, after);
         if token.kind == TokenKind::Newline {
             let unfinished = !open.is_empty()
                 || current.last().is_some_and(|last| {
@@ -211,9 +213,9 @@ pub fn statements<'a>(
                 });
             let among_candidates = open.len() == 1
                 && current.first().is_some_and(|first| first.text == "candidates")
-                && (tokens[at..].iter().find(|token| token.kind != TokenKind::Newline))
+                && (here.iter().find(|token| token.kind != TokenKind::Newline))
                     .is_some_and(|next| ADDITIONS.contains(&next.text));
-            if unfinished && (among_candidates || !begins_statement(&tokens[at..])) {
+            if unfinished && (among_candidates || !begins_statement(here)) {
                 continue;
             }
             if let Some(bracket) = open.first() {
