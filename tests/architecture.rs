@@ -190,3 +190,42 @@ fn what_is_public_has_an_example() {
     }
     assert!(seen > 50 && wanting.is_empty(), "without an example:\n{}", wanting.join("\n"));
 }
+
+/// Pages that say where things are.
+const PAGES: &[&str] = &["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/architecture.md"];
+
+/// What a page puts between backticks or links to.
+fn mentioned(page: &str) -> Vec<String> {
+    let code = page.split("```").step_by(2).flat_map(|prose| prose.split('`').skip(1).step_by(2));
+    let links = page.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+    code.chain(links).map(str::to_string).collect()
+}
+
+#[test]
+fn the_pages_name_files_that_exist() {
+    let endings = [".rs", ".md", ".toml", ".ebnf", ".svg", ".csv", ".py", ".yml", ".json"];
+    let folders = ["src/", "tests/", "docs/", "examples/", "benches/", "grammar/", ".ci/"];
+    let names: Vec<String> = sources().into_iter().map(|source| source.name).collect();
+    let mut wrong = Vec::new();
+    let mut seen = 0;
+    for page in PAGES {
+        let text = fs::read_to_string(root().join(page)).unwrap_or_else(|e| panic!("{page}: {e}"));
+        let beside = root().join(page);
+        let beside = beside.parent().expect("a folder");
+        for name in mentioned(&text) {
+            let own = folders.iter().any(|folder| name.starts_with(folder));
+            let source = name.ends_with(".rs");
+            let file = endings.iter().any(|ending| name.ends_with(ending)) && name.contains('/');
+            if name.contains([' ', '*', ':']) || !(own || source || file) {
+                continue;
+            }
+            seen += 1;
+            let here = root().join(&name).exists() || beside.join(&name).exists();
+            let below = names.iter().any(|known| known.ends_with(&format!("/{name}")));
+            if !(here || source && (below || names.contains(&name))) {
+                wrong.push(format!("{page}: {name}"));
+            }
+        }
+    }
+    assert!(seen > 50 && wrong.is_empty(), "there is no such file:\n{}", wrong.join("\n"));
+}
