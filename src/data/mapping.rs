@@ -37,7 +37,8 @@ impl ColumnMap {
 pub struct ObservableMap {
     /// Name of the variable.
     pub name: String,
-    /// Names or headers of columns; the first that exists is taken.
+    /// Names or headers of columns, the first that exists is taken; none where it is known that
+    /// nothing was measured.
     pub columns: Vec<String>,
     /// Spec's units per unit of the file.
     pub scale: f64,
@@ -97,6 +98,39 @@ pub(super) fn observable_column<'a>(
         return Err(missing_column(table, name, &observable.name));
     }
     Ok(None)
+}
+
+/// Says which observables no column was found for, and which columns might have been meant;
+/// `None` when all have one or are known to have none.
+pub(super) fn without_column(table: &Table, mapping: &Mapping) -> Result<Option<String>> {
+    let mut missing = Vec::new();
+    let mut used = Vec::new();
+    for observable in &mapping.observables {
+        match observable_column(table, observable)? {
+            Some(column) => used.push(column.header.as_str()),
+            None if observable.columns.is_empty() => {}
+            None => missing.push(observable.name.as_str()),
+        }
+    }
+    if missing.is_empty() {
+        return Ok(None);
+    }
+    used.push(&time_column(table, mapping)?.0.header);
+    if let Some(run) = &mapping.run {
+        used.extend(table.find(run)?.map(|column| column.header.as_str()));
+    }
+    let spare = table
+        .columns
+        .iter()
+        .find(|column| !used.contains(&column.header.as_str()) && table.is_numeric(column));
+    Ok(spare.map(|spare| {
+        let (names, first) = (missing.join(", "), missing.first().copied().unwrap_or_default());
+        format!(
+            "No column is called {names}: taken as not measured. If `{}` holds it, write \
+             `{first} = {}` in the spec's data block; if nothing does, `{first} not measured`.",
+            spare.header, spare.name
+        )
+    }))
 }
 
 /// There is no column `name`, which `what` asks for; with the names that come near.

@@ -5,7 +5,9 @@ use std::collections::HashMap;
 
 use super::cells::entry;
 use super::header::counted;
-use super::mapping::{Mapping, converted, missing_column, observable_column, time_column};
+use super::mapping::{
+    Mapping, converted, missing_column, observable_column, time_column, without_column,
+};
 use super::order::{Order, judge};
 use super::report::DataReport;
 use super::table::{Column, Table};
@@ -77,7 +79,9 @@ pub fn dataset(table: &Table, mapping: &Mapping) -> Result<(Dataset, DataReport)
     }
     let data =
         Dataset { observables: mapping.observables.iter().map(|o| o.name.clone()).collect(), runs };
-    let report = DataReport::of_file(&data, table, sources, notes.sentences(table.reading.noun()));
+    let mut sentences = notes.sentences(table.reading.noun());
+    sentences.extend(without_column(table, mapping)?);
+    let report = DataReport::of_file(&data, table, sources, sentences);
     Ok((data, report))
 }
 

@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use super::blocks::Blocks;
 use super::cells::entry;
-use super::mapping::{Mapping, converted, missing_column, observable_column, time_column};
+use super::mapping::{
+    Mapping, converted, missing_column, observable_column, time_column, without_column,
+};
 use super::source::{Chunk, Pass, Piece, RunName, Source};
 use super::table::{Reading, Table};
 use crate::error::Result;
@@ -55,6 +57,8 @@ pub struct FileSource {
     wanted: Vec<String>,
     /// Headers of the observables.
     headers: Vec<Option<String>>,
+    /// What is worth knowing about the choice of columns, in a sentence.
+    note: Option<String>,
     reading: Reading,
     samples: usize,
 }
@@ -86,6 +90,7 @@ impl FileSource {
             pairs,
             wanted,
             headers,
+            note: without_column(&head, mapping)?,
             reading: head.reading,
             samples: (CHUNK / (8 * columns)).max(LEAST),
         })
@@ -100,6 +105,11 @@ impl FileSource {
     /// Headers of the columns that the observables are read from.
     pub fn headers(&self) -> &[Option<String>] {
         &self.headers
+    }
+
+    /// What is worth knowing about the choice of columns, in a sentence.
+    pub fn note(&self) -> Option<&str> {
+        self.note.as_deref()
     }
 
     /// The file.

@@ -20,7 +20,8 @@ pub struct ColumnScale {
 pub struct ObservedColumn {
     /// Name of the variable in the spec.
     pub name: String,
-    /// Names of columns, the likeliest first; only one where the spec names it.
+    /// Names of columns, the likeliest first; only one where the spec names it, none where it
+    /// says that nothing was measured.
     pub candidates: Vec<String>,
     /// The spec's units per unit of the column.
     pub scale: f64,
@@ -93,6 +94,22 @@ pub(super) fn resolve(lowering: &mut Lowering, system: &System) -> Option<DataCo
                 if let Some(observed) = out.observables.get_mut(at) {
                     observed.candidates = vec![column.text.clone()];
                     observed.scale = scale;
+                }
+                mapped.get_mut(at).is_some_and(|mapped| std::mem::replace(mapped, true))
+            }
+            DataItemKind::NotMeasured(variable) => {
+                let Some(at) = observable(lowering, system, &out.observables, variable) else {
+                    continue;
+                };
+                if at < system.degrees() {
+                    lowering.report(
+                        Diagnostic::error(variable.site.0, "a coordinate has to be measured")
+                            .label("only momenta and velocities can do without a column")
+                            .hint("name the column that holds it, or leave the coordinate out"),
+                    );
+                }
+                if let Some(observed) = out.observables.get_mut(at) {
+                    observed.candidates.clear();
                 }
                 mapped.get_mut(at).is_some_and(|mapped| std::mem::replace(mapped, true))
             }

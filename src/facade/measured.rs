@@ -6,7 +6,7 @@ use crate::data::{
     self, Cells, Column, ColumnMap, DataReport, Dataset, FileSource, Mapping, ObservableMap, Table,
 };
 use crate::error::{Error, Result};
-use crate::expr::Compiled;
+use crate::expr::{Compiled, ObservedColumn};
 
 /// Rows that show what the columns of a large file hold.
 const HEAD: usize = 10_000;
@@ -73,36 +73,25 @@ fn mapping(compiled: &Compiled, table: &Table) -> Result<Mapping> {
         observables: Vec::new(),
     };
     let observed = columns.map_or_else(|| system.observed_columns(), |c| c.observables.clone());
-    // Coordinates alone will do. But a momentum that is named, of which there are others, or
-    // that a column left over may hold under another name, is missed.
+    // Coordinates alone will do. But a momentum whose column the spec names, or of which there
+    // are others, has to have one too, unless the spec says that it was not measured.
     let degrees = system.degrees();
     let second = observed.get(degrees..).unwrap_or(&[]);
     let usual = system.observed_columns();
-    let mut missed = second.iter().any(|column| !usual.contains(column));
+    let named = |column: &ObservedColumn| !column.candidates.is_empty() && !usual.contains(column);
+    let mut some_measured = second.iter().any(named);
     for name in second.iter().flat_map(|column| &column.candidates) {
-        missed |= table.find(name)?.is_some();
+        some_measured |= table.find(name)?.is_some();
     }
-    let first = observed.iter().take(degrees).flat_map(|column| &column.candidates);
-    let mut taken: Vec<&str> = first.map(String::as_str).collect();
-    taken.extend(mapping.run.as_deref());
-    match &mapping.time {
-        Some(time) => taken.push(&time.column),
-        None => taken.extend(data::TIME_NAMES),
-    }
-    let mut held = Vec::new();
-    for name in taken {
-        held.extend(table.find(name)?.map(|column| column.header.clone()));
-    }
-    missed |= table.columns.iter().any(|c| !held.contains(&c.header) && table.is_numeric(c));
     mapping.observables = observed
         .into_iter()
         .enumerate()
         .map(|(row, column)| ObservableMap {
+            required: row < degrees || some_measured && !column.candidates.is_empty(),
             name: column.name,
             columns: column.candidates,
             scale: column.scale,
             offset: 0.0,
-            required: missed || row < degrees,
         })
         .collect();
     Ok(mapping)

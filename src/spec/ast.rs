@@ -148,6 +148,8 @@ pub enum DataItemKind {
     Pairs,
     /// `theta = angle [deg]`
     Column { variable: Expression, column: Word, unit: Option<UnitText> },
+    /// `omega not measured`: no column holds it.
+    NotMeasured(Expression),
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]

@@ -152,6 +152,7 @@ impl Display for DataItem {
                 write!(f, "{variable} = {}", Column(column))?;
                 bracket(f, unit)
             }
+            DataItemKind::NotMeasured(variable) => write!(f, "{variable} not measured"),
         }
     }
 }

@@ -202,6 +202,7 @@ fn statement() -> impl Strategy<Value = Statement> {
             .prop_map(|(column, unit)| DataItemKind::Time { column, unit }),
         column().prop_map(DataItemKind::Run),
         Just(DataItemKind::Pairs),
+        variable().prop_map(DataItemKind::NotMeasured),
         (variable(), column(), prop::option::of(unit_text()))
             .prop_map(|(variable, column, unit)| DataItemKind::Column { variable, column, unit }),
     ]

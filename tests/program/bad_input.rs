@@ -74,7 +74,7 @@ const BAD: &[Bad] = &[
         &["d.csv, line 3", "column `t`", "time runs backwards, from 3 to 2"],
     ),
     data("one-sample runs", "run,t,q,p\n1,0,1,0\n2,0,1,0\n", &["d.csv", "only one sample"]),
-    data("missing column", "run,t,q,x\n1,0,1,0\n1,1,1,0\n", &["d.csv", "no column", "`p`"]),
+    data("missing column", "run,t,p,x\n1,0,1,0\n1,1,1,0\n", &["d.csv", "no column", "`q`"]),
     data("not text", "run,t,q,p\n\u{0}\u{1}\u{0}\u{2}\n", &["d.csv", "not a text file"]),
     Bad {
         what: "no model yet",

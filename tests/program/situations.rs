@@ -395,3 +395,33 @@ fn velocities_or_coordinates_alone_name_a_hidden_force_with_its_size() {
         }
     }
 }
+
+#[test]
+fn momenta_without_a_column_are_no_error_beside_columns_to_spare() {
+    let folder = eight("");
+    let path = folder.path();
+    // The momentum's column under another name: the fit takes positions alone, and says so.
+    let table = read(path, "swings.csv").replacen(",p\n", ",turns\n", 1);
+    fs::write(path.join("swings.csv"), table).expect("written");
+    let spec = |columns: &str| {
+        let text = format!(
+            "coordinates theta\nmomenta p\ntime t\n\
+             data \"swings.csv\" {{ time t  run run  {columns} }}\n\
+             T = p^2/2\nV = span{{ cos(theta) }}\n"
+        );
+        fs::write(path.join("s.ham"), text).expect("written");
+    };
+    spec("");
+    let output = good(path, &["fit", "s.ham"]);
+    assert!(output.out.contains("cos(theta)"), "{}", output.out);
+    let output = good(path, &["check", "s.ham"]);
+    let note = "No column is called p: taken as not measured. If `turns` holds it, write";
+    assert!(output.out.replace("\n", " ").contains(note), "{}", output.out);
+    spec("p not measured");
+    let output = good(path, &["check", "s.ham"]);
+    assert!(!output.out.contains("No column is called"), "{}", output.out);
+    // A column that the spec names has to be there.
+    spec("p = momentum");
+    let output = run(path, &["fit", "s.ham"]);
+    assert!(!output.err.contains("no column `momentum`"), "{}", output.err);
+}

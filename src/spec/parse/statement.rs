@@ -145,7 +145,7 @@ fn data(input: Tokens) -> Parsed<StatementKind> {
 }
 
 /// data_item = "time" , column , [ unit ] | "run" , column | "pairs"
-///           | variable , "=" , column , [ unit ] ;
+///           | variable , ( "=" , column , [ unit ] | "not" , "measured" ) ;
 fn data_item(input: Tokens) -> Parsed<DataItem> {
     let word = input.first().map_or("", |token| token.text);
     // A column may be called `"="`, in quotes.
@@ -165,9 +165,14 @@ fn data_item(input: Tokens) -> Parsed<DataItem> {
             (rest, DataItemKind::Pairs)
         }
         _ => {
-            let (rest, (variable, (), column, unit)) =
-                (variable, mark("="), column, opt(unit)).parse(input)?;
-            (rest, DataItemKind::Column { variable, column, unit })
+            let (rest, variable) = variable(input)?;
+            if let Ok((rest, ())) = keyword("not")(rest) {
+                let (rest, ()) = cut(keyword("measured")).parse(rest)?;
+                (rest, DataItemKind::NotMeasured(variable))
+            } else {
+                let (rest, ((), column, unit)) = (mark("="), column, opt(unit)).parse(rest)?;
+                (rest, DataItemKind::Column { variable, column, unit })
+            }
         }
     };
     let site = Site(Span::new(input.place().start, rest.taken));
