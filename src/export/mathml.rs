@@ -121,7 +121,45 @@ fn cut(tex: &str) -> Vec<String> {
     pieces
 }
 
+/// A formula whose round and square brackets grow with what stands in them only where that is a
+/// fraction.
+///
+/// Where no mathematical font is installed, browsers build a bracket that grows of pieces, and the
+/// smallest that can be built is twice as high as a line.
+fn unstretched(tex: &str) -> String {
+    let (left, right) = (r"\left", r"\right");
+    let mut out = String::new();
+    // Where brackets that are open begin in `out`.
+    let mut open: Vec<usize> = Vec::new();
+    let mut rest = tex;
+    while let Some(letter) = rest.chars().next() {
+        let bracket = |command: &str, pair: [char; 2]| {
+            rest.strip_prefix(command).filter(|after| after.starts_with(pair))
+        };
+        if let Some(after) = bracket(left, ['(', '[']) {
+            open.push(out.len());
+            out.push_str(left);
+            rest = after;
+        } else if let Some(after) = bracket(right, [')', ']']) {
+            match open.pop() {
+                Some(start)
+                    if !out.get(start..).is_some_and(|inside| inside.contains(r"\frac")) =>
+                {
+                    out.replace_range(start..start + left.len(), "");
+                }
+                _ => out.push_str(right),
+            }
+            rest = after;
+        } else {
+            out.push(letter);
+            rest = rest.get(letter.len_utf8()..).unwrap_or("");
+        }
+    }
+    out
+}
+
 fn converted(tex: &str) -> Result<String> {
+    let tex = &unstretched(tex);
     let wrong = |message: String| {
         Error::new(
             ErrorKind::Export,
@@ -149,5 +187,22 @@ mod tests {
             cut,
             [r"V = - a \left( x + y \right)^{2}", r"{} + \frac{b - c}{2} \cos(x + 1)", "{} - d"]
         );
+    }
+
+    #[test]
+    fn brackets_grow_around_fractions_alone() {
+        for (tex, expected) in [
+            (r"\cos\left(q + 1\right)", r"\cos(q + 1)"),
+            (r"\left(q^{2} - \left[p + 1\right]\right)^{2}", r"(q^{2} - [p + 1])^{2}"),
+            (r"\left(\frac{q}{2} + \left(p\right)\right)", r"\left(\frac{q}{2} + (p)\right)"),
+            (r"\left|q\right|", r"\left|q\right|"),
+        ] {
+            assert_eq!(unstretched(tex), expected);
+        }
+        let mathml = |tex: &str| converted(tex).unwrap();
+        let plain = mathml(r"\cos\left(q^{2} + 1\right)");
+        assert!(plain.contains("<mo stretchy=\"false\">(</mo>"), "{plain}");
+        let tall = mathml(r"\left(\frac{q}{2}\right)^{2}");
+        assert!(tall.contains("<mo>(</mo>"), "{tall}");
     }
 }
