@@ -93,6 +93,7 @@ fn too_little(bench: &Bench, why: &str, console: &Console) -> Result<()> {
         "written": false,
         "steps": [],
         "stop": why,
+        "interrupted": false,
         "verdict": Verdict::TooLittleData,
         "text": bench.project.text,
         "model": null,

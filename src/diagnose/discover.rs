@@ -21,6 +21,8 @@ pub struct Discovery {
     pub steps: Vec<Step>,
     /// Why it ended, in a sentence.
     pub stop: String,
+    /// Whether it was interrupted before it came to its end.
+    pub interrupted: bool,
     /// Verdict of the last diagnosis.
     pub verdict: Verdict,
     /// The spec with every addition.
@@ -81,9 +83,15 @@ pub fn discover(
     let mut rivals: Vec<Vec<Leader>> = Vec::new();
     let start = text.clone();
     let first = (compiled.clone(), model.clone());
+    let mut interrupted = false;
     let (stop, verdict) = loop {
         monitor.stage(&format!("what is missing, round {}", steps.len() + 1), 0.1);
         let diagnosis = diagnose(&compiled, &model, training, held_out, monitor)?;
+        // An interrupted diagnosis did not look everywhere: its verdict says nothing.
+        if monitor.stopped() {
+            interrupted = true;
+            break interruption(&diagnosis, steps.len() + 1);
+        }
         if !goes_on(&diagnosis) {
             break (diagnosis.reason, diagnosis.verdict);
         }
@@ -92,9 +100,6 @@ pub fn discover(
                 "stopped after {MOST} additions; more would lower the error on held-out runs"
             );
             break (sentence, Verdict::Missing);
-        }
-        if monitor.stopped() {
-            break ("interrupted: what was found so far was kept".to_string(), Verdict::Missing);
         }
         let context = Context::new(&compiled.system, &model, held_out)?;
         let (_, _, sums) = context.settle(context.law.window());
@@ -172,7 +177,38 @@ pub fn discover(
         held_out_error(&first.0, &first.1)?
     };
     let after = held_out_error(&compiled, &model)?;
-    Ok(Discovery { steps, stop, verdict, text, model, held_out_error: (before, after) })
+    Ok(Discovery {
+        steps,
+        stop,
+        interrupted,
+        verdict,
+        text,
+        model,
+        held_out_error: (before, after),
+    })
+}
+
+/// What an interrupted diagnosis had found, and how far it had come.
+fn interruption(diagnosis: &Diagnosis, round: usize) -> (String, Verdict) {
+    match diagnosis.ranking.first() {
+        Some(first) => (
+            format!(
+                "interrupted in round {round}, before anything was added in it; the best candidate \
+                 so far was {}, which takes the error on held-out runs from {:.2} to {:.2} times \
+                 the noise",
+                first.effect, first.held_out_error_before, first.held_out_error_after
+            ),
+            Verdict::Missing,
+        ),
+        None => (
+            format!(
+                "interrupted in round {round}, while its candidates were scored; none of the {} \
+                 scored so far was significant",
+                diagnosis.tried
+            ),
+            Verdict::TooLittleData,
+        ),
+    }
 }
 
 /// Whether the best named effect may be added: always when it explains the misfit; as a part of

@@ -159,6 +159,7 @@ pub fn discovery_text(
         1 => "One effect was added".to_string(),
         many => format!("{many} effects were added"),
     };
+    let count = if found.interrupted { format!("Interrupted. {count}") } else { count };
     let mut sections = vec![wrapped(
         &format!(
             "{count}: the error on held-out runs went from {} to {} times the noise. Why it stopped: {}.",

@@ -1,12 +1,14 @@
 //! What is missing: effects hidden in data, and whether they are named.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use leverrier::internals::data::Dataset;
 use leverrier::internals::diagnose::compare::compare;
 use leverrier::internals::diagnose::context::Context;
 use leverrier::internals::diagnose::discover::discover;
 use leverrier::internals::diagnose::missing::{Diagnosis, Verdict, diagnose};
 use leverrier::internals::expr::{Compiled, build};
-use leverrier::internals::fit::{Model, Options, Silent, fit};
+use leverrier::internals::fit::{Model, Monitor, Options, Silent, fit};
 use leverrier::internals::simulate::Simulator;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -180,4 +182,34 @@ fn two_effects_at_once_are_found_and_nothing_else() {
     assert!(found.text.starts_with(case.text.trim_end()));
     let (before, after) = found.held_out_error;
     assert!(before > 2.0 && (after - 1.0).abs() < 0.1, "{before} {after}");
+}
+
+/// Stops a computation when a stage begins.
+struct StopAt(&'static str, AtomicBool);
+
+impl Monitor for StopAt {
+    fn stage(&self, what: &str, _: f64) {
+        if what == self.0 {
+            self.1.store(true, Ordering::Relaxed);
+        }
+    }
+
+    fn stopped(&self) -> bool {
+        self.1.load(Ordering::Relaxed)
+    }
+}
+
+#[test]
+fn an_interrupted_search_says_what_it_had_found_and_how_far_it_had_come() {
+    let case = case(&PENDULUM, "force q += -0.05*p", 0.01, 6);
+    let options = Options::default();
+    let monitor = StopAt("refitting the leaders", AtomicBool::new(false));
+    let (training, held_out) = (&case.training, &case.held_out);
+    let found = discover("learned", &case.text, training, held_out, &options, &monitor)
+        .unwrap_or_else(|error| panic!("{error}"));
+    assert!(found.interrupted && found.steps.is_empty(), "{found:?}");
+    for part in ["interrupted in round 1", "viscous_drag(q)", "times the noise"] {
+        assert!(found.stop.contains(part), "{}", found.stop);
+    }
+    assert_eq!(found.verdict, Verdict::Missing);
 }
