@@ -1,5 +1,6 @@
 //! `leverrier new`: looks at a file of measurements and writes a first spec.
 
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -93,6 +94,10 @@ const ALONE: &[&str] = &[
     "q",
 ];
 
+/// Coordinates of a first spec, at most: a polynomial of degree 4 in more of them has more terms
+/// than a function space may have.
+const MOST_COORDINATES: usize = 44;
+
 /// Coordinates that are angles.
 const ANGLES: &[&str] = &["theta", "phi", "alpha", "angle", "psi"];
 
@@ -152,22 +157,90 @@ fn parted(name: &str) -> (String, String) {
     (stem.trim_end_matches('_').to_string(), index)
 }
 
-/// Whether two columns are a coordinate and its partner, and what kind.
-fn partners(coordinate: &str, other: &str) -> Option<Partner> {
-    let ((stem, index), (other_stem, other_index)) = (parted(coordinate), parted(other));
-    let whole = coordinate.trim().to_lowercase();
-    let other_whole = other.trim().to_lowercase();
-    PARTNERS
-        .iter()
-        .find(|(first, second, _)| {
-            if *first == "*" {
-                second.replace('*', &whole) == other_whole
-                    || index == other_index && second.replace('*', &stem) == other_stem
+/// Columns that may be looked up by their names, for files of many columns.
+#[derive(Default)]
+struct ColumnIndex {
+    /// Positions by the name in small letters.
+    whole: HashMap<String, BTreeSet<usize>>,
+    /// Positions by the name in small letters and the index behind it.
+    parted: HashMap<(String, String), BTreeSet<usize>>,
+}
+
+impl ColumnIndex {
+    fn new(columns: &[&Column]) -> Self {
+        let mut index = ColumnIndex::default();
+        for (at, column) in columns.iter().enumerate() {
+            index.whole.entry(whole(&column.name)).or_default().insert(at);
+            index.parted.entry(parted(&column.name)).or_default().insert(at);
+        }
+        index
+    }
+
+    /// Takes a column out, once it has its place.
+    fn remove(&mut self, at: usize, column: &Column) {
+        if let Some(positions) = self.whole.get_mut(&whole(&column.name)) {
+            positions.remove(&at);
+        }
+        if let Some(positions) = self.parted.get_mut(&parted(&column.name)) {
+            positions.remove(&at);
+        }
+    }
+
+    /// The first column that goes with the coordinate at `own`, and what it is.
+    fn partner(&self, own: usize, coordinate: &Column) -> Option<(usize, Partner)> {
+        let name = whole(&coordinate.name);
+        let (stem, index) = parted(&coordinate.name);
+        let first = |positions: Option<&BTreeSet<usize>>| {
+            positions.and_then(|positions| positions.iter().copied().find(|&at| at != own))
+        };
+        let mut best: Option<(usize, Partner)> = None;
+        for (coordinates, others, partner) in PARTNERS {
+            let at = if *coordinates == "*" {
+                let by_name = first(self.whole.get(&others.replace('*', &name)));
+                let key = (others.replace('*', &stem), index.clone());
+                by_name.into_iter().chain(first(self.parted.get(&key))).min()
+            } else if stem == *coordinates {
+                first(self.parted.get(&((*others).to_string(), index.clone())))
             } else {
-                stem == *first && other_stem == *second && index == other_index
+                None
+            };
+            // Of two rows that name the same column the first says what it is.
+            if let Some(at) = at
+                && best.is_none_or(|(earlier, _)| at < earlier)
+            {
+                best = Some((at, *partner));
             }
-        })
-        .map(|row| row.2)
+        }
+        best
+    }
+}
+
+/// Coordinates and what goes with them, in the order of the columns. Its time grows in
+/// proportion to their number.
+fn paired<'a>(columns: &[&'a Column]) -> Vec<(&'a Column, &'a Column, Partner)> {
+    let mut index = ColumnIndex::new(columns);
+    let mut taken = vec![false; columns.len()];
+    let mut pairs = Vec::new();
+    for (own, &coordinate) in columns.iter().enumerate() {
+        if taken.get(own) == Some(&true) {
+            continue;
+        }
+        let Some((at, partner)) = index.partner(own, coordinate) else { continue };
+        let Some(&other) = columns.get(at) else { continue };
+        for (at, column) in [(own, coordinate), (at, other)] {
+            index.remove(at, column);
+            if let Some(taken) = taken.get_mut(at) {
+                *taken = true;
+            }
+        }
+        pairs.push((coordinate, other, partner));
+    }
+    pairs
+}
+
+/// A name in small letters.
+fn whole(name: &str) -> String {
+    name.trim().to_lowercase()
 }
 
 fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
@@ -176,14 +249,14 @@ fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
         table.error(table.reading.header_line(), None, message, hint)
     };
     let numeric: Vec<&Column> = table.columns.iter().filter(|c| table.is_numeric(c)).collect();
-    let headers: Vec<String> = table.columns.iter().map(|c| format!("`{}`", c.header)).collect();
+    let headers = || data::listed(table);
     let time = numeric
         .iter()
         .find(|c| is(c, data::TIME_NAMES))
         .or_else(|| numeric.iter().find(|c| c.name.to_lowercase().starts_with("time")));
     let Some(&time) = time else {
         return Err(wrong(
-            format!("no column looks like the time; there are {}", headers.join(", ")),
+            format!("no column looks like the time; there are {}", headers()),
             "call it `t` or `time`".to_string(),
         ));
     };
@@ -193,19 +266,7 @@ fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
         .copied()
         .filter(|c| c.header != time.header && run.is_none_or(|run| run.header != c.header))
         .collect();
-    let mut pairs: Vec<(&Column, &Column, Partner)> = Vec::new();
-    for &coordinate in &rest {
-        for &other in &rest {
-            let taken =
-                |c: &Column| pairs.iter().any(|p| p.0.header == c.header || p.1.header == c.header);
-            if coordinate.header == other.header || taken(coordinate) || taken(other) {
-                continue;
-            }
-            if let Some(role) = partners(&coordinate.name, &other.name) {
-                pairs.push((coordinate, other, role));
-            }
-        }
-    }
+    let pairs = paired(&rest);
     let momenta = pairs.iter().all(|pair| pair.2 == Partner::Momentum);
     let (pairs, role): (Vec<(&Column, Option<&Column>)>, Partner) = if pairs.is_empty() {
         (alone(&rest).into_iter().map(|column| (column, None)).collect(), Partner::Nothing)
@@ -218,9 +279,21 @@ fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
             format!(
                 "no column looks like a coordinate, and no two like one and its velocity or \
                  momentum; there are {}",
-                headers.join(", ")
+                headers()
             ),
             "call them for example `theta` and `omega`, `x` and `v`, or `q` and `p`".to_string(),
+        ));
+    }
+    if pairs.len() > MOST_COORDINATES {
+        return Err(wrong(
+            format!(
+                "{} columns look like coordinates, and a first spec is written for at most \
+                 {MOST_COORDINATES}",
+                pairs.len()
+            ),
+            "keep the columns of one system, or write the spec by hand, with a smaller function \
+             space"
+                .to_string(),
         ));
     }
     let mut guess = ColumnRoles { time, run, pairs, role, unused: Vec::new() };
@@ -228,8 +301,8 @@ fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
     for column in guess.used().chain([guess.time]) {
         table.numbers(column)?;
     }
-    let used: Vec<&str> = guess.used().map(|column| column.header.as_str()).collect();
-    guess.unused = rest.into_iter().filter(|c| !used.contains(&c.header.as_str())).collect();
+    let used: HashSet<&str> = guess.used().map(|column| column.header.as_str()).collect();
+    guess.unused = rest.into_iter().filter(|c| !used.contains(c.header.as_str())).collect();
     Ok(guess)
 }
 

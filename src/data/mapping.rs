@@ -160,7 +160,8 @@ pub(super) fn missing_column(table: &Table, name: &str, what: &str) -> Error {
     )
 }
 
-fn listed(table: &Table) -> String {
+/// The headers of a table: the first thirty, and how many more there are.
+pub fn listed(table: &Table) -> String {
     const SHOWN: usize = 30;
     let mut names: Vec<String> =
         table.columns.iter().take(SHOWN).map(|column| format!("`{}`", column.header)).collect();

@@ -39,7 +39,7 @@ pub use cells::Cells;
 pub use delimiter::Delimiter;
 pub use folder::write_folder;
 pub use format::{Format, read, read_bytes, to_bytes};
-pub use mapping::{ColumnMap, Mapping, ObservableMap, TIME_NAMES};
+pub use mapping::{ColumnMap, Mapping, ObservableMap, TIME_NAMES, listed};
 pub use packed::{Packed, typical_step};
 #[cfg(feature = "parquet")]
 pub use parquet::{ParquetWriter, to_parquet};
