@@ -16,8 +16,8 @@ use crate::fit::segments::{cut, longest_run, typical_step};
 pub struct Comparison {
     /// Error against length of prediction, shortest first.
     pub horizons: Vec<Horizon>,
-    /// Noise of each observable, in its unit.
-    pub noise_floor: Vec<(String, f64)>,
+    /// Noise of each observable, in its unit; `None` where it was not measured.
+    pub noise_floor: Vec<(String, Option<f64>)>,
     /// Residual force on each coordinate against each variable.
     pub maps: Vec<ResidualMap>,
     /// How the energy changes along every run.
@@ -89,7 +89,9 @@ pub fn compare(training: &Context, held_out: Option<&Context>) -> Result<Compari
     let maps = residual_maps(training)?;
     let energy = energy_drift(training);
     let names = training.system().observables();
-    let noise_floor = names.into_iter().zip(training.law.noise().iter().copied()).collect();
+    let noise = training.law.noise().iter().zip(training.dataset.measured());
+    let noise = noise.map(|(noise, measured)| (measured > 0).then_some(*noise));
+    let noise_floor = names.into_iter().zip(noise).collect();
     let findings = findings(training, &horizons, &maps, &energy);
     Ok(Comparison { horizons, noise_floor, maps, energy, findings })
 }

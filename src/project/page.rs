@@ -59,7 +59,11 @@ pub fn glimpse(bench: &Bench, judged: &HeldOutErrors) -> Assessment {
     });
     let comparison = Comparison {
         horizons: horizons.collect(),
-        noise_floor: judged.noise.clone(),
+        noise_floor: judged
+            .noise
+            .iter()
+            .map(|(name, noise)| (name.clone(), Some(*noise)))
+            .collect(),
         maps: Vec::new(),
         energy: Vec::new(),
         findings: Vec::new(),

@@ -50,9 +50,12 @@ pub fn compare_text(
         table(&header, rows.collect(), &[0, 1, 2, 3, 4], width)
     ));
     let noise = comparison.noise_floor.iter();
-    let noise: Vec<String> =
-        noise.map(|(name, s)| format!("{name} {}", significant(*s, 3))).collect();
-    sections.push(wrapped(&format!("Noise: {}.", noise.join(", ")), width, 2));
+    let of = |noise: &Option<f64>| match noise {
+        Some(noise) => significant(*noise, 3),
+        None => "not measured".to_string(),
+    };
+    let noise: Vec<String> = noise.map(|(name, noise)| format!("{name} {}", of(noise))).collect();
+    sections.push(wrapped(&format!("Noise (standard deviation): {}.", noise.join(", ")), width, 2));
     let rows: Vec<Vec<String>> = comparison
         .energy
         .iter()

@@ -200,7 +200,7 @@ fn broken(value: f64) -> Story {
                 exploded: 0,
             },
         ],
-        noise_floor: vec![("x".into(), value)],
+        noise_floor: vec![("x".into(), Some(value))],
         maps: vec![ResidualMap {
             on: "x".into(),
             against: "p".into(),

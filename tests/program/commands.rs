@@ -343,3 +343,50 @@ fn every_demo_runs_and_says_what_it_found() {
     let shown = good(folder.path(), &["demo", "pendulum"]).out;
     assert!(shown.contains("H = p^2/4 - 2 cos(q)"), "{shown}");
 }
+
+#[test]
+fn files_of_many_columns_are_looked_at_in_proportion_to_their_number() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path();
+    // Nothing in them is a coordinate; then half of them are, far too many for a spec.
+    let alone = |at: usize| format!("channel_{at}");
+    let paired = |at: usize| format!("{}{}", ["x", "v"][at % 2], at / 2);
+    let names: [(&dyn Fn(usize) -> String, &str); 2] =
+        [(&alone, "and"), (&paired, "50000 columns look like coordinates")];
+    for (name, says) in names {
+        let mut text = String::from("t");
+        for at in 0..100_000 {
+            text.push(',');
+            text.push_str(&name(at));
+        }
+        for row in 0..3 {
+            text.push_str(&format!("\n{row}"));
+            for at in 0..100_000 {
+                text.push_str(&format!(",{}", (row * 7 + at) % 10));
+            }
+        }
+        fs::write(path.join("wide.csv"), text).expect("a file");
+        let clock = std::time::Instant::now();
+        let done = run(path, &["new", "wide.csv"]);
+        // A second on a quiet machine; over a minute where every pair of columns is compared.
+        assert!(clock.elapsed().as_secs_f64() < 20.0, "{:?}", clock.elapsed());
+        assert_eq!(done.code, Some(1), "{}", done.err);
+        assert!(done.err.contains(says) && done.err.len() < 2000, "{}", done.err);
+    }
+}
+
+#[test]
+fn what_was_not_measured_has_no_noise() {
+    let folder = pendulum();
+    let path = folder.path();
+    let all = fs::read_to_string(path.join("swings.csv")).expect("data");
+    let positions: String = all
+        .lines()
+        .map(|line| line.rsplit_once(',').map_or(line, |(first, _)| first).to_string() + "\n")
+        .collect();
+    fs::write(path.join("swings.csv"), positions).expect("data");
+    let compared = json(path, &["compare", "swings.ham"], "leverrier.compare/2");
+    assert_eq!(compared["noise_floor"][1][1], Value::Null, "{compared}");
+    let shown = good(path, &["compare", "swings.ham"]).out;
+    assert!(shown.contains("not measured"), "{shown}");
+}

@@ -103,8 +103,11 @@ pub fn noise(page: &Page) -> Table {
         .observables
         .iter()
         .zip(&view.noise)
-        .map(|(quantity, noise)| {
-            vec![plain(&quantity.name), number(*noise, 3), unit(quantity.unit.as_deref())]
+        .enumerate()
+        .map(|(row, (quantity, noise))| {
+            let measured = page.data.columns.get(row).is_none_or(|column| column.measured > 0);
+            let noise = if measured { number(*noise, 3) } else { "not measured".to_string() };
+            vec![plain(&quantity.name), noise, unit(quantity.unit.as_deref())]
         })
         .collect();
     table(&["noise of", "standard deviation", "unit"], rows, &[1])
