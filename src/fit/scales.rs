@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::states::States;
 use crate::data::Packed;
 
 /// One observable over all runs.
@@ -19,6 +20,14 @@ pub struct Scale {
 /// The scale of each of the first `observables` observables.
 pub fn scales(measured: &Packed, observables: usize) -> Vec<Scale> {
     (0..observables).into_par_iter().map(|row| scale(measured.column(row))).collect()
+}
+
+/// The spread of each observable. What was not measured is as large as its guess at the start of
+/// the segments: a number without a unit, such as 1, would make the result depend on the units of
+/// what was measured.
+pub fn spreads(scales: &[Scale], states: &States) -> Vec<f64> {
+    let guessed = |row: usize| states.spread(row).unwrap_or(1.0);
+    scales.iter().enumerate().map(|(row, s)| s.spread.unwrap_or_else(|| guessed(row))).collect()
 }
 
 /// Samples of a segment that hold twice as many measured values as a state has components, where

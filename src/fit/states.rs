@@ -37,6 +37,15 @@ impl States {
         States { size, values }
     }
 
+    /// Standard deviation of one component over all segments; none where it never changes.
+    pub fn spread(&self, component: usize) -> Option<f64> {
+        let count = self.len() as f64;
+        let of = || self.iter().filter_map(|state| state.get(component).copied());
+        let mean = of().sum::<f64>() / count;
+        let variance = of().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
+        (variance > 0.0 && variance.is_finite()).then(|| variance.sqrt())
+    }
+
     /// Number of segments.
     pub fn len(&self) -> usize {
         self.values.len().checked_div(self.size).unwrap_or(0)

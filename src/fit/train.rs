@@ -17,7 +17,7 @@ use super::law::Law;
 use super::monitor::Monitor;
 use super::options::Options;
 use super::pass::{Linearised, Problem, Sums, settle, settle_and_linearise};
-use super::scales::{fewest_samples, scales};
+use super::scales::{fewest_samples, scales, spreads};
 use super::segments::{Segment, Segments, cut, packed};
 use super::states::States;
 use super::stepping::{self, Accuracy, Choice};
@@ -163,7 +163,6 @@ impl<'a> Training<'a> {
                 "name the columns of the coordinates in the spec's data block",
             ));
         }
-        let spread: Vec<f64> = scales.iter().map(|scale| scale.spread.unwrap_or(1.0)).collect();
         let longest = measured.longest_run();
         let shortest = fewest_samples(&scales, measured.samples()).min(longest);
         let window = options.window.unwrap_or(shortest).clamp(2, longest.max(2));
@@ -173,6 +172,8 @@ impl<'a> Training<'a> {
             || compiled.of_all(system).separable(),
         );
         let segments = segments?;
+        let states = States::measured(&measured, &segments.list, degrees);
+        let spread = spreads(&scales, &states);
         let Choice { stepping, accuracy } =
             stepping::coarse(system, options, separable, typical, &rounding)?;
         let law = Law::new(
@@ -185,7 +186,7 @@ impl<'a> Training<'a> {
         Ok(Training {
             law,
             options,
-            states: States::measured(&measured, &segments.list, degrees),
+            states,
             segments,
             spread,
             accuracy,

@@ -550,3 +550,29 @@ fn pairs_and_trajectories_agree() {
     assert_within(&long, &DUFFING_TRUTH, 4.0);
     assert!(long.evidence.window > 8, "{:?}", long.evidence);
 }
+
+/// Positions alone, as a camera in pixels or in metres has them.
+#[test]
+fn positions_alone_give_the_same_law_in_other_units() {
+    let law = "coordinates q\nmomenta p\nT = p^2/2\nV = q^2/2 + 0.3*q^4\n";
+    let space = "coordinates q\nmomenta p\nT = p^2/2\nV = span{ poly(q; 4) }\n";
+    let mut data = noisy(measure(law, &spiral(6, 1, 1.2), &even(80, 0.1)), 0.004, 11);
+    for run in &mut data.runs {
+        run.values[1].fill(f64::NAN);
+    }
+    let plain = learn(space, &data, &Options::default());
+    for unit in [1e3, 1e-4] {
+        let mut scaled = data.clone();
+        scaled.runs.iter_mut().for_each(|run| run.values[0].iter_mut().for_each(|x| *x *= unit));
+        let other = learn(space, &scaled, &Options::default());
+        assert_eq!(support(&other), support(&plain), "{unit}");
+        for (term, one) in plain.terms.iter().zip(&other.terms) {
+            let degree = if term.term == "q" { 1 } else { term.term[2..].parse().unwrap_or(0) };
+            let back = unit.powi(degree - 2);
+            let moved = (one.coefficient * back - term.coefficient).abs() / term.standard_error;
+            let error = one.standard_error * back / term.standard_error - 1.0;
+            println!("{unit}: {} moves by {moved:.1e}, its error by {error:.1e}", term.term);
+            assert!(moved < 1e-3 && error.abs() < 1e-3, "{unit}: {term:?} {one:?}");
+        }
+    }
+}
