@@ -61,6 +61,7 @@ pub fn dataset(table: &Table, mapping: &Mapping) -> Result<(Dataset, DataReport)
         }
         keep
     });
+    leave_copies_out(&mut runs, &mut notes);
     if runs.is_empty() {
         let (message, hint) = match notes.single.len() {
             0 => (
@@ -92,6 +93,8 @@ struct Notes {
     late: Vec<(String, u64, usize)>,
     doubled: Vec<(u64, u64)>,
     single: Vec<(String, u64)>,
+    /// Names of runs that are copies, with the names of what they are copies of.
+    copies: Vec<(String, String)>,
 }
 
 impl Notes {
@@ -121,8 +124,61 @@ impl Notes {
                 counted(self.single.len(), "run")
             ));
         }
+        if let Some((copy, of)) = self.copies.first() {
+            sentences.push(format!(
+                "{} with the very samples of another counted once; the first is run {copy}, a \
+                 copy of run {of}.",
+                counted(self.copies.len(), "run")
+            ));
+        }
         sentences
     }
+}
+
+/// Samples that a run has at least to be told from others that are alike by chance: a few coarse
+/// readings may be the same twice.
+const TELLING: usize = 8;
+
+/// Leaves out every run with the very samples of an earlier one: the same measurement listed twice
+/// is no second measurement, and would make results seem more certain than they are.
+///
+/// Runs in which nothing moves stay: they are alike without being copies.
+fn leave_copies_out(runs: &mut Vec<Run>, notes: &mut Notes) {
+    let mut first: HashMap<Vec<u64>, Vec<usize>> = HashMap::new();
+    let mut kept: Vec<Run> = Vec::with_capacity(runs.len());
+    for run in runs.drain(..) {
+        let moves = |values: &Vec<f64>| values.windows(2).any(|pair| pair[0] != pair[1]);
+        if run.times.len() < TELLING || !run.values.iter().any(moves) {
+            kept.push(run);
+            continue;
+        }
+        let ends = [run.values.iter().filter_map(|v| v.first()).collect::<Vec<_>>(), {
+            run.values.iter().filter_map(|v| v.last()).collect()
+        }];
+        let key = ends.concat().into_iter().map(|x| x.to_bits()).collect();
+        let alike = first.entry(key).or_default();
+        match alike.iter().filter_map(|&at| kept.get(at)).find(|other| is_copy(&run, other)) {
+            Some(other) => notes.copies.push((run.name, other.name.clone())),
+            None => {
+                alike.push(kept.len());
+                kept.push(run);
+            }
+        }
+    }
+    *runs = kept;
+}
+
+/// Whether two runs have the same values, to the bit, at the same times from their starts.
+fn is_copy(run: &Run, other: &Run) -> bool {
+    let same = |a: &[f64], b: &[f64]| {
+        a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
+    };
+    let since = |run: &Run| -> Vec<f64> {
+        run.times.first().map_or(Vec::new(), |start| run.times.iter().map(|t| t - start).collect())
+    };
+    run.values.len() == other.values.len()
+        && run.values.iter().zip(&other.values).all(|(a, b)| same(a, b))
+        && (same(&run.times, &other.times) || same(&since(run), &since(other)))
 }
 
 /// The converted columns of the file, row by row.

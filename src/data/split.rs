@@ -1,6 +1,7 @@
 //! Putting samples aside, so that a fit can be judged on what it has not seen; and putting
 //! data sets together.
 
+use std::cmp::Ordering;
 use std::collections::HashSet;
 
 use rand::seq::SliceRandom;
@@ -54,7 +55,8 @@ impl Dataset {
     /// them, otherwise blocks of consecutive samples of every run, at random times:
     /// three, or fewer where each would see less than a turn and a half of the slowest motion.
     /// The stretches that a run is cut into become runs of their own (`1, part 2`), so that
-    /// nothing integrates across what is held out. The same seed gives the same split.
+    /// nothing integrates across what is held out. The same seed gives the same split, in
+    /// whichever order the runs stand, and in whichever units.
     ///
     /// A fraction outside 0 to 0.9 is brought into it.
     pub fn split_held_out(&self, fraction: f64, seed: u64) -> Split {
@@ -69,7 +71,7 @@ impl Dataset {
     }
 
     fn split_by_runs(&self, fraction: f64, generator: &mut Pcg64) -> Split {
-        let mut order: Vec<usize> = (0..self.runs.len()).collect();
+        let mut order = self.by_content();
         order.shuffle(generator);
         let wanted = fraction * self.samples() as f64;
         let mut aside = HashSet::new();
@@ -99,9 +101,10 @@ impl Dataset {
     }
 
     fn split_by_blocks(&self, fraction: f64, generator: &mut Pcg64) -> Split {
-        let (mut training, mut held_out) = (Vec::new(), Vec::new());
+        let mut parts_of: Vec<(Vec<Run>, Vec<Run>)> = vec![Default::default(); self.runs.len()];
         let mut blocks_aside = 0;
-        for run in &self.runs {
+        for at in self.by_content() {
+            let (run, (training, held_out)) = (&self.runs[at], &mut parts_of[at]);
             let samples = run.times.len();
             if fraction <= 0.0 || samples < 2 * LEAST {
                 training.push(run.clone());
@@ -135,7 +138,8 @@ impl Dataset {
                 training.push(part(seen, samples));
             }
         }
-        let (training, held_out) = (self.with(training), self.with(held_out));
+        let (training, held_out): (Vec<Vec<Run>>, Vec<Vec<Run>>) = parts_of.into_iter().unzip();
+        let (training, held_out) = (self.with(training.concat()), self.with(held_out.concat()));
         let how = if held_out.runs.is_empty() {
             "Nothing is held out: there are too few samples to put any aside, or none was asked \
              for."
@@ -152,9 +156,50 @@ impl Dataset {
         Split { training, held_out, how }
     }
 
+    /// Numbers of the runs in an order that is made by what they hold, whatever their order in the
+    /// file: the same runs are held out of the same measurements.
+    fn by_content(&self) -> Vec<usize> {
+        let keys: Vec<Key> = self.runs.iter().map(Run::key).collect();
+        let mut order: Vec<usize> = (0..self.runs.len()).collect();
+        order.sort_by(|&a, &b| {
+            keys[a].cmp(&keys[b]).then_with(|| by_content(&self.runs[a], &self.runs[b]))
+        });
+        order
+    }
+
     fn with(&self, runs: Vec<Run>) -> Dataset {
         Dataset { observables: self.observables.clone(), runs }
     }
+}
+
+/// Number of samples of a run, then how far each observable goes in the first step: what tells
+/// nearly all runs from one another. Distances are not below zero, and their bits are in order.
+type Key = (usize, Vec<u64>);
+
+/// How far an observable is from where it begins: in the same order in other units, from another
+/// origin and with another sign.
+fn way(values: &[f64]) -> Vec<f64> {
+    let first = values.iter().copied().find(|x| x.is_finite()).unwrap_or(0.0);
+    values.iter().map(|x| (x - first).abs()).collect()
+}
+
+/// Orders runs of the same key by all that they hold.
+fn by_content(a: &Run, b: &Run) -> Ordering {
+    let raw = |values: &[f64]| values.to_vec();
+    let compare = |of: &dyn Fn(&[f64]) -> Vec<f64>| {
+        let pairs = a.values.iter().zip(&b.values);
+        pairs.map(|(a, b)| lexicographic(&of(a), &of(b))).find(|order| order.is_ne())
+    };
+    compare(&way)
+        .unwrap_or(Ordering::Equal)
+        .then_with(|| compare(&raw).unwrap_or(Ordering::Equal))
+        .then_with(|| lexicographic(&a.times, &b.times))
+        .then_with(|| a.name.cmp(&b.name))
+}
+
+fn lexicographic(a: &[f64], b: &[f64]) -> Ordering {
+    let differ = a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne());
+    differ.unwrap_or_else(|| a.len().cmp(&b.len()))
 }
 
 /// How many of the `free` samples beside a block come before it: any number, so that on neither
@@ -169,6 +214,12 @@ fn place(free: usize, generator: &mut Pcg64) -> usize {
 }
 
 impl Run {
+    fn key(&self) -> Key {
+        let step = |values: &Vec<f64>| way(values.get(..2).unwrap_or(values)).get(1).copied();
+        let steps = self.values.iter().map(|values| step(values).unwrap_or(f64::NAN).to_bits());
+        (self.times.len(), steps.collect())
+    }
+
     /// How often the slowest observable goes to and fro around its mean. Changes of less than
     /// its standard deviation are not counted: noise makes them too.
     fn turns(&self) -> f64 {
@@ -283,6 +334,43 @@ mod tests {
                     assert_eq!(run.lines.len(), run.times.len());
                 }
                 assert_eq!(split, all.split_held_out(0.2, seed));
+            }
+        }
+    }
+
+    /// Runs that differ from one another in more than where they begin.
+    fn motions(lengths: &[usize]) -> Dataset {
+        let mut all = data(lengths);
+        for (at, run) in all.runs.iter_mut().enumerate() {
+            let rate = 0.1 + 0.37 * ((7 * at + 3) % 11) as f64;
+            run.values[0] = run.times.iter().map(|t| (rate * t).sin() + 0.01 * t).collect();
+        }
+        all
+    }
+
+    #[test]
+    fn the_order_of_runs_their_units_and_signs_do_not_matter() {
+        for (lengths, fraction) in [(vec![30; 9], 0.25), (vec![50, 60, 50], 0.1)] {
+            let all = motions(&lengths);
+            for seed in 0..10 {
+                let names = |data: &Dataset| {
+                    let of = |run: &Run| (run.name.clone(), run.times.clone());
+                    let mut names: Vec<_> = data.runs.iter().map(of).collect();
+                    names.sort_by(|a, b| a.0.cmp(&b.0));
+                    names
+                };
+                let split = all.split_held_out(fraction, seed);
+                let mut turned = all.clone();
+                turned.runs.reverse();
+                let mut scaled = all.clone();
+                for x in scaled.runs.iter_mut().flat_map(|run| &mut run.values[0]) {
+                    *x = -1000.0 * *x + 5.0;
+                }
+                for other in [turned, scaled] {
+                    let other = other.split_held_out(fraction, seed);
+                    assert_eq!(names(&other.held_out), names(&split.held_out));
+                    assert_eq!(names(&other.training), names(&split.training));
+                }
             }
         }
     }

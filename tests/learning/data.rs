@@ -340,3 +340,25 @@ proptest! {
         });
     }
 }
+
+#[test]
+fn a_run_listed_twice_is_said_and_counted_once() {
+    let row = |run: &str, i: usize, from: f64| {
+        format!("{run},{},{}\n", from + 0.5 * i as f64, (0.3 * i as f64).sin())
+    };
+    let other = |i: usize| format!("b,{},{}\n", 0.5 * i as f64, (0.31 * i as f64).sin());
+    let still = |run: &str, i: usize| format!("{run},{},1\n", 0.5 * i as f64);
+    let rows = |of: &dyn Fn(usize) -> String| (0..12).map(of).collect::<String>();
+    let text = "run,t,x\n".to_string()
+        + &rows(&|i| row("a", i, 0.0))
+        + &rows(&other)
+        + &rows(&|i| row("again", i, 0.0))
+        + &rows(&|i| row("later", i, 16.0))
+        + &rows(&|i| still("rest 1", i))
+        + &rows(&|i| still("rest 2", i));
+    let (data, report) = load(text.as_bytes(), &mapping(Some("run"), &["x"])).expect("good");
+    let names: Vec<&str> = data.runs.iter().map(|run| run.name.as_str()).collect();
+    assert_eq!(names, ["a", "b", "rest 1", "rest 2"]);
+    let said = report.warnings.join("\n");
+    assert!(said.contains("2 runs") && said.contains("copy of run a"), "{said}");
+}

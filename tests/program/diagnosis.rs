@@ -149,3 +149,66 @@ fn discover_writes_what_pays_and_keeps_the_comments() {
     good(folder.path(), &["undo", "s.ham"]);
     assert_eq!(fs::read_to_string(folder.path().join("s.ham")).expect("the spec"), SPEC);
 }
+
+/// Numbers of a JSON value, in the order in which they stand.
+fn numbers(value: &serde_json::Value, found: &mut Vec<f64>) {
+    match value {
+        serde_json::Value::Number(number) => found.extend(number.as_f64()),
+        serde_json::Value::Array(items) => items.iter().for_each(|item| numbers(item, found)),
+        serde_json::Value::Object(fields) => fields.values().for_each(|v| numbers(v, found)),
+        _ => {}
+    }
+}
+
+#[test]
+fn the_order_of_the_runs_and_copies_of_them_change_no_answer() {
+    let folder = bench();
+    let path = folder.path();
+    let ask = |name: &str| {
+        let found = json(path, &["diagnose", name], "leverrier.diagnose/2");
+        let mut all = Vec::new();
+        numbers(&found["ranking"], &mut all);
+        let effects: Vec<String> = found["ranking"]
+            .as_array()
+            .expect("a ranking")
+            .iter()
+            .map(|one| one["effect"].as_str().expect("a name").to_string())
+            .collect();
+        (found["verdict"].clone(), effects, all)
+    };
+    let plain = ask("s.ham");
+    let text = fs::read_to_string(path.join("swings.csv")).expect("measurements");
+    let (header, rows) = text.split_once('\n').expect("a header");
+    let mut runs: Vec<Vec<&str>> = Vec::new();
+    for row in rows.lines() {
+        let run = |row: &str| row.split(',').next().map(str::to_string);
+        match runs.last_mut().filter(|last| run(last[0]) == run(row)) {
+            Some(last) => last.push(row),
+            None => runs.push(vec![row]),
+        }
+    }
+    let write = |name: &str, runs: &[Vec<&str>]| {
+        let rows: String = runs.concat().iter().map(|row| format!("{row}\n")).collect();
+        fs::write(path.join(format!("{name}.csv")), format!("{header}\n{rows}")).expect("written");
+        let spec = SPEC.replace("swings.csv", &format!("{name}.csv"));
+        fs::write(path.join(format!("{name}.ham")), spec).expect("written");
+    };
+    let turned: Vec<Vec<&str>> = runs.iter().rev().cloned().collect();
+    write("turned", &turned);
+    let copies: Vec<String> = runs[2].iter().map(|row| format!("again{row}")).collect();
+    let copied = [runs.clone(), vec![copies.iter().map(String::as_str).collect()]].concat();
+    write("copied", &copied);
+    for name in ["turned.ham", "copied.ham"] {
+        let other = ask(name);
+        assert_eq!((&other.0, &other.1), (&plain.0, &plain.1), "{name}");
+        assert_eq!(other.2.len(), plain.2.len());
+        for (a, b) in other.2.iter().zip(&plain.2) {
+            assert!((a - b).abs() <= 1e-3 * b.abs().max(1e-6), "{name}: {a} {b}");
+        }
+    }
+    for command in ["check", "fit"] {
+        let said = good(path, &[command, "copied.ham"]);
+        let said = said.out + &said.err;
+        assert!(said.contains("copy of run"), "{command}: {said}");
+    }
+}

@@ -45,7 +45,7 @@ fn ended(child: Child, arguments: &[&str]) -> String {
 }
 
 fn actions(folder: &Path) -> Vec<(String, bool)> {
-    let history = json(folder, &["history", "s.ham"], "leverrier.history/1");
+    let history = json(folder, &["history", "s.ham"], "leverrier.history/2");
     let revisions = history["revisions"].as_array().expect("revisions").iter();
     let one = |revision: &Value| {
         let action = revision["action"].as_str().expect("an action").to_string();
