@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::path::Path;
 
-use leverrier::internals::data::{Dataset, Layout, ParquetWriter, Run};
+use leverrier::internals::data::{Clock, Dataset, Layout, ParquetWriter, Run};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
@@ -59,6 +59,7 @@ fn pairs(block: u64, count: u64) -> Vec<Run> {
                 times: vec![0.0, STEP],
                 values: (0..4).map(|i| vec![measured(start[i]), measured(end[i])]).collect(),
                 lines: vec![0; 2],
+                clock: Clock::default(),
             }
         })
         .collect()

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use leverrier::internals::data::{Dataset, Run};
+use leverrier::internals::data::{Clock, Dataset, Run};
 use leverrier::internals::dynamics::{Dynamics, Method};
 use leverrier::internals::eval::Backend;
 use leverrier::internals::expr::build;
@@ -47,6 +47,7 @@ fn pairs(degrees: usize, count: usize) -> Dataset {
                 })
                 .collect(),
             lines: vec![0; 2],
+            clock: Clock::default(),
         })
         .collect();
     Dataset { observables: names, runs }

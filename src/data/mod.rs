@@ -10,6 +10,7 @@
 mod blocks;
 mod cell;
 mod cells;
+mod clock;
 mod delimiter;
 mod folder;
 mod format;
@@ -36,6 +37,7 @@ mod write;
 
 pub use cell::{Cell, format_number, parse_cell, short};
 pub use cells::Cells;
+pub use clock::Clock;
 pub use delimiter::Delimiter;
 pub use folder::write_folder;
 pub use format::{Format, read, read_bytes, to_bytes};
@@ -59,12 +61,31 @@ pub use write::{Layout, to_csv, write_atomically, write_csv};
 pub struct Run {
     /// The cell of the run column, or "1" when there is none.
     pub name: String,
-    /// Sample times in the spec's time unit, strictly increasing.
+    /// Sample times since `clock.origin` in the spec's time unit, strictly increasing.
     pub times: Vec<f64>,
     /// `values[observable][sample]`, in the spec's units; NaN where nothing was measured.
     pub values: Vec<Vec<f64>>,
     /// Line of the file that each sample came from, counted from 1; 0 when not from a file.
     pub lines: Vec<u64>,
+    /// What `times` are counted from: zero, unless a file has times far from it.
+    pub clock: Clock,
+}
+
+impl Run {
+    /// The time of a sample on the clock of the file; not a number beyond the last.
+    pub fn time(&self, sample: usize) -> f64 {
+        self.times.get(sample).map_or(f64::NAN, |since| self.clock.time(*since))
+    }
+
+    /// Times of all samples on the clock of the file.
+    pub fn clock_times(&self) -> Vec<f64> {
+        self.times.iter().map(|since| self.clock.time(*since)).collect()
+    }
+
+    /// First and last time on the clock of the file.
+    pub fn ends(&self) -> Option<(f64, f64)> {
+        Some((self.time(0), self.time(self.times.len().checked_sub(1)?)))
+    }
 }
 
 /// All runs of one data set.

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
-use super::{Dataset, Run};
+use super::{Clock, Dataset, Run};
 
 /// What was measured, run after run in one column for each observable.
 ///
@@ -20,6 +20,8 @@ pub struct Packed {
     /// First sample of each run, and the one after its last.
     places: Vec<[usize; 2]>,
     typical: OnceLock<f64>,
+    /// What the times of each run are counted from; empty where all are from zero.
+    clocks: Vec<Clock>,
 }
 
 /// Runs of each pile that one thread copies at a time.
@@ -54,7 +56,9 @@ impl Packed {
                 *place = room.put(run, at % piles);
             }
         });
-        Packed { times, values, places, ..Packed::default() }
+        let far = runs.iter().any(|run| run.clock != Clock::default());
+        let clocks = if far { runs.iter().map(|run| run.clock).collect() } else { Vec::new() };
+        Packed { times, values, places, clocks, ..Packed::default() }
     }
 
     /// Columns that are one run already, `[observable][sample]`.
@@ -78,7 +82,20 @@ impl Packed {
         self.places.iter().map(|[start, end]| end - start).max().unwrap_or(0)
     }
 
-    /// Sample times of a run, in the spec's time unit, strictly increasing.
+    /// The same columns of several runs: which clock each has, for `clock_of`. All samples belong
+    /// to each of the runs.
+    pub fn runs_of(times: Vec<f64>, values: Vec<Vec<f64>>, clocks: Vec<Clock>) -> Packed {
+        let places = vec![[0, times.len()]; clocks.len()];
+        Packed { times, values, places, clocks, ..Packed::default() }
+    }
+
+    /// What the times of a run are counted from.
+    pub fn clock_of(&self, run: usize) -> Clock {
+        self.clocks.get(run).copied().unwrap_or_default()
+    }
+
+    /// Sample times of a run since its clock's origin, in the spec's time unit, strictly
+    /// increasing.
     pub fn times_of(&self, run: usize) -> &[f64] {
         self.times.get(self.samples_of(run)).unwrap_or_default()
     }
@@ -178,6 +195,7 @@ mod tests {
             times: (0..length).map(|i| i as f64).collect(),
             values: (0..columns).map(|c| vec![(10 * length + c) as f64; length]).collect(),
             lines: vec![0; length],
+            clock: Clock::default(),
         };
         // More runs than one thread copies, of different lengths, one of them without a column.
         let mut runs: Vec<Run> = (0..7 * SIDE_BY_SIDE + 4).map(|i| run(1 + i % 4, 2)).collect();

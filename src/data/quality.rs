@@ -213,7 +213,7 @@ pub(super) fn rough_noise(data: &Dataset, observable: usize) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::data::Run;
+    use crate::data::{Clock, Run};
     use rand::SeedableRng;
     use rand_distr::{Distribution, Normal};
 
@@ -226,6 +226,7 @@ mod tests {
                 values: columns.iter().map(|f| times.iter().map(|t| f(*t)).collect()).collect(),
                 lines: vec![0; times.len()],
                 times,
+                clock: Clock::default(),
             }],
         }
     }
@@ -275,6 +276,7 @@ mod tests {
                 lines: vec![0; times.len()],
                 times,
                 values: vec![values],
+                clock: Clock::default(),
             }],
         };
         let rough = rough_noise(&data, 0).expect("enough samples");

@@ -170,8 +170,8 @@ fn run_report(run: &Run) -> RunReport {
     RunReport {
         name: run.name.clone(),
         samples: run.times.len(),
-        start: run.times.first().copied().unwrap_or(0.0),
-        end: run.times.last().copied().unwrap_or(0.0),
+        start: run.ends().map_or(0.0, |ends| ends.0),
+        end: run.ends().map_or(0.0, |ends| ends.1),
         lines: (
             run.lines.iter().copied().min().unwrap_or(0),
             run.lines.iter().copied().max().unwrap_or(0),
@@ -217,8 +217,8 @@ fn gaps(run: &Run, median_of_all: f64) -> Vec<Gap> {
         .map(|(at, (step, [start, end]))| Gap {
             run: run.name.clone(),
             after_line: run.lines.get(at).copied().unwrap_or(0),
-            start: *start,
-            end: *end,
+            start: run.clock.time(*start),
+            end: run.clock.time(*end),
             steps: step / usual,
         })
         .collect()
@@ -255,6 +255,7 @@ fn column_report(data: &Dataset, at: usize) -> ColumnReport {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::data::Clock;
 
     fn run(times: &[f64]) -> Run {
         Run {
@@ -262,6 +263,7 @@ mod tests {
             times: times.to_vec(),
             values: vec![times.to_vec()],
             lines: (2..).take(times.len()).collect(),
+            clock: Clock::default(),
         }
     }
 

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 
 use super::cells::entry;
+use super::clock::{Clock, Since, is_far};
 use super::header::counted;
 use super::mapping::{
     Mapping, converted, missing_column, observable_column, time_column, without_column,
@@ -39,7 +40,7 @@ pub fn dataset(table: &Table, mapping: &Mapping) -> Result<(Dataset, DataReport)
         });
         sources.push(column.map(|column| column.header.clone()));
     }
-    let rows = Rows { table, mapping, time: time.0, times, values };
+    let rows = Rows { table, mapping, time: time.0, scale: time.1, times, values };
     let mut notes = Notes::default();
     let groups = rows.grouped(&mut notes)?;
     let falling = rows.falling(&groups);
@@ -147,7 +148,7 @@ fn leave_copies_out(runs: &mut Vec<Run>, notes: &mut Notes) {
     let mut first: HashMap<Vec<u64>, Vec<usize>> = HashMap::new();
     let mut kept: Vec<Run> = Vec::with_capacity(runs.len());
     for run in runs.drain(..) {
-        let moves = |values: &Vec<f64>| values.windows(2).any(|pair| pair[0] != pair[1]);
+        let moves = |values: &Vec<f64>| values.array_windows().any(|[a, b]| a != b);
         if run.times.len() < TELLING || !run.values.iter().any(moves) {
             kept.push(run);
             continue;
@@ -186,6 +187,8 @@ struct Rows<'a> {
     table: &'a Table,
     mapping: &'a Mapping,
     time: &'a Column,
+    /// Spec's units of time per unit of the file.
+    scale: f64,
     times: Vec<f64>,
     /// `values[observable][row]`
     values: Vec<Vec<f64>>,
@@ -338,7 +341,9 @@ impl Rows<'_> {
             times: Vec::with_capacity(members.len()),
             values: vec![Vec::with_capacity(members.len()); self.values.len()],
             lines: Vec::with_capacity(members.len()),
+            clock: Clock::default(),
         };
+        let mut rows = Vec::with_capacity(members.len());
         for &row in members {
             let same = run.times.last().is_some_and(|time| *time == self.time_of(row));
             if same {
@@ -368,11 +373,21 @@ impl Rows<'_> {
                 notes.doubled.push((self.line(row), line));
                 continue;
             }
+            rows.push(row);
             run.times.push(self.time_of(row));
             for (column, values) in run.values.iter_mut().zip(&self.values) {
                 column.push(entry(values, row));
             }
             run.lines.push(self.line(row));
+        }
+        if let ([first, second, ..], Some(&row)) = (run.times.as_slice(), rows.first())
+            && is_far(*first, *second)
+        {
+            let since = Since::new(self.table, self.time, row, *first, self.scale);
+            for (time, row) in run.times.iter_mut().zip(rows) {
+                *time = since.of(self.table, self.time, row, *time);
+            }
+            run.clock = since.clock(self.time);
         }
         Ok(run)
     }

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::ops::Range;
 
-use super::Dataset;
+use super::{Clock, Dataset};
 use crate::error::Result;
 
 /// Measurements that can be gone through from the first to the last, as often as need be.
@@ -33,7 +33,8 @@ pub trait Pass: Send {
 /// Consecutive samples of one or many runs.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Chunk {
-    /// Times of all samples, run after run; strictly increasing within a run.
+    /// Times of all samples, run after run, since the clock's origin of their piece; strictly
+    /// increasing within a run.
     pub times: Vec<f64>,
     /// `values[observable][sample]`, in the spec's units; NaN where nothing was measured.
     pub values: Vec<Vec<f64>>,
@@ -56,6 +57,8 @@ pub struct Piece {
     pub begins: bool,
     /// Whether the run's last sample is here.
     pub ends: bool,
+    /// What the times of its samples are counted from.
+    pub clock: Clock,
 }
 
 /// What a run is called, without a text for each of a hundred million of them.
@@ -131,6 +134,7 @@ impl Pass for InMemoryPass<'_> {
                 line: run.lines.first().copied().unwrap_or(0),
                 begins: true,
                 ends: true,
+                clock: run.clock,
             });
             self.next += 1;
         }

@@ -104,7 +104,8 @@ impl Dataset {
         let mut parts_of: Vec<(Vec<Run>, Vec<Run>)> = vec![Default::default(); self.runs.len()];
         let mut blocks_aside = 0;
         for at in self.by_content() {
-            let (run, (training, held_out)) = (&self.runs[at], &mut parts_of[at]);
+            let of = self.runs.get(at).zip(parts_of.get_mut(at));
+            let Some((run, (training, held_out))) = of else { continue };
             let samples = run.times.len();
             if fraction <= 0.0 || samples < 2 * LEAST {
                 training.push(run.clone());
@@ -159,12 +160,10 @@ impl Dataset {
     /// Numbers of the runs in an order that is made by what they hold, whatever their order in the
     /// file: the same runs are held out of the same measurements.
     fn by_content(&self) -> Vec<usize> {
-        let keys: Vec<Key> = self.runs.iter().map(Run::key).collect();
-        let mut order: Vec<usize> = (0..self.runs.len()).collect();
-        order.sort_by(|&a, &b| {
-            keys[a].cmp(&keys[b]).then_with(|| by_content(&self.runs[a], &self.runs[b]))
-        });
-        order
+        let keyed = self.runs.iter().enumerate().map(|(at, run)| (run.key(), at, run));
+        let mut order: Vec<(Key, usize, &Run)> = keyed.collect();
+        order.sort_by(|a, b| a.0.cmp(&b.0).then_with(|| by_content(a.2, b.2)));
+        order.into_iter().map(|(_, at, _)| at).collect()
     }
 
     fn with(&self, runs: Vec<Run>) -> Dataset {
@@ -246,6 +245,7 @@ impl Run {
             times: cut(&self.times, start, end),
             values: self.values.iter().map(|v| cut(v, start, end)).collect(),
             lines: cut(&self.lines, start, end),
+            clock: self.clock,
         }
     }
 }
@@ -298,6 +298,7 @@ pub fn concatenate(sets: &[Dataset]) -> Result<Dataset> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::data::Clock;
 
     fn data(lengths: &[usize]) -> Dataset {
         let run = |(at, length): (usize, &usize)| Run {
@@ -305,6 +306,7 @@ mod tests {
             times: (0..*length).map(|i| i as f64).collect(),
             values: vec![(0..*length).map(|i| (1000 * at + i) as f64).collect()],
             lines: (2..).take(*length).collect(),
+            clock: Clock::default(),
         };
         Dataset {
             observables: vec!["x".to_string()],

@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 
 use super::blocks::Blocks;
 use super::cells::entry;
+use super::clock::{Clock, Since, is_far};
 use super::mapping::{
     Mapping, converted, missing_column, observable_column, time_column, without_column,
 };
 use super::source::{Chunk, Pass, Piece, RunName, Source};
-use super::table::{Reading, Table};
+use super::table::{Column, Reading, Table};
 use crate::error::Result;
 
 /// Bytes of a chunk.
@@ -137,6 +138,8 @@ impl Source for FileSource {
             chunk: self.empty(),
             runs: 0,
             rows: 0,
+            since: None,
+            last: f64::NAN,
             ended: false,
         }))
     }
@@ -156,6 +159,10 @@ struct FilePass<'a> {
     runs: u64,
     /// Rows that were read.
     rows: u64,
+    /// Times of the open run since its start, should that be far from zero.
+    since: Option<Since>,
+    /// The time of the last sample on the clock of the file.
+    last: f64,
     ended: bool,
 }
 
@@ -289,7 +296,9 @@ impl FilePass<'_> {
                     return Err(table.error(Some(line), Some(&column.header), message, hint));
                 }
                 self.begin(name, line);
-            } else if let Some(&before) = self.chunk.times.last() {
+                self.since = Some(Since::new(table, column, row, time, scale));
+            } else if !self.chunk.times.is_empty() {
+                let before = self.last;
                 if time < before {
                     return Err(self.backwards(table, line, header, before, time));
                 }
@@ -298,7 +307,7 @@ impl FilePass<'_> {
                     continue;
                 }
             }
-            self.chunk.times.push(time);
+            self.push_time(table, column, row, time);
             for (all, column) in self.chunk.values.iter_mut().zip(&values) {
                 all.push(entry(column, row));
             }
@@ -309,6 +318,24 @@ impl FilePass<'_> {
         Ok(())
     }
 
+    /// The time of the next sample of the open run. Its second sample tells whether the run is far
+    /// from zero.
+    fn push_time(&mut self, table: &Table, column: &Column, row: usize, time: f64) {
+        let before = std::mem::replace(&mut self.last, time);
+        let (Some(piece), Some(since)) = (self.chunk.pieces.last_mut(), &self.since) else {
+            return self.chunk.times.push(time);
+        };
+        let second = piece.begins && piece.samples.len() == 1;
+        if second && is_far(before, time) {
+            piece.clock = since.clock(column);
+            if let Some(first) = self.chunk.times.last_mut() {
+                *first = since.first;
+            }
+        }
+        let far = piece.clock != Clock::default();
+        self.chunk.times.push(if far { since.of(table, column, row, time) } else { time });
+    }
+
     fn begin(&mut self, name: RunName, line: u64) {
         if let Some(last) = self.chunk.pieces.last_mut() {
             last.ends = true;
@@ -317,7 +344,15 @@ impl FilePass<'_> {
         let run = self.runs;
         self.runs += 1;
         let samples = here..here;
-        self.chunk.pieces.push(Piece { run, name, samples, line, begins: true, ends: false });
+        self.chunk.pieces.push(Piece {
+            run,
+            name,
+            samples,
+            line,
+            begins: true,
+            ends: false,
+            clock: Clock::default(),
+        });
     }
 
     fn backwards(

@@ -229,6 +229,7 @@ impl Reservoir {
             times: part(&chunk.times),
             values: chunk.values.iter().map(|column| part(column)).collect(),
             lines: vec![piece.line; end - start],
+            clock: piece.clock,
         };
         self.samples += end - start;
         self.kept.insert(key, run);

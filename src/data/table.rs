@@ -98,7 +98,7 @@ impl Reading {
         }
     }
 
-    fn decimal_comma(&self) -> bool {
+    pub(super) fn decimal_comma(&self) -> bool {
         matches!(self, Reading::Text(text) if text.decimal_comma)
     }
 

@@ -57,10 +57,10 @@ pub fn to_csv(path: &Path, data: &Dataset, layout: &Layout) -> Result<Vec<u8>> {
     for run in &data.runs {
         check_finite(path, run, line + 1, layout, &data.observables)?;
         line += run.times.len() as u64;
-        for (sample, time) in run.times.iter().enumerate() {
+        for (sample, since) in run.times.iter().enumerate() {
             record.clear();
             record.extend(layout.run.iter().map(|_| run.name.clone()));
-            record.push(format_number(*time));
+            record.push(format_number(run.clock.time(*since)));
             record.extend(run.values.iter().map(|column| {
                 column.get(sample).map_or(String::new(), |value| format_number(*value))
             }));
@@ -96,7 +96,7 @@ pub(super) fn check_finite(
     let names = std::iter::once(&layout.time).chain(observables);
     for (column, name) in columns.zip(names) {
         if let Some(sample) = column.iter().position(|x| x.is_infinite()) {
-            let time = run.times.get(sample).copied().unwrap_or(f64::NAN);
+            let time = run.time(sample);
             return Err(wrong(
                 path,
                 Some(first + sample as u64),

@@ -218,7 +218,10 @@ fn variables(context: &Context, system: &mut System) -> Vec<(String, Expr, Vec<f
     let mut times: Vec<f64> = segments
         .list
         .iter()
-        .flat_map(|s| context.dataset.runs[s.run].times[s.first..=s.last].iter().copied())
+        .flat_map(|s| {
+            let run = &context.dataset.runs[s.run];
+            (s.first..=s.last).map(|at| run.time(at))
+        })
         .collect();
     let pairs = longest_run(context.dataset) <= 2;
     let times = if pairs { Vec::new() } else { centres(&mut times, HATS) };
@@ -237,9 +240,10 @@ pub fn energies(context: &Context) -> Vec<Vec<(f64, f64)>> {
     let mut scratch = Scratch::new();
     let mut points: Vec<Vec<(f64, f64)>> = vec![Vec::new(); context.dataset.runs.len()];
     for (segment, state) in segments.list.iter().zip(&states) {
-        let times = &context.dataset.runs[segment.run].times;
+        let run = &context.dataset.runs[segment.run];
+        let times = &run.times;
         let mut batch = Batch::new(context.system().degrees(), 1);
-        batch.set(0, times[segment.first], state);
+        batch.set(0, run.time(segment.first), state);
         // The middle of a segment is where its state is known best.
         let middle = 0.5 * (times[segment.last] - times[segment.first]);
         let steps = (middle / context.law.stepping().longest).ceil().max(1.0) as usize;
@@ -248,7 +252,7 @@ pub fn energies(context: &Context) -> Vec<Vec<(f64, f64)>> {
         let mut energy = [f64::NAN];
         dynamics.energy(&batch, &theta, &mut energy, &mut scratch);
         if energy[0].is_finite() {
-            points[segment.run].push((times[segment.first] + middle, energy[0]));
+            points[segment.run].push((run.time(segment.first) + middle, energy[0]));
         }
     }
     for points in &mut points {

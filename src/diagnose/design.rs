@@ -10,7 +10,7 @@ use super::rival::{Known, Rival};
 use super::round::CLOSE;
 use super::search::{Found, about_as_good, at_rest, round_to, score, search};
 use super::trial::{Jury, Question, Sampling, Trial};
-use crate::data::Dataset;
+use crate::data::{Dataset, Run};
 use crate::error::{Error, ErrorKind, Result};
 use crate::fit::Monitor;
 use crate::fit::segments::typical_step;
@@ -214,12 +214,13 @@ fn sought(known: &Known, name: Option<&str>) -> Result<(usize, Sought)> {
 
 /// The box of all states that the measurements so far went through.
 fn reach(known: &Known, dataset: &Dataset) -> Vec<Interval> {
+    let times: Vec<Vec<f64>> = dataset.runs.iter().map(Run::clock_times).collect();
     let runs: Vec<(&[f64], &[f64])> = known
         .segments
         .list
         .iter()
         .zip(&known.states)
-        .map(|(s, state)| (state, &dataset.runs[s.run].times[s.first..=s.last]))
+        .map(|(s, state)| (state, &times[s.run][s.first..=s.last]))
         .collect();
     let none = Interval { lower: f64::INFINITY, upper: f64::NEG_INFINITY };
     let mut reach = vec![none; 2 * known.dynamics.degrees()];
@@ -262,9 +263,9 @@ fn samplings(dataset: &Dataset, allowed: &Allowed) -> Result<Vec<Sampling>> {
         values.sort_by(f64::total_cmp);
         values.get(values.len() / 2).copied()
     };
-    let ends = || dataset.runs.iter().filter_map(|run| run.times.first().zip(run.times.last()));
+    let ends = || dataset.runs.iter().filter_map(Run::ends);
     let typical = typical_step(dataset);
-    let from = allowed.from.or_else(|| median(ends().map(|(a, _)| *a).collect())).unwrap_or(0.0);
+    let from = allowed.from.or_else(|| median(ends().map(|(a, _)| a).collect())).unwrap_or(0.0);
     let steps = if allowed.steps.is_empty() { vec![typical] } else { allowed.steps.clone() };
     let usual = median(ends().map(|(a, b)| b - a).collect()).unwrap_or(0.0);
     let least = steps.iter().copied().fold(0.0, f64::max) * (SHORTEST - 1) as f64;
@@ -309,7 +310,7 @@ fn repeated(jury: &Jury) -> Option<Vec<f64>> {
         .step_by(stride)
         .filter_map(|(run, first)| {
             let (sample, state) = first?;
-            let times = jury.dataset.runs[run].times[sample..].to_vec();
+            let times = jury.dataset.runs[run].clock_times().split_off(sample);
             Some((state.to_vec(), Sampling::beside(jury.dataset, times)))
         })
         .collect();

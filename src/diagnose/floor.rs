@@ -116,7 +116,7 @@ fn roughness(dataset: &Dataset, row: usize) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::data::Run;
+    use crate::data::{Clock, Run};
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
     use rand_pcg::Pcg64;
@@ -127,7 +127,8 @@ mod tests {
         let mut noise = || -> f64 { StandardNormal.sample(&mut generator) };
         let values = vec![times.iter().map(|t| t.sin() + sigma * noise()).collect()];
         let lines = vec![0; times.len()];
-        let run = Run { name: String::new(), times: times.to_vec(), values, lines };
+        let (name, clock) = (String::new(), Clock::default());
+        let run = Run { name, times: times.to_vec(), values, lines, clock };
         Dataset { observables: vec!["x".to_string()], runs: vec![run] }
     }
 

@@ -49,7 +49,7 @@ pub fn predictions(context: &Context, held_out: bool) -> Vec<Prediction> {
             Prediction {
                 run: run.name.clone(),
                 held_out,
-                times: run.times.clone(),
+                times: run.clock_times(),
                 measured: run.values.clone(),
                 predicted: missing.clone(),
                 states: missing,
@@ -133,7 +133,7 @@ impl<'a> Law<'a> {
         for sample in 0..samples {
             if sample > 0 {
                 for (lane, (segment, _)) in block.iter().enumerate() {
-                    let times = &out[segment.run].times;
+                    let times = &context.dataset.runs[segment.run].times;
                     let at = segment.first + sample;
                     span[lane] = if at <= segment.last { times[at] - times[at - 1] } else { 0.0 };
                 }

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::data::Dataset;
+use crate::data::{Dataset, Run};
 use crate::expr::System;
 use crate::fit::segments::{longest_run, typical_step};
 use crate::spec::effects::ScanBy;
@@ -27,12 +27,12 @@ pub(super) struct Reach {
 impl Reach {
     pub(super) fn of(system: &System, dataset: &Dataset) -> Reach {
         let step = typical_step(dataset).max(f64::MIN_POSITIVE);
-        let times = dataset.runs.iter().flat_map(|run| run.times.first().zip(run.times.last()));
+        let times = dataset.runs.iter().filter_map(Run::ends);
         let none = (f64::INFINITY, f64::NEG_INFINITY);
         Reach {
             ranges: ranges(system, dataset),
             step,
-            times: times.fold(none, |(a, b), (&start, &end)| (a.min(start), b.max(end))),
+            times: times.fold(none, |(a, b), (start, end)| (a.min(start), b.max(end))),
             duration: (longest_run(dataset).saturating_sub(1).max(1)) as f64 * step,
         }
     }

@@ -9,7 +9,7 @@
 //! Stat. 23, 255 (1952)).
 
 use super::rival::{Known, Path};
-use crate::data::{Dataset, Run};
+use crate::data::{Clock, Dataset, Run};
 use crate::fit::segments::{Segment, Segments, stretches, typical_step};
 use crate::fit::states::States;
 use crate::fit::uncertainty::covariance;
@@ -30,7 +30,8 @@ impl Sampling {
         let mut all = dataset.clone();
         let values = vec![vec![0.0; times.len()]; all.observables.len()];
         let lines = vec![0; times.len()];
-        all.runs.push(Run { name: String::new(), times: times.clone(), values, lines });
+        let (name, clock) = (String::new(), Clock::default());
+        all.runs.push(Run { name, times: times.clone(), values, lines, clock });
         Sampling { times, typical: typical_step(&all) }
     }
 }
@@ -181,6 +182,7 @@ impl Jury<'_> {
                 values: values.collect(),
                 lines: vec![0; times.len()],
                 times,
+                clock: Clock::default(),
             }
         });
         Dataset { observables: self.dataset.observables.clone(), runs: runs.collect() }

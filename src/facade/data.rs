@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{Spec, measured};
-use crate::data::{DataReport, Dataset, Run};
+use crate::data::{Clock, DataReport, Dataset, Run};
 use crate::error::{Error, ErrorKind, Result};
 
 /// Measurements: runs of samples with their times, in the units of the spec that they were read
@@ -157,12 +157,12 @@ impl Data {
     /// # use leverrier::{Data, Spec};
     /// let spec = Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = span{ q^2 }")?;
     /// let data = Data::from_slices(&spec, &[0.0, 0.1], &[&[1.0, 0.9]])?;
-    /// assert_eq!(data.times(0), Some([0.0, 0.1].as_slice()));
+    /// assert_eq!(data.times(0), Some(vec![0.0, 0.1]));
     /// assert_eq!(data.times(1), None);
     /// # Ok::<(), leverrier::Error>(())
     /// ```
-    pub fn times(&self, run: usize) -> Option<&[f64]> {
-        Some(&self.dataset.runs.get(run)?.times)
+    pub fn times(&self, run: usize) -> Option<Vec<f64>> {
+        self.dataset.runs.get(run).map(Run::clock_times)
     }
 
     /// Values of an observable in a run (counted from 0), one for each of its times, in the spec's
@@ -254,5 +254,6 @@ fn run(name: &str, times: &[f64], values: &[&[f64]], observables: usize) -> Resu
         times: times.to_vec(),
         values: columns,
         lines: vec![0; times.len()],
+        clock: Clock::default(),
     })
 }

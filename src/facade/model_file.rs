@@ -75,11 +75,11 @@ fn first_state(system: &System, dataset: &Dataset) -> Option<(f64, Vec<f64>)> {
         return None;
     }
     dataset.runs.iter().find_map(|run| {
-        run.times.iter().enumerate().find_map(|(at, &time)| {
+        (0..run.times.len()).find_map(|at| {
             let state: Vec<f64> = run.values.iter().filter_map(|c| c.get(at).copied()).collect();
             let complete =
                 state.len() == 2 * system.degrees() && state.iter().all(|x| x.is_finite());
-            complete.then_some((time, state))
+            complete.then(|| (run.time(at), state))
         })
     })
 }

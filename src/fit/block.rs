@@ -41,7 +41,7 @@ impl<'a> Block<'a> {
         };
         for (lane, segment) in segments.iter().enumerate() {
             let times = &measured.times_of(segment.run)[segment.first..=segment.last];
-            block.starts.push(times[0]);
+            block.starts.push(measured.clock_of(segment.run).time(times[0]));
             for (sample, pair) in times.windows(2).enumerate() {
                 block.spans[(sample + 1) * lanes + lane] = pair[1] - pair[0];
             }

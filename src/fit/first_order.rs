@@ -224,8 +224,9 @@ impl<'a> Trainer<'a> {
         };
         let states = States::measured(&self.measured, segments, degrees);
         for (lane, (segment, state)) in segments.iter().zip(&states).enumerate() {
-            let time = self.measured.times_of(segment.run)[segment.first];
-            batch.set(lane, time, state);
+            let since = self.measured.times_of(segment.run)[segment.first];
+            let clock = self.measured.clock_of(segment.run);
+            batch.set(lane, clock.time(since), state);
         }
         batch
     }

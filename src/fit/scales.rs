@@ -11,7 +11,8 @@ pub struct Scale {
     /// Standard deviation; of a column that never changes its size, at least 1. `None` where
     /// nothing was measured.
     pub spread: Option<f64>,
-    /// What rounding does to it: a few units in the last place of its largest value.
+    /// What rounding does to it: a few units in the last place of its largest value, or what it
+    /// moves by while a rounded clock is off.
     pub rounding: f64,
     /// Values that were measured.
     pub measured: usize,
@@ -19,7 +20,32 @@ pub struct Scale {
 
 /// The scale of each of the first `observables` observables.
 pub fn scales(measured: &Packed, observables: usize) -> Vec<Scale> {
-    (0..observables).into_par_iter().map(|row| scale(measured.column(row))).collect()
+    let of = |row: usize| {
+        let mut scale = scale(measured.column(row));
+        scale.rounding = scale.rounding.max(rounding_of_time(measured, row));
+        scale
+    };
+    (0..observables).into_par_iter().map(of).collect()
+}
+
+/// What rounding of the time column does to an observable: it moves on while the clock is off.
+fn rounding_of_time(measured: &Packed, row: usize) -> f64 {
+    let mut most: f64 = 0.0;
+    for run in 0..measured.runs() {
+        let rounding = measured.clock_of(run).rounding;
+        if rounding == 0.0 {
+            continue;
+        }
+        let (times, values) = (measured.times_of(run), measured.values_of(row, run));
+        let pairs = times.windows(2).zip(values.windows(2));
+        let rates = pairs.map(|(t, x)| (x[1] - x[0]) / (t[1] - t[0])).filter(|x| x.is_finite());
+        let (count, squares) = rates.fold((0.0, 0.0), |(n, sum), x| (n + 1.0, sum + x * x));
+        if count > 0.0 {
+            // Two roundings, each by the square root of three standard deviations at most.
+            most = most.max(2.0 * 3f64.sqrt() * rounding * f64::sqrt(squares / count));
+        }
+    }
+    most
 }
 
 /// The spread of each observable. What was not measured is as large as its guess at the start of

@@ -216,7 +216,7 @@ pub fn blocks(segments: Range<usize>, width: usize) -> Vec<Range<usize>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::data::Run;
+    use crate::data::{Clock, Run};
 
     fn run(times: &[f64]) -> Run {
         Run {
@@ -224,6 +224,7 @@ mod tests {
             times: times.to_vec(),
             values: vec![times.to_vec(), vec![1.0; times.len()]],
             lines: vec![0; times.len()],
+            clock: Clock::default(),
         }
     }
 

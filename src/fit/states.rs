@@ -128,7 +128,7 @@ fn first_state(measured: &Packed, segment: Segment, state: &mut [f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::data::{Dataset, Run};
+    use crate::data::{Clock, Dataset, Run};
     use crate::fit::segments::packed;
 
     #[test]
@@ -138,6 +138,7 @@ mod tests {
             times: vec![0.0, 0.5, 1.0],
             values: vec![vec![0.0, 0.5, 1.0], vec![f64::NAN; 3]],
             lines: vec![0; 3],
+            clock: Clock::default(),
         };
         let data = Dataset { observables: vec!["q".into(), "p".into()], runs: vec![run] };
         let segment = Segment { run: 0, first: 0, last: 2 };

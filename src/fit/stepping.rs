@@ -172,7 +172,8 @@ fn sample(training: &Training) -> (Batch, Vec<f64>) {
         let times = training.measured.times_of(segment.run);
         let settled = at == segment.first;
         let start = if settled { training.states.of(i) } else { measured.of(lane) };
-        batch.set(lane, times[at], start);
+        let clock = training.measured.clock_of(segment.run);
+        batch.set(lane, clock.time(times[at]), start);
         span.push(times[at + 1] - times[at]);
     }
     (batch, span)

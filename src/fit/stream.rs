@@ -15,7 +15,7 @@ use super::monitor::Monitor;
 use super::pass::{FoldPass, FoldResult, Linearised, Problem, block_width, shares};
 use super::segments::{FOLDS, Segment, Segments, blocks, cut_run};
 use super::states::States;
-use crate::data::{Chunk, Packed, Source, Survey};
+use crate::data::{Chunk, Clock, Packed, Source, Survey};
 use crate::dynamics::{Dynamics, KeptScratch, Scratch};
 use crate::error::{Error, Result};
 
@@ -220,7 +220,8 @@ impl Cutter {
         let each = chunk.times.len() / 2 / FOLDS;
         let mut folds: Vec<Vec<Segment>> = (0..FOLDS).map(|_| Vec::with_capacity(each)).collect();
         let mut left = chunk.times.len();
-        for piece in &chunk.pieces {
+        let far = chunk.pieces.iter().any(|piece| piece.clock != Clock::default());
+        for (at, piece) in chunk.pieces.iter().enumerate() {
             let times = &chunk.times[piece.samples.clone()];
             let pair = piece.begins && piece.ends && times.len() == 2;
             let next =
@@ -228,7 +229,11 @@ impl Cutter {
                     let start = piece.samples.start;
                     let place = self.before + (start + first).saturating_sub(carried) as u64;
                     let fold = if self.by_runs { piece.run } else { place / STRETCH };
-                    let segment = Segment { run: 0, first: start + first, last: start + last };
+                    let segment = Segment {
+                        run: if far { at } else { 0 },
+                        first: start + first,
+                        last: start + last,
+                    };
                     folds[(fold % FOLDS as u64) as usize].push(segment);
                 });
             if !piece.ends {
@@ -241,13 +246,13 @@ impl Cutter {
             values: chunk.values.iter().map(|values| values[left..].to_vec()).collect(),
             pieces: Vec::new(),
         };
-        side_by_side(&chunk, Segments::of(folds))
+        side_by_side(&chunk, far, Segments::of(folds))
     }
 }
 
 /// What was measured of some segments of a chunk, one after the other as they are passed over: in
-/// the chunk those of a fold lie far apart.
-fn side_by_side(chunk: &Chunk, mut segments: Segments) -> (Packed, Segments) {
+/// the chunk those of a fold lie far apart. With `far`, each segment's run is its piece.
+fn side_by_side(chunk: &Chunk, far: bool, mut segments: Segments) -> (Packed, Segments) {
     let list = &segments.list;
     let samples = list.iter().map(|segment| segment.samples()).sum();
     let of = |column: &Vec<f64>| {
@@ -263,5 +268,10 @@ fn side_by_side(chunk: &Chunk, mut segments: Segments) -> (Packed, Segments) {
         end += segment.samples();
         *segment = Segment { first, last: end - 1, ..*segment };
     }
-    (Packed::run_of(times, values), segments)
+    let clocks = || chunk.pieces.iter().map(|piece| piece.clock).collect();
+    let measured = match far {
+        true => Packed::runs_of(times, values, clocks()),
+        false => Packed::run_of(times, values),
+    };
+    (measured, segments)
 }

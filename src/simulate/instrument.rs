@@ -78,6 +78,7 @@ pub fn consecutive_pairs(data: &Dataset) -> Dataset {
                 times: run.times[at - 1..=at].to_vec(),
                 values: run.values.iter().map(|column| column[at - 1..=at].to_vec()).collect(),
                 lines: vec![0; 2],
+                clock: run.clock,
             });
         }
     }

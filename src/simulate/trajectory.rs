@@ -1,6 +1,6 @@
 //! Trajectories of a law, integrated as accurately as double precision allows.
 
-use crate::data::{Dataset, Run};
+use crate::data::{Clock, Dataset, Run};
 use crate::dynamics::{
     Batch, Dynamics, Scratch, StepChoice, Stop, advance, choose_steps, observe, taylor,
 };
@@ -340,6 +340,7 @@ impl Trajectories {
                 .map(|row| samples.iter().map(|sample| sample[row]).collect())
                 .collect(),
             lines: vec![0; self.times.len()],
+            clock: Clock::default(),
         });
         let runs = runs.collect();
         Dataset { observables, runs }

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use leverrier::internals::data::{
-    ColumnMap, DataReport, Dataset, Layout, Mapping, ObservableMap, Run, SuspicionKind, dataset,
-    read, read_bytes, to_csv, write_atomically, write_csv,
+    Clock, ColumnMap, DataReport, Dataset, Layout, Mapping, ObservableMap, Run, SuspicionKind,
+    dataset, read, read_bytes, to_csv, write_atomically, write_csv,
 };
 use leverrier::internals::error::{Error, Result};
 use proptest::prelude::*;
@@ -261,6 +261,7 @@ fn run(name: &str, times: &[f64], values: &[&[f64]]) -> Run {
         times: times.to_vec(),
         values: values.iter().map(|column| column.to_vec()).collect(),
         lines: Vec::new(),
+        clock: Clock::default(),
     }
 }
 
@@ -287,6 +288,7 @@ fn any_run(name: String) -> impl Strategy<Value = Run> {
             times: rows.iter().map(|r| r.0).collect(),
             values: vec![rows.iter().map(|r| r.1).collect(), rows.iter().map(|r| r.2).collect()],
             lines: vec![0; rows.len()],
+            clock: Clock::default(),
         }
     })
 }

@@ -4,8 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use leverrier::internals::data::{
-    DataReport, Dataset, Layout, Mapping, ObservableMap, Reading, Run, dataset, read_bytes, to_csv,
-    to_parquet,
+    Clock, DataReport, Dataset, Layout, Mapping, ObservableMap, Reading, Run, dataset, read_bytes,
+    to_csv, to_parquet,
 };
 use leverrier::internals::error::{DataError, Error, Result};
 use parquet::basic::{Compression, LogicalType, Repetition, TimeUnit, Type as Physical};
@@ -197,6 +197,7 @@ fn sample() -> Dataset {
             (0..30).map(|i| if i == 7 { f64::NAN } else { f64::from(i * i) }).collect(),
         ],
         lines: vec![0; 30],
+        clock: Clock::default(),
     };
     Dataset {
         observables: vec!["x".to_string(), "y".to_string()],

@@ -1,6 +1,6 @@
 //! Initial states that are settled, and led to where the next theta wants them.
 
-use leverrier::internals::data::{Dataset, Run};
+use leverrier::internals::data::{Clock, Dataset, Run};
 use leverrier::internals::dynamics::Dynamics;
 use leverrier::internals::eval::Backend;
 use leverrier::internals::expr::{Compiled, build};
@@ -23,7 +23,8 @@ fn swings(runs: usize, samples: usize, second: &str) -> Dataset {
             (times.iter().enumerate()).map(|(i, t)| size * f(t + phase) + odd(i)).collect()
         };
         let values = vec![swing(f64::sin, 0.7), swing(f64::cos, 0.7)];
-        Run { name: k.to_string(), times, values, lines: vec![0; samples] }
+        let lines = vec![0; samples];
+        Run { name: k.to_string(), times, values, lines, clock: Clock::default() }
     };
     Dataset {
         observables: vec!["q".to_string(), second.to_string()],

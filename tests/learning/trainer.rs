@@ -3,7 +3,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use leverrier::internals::data::{Dataset, Run};
+use leverrier::internals::data::{Clock, Dataset, Run};
 use leverrier::internals::expr::{Compiled, build};
 use leverrier::internals::fit::{
     Loss, Model, Monitor, Options, Selection, Silent, StopReason, Trainer, first_order, fit,
@@ -464,6 +464,7 @@ fn next_to_no_data() {
             times: vec![0.0],
             values: vec![vec![1.0]; 2],
             lines: vec![0],
+            clock: Clock::default(),
         }],
         ..empty.clone()
     };

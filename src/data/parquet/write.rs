@@ -133,7 +133,7 @@ impl<W: Write + Send> ParquetWriter<W> {
                 column::<ByteArrayType>(&mut group, &names, None)?;
             }
         }
-        let times: Vec<f64> = runs.iter().flat_map(|run| &run.times).copied().collect();
+        let times: Vec<f64> = runs.iter().flat_map(|run| run.clock_times()).collect();
         column::<DoubleType>(&mut group, &times, None)?;
         for at in 0..self.observables.len() {
             let cells = || {

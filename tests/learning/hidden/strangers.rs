@@ -1,6 +1,6 @@
 //! What no catalogue has: a bump, a delay, a body that nobody measures.
 
-use leverrier::internals::data::{Dataset, Run};
+use leverrier::internals::data::{Clock, Dataset, Run};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -110,6 +110,7 @@ impl Force {
                     .map(|row| states.iter().map(|z| z[row]).collect())
                     .collect(),
                 lines: (0..times.len() as u64).map(|i| i + 2).collect(),
+                clock: Clock::default(),
             }
         });
         Dataset { observables, runs: runs.collect() }
