@@ -53,7 +53,7 @@ pub use split::{Split, concatenate};
 pub use stream::{FileSource, head, memory_needed};
 pub use survey::{Survey, survey, survey_file};
 pub use table::{Column, ParquetReading, Reading, Table, TextReading};
-pub use text::{Encoding, is_invisible};
+pub use text::{Encoding, is_invisible, visible};
 pub use write::{Layout, to_csv, write_atomically, write_csv};
 
 /// One uninterrupted recording. Missing cells are NaN; times strictly increase.

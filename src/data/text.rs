@@ -121,6 +121,12 @@ pub fn is_invisible(c: char) -> bool {
     )
 }
 
+/// The text on one line, and what cannot be seen in it as `\u{fffd}`.
+pub fn visible(text: &str) -> String {
+    let seen = |c: char| if c.is_control() || is_invisible(c) { '\u{fffd}' } else { c };
+    text.chars().map(seen).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

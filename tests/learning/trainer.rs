@@ -573,7 +573,7 @@ fn positions_alone_give_the_same_law_in_other_units() {
             let moved = (one.coefficient * back - term.coefficient).abs() / term.standard_error;
             let error = one.standard_error * back / term.standard_error - 1.0;
             println!("{unit}: {} moves by {moved:.1e}, its error by {error:.1e}", term.term);
-            assert!(moved < 1e-3 && error.abs() < 1e-3, "{unit}: {term:?} {one:?}");
+            assert!(moved < 1e-6 && error.abs() < 1e-6, "{unit}: {term:?} {one:?}");
         }
     }
 }

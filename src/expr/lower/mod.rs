@@ -16,6 +16,7 @@ use super::columns::{self, DataColumns};
 use super::graph::{Expr, Graph, Symbol};
 use super::system::{Bounds, Observed, Parameter, Place, System, Term, Variable};
 use super::unit::Unit;
+use crate::data::visible;
 use crate::diagnostic::{Diagnostic, Severity, Span};
 use crate::error::{Error, Result};
 use crate::spec::ast::{EnergyPart, ExpressionKind, Spec, UnitText};
@@ -308,7 +309,7 @@ impl<'a> Lowering<'a> {
         let forces = (0..degrees).map(|i| self.known_part(Place::Force(i))).collect();
         let sensors = (0..2 * degrees).map(|i| self.known_part(Place::Sensor(i))).collect();
         System {
-            name: resolved.title.clone().unwrap_or_else(|| "system".to_string()),
+            name: resolved.title.as_deref().map_or_else(|| "system".to_string(), visible),
             graph: std::mem::take(&mut self.graph),
             observed: if velocities.is_empty() { Observed::Momenta } else { Observed::Velocities },
             coordinates,
