@@ -1,7 +1,7 @@
 //! Vectorised elementary functions against numbers of twice the length.
 
 use leverrier::internals::eval::{InstructionSet, apply, powers};
-use leverrier::internals::expr::Function;
+use leverrier::internals::expr::{FUNCTIONS, Function, Kernel};
 
 /// A number of twice the length: the sum of two, the second far smaller (Dekker 1971).
 #[derive(Clone, Copy)]
@@ -168,6 +168,19 @@ const BOUNDS: [(&str, f64, f64, f64); 8] = [
     ("cosh", 2.0, 700.0, -700.0),
     ("tanh", 2.0, 30.0, -30.0),
 ];
+
+/// One that is exact needs no bound.
+#[test]
+fn every_kernel_has_its_bound() {
+    for row in FUNCTIONS {
+        let exact = matches!(
+            row.kernel,
+            None | Some(Kernel::SquareRoot | Kernel::AbsoluteValue | Kernel::Sign)
+        );
+        let bound = BOUNDS.iter().any(|(name, ..)| *name == row.name);
+        assert!(exact != bound, "{}: give the error of its kernel a bound", row.name);
+    }
+}
 
 #[test]
 fn errors_stay_below_their_bounds() {

@@ -7,8 +7,8 @@ use leverrier::internals::export::{
     Export, Integrator, IntegratorKind, Pretty, PrettyNumber, Provenance, Tableau,
 };
 use leverrier::internals::expr::{
-    Bounds, Expr, Function, Graph, Names, Observed, Parameter, Place, Symbol, System, Term, TermId,
-    Variable,
+    Bounds, Expr, FUNCTIONS, Function, Graph, Names, Observed, Parameter, Place, Symbol, System,
+    Term, TermId, Variable,
 };
 use leverrier::internals::fit::{Law, Stepping};
 use nalgebra::DMatrix;
@@ -267,8 +267,39 @@ fn free_particle() -> Case {
     b.finish(leapfrog(), 2, 1e-6, (0.0, vec![0.0, 1.0]))
 }
 
+/// Every row of the table of functions, in an oscillator of its own. Variables have the names
+/// that functions have in C and SymPy: the generated code must not confuse them.
+fn every_function() -> Case {
+    let coordinates: Vec<&str> = FUNCTIONS.iter().map(|row| row.c.name).collect();
+    let momenta: Vec<String> = FUNCTIONS
+        .iter()
+        .map(|row| match row.sympy {
+            name if coordinates.contains(&name) => format!("p_{name}"),
+            name => name.to_string(),
+        })
+        .collect();
+    let momenta: Vec<&str> = momenta.iter().map(String::as_str).collect();
+    let mut b = Builder::new("every function", &coordinates, &momenta);
+    let (mut kinetic, mut potential) = (Vec::new(), Vec::new());
+    for (i, (function, row)) in Function::all().zip(FUNCTIONS).enumerate() {
+        let (q, p) = (b.q(i), b.p(i));
+        kinetic.push((0.5, b.monomial(&[(p, 2.0)])));
+        potential.push((0.5, b.monomial(&[(q, 2.0)])));
+        let (low, high) = row.domain.sample_interval();
+        let sine = b.apply("sin", q);
+        let g = &mut b.system.graph;
+        let argument = g.linear(0.3 * low + 0.7 * high, &[(0.2 * (high - low), sine)]);
+        let value = g.apply(function, argument);
+        b.term(Place::Potential, None, value, 0.1);
+    }
+    b.system.kinetic = b.system.graph.linear(0.0, &kinetic);
+    b.system.potential = b.system.graph.linear(0.0, &potential);
+    let start = (0..2 * coordinates.len()).map(|i| 0.2 - 0.01 * i as f64).collect();
+    b.finish(leapfrog(), 2, 0.05, (0.0, start))
+}
+
 pub fn cases() -> Vec<Case> {
-    vec![pendulum(), henon_heiles(), damped_rotor(), magnetic(), free_particle()]
+    vec![pendulum(), henon_heiles(), damped_rotor(), magnetic(), free_particle(), every_function()]
 }
 
 pub fn case(name: &str) -> Case {

@@ -5,8 +5,9 @@ use std::path::Path;
 
 use leverrier::internals::diagnostic::Span;
 use leverrier::internals::error::Error;
-use leverrier::internals::expr::build;
+use leverrier::internals::expr::{FUNCTIONS, build};
 use leverrier::internals::spec::ast::*;
+use leverrier::internals::spec::families::FAMILIES;
 use leverrier::internals::spec::spec;
 use proptest::prelude::*;
 
@@ -368,6 +369,61 @@ fn every_production_has_an_example_that_parses() {
     }
 }
 
+/// Lines that are made from the tables of functions and families: (file, how the line begins,
+/// the rest of it).
+fn lines_of_tables() -> Vec<(&'static str, &'static str, String)> {
+    let families: Vec<&str> = FAMILIES.iter().map(|row| row.name).collect();
+    let functions: Vec<&str> = FUNCTIONS.iter().map(|row| row.name).collect();
+    let aliases = || FUNCTIONS.iter().flat_map(|row| row.aliases.iter().map(|a| (*a, row.name)));
+    let mut words = functions.clone();
+    words.extend(aliases().map(|(alias, _)| alias));
+    words.push("rate");
+    let other: Vec<String> = aliases().map(|(alias, name)| format!("{alias} is {name}")).collect();
+    let quoted: Vec<String> = functions.iter().map(|name| format!("`{name}`")).collect();
+    let (textmate, vim) = ("grammar/leverrier.tmLanguage.json", "grammar/leverrier.vim");
+    let calls = |words: &[&str]| format!(r#"({})\\b(?=\\()""#, words.join("|"));
+    vec![
+        (textmate, r#""match": "\\b(poly"#, calls(&families)),
+        (textmate, r#""match": "\\b(sin"#, calls(&words)),
+        (vim, "syn keyword leverrierFamily", format!(" {}", families.join(" "))),
+        (vim, "syn keyword leverrierFunction", format!(" {}", words.join(" "))),
+        (
+            "grammar/leverrier.ebnf",
+            "Functions of one argument:",
+            format!(" {}.", functions.join(", ")),
+        ),
+        ("grammar/leverrier.ebnf", "Other names of functions:", format!(" {}.", other.join(", "))),
+        ("README.md", "| functions |", format!(" {} |", quoted.join(" "))),
+    ]
+}
+
+/// `LEVERRIER_UPDATE=1` writes the lines anew.
+#[test]
+fn grammars_and_the_readme_list_what_the_tables_hold() {
+    let update = std::env::var_os("LEVERRIER_UPDATE").is_some();
+    for (file, beginning, rest) in lines_of_tables() {
+        let text = read(file);
+        // A regular expression begins with the first of its words.
+        let head = beginning.rsplit_once('(').map_or(beginning, |(head, _)| head);
+        let expected: String = text
+            .split_inclusive('\n')
+            .map(|line| match line.trim_start() {
+                found if found.starts_with(beginning) => {
+                    let indent = &line[..line.len() - found.len()];
+                    format!("{indent}{head}{rest}\n")
+                }
+                _ => line.to_string(),
+            })
+            .collect();
+        let lines = text.lines().filter(|line| line.trim_start().starts_with(beginning)).count();
+        assert_eq!(lines, 1, "{file} has {lines} lines that begin with `{beginning}`");
+        if text != expected {
+            assert!(update, "{file}: `{head}{rest}` is wanted; LEVERRIER_UPDATE=1 writes it");
+            fs::write(root(file), expected).unwrap_or_else(|e| panic!("{file}: {e}"));
+        }
+    }
+}
+
 #[test]
 fn highlighting_knows_every_word() {
     let words = [
@@ -382,9 +438,7 @@ fn highlighting_knows_every_word() {
     ];
     for file in ["grammar/leverrier.tmLanguage.json", "grammar/leverrier.vim"] {
         let text = read(file);
-        let families = leverrier::internals::spec::families::FAMILIES.iter().map(|row| row.name);
-        let functions = leverrier::internals::expr::FUNCTIONS.iter().map(|row| row.name);
-        for word in words.into_iter().chain(families).chain(functions) {
+        for word in words {
             assert!(text.contains(word), "{file} does not know `{word}`");
         }
     }

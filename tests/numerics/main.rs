@@ -15,6 +15,7 @@ mod evaluators;
 mod export_cases;
 mod exporters;
 mod extension;
+mod functions;
 mod hostile_text;
 mod instruction_counts;
 mod integrators;
