@@ -1,5 +1,7 @@
 //! How much memory data may take: as asked for, or a part of the machine's.
 
+use sysinfo::{MemoryRefreshKind, RefreshKind, System};
+
 use crate::error::{Error, ErrorKind, Result};
 
 /// Without a word from the user, data may take this part of the memory that is free.
@@ -35,12 +37,11 @@ pub fn parse(text: &str) -> std::result::Result<u64, String> {
 
 /// What may be taken when nothing was asked for.
 pub fn usual() -> u64 {
-    let about = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
-    let free = about.lines().find_map(|line| {
-        let kilobytes = line.strip_prefix("MemAvailable:")?.trim().strip_suffix("kB")?;
-        kilobytes.trim().parse::<u64>().ok()
-    });
-    free.map_or(USUAL, |kilobytes| kilobytes << 10) / SHARE
+    let memory = MemoryRefreshKind::nothing().with_ram();
+    let system = System::new_with_specifics(RefreshKind::nothing().with_memory(memory));
+    let free = system.map_or(0, |system| system.available_memory());
+    let free = if free == 0 { USUAL } else { free };
+    free / SHARE
 }
 
 /// The least that a fit to data of any size takes.
@@ -65,6 +66,11 @@ pub fn allowed(asked: Option<u64>) -> Result<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn this_machine_says_what_is_free() {
+        assert!(usual() > 1 << 20 && usual() != USUAL / SHARE, "{}", usual());
+    }
 
     #[test]
     fn sizes_are_read() {
