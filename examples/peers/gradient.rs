@@ -24,7 +24,7 @@ fn coefficient(k: usize) -> f64 {
 }
 
 /// Builds the expression, derives it and compiles it.
-fn ours(functions: bool) -> Box<dyn Evaluator> {
+fn ours(functions: bool, backend: Backend) -> Box<dyn Evaluator> {
     let mut graph = Graph::new();
     let variables = [Symbol::Coordinate(0), Symbol::Coordinate(1)];
     let [x, y] = variables.map(|symbol| graph.symbol(symbol));
@@ -47,7 +47,7 @@ fn ours(functions: bool) -> Box<dyn Evaluator> {
         variables.iter().map(|&symbol| graph.derivative(energy, symbol)).collect();
     let uniform = (1..=TERMS).map(Symbol::Coefficient).collect();
     let inputs = Inputs { varying: variables.to_vec(), uniform };
-    compile(&graph, &inputs, &outputs, Backend::Machine)
+    compile(&graph, &inputs, &outputs, backend)
 }
 
 /// Horner's scheme in both variables, one point after the other.
@@ -133,12 +133,18 @@ pub fn section(
     let points: Vec<f64> = (0..2 * POINTS).map(|i| (0.37 * i as f64).sin()).collect();
     let few: Vec<f64> = [&points[..FEW], &points[POINTS..POINTS + FEW]].concat();
     let coefficients: Vec<f64> = (1..=TERMS).map(coefficient).collect();
-    let (function, mut compilation) = clocked(|| ours(functions));
-    for _ in 0..20 {
-        compilation = clocked(|| ours(functions)).1.min(compilation);
-    }
+    let fastest_compilation = |backend: Backend| {
+        let (function, mut compilation) = clocked(|| ours(functions, backend));
+        for _ in 0..20 {
+            compilation = clocked(|| ours(functions, backend)).1.min(compilation);
+        }
+        (function, compilation)
+    };
+    let (function, compilation) = fastest_compilation(Backend::Machine);
+    let (portable, portable_compilation) = fastest_compilation(Backend::Batched);
     let (mut out, mut workspace) = (vec![0.0; 2 * POINTS], Vec::new());
-    let mut by_hand_out = out.clone();
+    let (mut by_hand_out, mut portable_out) = (out.clone(), out.clone());
+    let mut portable_workspace = Vec::new();
     let mut table = [0.0; SIDE * SIDE];
     (1..=TERMS).for_each(|k| table[k] = coefficient(k));
 
@@ -168,6 +174,11 @@ pub fn section(
             Ok(clocked(|| (0..AT_ONCE).for_each(|_| once())).1 / (AT_ONCE * POINTS) as f64)
         }),
         Box::new(|| {
+            let (out, workspace) = (&mut portable_out, &mut portable_workspace);
+            let mut once = || portable.evaluate(&points, &coefficients, POINTS, out, workspace);
+            Ok(clocked(|| (0..AT_ONCE).for_each(|_| once())).1 / (AT_ONCE * POINTS) as f64)
+        }),
+        Box::new(|| {
             let mut once = || by_hand(&table, functions, &points, &mut by_hand_out);
             Ok(clocked(|| (0..AT_ONCE).for_each(|_| once())).1 / (AT_ONCE * POINTS) as f64)
         }),
@@ -184,13 +195,22 @@ pub fn section(
 
     let own = times[0].clone()?;
     section.row(&["Leverrier", &time(own), "1", &time(compilation), "1", ""]);
-    let hand = times[1].clone()?;
+    let seconds = times[1].clone()?;
+    section.row(&[
+        "Leverrier, without machine code",
+        &time(seconds),
+        &ratio(seconds / own),
+        &time(portable_compilation),
+        &ratio(portable_compilation / compilation),
+        if portable_out == out { "none" } else { "some" },
+    ]);
+    let hand = times[2].clone()?;
     let apart = out.iter().zip(&by_hand_out).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
     let apart = format!("{apart:.0e}");
     section.row(&["by hand", &time(hand), &ratio(hand / own), "", "", &apart]);
     let own_few = [&out[..FEW], &out[POINTS..POINTS + FEW]].concat();
     for (((who, library, _, is_few), seconds), answer) in
-        PEERS.iter().zip(&times[2..]).zip(&answers)
+        PEERS.iter().zip(&times[3..]).zip(&answers)
     {
         match seconds {
             Ok(seconds) => {

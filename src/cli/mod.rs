@@ -29,6 +29,8 @@ use clap::{Parser, Subcommand, ValueEnum};
 use console::{Console, exit_code, options_for};
 
 // Where the commands find what they share with the studio.
+use crate::error::Result;
+use crate::eval::Backend;
 use crate::project::{self, bench, ledger, measurements, memory};
 
 /// Learns sparse Hamiltonians from measured trajectories.
@@ -91,27 +93,7 @@ pub fn main() -> ExitCode {
         Err(error) => return misused(&error),
     };
     let console = Console::new(cli.format);
-    let done = match cli.command {
-        Command::New(arguments) => new::run(&arguments, &console),
-        Command::Check(arguments) => check::run(&arguments, &console),
-        Command::Fit(arguments) => fit::run(&arguments, &console),
-        Command::Compare(arguments) => compare::run(&arguments, &console),
-        Command::Diagnose(arguments) => diagnose::run(&arguments, &console),
-        Command::Design(arguments) => design::run(&arguments, &console),
-        Command::Discover(arguments) => discover::run(&arguments, &console),
-        Command::Add(arguments) => revise::add(&arguments, &console),
-        Command::Remove(arguments) => revise::remove(&arguments, &console),
-        Command::Undo(arguments) => history::undo(&arguments, &console),
-        Command::History(arguments) => history::history(&arguments, &console),
-        Command::Effects(arguments) => effects::run(&arguments, &console),
-        Command::Simulate(arguments) => simulate::run(&arguments, &console),
-        Command::Export(arguments) => export::run(&arguments, &console),
-        Command::Report(arguments) => report::run(&arguments, &console),
-        #[cfg(feature = "studio")]
-        Command::Studio(arguments) => studio::run(&arguments, &console),
-        Command::Demo(arguments) => demo::run(&arguments, &console),
-    };
-    match done {
+    match carry_out(cli.command, &console) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if console::is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
@@ -122,6 +104,31 @@ pub fn main() -> ExitCode {
             console.error(&error);
             ExitCode::from(exit_code(&error))
         }
+    }
+}
+
+fn carry_out(command: Command, console: &Console) -> Result<()> {
+    // An evaluator that does not exist is an error before anything is done.
+    Backend::requested()?;
+    match command {
+        Command::New(arguments) => new::run(&arguments, console),
+        Command::Check(arguments) => check::run(&arguments, console),
+        Command::Fit(arguments) => fit::run(&arguments, console),
+        Command::Compare(arguments) => compare::run(&arguments, console),
+        Command::Diagnose(arguments) => diagnose::run(&arguments, console),
+        Command::Design(arguments) => design::run(&arguments, console),
+        Command::Discover(arguments) => discover::run(&arguments, console),
+        Command::Add(arguments) => revise::add(&arguments, console),
+        Command::Remove(arguments) => revise::remove(&arguments, console),
+        Command::Undo(arguments) => history::undo(&arguments, console),
+        Command::History(arguments) => history::history(&arguments, console),
+        Command::Effects(arguments) => effects::run(&arguments, console),
+        Command::Simulate(arguments) => simulate::run(&arguments, console),
+        Command::Export(arguments) => export::run(&arguments, console),
+        Command::Report(arguments) => report::run(&arguments, console),
+        #[cfg(feature = "studio")]
+        Command::Studio(arguments) => studio::run(&arguments, console),
+        Command::Demo(arguments) => demo::run(&arguments, console),
     }
 }
 

@@ -3,6 +3,7 @@
 mod advance;
 mod aligned;
 mod arrays;
+mod backend;
 mod elementary;
 mod instruction;
 #[cfg(target_arch = "x86_64")]
@@ -25,6 +26,7 @@ pub(crate) use arrays::{
     Compared, add, add_carrying, add_multiple, add_products, add_squares, compare, leverages,
     multiply, sum_with_multiple,
 };
+pub use backend::{BACKENDS, Backend, VARIABLE};
 pub(crate) use instruction::{Instruction, Slot, Value};
 pub(crate) use lane_reflections::{LaneReflections, reflect_lanes};
 pub(crate) use lanes::{
@@ -85,26 +87,6 @@ pub trait Evaluator: Send + Sync {
         self.evaluate(points, uniform, lanes, out, workspace);
     }
 }
-
-/// Which evaluator to compile to: a row of [`BACKENDS`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Backend {
-    /// One point after the other, node by node; the truth that the others are held against.
-    Reference,
-    /// A tape of instructions, each over a block of points.
-    Batched,
-    /// Machine code made at run time, on x86-64 with AVX2; elsewhere, and where it cannot be
-    /// made, the tape. Results are those of the tape to the last bit.
-    #[default]
-    Machine,
-}
-
-/// Every backend, with its name.
-pub const BACKENDS: &[(&str, Backend)] = &[
-    ("reference", Backend::Reference),
-    ("batched", Backend::Batched),
-    ("machine", Backend::Machine),
-];
 
 /// Compiles expressions to a function of the inputs. A symbol that is not among them is NaN.
 pub fn compile(

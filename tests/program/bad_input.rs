@@ -21,6 +21,27 @@ const CHECK: &[&str] = &["check", "s.ham"];
 const SPEC: &str = "T = p^2/2\nV = span{ q^2 }\n";
 const DATA: &str = "run,t,q,p\n1,0,1,0\n1,0.1,0.99,-0.1\n1,0.2,0.98,-0.2\n";
 
+#[test]
+fn an_evaluator_that_does_not_exist_is_named() {
+    let folder = pendulum();
+    let asked = |backend: &str| {
+        assert_cmd::Command::cargo_bin("leverrier")
+            .expect("the program is built")
+            .env("LEVERRIER_BACKEND", backend)
+            .args(["effects"])
+            .current_dir(folder.path())
+            .output()
+            .expect("the program runs")
+    };
+    assert!(asked("batched").status.success() && asked("").status.success());
+    let wrong = asked("quantum");
+    let text = String::from_utf8_lossy(&wrong.stderr).into_owned();
+    assert!(
+        !wrong.status.success() && text.contains("quantum") && text.contains("batched"),
+        "{text}"
+    );
+}
+
 /// A spec that is wrong, with good data.
 const fn spec(what: &'static str, spec: &'static str, says: &'static [&'static str]) -> Bad {
     Bad { what, spec, data: DATA, command: CHECK, says }
