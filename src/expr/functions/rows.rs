@@ -292,6 +292,21 @@ pub static FUNCTIONS: &[FunctionRow] = &[
         sympy: "sign",
         ..USUAL
     },
+    FunctionRow {
+        name: "asinh",
+        aliases: &["arsinh"],
+        value: f64::asinh,
+        derivative: |g, x| one_plus_square(g, x, 1.0, -0.5),
+        odd: true,
+        exact: &[(0, 0)],
+        sign: SignRule::OfArgument,
+        cost: 14,
+        latex: Latex::Command(r"\operatorname{arsinh}"),
+        rust: Target::library("asinh"),
+        c: Target::library("asinh"),
+        sympy: "asinh",
+        ..USUAL
+    },
 ];
 
 /// (1 + c x^2)^exponent.
