@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use leverrier::internals::diagnose::scan::FEW;
+use leverrier::internals::diagnose::tuning::TUNING;
 
 use super::diagnosis::{Asked, TURNS};
 use super::make::SIGMA;
@@ -194,7 +194,7 @@ impl Page {
             "\n## A diagnosis, with the data\n\n\
              A trap of two coordinates with a drag that its model lacks; the whole catalogue, {} \
              candidates and values of their inner parameters, on one core. As many samples again \
-             are held_out.\n\n\
+             are held out.\n\n\
              | samples | fastest of {TURNS} | median | named |\n|---|---|---|---|\n",
             last.tried
         );
@@ -205,10 +205,11 @@ impl Page {
         }
         let points = |a: &Asked| (a.samples as f64, a.fastest);
         let points: Vec<(f64, f64)> = self.by_samples.iter().map(points).collect();
+        let samples = TUNING.scan.samples;
         let _ = writeln!(
             text,
             "\nExponent {:.2}. Inner parameters are looked for, and leaders fitted first, on \
-             {FEW} samples; what is judged on all of them grows with their number.",
+             {samples} samples; what is judged on all of them grows with their number.",
             exponent(&points)
         );
     }

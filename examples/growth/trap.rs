@@ -1,7 +1,7 @@
 //! A trap with a drag that its model does not know of: what a diagnosis is timed on.
 
 use leverrier::internals::data::Dataset;
-use leverrier::internals::diagnose::missing::{Diagnosis, diagnose};
+use leverrier::internals::diagnose::diagnosis::{Diagnosis, diagnose};
 use leverrier::internals::expr::{Compiled, build};
 use leverrier::internals::fit::{Model, Options, Silent, fit};
 use leverrier::internals::simulate::Simulator;

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
-use leverrier::internals::diagnose::missing::Verdict;
+use leverrier::internals::diagnose::diagnosis::Verdict;
 use leverrier::internals::spec::effects::{EffectKind, by_name};
 
 use super::hidden::outcome::Outcome;

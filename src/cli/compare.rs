@@ -9,10 +9,10 @@ use super::bench::Bench;
 use super::console::Console;
 use super::progress::Progress;
 use super::splitting::Splitting;
-use crate::diagnose::compare;
+use crate::diagnose::comparison;
 use crate::diagnose::context::Context;
-use crate::diagnose::detectors::detect;
-use crate::diagnose::floor::noise_floor;
+use crate::diagnose::instrument::detect;
+use crate::diagnose::noise_floor::noise_floor;
 use crate::error::Result;
 use crate::report::compare_text;
 
@@ -41,7 +41,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     // A model that fails takes a part of what it lacks for noise; the floor is the instrument's.
     training = training.with_noise(noise_floor(&training, &model));
     let held_out = bench.held_out().map(|data| training.with_data(data));
-    let mut comparison = compare::compare(&training, held_out.as_ref())?;
+    let mut comparison = comparison::compare(&training, held_out.as_ref())?;
     comparison.findings.extend(detections.iter().map(|found| found.sentence.clone()));
     drop(progress);
     let time = &bench.project.system().time;

@@ -11,9 +11,9 @@ use super::progress::Progress;
 use super::splitting::Splitting;
 use super::values::{example, matching, number_or_range, range_of};
 use crate::diagnose::context::Context;
+use crate::diagnose::design::rival::Rival;
 use crate::diagnose::design::{self, Allowed, Goal, Proposal};
-use crate::diagnose::missing::{self, Leader, Verdict};
-use crate::diagnose::rival::Rival;
+use crate::diagnose::diagnosis::{self, RankedEffect, Verdict};
 use crate::error::Result;
 use crate::expr::System;
 use crate::facade::effect::NamedEffect;
@@ -175,8 +175,8 @@ fn purpose(
     };
     let training = &bench.split.training;
     let base = &project.compiled;
-    let found = missing::diagnose(base, model, training, held_out, progress)?;
-    let tied = |leader: &&Leader| found.indistinguishable.contains(&leader.effect);
+    let found = diagnosis::diagnose(base, model, training, held_out, progress)?;
+    let tied = |leader: &&RankedEffect| found.indistinguishable.contains(&leader.effect);
     let first = found.ranking.first();
     let mut rivals: Vec<Rival> = Vec::new();
     for leader in first.into_iter().chain(found.ranking.iter().skip(1).filter(tied)).take(RIVALS) {

@@ -10,9 +10,9 @@ use super::console::Console;
 use super::progress::Progress;
 use super::splitting::Splitting;
 use crate::diagnose::context::Context;
-use crate::diagnose::detectors::detect;
-use crate::diagnose::missing::{self, Diagnosis};
-use crate::diagnose::suffices;
+use crate::diagnose::diagnosis::{self, Diagnosis};
+use crate::diagnose::instrument::detect;
+use crate::diagnose::sufficiency;
 use crate::error::Result;
 use crate::report::{DiagnosisContext, diagnosis_text};
 
@@ -37,12 +37,17 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
     let (project, split) = (&bench.project, &bench.split);
-    let lacking = suffices::lacking(project.system(), &split.training, bench.held_out());
+    let lacking = sufficiency::lacking(project.system(), &split.training, bench.held_out());
     let (diagnosis, terms, detections) = match (lacking, bench.held_out()) {
         (None, Some(held_out)) => {
             let (model, terms) = bench.model(&progress)?;
-            let diagnosis =
-                missing::diagnose(&project.compiled, &model, &split.training, held_out, &progress)?;
+            let diagnosis = diagnosis::diagnose(
+                &project.compiled,
+                &model,
+                &split.training,
+                held_out,
+                &progress,
+            )?;
             let context = Context::new(project.system(), &model, &split.training)?;
             (diagnosis, terms, detect(&context, &model))
         }

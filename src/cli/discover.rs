@@ -14,9 +14,9 @@ use super::project::lock::Lock;
 use super::project::{ModelFile, Project};
 use super::splitting::Splitting;
 use crate::data::write_atomically;
+use crate::diagnose::diagnosis::Verdict;
 use crate::diagnose::discover::{Discovery, discover};
-use crate::diagnose::missing::Verdict;
-use crate::diagnose::suffices;
+use crate::diagnose::sufficiency;
 use crate::error::Result;
 use crate::expr;
 use crate::fit::{Options, Silent};
@@ -50,7 +50,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let _lock = lock.transpose()?;
     let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let system = bench.project.system();
-    let lacking = suffices::lacking(system, &bench.split.training, bench.held_out());
+    let lacking = sufficiency::lacking(system, &bench.split.training, bench.held_out());
     let (None, Some(held_out)) = (&lacking, bench.held_out()) else {
         return too_little(&bench, &lacking.unwrap_or_default(), console);
     };

@@ -14,7 +14,7 @@ use super::progress::Progress;
 use super::project::page;
 use super::splitting::Splitting;
 use crate::data::write_atomically;
-use crate::diagnose::missing::Diagnosis;
+use crate::diagnose::diagnosis::Diagnosis;
 use crate::error::{Error, Result};
 use crate::report::document;
 use crate::report::html::{self, Page, RenderedPage};

@@ -2,34 +2,16 @@
 
 use std::sync::Arc;
 
-use super::score::Scores;
+use super::tuning::TUNING;
 use crate::data::{Dataset, Packed};
 use crate::dynamics::Dynamics;
 use crate::error::{Error, ErrorKind, Result};
-use crate::eval::Backend;
-use crate::expr::{System, Term};
-use crate::fit::factor::Factor;
-use crate::fit::pass::{Problem, Sums, linearise, residuals, settle};
+use crate::expr::System;
+use crate::fit::pass::{Problem, Sums, residuals, settle};
 use crate::fit::segments::{Segments, cut, packed};
 use crate::fit::states::States;
 use crate::fit::train::Training;
 use crate::fit::{Law, Loss, Model, Options, Silent};
-
-/// Scores of probes, and what they cost.
-pub struct Probed {
-    /// One column for each probe.
-    pub scores: Scores,
-    /// Segments that were lost: predictions, or effects of a probe, that are not finite.
-    pub exploded: usize,
-}
-
-/// Times that the search for the best states is taken up again.
-const PATIENCE: usize = 6;
-/// Samples that a state is settled on first, and by how much more it then sees at a time.
-const FIRST_LOOK: usize = 8;
-const FURTHER: usize = 4;
-/// States are settled when the loss falls by less than this part.
-const SETTLED: f64 = 1e-4;
 
 /// The model belongs to another spec than it was brought with.
 pub fn foreign() -> Error {
@@ -97,11 +79,11 @@ impl<'a> Context<'a> {
         Context { most, ..self.clone() }
     }
 
-    fn weights(&self) -> Vec<f64> {
+    pub(super) fn weights(&self) -> Vec<f64> {
         self.law.noise().iter().map(|s| 1.0 / s.max(f64::MIN_POSITIVE)).collect()
     }
 
-    fn problem<'b>(&'b self, segments: &'b Segments, weights: &'b [f64]) -> Problem<'b> {
+    pub(super) fn problem<'b>(&'b self, segments: &'b Segments, weights: &'b [f64]) -> Problem<'b> {
         Problem {
             measured: &self.measured,
             segments,
@@ -125,11 +107,11 @@ impl<'a> Context<'a> {
         let dynamics = self.law.dynamics();
         let theta = self.law.theta(&dynamics);
         let weights = self.weights();
-        let mut look = FIRST_LOOK;
+        let mut look = TUNING.states.first_samples;
         while look < window {
             let short = segments.shortened(look);
             settle(&self.problem(&short, &weights), &dynamics, &theta, &mut states);
-            look *= FURTHER;
+            look *= TUNING.states.growth;
         }
         let problem = self.problem(&segments, &weights);
         let sums = patiently(&problem, &dynamics, &theta, &mut states);
@@ -158,7 +140,7 @@ impl<'a> Context<'a> {
     /// were taken from another model may be far off. `None` where they cannot be fitted.
     pub fn refitted(&self) -> Option<Context<'a>> {
         let mut law = self.law.clone();
-        for window in [FIRST_LOOK.min(law.window()), law.window()] {
+        for window in [TUNING.states.first_samples.min(law.window()), law.window()] {
             let options = Options { window: Some(window), ..Options::default() };
             let mut training = Training::from_law(&law, self.measured.clone(), &options).ok()?;
             let mut refit = training.refit(&Silent);
@@ -169,11 +151,26 @@ impl<'a> Context<'a> {
         Some(self.with_law(law.with_window(self.law.window())))
     }
 
+    /// The model before all of its measurements, and before a part of them where there are many.
+    pub fn parts(&self) -> Parts<'a> {
+        let most = TUNING.scan.samples;
+        let many = self.dataset.samples().min(self.most) > most;
+        Parts { all: self.settled(), part: many.then(|| self.thinned(most).settled()) }
+    }
+
     /// The model with the best states of all its segments.
     pub fn settled(&self) -> Settled<'a> {
         let (segments, states, sums) = self.settle(self.law.window());
         Settled { context: self.clone(), segments, states, sums }
     }
+}
+
+/// A model before all of some data, and before a part of them where there are many.
+pub struct Parts<'a> {
+    /// All of them.
+    pub all: Settled<'a>,
+    /// A part, spread over all segments.
+    pub part: Option<Settled<'a>>,
 }
 
 /// A model before its data, with the best state of every segment.
@@ -188,79 +185,20 @@ pub struct Settled<'a> {
     pub sums: Sums,
 }
 
-impl Settled<'_> {
-    /// Scores of terms that are not in the model, one column each, orthogonal to the model's
-    /// own unknowns and to all initial states.
-    ///
-    /// `extended` is the system with whatever its graph must hold for the expressions of
-    /// `probes`; its own terms are those of the system, or begin with them.
-    pub fn probe(&self, extended: System, probes: &[Term]) -> Result<Probed> {
-        let Settled { context, segments, states, .. } = self;
-        let mut system = extended;
-        let first = system.terms.len();
-        system.terms.extend_from_slice(probes);
-        let extra = system.term_ids().split_off(first);
-        let (law, backend) = (&context.law, Backend::default());
-        let dynamics = Dynamics::with_probes(&system, law.support(), &extra, backend)?;
-        let count = law.support().len();
-        let theta = law.theta(&dynamics);
-        let weights = context.weights();
-        let problem = context.problem(segments, &weights);
-        let linearised = linearise(&problem, &dynamics, &theta, states);
-        if linearised.sums.rows <= count + dynamics.parameters().len() {
-            let Sums { rows, exploded, .. } = linearised.sums;
-            return Err(Error::new(
-                ErrorKind::InsufficientData,
-                format!(
-                    "{rows} independent residuals do not suffice to ask what is missing \
-                     ({exploded} of {} predictions diverged)",
-                    segments.list.len()
-                ),
-                "measure longer runs, or more of them",
-            ));
-        }
-        // The model's unknowns first: coefficients, inner parameters, then the probes.
-        let terms = dynamics.active().len();
-        let order: Vec<usize> = (0..count)
-            .chain(terms..terms + dynamics.parameters().len())
-            .chain(count..terms)
-            .collect();
-        let base = count + dynamics.parameters().len();
-        let factor = linearised.merged().select(&order);
-        let variance = noise_variance(&factor, base);
-        let exploded = linearised.sums.exploded;
-        Ok(Probed { scores: Scores::new(&factor, base, variance), exploded })
-    }
-}
-
 /// Long segments of a rough model take their time: what has not settled would look like something
 /// missing.
 fn patiently(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mut States) -> Sums {
     let mut sums = settle(problem, dynamics, theta, states);
-    for _ in 0..PATIENCE {
+    for _ in 0..TUNING.states.retries {
         if sums.unsettled == 0 {
             break;
         }
         let further = settle(problem, dynamics, theta, states);
-        let settled = further.loss >= sums.loss * (1.0 - SETTLED);
+        let settled = further.loss >= sums.loss * (1.0 - TUNING.states.settled);
         sums = further;
         if settled {
             break;
         }
     }
     sums
-}
-
-/// Variance of the weighted residuals with everything that was probed taken out, or of the
-/// model's own where there are too many probes for that.
-fn noise_variance(factor: &Factor, base: usize) -> f64 {
-    let (rows, columns) = (factor.rows(), factor.columns());
-    let variance = if rows > 3 * columns {
-        factor.least() / (rows - columns) as f64
-    } else {
-        let size = columns - base;
-        let left = factor.target().rows(base, size).norm_squared() + factor.least();
-        left / rows.saturating_sub(base).max(1) as f64
-    };
-    variance.max(1e-12)
 }

@@ -6,8 +6,9 @@ use serde::Serialize;
 
 use super::candidates::candidates;
 use super::context::Context;
-use super::missing::{Diagnosis, Leader, Verdict, diagnose};
-use super::round::round;
+use super::diagnosis::{Diagnosis, RankedEffect, Verdict, diagnose};
+use super::ranking::ranking;
+use super::tuning::TUNING;
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::expr::{Compiled, Scope, System, build};
@@ -50,17 +51,9 @@ pub struct Step {
     pub held_out_error_before: f64,
     /// The same with it.
     pub held_out_error_after: f64,
-    /// Leaders that these data could not tell from it.
+    /// RankedEffects that these data could not tell from it.
     pub indistinguishable: Vec<String>,
 }
-
-/// Additions, at most.
-const MOST: usize = 8;
-/// An addition pays when the held-out deviance falls by more than this (odds of 1,000 to 1).
-const PAYS: f64 = 14.0;
-/// Where the catalogue does not explain the misfit, each effect of it a little of what another
-/// law does: an addition then takes away at least this part of the squares above the noise.
-const PART: f64 = 0.25;
 
 /// Adds named effects to a spec until what is left is noise, or nothing of the catalogue helps.
 ///
@@ -80,7 +73,7 @@ pub fn discover(
     let mut model = fit(&compiled.system, training, options, monitor)?;
     let mut steps: Vec<Step> = Vec::new();
     // What else each step might have been.
-    let mut rivals: Vec<Vec<Leader>> = Vec::new();
+    let mut rivals: Vec<Vec<RankedEffect>> = Vec::new();
     let start = text.clone();
     let first = (compiled.clone(), model.clone());
     let mut interrupted = false;
@@ -95,20 +88,21 @@ pub fn discover(
         if !goes_on(&diagnosis) {
             break (diagnosis.reason, diagnosis.verdict);
         }
-        if steps.len() == MOST {
+        if steps.len() == TUNING.discovery.additions {
             let sentence = format!(
-                "stopped after {MOST} additions; more would lower the error on held-out runs"
+                "stopped after {} additions; more would lower the error on held-out runs",
+                TUNING.discovery.additions
             );
             break (sentence, Verdict::Missing);
         }
         let context = Context::new(&compiled.system, &model, held_out)?;
         let (_, _, sums) = context.settle(context.law.window());
         let partial = diagnosis.verdict == Verdict::Unexplained;
-        let pays = |leader: &&Leader| {
+        let pays = |leader: &&RankedEffect| {
             let before = leader.held_out_error_before.powi(2);
             let after = leader.held_out_error_after.powi(2);
-            (before - after) * sums.rows as f64 > PAYS * after
-                && (!partial || before - after > PART * (before - 1.0))
+            (before - after) * sums.rows as f64 > TUNING.discovery.deviance * after
+                && (!partial || before - after > TUNING.discovery.part * (before - 1.0))
         };
         let mut kept = None;
         let mut lost = None;
@@ -155,7 +149,7 @@ pub fn discover(
             let mut alike = found.alike(step, rivals, training, held_out, monitor)?;
             // One that now explains more takes the step's place, and so does a simpler one.
             let beaten = !alike.iter().any(|leader| leader.effect == step.effect);
-            let simpler = |rival: &&Leader| rival.coefficient.len() < step.coefficient.len();
+            let simpler = |rival: &&RankedEffect| rival.coefficient.len() < step.coefficient.len();
             if let Some(rival) = alike.first().filter(|rival| beaten || simpler(rival)).cloned()
                 && let Some(swapped) = found.swapped(step, &rival, training, options, monitor)
             {
@@ -169,7 +163,7 @@ pub fn discover(
     let noise: Vec<f64> = model.noise.iter().map(|n| n.standard_deviation).collect();
     let held_out_error = |compiled: &crate::expr::Compiled, of: &Model| -> Result<f64> {
         let context = Context::new(&compiled.system, of, held_out)?.with_noise(noise.clone());
-        Ok(super::compare::error(&context, model.evidence.window).0)
+        Ok(super::misfit::error(&context, model.evidence.window).0)
     };
     let before = if start == text {
         held_out_error(&compiled, &model)?
@@ -247,11 +241,11 @@ impl Found<'_> {
     fn alike(
         &self,
         step: &Step,
-        rivals: &[Leader],
+        rivals: &[RankedEffect],
         training: &Dataset,
         held_out: &Dataset,
         monitor: &dyn Monitor,
-    ) -> Result<Vec<Leader>> {
+    ) -> Result<Vec<RankedEffect>> {
         let Some(place) = edit::place_of(self.text, &step.snippet) else { return Ok(Vec::new()) };
         let base = build(self.name, &edit::remove(self.text, place))?;
         let own = Context::new(&self.compiled.system, self.model, training)?;
@@ -262,15 +256,15 @@ impl Found<'_> {
             |label: &str| label == step.effect || rivals.iter().any(|rival| rival.effect == label);
         let mut all = candidates(&mut Scope::of(&base), training);
         all.retain(|candidate| asked(&candidate.label));
-        let found = round(&context, held_out, &all, all.len(), monitor)?;
-        Ok(found.leaders.into_iter().take(found.close).map(|l| l.leader).collect())
+        let found = ranking(&context, held_out, &all, all.len(), monitor)?;
+        Ok(found.effects.into_iter().take(found.close).map(|one| one.refit.effect).collect())
     }
 
     /// Spec and model with a rival in the place of a step; `None` where a fit does not keep it.
     fn swapped(
         &self,
         step: &Step,
-        rival: &Leader,
+        rival: &RankedEffect,
         training: &Dataset,
         options: &Options,
         monitor: &dyn Monitor,
@@ -288,7 +282,7 @@ impl Found<'_> {
 }
 
 impl Step {
-    fn replace(&mut self, rival: &Leader) {
+    fn replace(&mut self, rival: &RankedEffect) {
         self.effect.clone_from(&rival.effect);
         self.snippet.clone_from(&rival.snippet);
         self.coefficient.clone_from(&rival.coefficient);
@@ -311,7 +305,7 @@ fn belongs(
     })
 }
 
-fn step(diagnosis: &Diagnosis, leader: &Leader) -> Step {
+fn step(diagnosis: &Diagnosis, leader: &RankedEffect) -> Step {
     let mut others: Vec<String> = diagnosis.indistinguishable.clone();
     others.retain(|name| *name != leader.effect);
     Step {

@@ -1,26 +1,26 @@
 //! Where a model fails, and what is missing.
+//!
+//! [`diagnosis`] is the way from candidates to a verdict, a file for each phase. A new kind of
+//! candidate goes to `candidates`, a new view of the misfit to `comparison`, a new criterion for
+//! the next run to `design`; numbers to tune stand in `tuning`.
 
 pub mod candidates;
-pub mod compare;
+mod chain;
+mod columns;
+pub mod comparison;
 pub mod context;
 pub mod design;
-pub mod detectors;
+pub mod diagnosis;
 pub mod discover;
-pub mod floor;
-pub mod generic;
-pub mod hats;
-pub mod leader;
-pub mod missing;
-mod own;
-pub mod plan;
-pub mod plane;
-pub mod predictions;
-mod reach;
-pub mod rival;
-pub mod round;
+mod evidence;
+pub mod instrument;
+mod misfit;
+pub mod noise_floor;
+mod ranking;
+mod refit;
 pub mod scan;
-pub mod score;
-mod search;
-pub mod suffices;
-mod trial;
-pub mod view;
+mod score_test;
+pub mod sufficiency;
+pub mod tuning;
+mod verdict;
+mod window;

@@ -1,20 +1,13 @@
 //! Scores of all candidates over the grids of their inner parameters.
 
 use super::candidates::Candidate;
-use super::context::Settled;
-use super::score::{Score, Scores};
+use super::context::{Context, Parts, Settled};
+use super::score_test::{Score, Scores};
+use super::tuning::TUNING;
+use super::window::longer;
 use crate::error::Result;
 use crate::expr::{System, Term};
-
-/// Columns that one linearisation carries, at most: where what all probes together leave is asked
-/// for, and where each is asked by itself, for then most of the work is in telling them apart.
-const TOGETHER: usize = 240;
-const APART: usize = 28;
-/// Noise is known to this factor of its variance before anything is added; less than that is
-/// not believed of probes that were not fitted.
-const LEAST: f64 = 0.1;
-/// Samples on which grids of inner parameters are looked through.
-pub const FEW: usize = 1_200;
+use crate::fit::Monitor;
 
 /// The best grid point of one candidate.
 #[derive(Debug, Clone)]
@@ -41,6 +34,47 @@ pub struct Scan {
     pub variance: f64,
 }
 
+/// Candidates that explain more than noise would.
+pub struct Significant<'a> {
+    /// The model before the segments that they were scored on.
+    pub data: Parts<'a>,
+    /// The best grid point of each of them, best first.
+    pub best: Vec<Scored>,
+    /// Candidates times grid points, on segments of every length that was tried.
+    pub tried: usize,
+    /// As [`Scan::variance`].
+    pub variance: f64,
+}
+
+/// Scores all candidates.
+///
+/// A small effect needs time to show. Where nothing is significant, the segments grow beyond
+/// those that the model was trained on, until something is.
+///
+/// # Errors
+///
+/// When the data do not suffice to score anything.
+pub fn significant<'a>(
+    context: &Context<'a>,
+    candidates: &[Candidate],
+    monitor: &dyn Monitor,
+) -> Result<Significant<'a>> {
+    let most = TUNING.scan.significant;
+    let mut data = context.parts();
+    let mut scores = scan(&data.all, data.part.as_ref(), candidates)?;
+    let mut tried = scores.tried;
+    while !scores.scored.iter().any(|s| s.p_value < most) && !monitor.stopped() {
+        let Some(window) = longer(&data.all.context) else { break };
+        data = context.with_window(window).parts();
+        scores = scan(&data.all, data.part.as_ref(), candidates)?;
+        tried += scores.tried;
+    }
+    // Every length that was tried is a look elsewhere.
+    let lengths = tried as f64 / scores.tried.max(1) as f64;
+    let best = scores.scored.into_iter().filter(|s| lengths * s.p_value < most).collect();
+    Ok(Significant { data, best, tried, variance: scores.variance })
+}
+
 /// Index of a candidate, and values of its inner parameters.
 type Try = (usize, Vec<f64>);
 
@@ -54,13 +88,13 @@ pub fn scan(settled: &Settled, few: Option<&Settled>, all: &[Candidate]) -> Resu
         all.iter().map(|candidate| candidate.grid.clone()).enumerate().collect();
     let points = if let Some(few) = few {
         let (grids, plain): (Vec<_>, Vec<_>) = every.into_iter().partition(|(_, g)| g.len() > 1);
-        let (found, _) = score(few, all, &grids, tried, APART)?;
+        let (found, _) = score(few, all, &grids, tried, TUNING.scan.columns_apart)?;
         let best = found.into_iter().map(|scored| (scored.candidate, vec![scored.values]));
         plain.into_iter().chain(best).collect()
     } else {
         every
     };
-    let (mut scored, variance) = score(settled, all, &points, tried, TOGETHER)?;
+    let (mut scored, variance) = score(settled, all, &points, tried, TUNING.scan.columns_together)?;
     scored.sort_by(|a, b| b.merit.total_cmp(&a.merit).then(a.candidate.cmp(&b.candidate)));
     Ok(Scan { scored, tried, variance })
 }
@@ -94,7 +128,7 @@ fn score(
     }
     // One yardstick for all: what is left where the most is explained.
     let least = probed.iter().map(|(_, scores)| scores.variance).fold(f64::INFINITY, f64::min);
-    let variance = if least.is_finite() { least.max(LEAST) } else { 1.0 };
+    let variance = if least.is_finite() { least.max(TUNING.scan.least_variance) } else { 1.0 };
     let mut best: Vec<Option<Scored>> = vec![None; all.len()];
     for (tries, mut scores) in probed {
         scores.variance = variance;

@@ -1,6 +1,6 @@
 //! A law held against measurements.
 
-use crate::diagnose::compare;
+use crate::diagnose::comparison;
 
 /// How well a law predicts measurements, and where it fails.
 ///
@@ -48,8 +48,8 @@ pub struct Horizon {
 }
 
 impl Comparison {
-    pub(super) fn of(found: compare::Comparison) -> Comparison {
-        let horizon = |horizon: &compare::Horizon| Horizon {
+    pub(super) fn of(found: comparison::Comparison) -> Comparison {
+        let horizon = |horizon: &comparison::Horizon| Horizon {
             samples: horizon.samples,
             duration: horizon.duration,
             error: horizon.training,

@@ -1,6 +1,6 @@
 //! What a law misses.
 
-use crate::diagnose::missing;
+use crate::diagnose::diagnosis;
 
 /// What a law misses: a verdict, and the effects of the catalogue that were fitted with it, the
 /// best first.
@@ -84,8 +84,8 @@ pub struct Effect {
 }
 
 impl Diagnosis {
-    pub(super) fn of(found: missing::Diagnosis) -> Diagnosis {
-        let effect = |leader: missing::Leader| Effect {
+    pub(super) fn of(found: diagnosis::Diagnosis) -> Diagnosis {
+        let effect = |leader: diagnosis::RankedEffect| Effect {
             effect: leader.effect,
             statement: leader.snippet,
             coefficients: leader.coefficient,
@@ -96,10 +96,10 @@ impl Diagnosis {
         };
         Diagnosis {
             verdict: match found.verdict {
-                missing::Verdict::Missing => Verdict::Missing,
-                missing::Verdict::NothingMissing => Verdict::NothingMissing,
-                missing::Verdict::Unexplained => Verdict::Unexplained,
-                missing::Verdict::TooLittleData => Verdict::InsufficientData,
+                diagnosis::Verdict::Missing => Verdict::Missing,
+                diagnosis::Verdict::NothingMissing => Verdict::NothingMissing,
+                diagnosis::Verdict::Unexplained => Verdict::Unexplained,
+                diagnosis::Verdict::TooLittleData => Verdict::InsufficientData,
             },
             reason: found.reason,
             effects: found.ranking.into_iter().map(effect).collect(),

@@ -5,9 +5,9 @@ use std::path::Path;
 
 use super::model_file::{self, ModelFile};
 use super::{Comparison, Data, Diagnosis, Spec, Trajectory};
-use crate::diagnose::compare::compare;
+use crate::diagnose::comparison::compare;
 use crate::diagnose::context::Context;
-use crate::diagnose::missing::diagnose;
+use crate::diagnose::diagnosis::diagnose;
 use crate::error::{Error, ErrorKind, Result};
 use crate::fit::model::{LearnedParameter, LearnedTerm, Noise};
 use crate::fit::{self, Model, Silent};

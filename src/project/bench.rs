@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::learned::{learn, on_threads};
 use super::{Listener, Project};
 use crate::data::{DataReport, Dataset, Split};
-use crate::diagnose::compare;
+use crate::diagnose::comparison;
 use crate::diagnose::context::Context;
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
@@ -185,5 +185,5 @@ impl Bench {
 /// Error over each length of prediction (in samples), in units of `noise`.
 pub fn errors(context: &Context, noise: &[f64], windows: &[usize]) -> Vec<(usize, f64)> {
     let judge = context.with_data(context.dataset).with_noise(noise.to_vec());
-    windows.iter().map(|&window| (window, compare::error(&judge, window).0)).collect()
+    windows.iter().map(|&window| (window, comparison::error(&judge, window).0)).collect()
 }

@@ -5,12 +5,12 @@ use super::learned::origin;
 use super::ledger::{HeldOutErrors, Ledger, date};
 use super::written::the_export;
 use super::{ModelFile, ProjectLaw, digest};
-use crate::diagnose::compare::{self, Comparison, Horizon};
+use crate::diagnose::comparison::view::{Quantity, View, view};
+use crate::diagnose::comparison::{self, Comparison, Horizon};
 use crate::diagnose::context::Context;
-use crate::diagnose::detectors::detect;
-use crate::diagnose::floor::noise_floor;
-use crate::diagnose::missing::{self, Diagnosis};
-use crate::diagnose::view::{Quantity, View, view};
+use crate::diagnose::diagnosis::{self, Diagnosis};
+use crate::diagnose::instrument::detect;
+use crate::diagnose::noise_floor::noise_floor;
 use crate::error::{Error, ErrorKind, Result};
 use crate::export::formulas;
 use crate::expr::{Observed, Variable};
@@ -37,7 +37,7 @@ pub fn seen(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<Asses
     // A model that fails takes a part of what it lacks for noise; the floor is the instrument's.
     training = training.with_noise(noise_floor(&training, model));
     let held_out = bench.held_out().map(|data| training.with_data(data));
-    let mut comparison = compare::compare(&training, held_out.as_ref())?;
+    let mut comparison = comparison::compare(&training, held_out.as_ref())?;
     comparison.findings.extend(detections.into_iter().map(|found| found.sentence));
     monitor.stage("what there is to see", 0.3);
     let view = view(&training, held_out.as_ref())?;
@@ -97,7 +97,8 @@ pub fn glimpse(bench: &Bench, judged: &HeldOutErrors) -> Assessment {
 pub fn diagnosis(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<Option<Diagnosis>> {
     let Some(held_out) = bench.held_out() else { return Ok(None) };
     let project = &bench.project;
-    missing::diagnose(&project.compiled, model, &bench.split.training, held_out, monitor).map(Some)
+    diagnosis::diagnose(&project.compiled, model, &bench.split.training, held_out, monitor)
+        .map(Some)
 }
 
 /// Hands everything that a report tells to `tell`.

@@ -4,9 +4,9 @@ use serde::Serialize;
 
 use super::layout::{WIDTH, table, wrapped};
 use super::present;
-use crate::diagnose::compare::{Comparison, ResidualMap};
+use crate::diagnose::comparison::{Comparison, ResidualMap};
+use crate::diagnose::diagnosis::{Diagnosis, Verdict};
 use crate::diagnose::discover::Discovery;
-use crate::diagnose::missing::{Diagnosis, Verdict};
 use crate::simplify::{significant, uncertain};
 
 /// Maps that are drawn; the others have a row in the table.

@@ -8,7 +8,7 @@ use std::fmt::Write;
 use super::html::sections::{amount_of_data, found, sentence};
 use super::html::tables::{self, Table};
 use super::html::{Page, RenderedPage};
-use crate::diagnose::missing::Diagnosis;
+use crate::diagnose::diagnosis::Diagnosis;
 use crate::export::escape;
 use crate::report::plots::{Figure, escaped_id};
 

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::diagnose::missing::Diagnosis;
+use crate::diagnose::diagnosis::Diagnosis;
 pub use crate::export::{export, notes, pretty, simplified};
 use crate::expr::{Place, Symbol};
 use crate::simplify::{Simplified, Style};

@@ -7,8 +7,8 @@ use super::files::{self, AllowedFolder, FileStamps};
 use super::jobs::JobRequest;
 use super::{Studio, wire};
 use crate::data::write_atomically;
-use crate::diagnose::missing::Diagnosis;
-use crate::diagnose::suffices;
+use crate::diagnose::diagnosis::Diagnosis;
+use crate::diagnose::sufficiency;
 use crate::diagnostic::Diagnostic;
 use crate::error::{Error, ErrorKind, Result};
 use crate::fit::{Model, Monitor, Options, StopReason};
@@ -408,7 +408,7 @@ impl Engine {
         let teller = ProgressReporter::new(&studio, "Asking what is missing", true);
         let bench = &held.bench;
         let lacking =
-            suffices::lacking(bench.project.system(), &bench.split.training, bench.held_out());
+            sufficiency::lacking(bench.project.system(), &bench.split.training, bench.held_out());
         let diagnosis = match lacking {
             Some(why) => Diagnosis::too_little(why),
             None => match page::diagnosis(bench, &held.training, &teller)? {

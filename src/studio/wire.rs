@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::files;
 use super::routes::formats;
-use crate::diagnose::missing::{Diagnosis, Leader};
+use crate::diagnose::diagnosis::{Diagnosis, RankedEffect};
 use crate::diagnostic::Diagnostic;
 use crate::error::Error;
 use crate::project::ledger::{BY_HAND, HeldOutErrors, Ledger, date};
@@ -164,7 +164,7 @@ pub fn missing(diagnosis: &Diagnosis) -> Value {
     })
 }
 
-fn leader(leader: &Leader) -> Value {
+fn leader(leader: &RankedEffect) -> Value {
     let name = leader.effect.split('(').next().unwrap_or("");
     let p_value = match leader.p_value {
         p if p < 1e-12 => "< 10⁻¹²".to_string(),

@@ -2,9 +2,9 @@
 
 use leverrier::internals::data::Dataset;
 use leverrier::internals::diagnose::context::Context;
+use leverrier::internals::diagnose::design::rival::Rival;
 use leverrier::internals::diagnose::design::{Allowed, Goal, Plan, Proposal, design, standings};
-use leverrier::internals::diagnose::missing::{Diagnosis, diagnose};
-use leverrier::internals::diagnose::rival::Rival;
+use leverrier::internals::diagnose::diagnosis::{Diagnosis, diagnose};
 use leverrier::internals::error::Error;
 use leverrier::internals::expr::{Compiled, build};
 use leverrier::internals::fit::{Model, Options, Silent, fit};

@@ -3,8 +3,8 @@
 
 use leverrier::internals::data::Dataset;
 use leverrier::internals::diagnose::context::Context;
-use leverrier::internals::diagnose::detectors::{Detection, detect};
-use leverrier::internals::diagnose::missing::{Verdict, diagnose};
+use leverrier::internals::diagnose::diagnosis::{Verdict, diagnose};
+use leverrier::internals::diagnose::instrument::{Detection, detect};
 use leverrier::internals::expr::{TermId, build};
 use leverrier::internals::fit::{Law, Options, Silent, fit, resume};
 use leverrier::internals::simulate::Simulator;

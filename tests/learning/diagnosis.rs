@@ -3,10 +3,10 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use leverrier::internals::data::Dataset;
-use leverrier::internals::diagnose::compare::compare;
+use leverrier::internals::diagnose::comparison::compare;
 use leverrier::internals::diagnose::context::Context;
+use leverrier::internals::diagnose::diagnosis::{Diagnosis, Verdict, diagnose};
 use leverrier::internals::diagnose::discover::discover;
-use leverrier::internals::diagnose::missing::{Diagnosis, Verdict, diagnose};
 use leverrier::internals::expr::{Compiled, build};
 use leverrier::internals::fit::{Model, Monitor, Options, Silent, fit};
 use leverrier::internals::simulate::Simulator;

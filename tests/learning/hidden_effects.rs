@@ -8,7 +8,7 @@ use crate::hidden::outcome::{Outcome, outcome};
 use crate::hidden::pairs::PAIRS;
 use crate::hidden::strangers::STRANGERS;
 use crate::hidden::{case, statement};
-use leverrier::internals::diagnose::missing::Verdict;
+use leverrier::internals::diagnose::diagnosis::Verdict;
 use leverrier::internals::spec::effects::{by_name, catalogue};
 
 fn base(name: &str) -> &'static Base {

@@ -4,14 +4,16 @@
 use std::collections::HashSet;
 
 use leverrier::internals::data::{DataReport, Dataset};
-use leverrier::internals::diagnose::compare::{
+use leverrier::internals::diagnose::comparison::plane::{ForceNode, ForcePlane};
+use leverrier::internals::diagnose::comparison::predictions::Prediction;
+use leverrier::internals::diagnose::comparison::view::{
+    EnergySeries, Portrait, Quantity, View, view,
+};
+use leverrier::internals::diagnose::comparison::{
     Comparison, EnergyDrift, Horizon, ResidualMap, compare,
 };
 use leverrier::internals::diagnose::context::Context;
-use leverrier::internals::diagnose::missing::{Diagnosis, Leader, Verdict, diagnose};
-use leverrier::internals::diagnose::plane::{ForceNode, ForcePlane};
-use leverrier::internals::diagnose::predictions::Prediction;
-use leverrier::internals::diagnose::view::{EnergySeries, Portrait, Quantity, View, view};
+use leverrier::internals::diagnose::diagnosis::{Diagnosis, RankedEffect, Verdict, diagnose};
 use leverrier::internals::expr::{Compiled, build};
 use leverrier::internals::fit::model::{FrontPoint, PathEntry};
 use leverrier::internals::fit::{Model, Options, Silent, fit};
@@ -230,7 +232,7 @@ fn broken(value: f64) -> Story {
         PathEntry { lambda: 1.0, coefficients: vec![("x^2".into(), value), ("x^3".into(), 2.0)] },
         PathEntry { lambda: 0.1, coefficients: vec![("x^2".into(), 1e200)] },
     ];
-    let leader = Leader {
+    let leader = RankedEffect {
         effect: "an_effect_with_a_very_long_name(theta_one, theta_two)".into(),
         on: vec![],
         snippet: "effect <a>".into(),

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::{Page, shown, tables};
-use crate::diagnose::missing::Verdict;
+use crate::diagnose::diagnosis::Verdict;
 use crate::report::plots::{Figure, amount, escaped, number, plot, term, times, unit};
 use crate::report::present;
 use crate::simplify::Style;

@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 use super::{HistoryEntry, Page};
 use crate::data::DataReport;
-use crate::diagnose::compare::Comparison;
-use crate::diagnose::missing::Diagnosis;
+use crate::diagnose::comparison::Comparison;
+use crate::diagnose::diagnosis::Diagnosis;
 use crate::fit::Model;
 use crate::report::plots::{escaped, measured, number, plain, tenths, term, unit};
 

@@ -3,8 +3,8 @@
 use super::axes::Axis;
 use super::figure::{Figure, Mark, Panel, SeriesInfo, Shape, Style};
 use super::{PlotData, forces, label};
-use crate::diagnose::compare::EnergyDrift;
-use crate::diagnose::view::{EnergySeries, View};
+use crate::diagnose::comparison::EnergyDrift;
+use crate::diagnose::comparison::view::{EnergySeries, View};
 
 /// Runs with a name; the others are faint.
 const NAMED: usize = 5;

@@ -4,8 +4,8 @@ use super::axes::Axis;
 use super::figure::{Figure, Mark, Panel};
 use super::forces::{force_unit, p_value_text};
 use super::{PlotData, label};
-use crate::diagnose::plane::{ForceNode, ForcePlane};
-use crate::diagnose::view::View;
+use crate::diagnose::comparison::plane::{ForceNode, ForcePlane};
+use crate::diagnose::comparison::view::View;
 
 /// Chance below which a map is worth its numbers.
 const TELLING: f64 = 1e-3;

@@ -3,8 +3,8 @@
 use super::axes::Axis;
 use super::figure::{Figure, Mark, Panel, SeriesInfo, Shape, Style};
 use super::{PlotData, label};
-use crate::diagnose::compare::ResidualMap;
-use crate::diagnose::view::View;
+use crate::diagnose::comparison::ResidualMap;
+use crate::diagnose::comparison::view::View;
 
 /// Maps that a report draws, the most telling first.
 const MOST: usize = 6;

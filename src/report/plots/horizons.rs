@@ -3,7 +3,7 @@
 use super::axes::Axis;
 use super::figure::{Figure, Mark, Panel, SeriesInfo, Shape, Style};
 use super::{PlotData, label, times};
-use crate::diagnose::compare::Horizon;
+use crate::diagnose::comparison::Horizon;
 
 /// One figure: training, held-out, the guess that nothing moves.
 pub fn figures(material: &PlotData) -> Vec<Figure> {

@@ -41,9 +41,9 @@ pub fn escaped_id(id: &str) -> String {
     id.chars().map(|c| if plain(c) { c } else { '_' }).collect()
 }
 
-use crate::diagnose::compare::Comparison;
-use crate::diagnose::missing::Diagnosis;
-use crate::diagnose::view::View;
+use crate::diagnose::comparison::Comparison;
+use crate::diagnose::comparison::view::View;
+use crate::diagnose::diagnosis::Diagnosis;
 use crate::fit::Model;
 
 /// What plots are drawn from.

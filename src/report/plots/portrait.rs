@@ -4,8 +4,8 @@ use super::axes::{Axis, nice_ticks};
 use super::contour;
 use super::figure::{Anchor, Figure, Mark, Panel, SeriesInfo, Shape, Style};
 use super::{PlotData, label};
-use crate::diagnose::predictions::Prediction;
-use crate::diagnose::view::{Portrait, View};
+use crate::diagnose::comparison::predictions::Prediction;
+use crate::diagnose::comparison::view::{Portrait, View};
 
 /// Contours, more or less.
 const LEVELS: usize = 9;

@@ -3,8 +3,8 @@
 use super::axes::{Axis, extent};
 use super::figure::{Figure, Mark, Panel, SeriesInfo, Shape, Style};
 use super::{PlotData, label, times};
-use crate::diagnose::predictions::Prediction;
-use crate::diagnose::view::View;
+use crate::diagnose::comparison::predictions::Prediction;
+use crate::diagnose::comparison::view::View;
 
 /// Figures of a report, at most.
 const MOST: usize = 8;

@@ -4,7 +4,7 @@
 use super::axes::Axis;
 use super::figure::{Arrangement, Figure, Mark, Panel, Shape, Style};
 use super::{PlotData, forces, tenths, times};
-use crate::diagnose::missing::Diagnosis;
+use crate::diagnose::diagnosis::Diagnosis;
 use crate::report::present;
 
 /// The leaders, the best on top; and the force that is left when all that has a name is in.

@@ -1,8 +1,8 @@
 //! What became of one hidden effect: whether it was named, and what adding it did.
 
-use leverrier::internals::diagnose::compare::error;
+use leverrier::internals::diagnose::comparison::error;
 use leverrier::internals::diagnose::context::Context;
-use leverrier::internals::diagnose::missing::{Diagnosis, Verdict, diagnose};
+use leverrier::internals::diagnose::diagnosis::{Diagnosis, Verdict, diagnose};
 use leverrier::internals::expr::build;
 use leverrier::internals::fit::{Model, Options, Silent, fit};
 use leverrier::internals::spec::edit::insert;

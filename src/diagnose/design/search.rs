@@ -1,6 +1,7 @@
 //! The search for the best run: points spread over the bounds, then a compass.
 
 use super::trial::{Jury, Question, Sampling, Trial};
+use crate::diagnose::tuning::TUNING;
 use crate::fit::Monitor;
 use crate::simulate::Interval;
 
@@ -29,27 +30,6 @@ pub(super) struct Search {
     pub stop: String,
 }
 
-/// Points that are spread over the bounds for each sampling, and of them those at rest.
-const POINTS: usize = 192;
-const AT_REST: usize = 64;
-/// Points of a sampling where there are several of them.
-const FEWER: usize = 96;
-/// Runs that are judged at a time.
-const TOGETHER: usize = 128;
-/// A pair whose deviance no run makes grow by more is given up: from equal standing, its chance
-/// to be told apart stays below a fifth.
-const LEAST: f64 = 3.0;
-/// A shorter run is preferred if it brings this part of the best.
-pub(super) const ENOUGH: f64 = 0.95;
-/// Neighbourhoods that are searched.
-const SEEDS: usize = 3;
-/// Points nearer than this, in parts of the bounds, share a neighbourhood.
-const APART: f64 = 0.15;
-/// First and last step of the compass, in parts of the bounds.
-const FIRST: f64 = 1.0 / 8.0;
-const LAST: f64 = 1.0 / 100.0;
-const ROUNDS: usize = 24;
-
 /// Searches the starts within `bounds` (q, then p) and the samplings.
 pub(super) fn search(
     jury: &Jury,
@@ -57,12 +37,15 @@ pub(super) fn search(
     bounds: &[Interval],
     monitor: &dyn Monitor,
 ) -> Search {
-    let points = points(bounds, if samplings.len() > 1 { FEWER } else { POINTS });
+    let points = points(
+        bounds,
+        if samplings.len() > 1 { TUNING.design.points_of_several } else { TUNING.design.points },
+    );
     let mut all: Vec<Found> = Vec::new();
     let mut tried = 0;
     let mut stopped = false;
     for (s, sampling) in samplings.iter().enumerate() {
-        for chunk in points.chunks(TOGETHER) {
+        for chunk in points.chunks(TUNING.design.batch) {
             stopped = stopped || !all.is_empty() && monitor.stopped();
             if stopped {
                 break;
@@ -89,22 +72,26 @@ pub(super) fn search(
     let rests = |found: &Found| at_rest(&found.start);
     let mut resting = 0;
     for found in all.iter().filter(|found| found.sampling == chosen) {
-        let near = |other: &Found| distance(&found.start, &other.start, bounds) < APART;
+        let near =
+            |other: &Found| distance(&found.start, &other.start, bounds) < TUNING.design.apart;
         let first_at_rest = rests(found) && resting == 0;
-        if first_at_rest || seeds.len() < SEEDS && !seeds.iter().any(near) {
+        if first_at_rest || seeds.len() < TUNING.design.neighbourhoods && !seeds.iter().any(near) {
             resting += usize::from(rests(found));
             seeds.push(found.clone());
         }
     }
-    let mut steps = vec![FIRST; seeds.len()];
+    let mut steps = vec![TUNING.design.first_step; seeds.len()];
     let mut round = 0;
-    while !stopped && round < ROUNDS && steps.iter().any(|&step| step >= LAST) {
-        monitor.stage("moving the best", 0.7 + 0.2 * round as f64 / ROUNDS as f64);
+    while !stopped
+        && round < TUNING.design.rounds
+        && steps.iter().any(|&step| step >= TUNING.design.last_step)
+    {
+        monitor.stage("moving the best", 0.7 + 0.2 * round as f64 / TUNING.design.rounds as f64);
         round += 1;
         let mut polls: Vec<Vec<f64>> = Vec::new();
         let mut of: Vec<usize> = Vec::new();
         for (i, (seed, &step)) in seeds.iter().zip(&steps).enumerate() {
-            if step >= LAST {
+            if step >= TUNING.design.last_step {
                 polls.extend(around(seed, step, bounds));
                 of.resize(polls.len(), i);
             }
@@ -126,7 +113,7 @@ pub(super) fn search(
     }
     let stop = if stopped {
         "interrupted: the best so far was kept".to_string()
-    } else if steps.iter().any(|&step| step >= LAST) {
+    } else if steps.iter().any(|&step| step >= TUNING.design.last_step) {
         "the best start was still moving when the search had used up its rounds".to_string()
     } else {
         "moving the best start by a hundredth of its bounds gains nothing more".to_string()
@@ -150,7 +137,11 @@ pub(super) fn search(
 
 /// Whether a score is about as good as the best. Standard errors have negative scores.
 pub(super) fn about_as_good(score: f64, best: f64) -> bool {
-    if best >= 0.0 { score >= ENOUGH * best } else { ENOUGH * score >= best }
+    if best >= 0.0 {
+        score >= TUNING.design.enough * best
+    } else {
+        TUNING.design.enough * score >= best
+    }
 }
 
 /// What a run is worth: the growth of the deviance for the pair where it grows least, or the
@@ -175,7 +166,7 @@ pub(super) fn at_rest(start: &[f64]) -> bool {
 
 fn live(jury: &Jury, all: &[Found]) -> Vec<bool> {
     let count = if jury.question == Question::Rivals { jury.pairs().len() } else { 1 };
-    (0..count).map(|k| all.iter().any(|found| found.values[k] >= LEAST)).collect()
+    (0..count).map(|k| all.iter().any(|found| found.values[k] >= TUNING.design.hopeless)).collect()
 }
 
 fn rank(jury: &Jury, live: &[bool], all: &mut [Found]) {
@@ -219,7 +210,7 @@ fn points(bounds: &[Interval], count: usize) -> Vec<Vec<f64>> {
             start[degrees..].fill(0.0);
             start
         };
-        points.extend(spread(degrees, count.min(AT_REST)).iter().map(still));
+        points.extend(spread(degrees, count.min(TUNING.design.points_at_rest)).iter().map(still));
     }
     if bounds.len() <= 4 {
         let corner = |k: usize| -> Vec<f64> {

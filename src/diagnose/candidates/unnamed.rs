@@ -1,15 +1,11 @@
 //! Terms without a name of their own: what to say when no named effect explains the misfit.
 
-use super::candidates::{Candidate, Origin, terms_of};
-use super::reach::Reach;
+use super::grid::Reach;
+use super::{Candidate, Origin, terms_of};
 use crate::data::Dataset;
+use crate::diagnose::tuning::TUNING;
 use crate::expr::Scope;
 use crate::spec::effects::ScanBy;
-
-/// Highest total degree of a force that is a product of powers.
-const DEGREE: usize = 4;
-/// Systems of more coordinates are not asked for bumps of two variables.
-const MOST_COORDINATES: usize = 3;
 
 /// A statement whose inner parameters stand between braces.
 struct Draft {
@@ -20,7 +16,7 @@ struct Draft {
 }
 
 /// Bumps of the potential and forces that are products of powers, on every coordinate.
-pub fn generic(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
+pub fn unnamed(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
     let system = &scope.compiled().system;
     let names = |list: &[crate::expr::Variable]| -> Vec<String> {
         list.iter().map(|variable| variable.name.clone()).collect()
@@ -34,7 +30,7 @@ pub fn generic(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
             statement: format!("V += span{{ unnamed: exp(-(({q} - {{at}})/{{width}})^2) }}"),
             scans: vec![("at", ScanBy::Position), ("width", ScanBy::Length)],
         });
-        for total in 2..=DEGREE {
+        for total in 2..=TUNING.candidates.unnamed_degree {
             for power in 0..=total {
                 let product = [(q, total - power), (p, power)]
                     .into_iter()
@@ -51,7 +47,7 @@ pub fn generic(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
             }
         }
     }
-    if coordinates.len() <= MOST_COORDINATES {
+    if coordinates.len() <= TUNING.candidates.bump_coordinates {
         for (i, x) in coordinates.iter().enumerate() {
             for y in &coordinates[i + 1..] {
                 drafts.push(Draft {

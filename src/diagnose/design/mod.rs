@@ -1,16 +1,20 @@
 //! The next run worth measuring: the one that tells rival models apart best, or that measures
 //! the coefficient that is known worst.
 
+mod plan;
+pub mod rival;
+mod search;
+mod trial;
+
 use statrs::distribution::{ContinuousCDF, Normal};
 
-pub use super::plan::{
-    Allowed, Bound, Expected, Gain, Goal, Named, Plan, Proposal, Sought, Standing,
-};
-use super::rival::{Known, Rival};
-use super::round::CLOSE;
-use super::search::{Found, about_as_good, at_rest, round_to, score, search};
-use super::trial::{Jury, Question, Sampling, Trial};
+pub use plan::{Allowed, Bound, Expected, Gain, Goal, Named, Plan, Proposal, Sought, Standing};
+use rival::{Known, Rival};
+use search::{Found, about_as_good, at_rest, round_to, score, search};
+use trial::{Jury, Question, Sampling, Trial};
+
 use crate::data::{Dataset, Run};
+use crate::diagnose::tuning::TUNING;
 use crate::error::{Error, ErrorKind, Result};
 use crate::fit::Monitor;
 use crate::fit::segments::typical_step;
@@ -18,14 +22,7 @@ use crate::fit::uncertainty::covariance;
 use crate::simulate::Interval;
 
 /// A rival that is further behind than this has been told apart.
-pub const TOLD_APART: f64 = CLOSE;
-
-/// Longest run that is thought of, in samples.
-const MOST_SAMPLES: usize = 20_000;
-/// Earlier runs that are thought of as repeated.
-const REPEATS: usize = 16;
-/// Shortest run, in samples, that is proposed unasked.
-const SHORTEST: usize = 21;
+pub const TOLD_APART: f64 = TUNING.ranking.indistinguishable;
 
 /// Looks for the run that brings most.
 ///
@@ -268,7 +265,7 @@ fn samplings(dataset: &Dataset, allowed: &Allowed) -> Result<Vec<Sampling>> {
     let from = allowed.from.or_else(|| median(ends().map(|(a, _)| a).collect())).unwrap_or(0.0);
     let steps = if allowed.steps.is_empty() { vec![typical] } else { allowed.steps.clone() };
     let usual = median(ends().map(|(a, b)| b - a).collect()).unwrap_or(0.0);
-    let least = steps.iter().copied().fold(0.0, f64::max) * (SHORTEST - 1) as f64;
+    let least = steps.iter().copied().fold(0.0, f64::max) * (TUNING.design.shortest - 1) as f64;
     let durations = if allowed.durations.is_empty() {
         vec![usual.max(least)]
     } else {
@@ -278,11 +275,11 @@ fn samplings(dataset: &Dataset, allowed: &Allowed) -> Result<Vec<Sampling>> {
     for &duration in &durations {
         for &step in &steps {
             let intervals = (duration / step * (1.0 + 1e-9)).floor();
-            if !(intervals >= 1.0 && intervals < MOST_SAMPLES as f64) {
+            if !(intervals >= 1.0 && intervals < TUNING.design.longest as f64) {
                 return Err(Error::new(
                     ErrorKind::InvalidArgument,
                     format!("a run of {duration} with a sample every {step} is not possible"),
-                    format!("a run has from 2 to {MOST_SAMPLES} samples"),
+                    format!("a run has from 2 to {} samples", TUNING.design.longest),
                 ));
             }
             let times = (0..=intervals as usize).map(|i| from + i as f64 * step).collect();
@@ -303,7 +300,7 @@ fn repeated(jury: &Jury) -> Option<Vec<f64>> {
             *first = Some((segment.first, state));
         }
     }
-    let stride = runs.div_ceil(REPEATS).max(1);
+    let stride = runs.div_ceil(TUNING.design.repeats).max(1);
     let chosen: Vec<(Vec<f64>, Sampling)> = firsts
         .into_iter()
         .enumerate()
@@ -336,11 +333,11 @@ fn expected(jury: &Jury, values: &[f64], standings: &[f64]) -> Expected {
     Expected { gains, standard_error: None }
 }
 
-/// Chance that a difference of deviances is above [`CLOSE`] after it grew. Growth that is
+/// Chance that a difference of deviances suffices to distinguish two models after it grew. Growth that is
 /// expected to be g is Gaussian of variance 4 g: twice the difference times the noise.
 fn settles(now: f64, growth: f64) -> f64 {
     let spread = 2.0 * growth.max(1e-9).sqrt();
-    Normal::standard().cdf((now + growth - CLOSE) / spread)
+    Normal::standard().cdf((now + growth - TUNING.ranking.indistinguishable) / spread)
 }
 
 fn proposal(jury: &Jury, found: &Found, samplings: &[Sampling], standings: &[f64]) -> Proposal {

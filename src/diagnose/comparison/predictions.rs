@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::context::Context;
+use crate::diagnose::context::Context;
+use crate::diagnose::tuning::TUNING;
 use crate::dynamics::{Batch, Dynamics, Scratch, advance, observe};
 use crate::expr::Observed;
 use crate::fit::segments::{Segment, longest_run};
@@ -33,9 +34,6 @@ pub struct Prediction {
     pub error: f64,
 }
 
-/// Predictions that are followed side by side.
-const LANES: usize = 64;
-
 /// Predictions of every run, in the order of the data, each over as long as its data have no
 /// hole.
 pub fn predictions(context: &Context, held_out: bool) -> Vec<Prediction> {
@@ -65,7 +63,7 @@ pub fn predictions(context: &Context, held_out: bool) -> Vec<Prediction> {
         let (segments, states, _) = context.settle(window);
         let all: Vec<(Segment, &[f64])> =
             segments.list.iter().copied().zip(states.iter()).collect();
-        for block in all.chunks(LANES) {
+        for block in all.chunks(TUNING.comparison.lanes) {
             law.follow(block, out, &mut scratch);
         }
     };

@@ -5,23 +5,10 @@
 //! left there is the instrument's.
 
 use super::context::Context;
+use super::tuning::TUNING;
 use crate::data::Dataset;
 use crate::fit::Model;
 use crate::fit::scales::{fewest_samples, scales};
-
-/// Rounds of weights and variances; each brings them nearer to their fixed point
-/// (MINQUE, Rao, J. Multivar. Anal. 1, 1971).
-const ROUNDS: usize = 6;
-/// Independent residuals below which a column's estimate is worth nothing.
-const FEW: f64 = 20.0;
-
-/// Standard errors that the short estimate is below the model's before it is believed: the
-/// smaller of two estimates of the same noise would be too small.
-const BELOW: f64 = 3.0;
-
-/// Where even the shortest predictions stray so much further than a column is rough, they stray for
-/// lack of a force. Columns that somebody smoothed before stay below.
-const STRAYS: f64 = 100.0;
 
 /// Noise of every observable over the shortest predictions that the data allow; the model's own
 /// estimate where that is not clearly larger, or where there are too few residuals. Where the data
@@ -34,14 +21,15 @@ pub fn noise_floor(context: &Context, model: &Model) -> Vec<f64> {
     // Relative standard error of each estimate; none where there is no estimate.
     let mut known = vec![None; judge.law.noise().len()];
     let (segments, mut states, mut sums) = judge.settle(window);
-    for round in 0..ROUNDS {
+    for round in 0..TUNING.noise_floor.rounds {
         if round > 0 {
             sums = judge.settle_from(&segments, &mut states);
         }
         let mut moved: f64 = 0.0;
         let mut next = judge.law.noise().to_vec();
         for (i, noise) in next.iter_mut().enumerate() {
-            let enough = sums.freedom[i] > FEW && sums.squares[i].is_finite();
+            let enough =
+                sums.freedom[i] > TUNING.noise_floor.residuals && sums.squares[i].is_finite();
             known[i] = enough.then(|| (0.5 / sums.freedom[i]).sqrt());
             if enough {
                 let factor = (sums.squares[i] / sums.freedom[i]).sqrt().max(1e-9);
@@ -61,9 +49,11 @@ pub fn noise_floor(context: &Context, model: &Model) -> Vec<f64> {
         .map(|(row, (((&short, &own), error), resolution))| {
             let Some(error) = error else { return own };
             let rough = roughness(context.dataset, row);
-            match rough.filter(|rough| STRAYS * rough < short) {
+            match rough.filter(|rough| TUNING.noise_floor.strays * rough < short) {
                 Some(rough) => rough.max(resolution),
-                None if short < own * (1.0 - BELOW * error) => short.max(resolution),
+                None if short < own * (1.0 - TUNING.noise_floor.below * error) => {
+                    short.max(resolution)
+                }
                 None => own,
             }
         })
@@ -107,7 +97,7 @@ fn roughness(dataset: &Dataset, row: usize) -> Option<f64> {
     }
     let of_order = |(sizes, (_, scale)): (&mut Vec<f64>, (usize, f64))| {
         let middle = sizes.len() / 2;
-        (sizes.len() as f64 > FEW)
+        (sizes.len() as f64 > TUNING.noise_floor.residuals)
             .then(|| *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / (MEDIAN * scale))
     };
     found.iter_mut().zip(ORDERS).filter_map(of_order).reduce(f64::min)

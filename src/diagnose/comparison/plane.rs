@@ -2,8 +2,9 @@
 
 use serde::Serialize;
 
-use super::context::Context;
 use super::hats::{centres, force_terms, hats};
+use crate::diagnose::context::Context;
+use crate::diagnose::tuning::TUNING;
 use crate::error::Result;
 use crate::expr::{Expr, System};
 
@@ -41,13 +42,6 @@ pub struct ForceNode {
     pub samples: usize,
 }
 
-/// Nodes on each side.
-const NODES: usize = 7;
-/// Samples that a node needs.
-const LEAST: usize = 4;
-/// Systems of more coordinates are shown by these.
-const MOST: usize = 6;
-
 /// The missing force on each coordinate over its own plane; planes without a spread of data
 /// are left out.
 ///
@@ -58,9 +52,12 @@ pub fn force_planes(
 ) -> Result<Vec<ForcePlane>> {
     let n = context.system().degrees();
     let mut planes = Vec::new();
-    for coordinate in 0..n.min(MOST) {
+    for coordinate in 0..n.min(TUNING.comparison.planes) {
         let (q, p) = (motion(coordinate), motion(n + coordinate));
-        let (across, up) = (centres(&mut q.clone(), NODES), centres(&mut p.clone(), NODES));
+        let (across, up) = (
+            centres(&mut q.clone(), TUNING.comparison.plane_nodes),
+            centres(&mut p.clone(), TUNING.comparison.plane_nodes),
+        );
         if across.is_empty() || up.is_empty() {
             continue;
         }
@@ -72,9 +69,13 @@ pub fn force_planes(
             hats(&mut system.graph, variable, centres)
         };
         let (over_q, over_p) = (along(coordinate, &across), along(n + coordinate, &up));
-        let held: Vec<(usize, usize)> = (0..NODES * NODES)
-            .map(|at| (at % NODES, at / NODES))
-            .filter(|&(column, row)| counts[row * NODES + column] >= LEAST)
+        let held: Vec<(usize, usize)> = (0..TUNING.comparison.plane_nodes
+            * TUNING.comparison.plane_nodes)
+            .map(|at| (at % TUNING.comparison.plane_nodes, at / TUNING.comparison.plane_nodes))
+            .filter(|&(column, row)| {
+                counts[row * TUNING.comparison.plane_nodes + column]
+                    >= TUNING.comparison.node_samples
+            })
             .collect();
         let functions: Vec<Expr> = held
             .iter()
@@ -92,7 +93,7 @@ pub fn force_planes(
             .zip(known)
             .filter(|(_, (force, error))| force.is_finite() && error.is_finite())
             .map(|((column, row), (&force, &standard_error))| {
-                let samples = counts[row * NODES + column];
+                let samples = counts[row * TUNING.comparison.plane_nodes + column];
                 ForceNode { column, row, force, standard_error, samples }
             })
             .collect();

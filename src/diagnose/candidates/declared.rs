@@ -2,14 +2,12 @@
 
 use std::collections::BTreeSet;
 
-use super::candidates::{Candidate, Origin, terms_of};
+use super::grid::every_choice;
+use super::{Candidate, Origin, terms_of};
+use crate::diagnose::tuning::TUNING;
 use crate::expr::{
     Bounds, Compiled, Expr, Extension, ParameterId, Place, Scope, Symbol, System, TermId,
 };
-
-/// Values of one bounded inner parameter that are tried; of several together.
-const POINTS: usize = 24;
-const TOGETHER: usize = 64;
 
 /// The spec's own candidates that the model does not hold yet.
 ///
@@ -94,22 +92,11 @@ fn values(bounds: Bounds, starts: &[f64], together: usize) -> Vec<f64> {
     if !(lower.is_finite() && upper.is_finite() && lower < upper) {
         return starts.to_vec();
     }
-    let most = (TOGETHER as f64).powf(1.0 / together as f64) as usize;
-    let count = POINTS.min(most).max(2);
+    let most =
+        (TUNING.candidates.declared_points_together as f64).powf(1.0 / together as f64) as usize;
+    let count = TUNING.candidates.declared_points.min(most).max(2);
     // The ends of the range are where a parameter means nothing, as often as not.
     (0..count).map(|i| lower + (upper - lower) * (i as f64 + 0.5) / count as f64).collect()
-}
-
-/// All combinations of one value from each axis.
-pub(super) fn every_choice(axes: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let mut grid: Vec<Vec<f64>> = vec![Vec::new()];
-    for axis in axes {
-        grid = grid
-            .iter()
-            .flat_map(|head| axis.iter().map(|&x| [head.clone(), vec![x]].concat()))
-            .collect();
-    }
-    grid
 }
 
 /// Names of the coordinates and observables that terms act on.

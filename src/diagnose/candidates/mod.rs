@@ -1,9 +1,15 @@
 //! Effects that may be missing, ready to be tried: each lowered once onto the system that stands,
 //! its inner parameters on a grid.
 
+mod declared;
+mod grid;
+mod unnamed;
+
 use std::collections::{BTreeSet, HashMap};
 
-use super::reach::Reach;
+use grid::Reach;
+pub use unnamed::unnamed;
+
 use crate::data::Dataset;
 use crate::expr::{Extension, Parameter, ParameterId, Scope, Symbol, System, Term, TermId};
 use crate::spec::effects::{EffectRow, ScanBy, instances};
@@ -45,7 +51,7 @@ pub enum Origin {
 /// Everything of the catalogue that the system allows, and the spec's own candidates, except
 /// what the spec holds already.
 pub fn candidates(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
-    let mut all = super::own::candidates(scope);
+    let mut all = declared::candidates(scope);
     let system = &scope.compiled().system;
     let held: BTreeSet<String> = system.terms.iter().filter_map(|t| t.effect.clone()).collect();
     let reach = Reach::of(system, dataset);

@@ -3,10 +3,11 @@
 
 use serde::Serialize;
 
-use super::compare::energies;
-use super::context::Context;
+use super::energies;
 use super::plane::{ForcePlane, force_planes};
 use super::predictions::{Law, Prediction, predictions};
+use crate::diagnose::context::Context;
+use crate::diagnose::tuning::TUNING;
 use crate::error::Result;
 use crate::expr::{Observed, Variable};
 use crate::fit::segments::longest_run;
@@ -81,15 +82,6 @@ pub struct Portrait {
     pub reached: Option<(f64, f64)>,
 }
 
-/// Points of a portrait's grid on each side.
-const GRID: usize = 81;
-/// How far a portrait reaches beyond the data, as part of their range.
-const MARGIN: f64 = 0.15;
-/// Energies along the longest run, at least.
-const STRETCHES: usize = 16;
-/// Planes of a coordinate and its momentum that are drawn.
-const MOST: usize = 6;
-
 /// What there is to see. `training` are the runs that the model was trained on.
 ///
 /// # Errors
@@ -134,7 +126,10 @@ pub fn view(training: &Context, held_out: Option<&Context>) -> Result<View> {
 
 fn series(context: &Context, held_out: bool) -> Vec<EnergySeries> {
     // Where the model follows whole runs, these are cut more finely than for training.
-    let window = context.law.window().min((longest_run(context.dataset) / STRETCHES).max(4));
+    let window = context
+        .law
+        .window()
+        .min((longest_run(context.dataset) / TUNING.comparison.energies).max(4));
     let finer = context.with_window(window);
     let runs = context.dataset.runs.iter().zip(energies(&finer));
     runs.map(|(run, points)| EnergySeries { run: run.name.clone(), held_out, points }).collect()
@@ -149,7 +144,8 @@ fn portraits(context: &Context, predictions: &[Prediction]) -> Vec<Portrait> {
         .map(|row| span(predictions.iter().flat_map(|p| p.states[row].iter().copied())))
         .collect();
     let reached = reached(predictions);
-    let mut planes: Vec<(usize, usize)> = (0..n.min(MOST)).map(|i| (i, n + i)).collect();
+    let mut planes: Vec<(usize, usize)> =
+        (0..n.min(TUNING.comparison.planes)).map(|i| (i, n + i)).collect();
     if n == 2 {
         planes.insert(0, (0, 1));
     }
@@ -210,7 +206,9 @@ fn span(values: impl Iterator<Item = f64>) -> Option<(f64, f64, f64)> {
 }
 
 fn grid((low, high, _): (f64, f64, f64)) -> Vec<f64> {
-    let margin = MARGIN * (high - low);
+    let margin = TUNING.comparison.portrait_margin * (high - low);
     let (low, high) = (low - margin, high + margin);
-    (0..GRID).map(|i| low + (high - low) * i as f64 / (GRID - 1) as f64).collect()
+    (0..TUNING.comparison.portrait_points)
+        .map(|i| low + (high - low) * i as f64 / (TUNING.comparison.portrait_points - 1) as f64)
+        .collect()
 }

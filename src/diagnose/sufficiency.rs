@@ -1,21 +1,17 @@
 //! Whether measurements can carry a verdict at all.
 
 use super::context::Context;
+use super::tuning::TUNING;
 use crate::data::Dataset;
 use crate::expr::System;
 use crate::fit::segments::{cut, packed};
-
-/// Independent residuals beside the model's unknowns below which chance rules.
-const LEAST: usize = 20;
-/// The same for the held-out part, which has no unknowns but the states.
-const LEAST_HELD_OUT: usize = 8;
 
 /// What no model could make up for: fewer measured values than a verdict asks for even if the
 /// initial state of every run were all that is unknown. A sentence, or none.
 pub fn lacking(system: &System, training: &Dataset, held_out: Option<&Dataset>) -> Option<String> {
     let seen = independent(system, training);
-    if seen < LEAST {
-        return Some(short_of("the training part", seen, LEAST));
+    if seen < TUNING.sufficiency.residuals {
+        return Some(short_of("the training part", seen, TUNING.sufficiency.residuals));
     }
     let Some(held_out) = held_out.filter(|data| !data.runs.is_empty()) else {
         return Some(
@@ -24,7 +20,8 @@ pub fn lacking(system: &System, training: &Dataset, held_out: Option<&Dataset>) 
         );
     };
     let judge = independent(system, held_out);
-    (judge < LEAST_HELD_OUT).then(|| short_of("the held-out part", judge, LEAST_HELD_OUT))
+    (judge < TUNING.sufficiency.held_out_residuals)
+        .then(|| short_of("the held-out part", judge, TUNING.sufficiency.held_out_residuals))
 }
 
 /// The same of a model, whose segments may be shorter than the runs.
@@ -32,11 +29,12 @@ pub(super) fn lacking_beside(training: &Context, held_out: &Context) -> Option<S
     let unknowns = training.law.support().len() + training.law.parameters().len();
     let (_, _, sums) = training.settle(training.law.window());
     let seen = sums.rows.saturating_sub(unknowns);
-    if seen < LEAST {
-        return Some(short_of("the training part", seen, LEAST));
+    if seen < TUNING.sufficiency.residuals {
+        return Some(short_of("the training part", seen, TUNING.sufficiency.residuals));
     }
     let (_, _, sums) = held_out.settle(held_out.law.window());
-    (sums.rows < LEAST_HELD_OUT).then(|| short_of("the held-out part", sums.rows, LEAST_HELD_OUT))
+    (sums.rows < TUNING.sufficiency.held_out_residuals)
+        .then(|| short_of("the held-out part", sums.rows, TUNING.sufficiency.held_out_residuals))
 }
 
 /// Measured values beyond those that the initial states of uninterrupted stretches take up.

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::context::Context;
 use crate::data::{Dataset, Packed};
+use crate::diagnose::context::Context;
+use crate::diagnose::tuning::TUNING;
 use crate::dynamics::{Batch, Dynamics, Method, MethodKind, Scratch, advance, observe};
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::{Bounds, Compiled, Observed, Scope};
@@ -64,7 +65,7 @@ impl Rival {
         training.take(&mut fitted);
         let mut stepping = training.law().stepping();
         let usual = context.law.stepping().longest.min(typical_step(context.dataset));
-        stepping.longest = stepping.longest.max(usual / FINER);
+        stepping.longest = stepping.longest.max(usual / TUNING.design.finer_steps);
         Ok(Rival {
             label: label.to_string(),
             statement: statement.to_string(),
@@ -73,10 +74,6 @@ impl Rival {
     }
 }
 
-/// A rival takes steps so many times shorter than the model without its effect, at most: a force
-/// that jumps would ask for any number of them, which noise does not notice.
-const FINER: f64 = 8.0;
-
 /// A trajectory at the samples of a run.
 pub(super) struct Path {
     /// `[sample][2n]`: coordinates, then momenta.
@@ -84,9 +81,6 @@ pub(super) struct Path {
     /// `[observable][sample]`.
     pub observed: Vec<Vec<f64>>,
 }
-
-/// Trajectories that are followed side by side.
-const LANES: usize = 32;
 
 /// What a rival knows from the measurements so far.
 pub(super) struct Known<'a> {
@@ -146,7 +140,9 @@ impl<'a> Known<'a> {
     /// Trajectories from (start, times) of each run; where one leaves the finite numbers, so do
     /// its states.
     pub fn predict(&self, runs: &[(&[f64], &[f64])]) -> Vec<Path> {
-        runs.par_chunks(LANES).flat_map_iter(|chunk| self.predict_block(chunk)).collect()
+        runs.par_chunks(TUNING.design.lanes)
+            .flat_map_iter(|chunk| self.predict_block(chunk))
+            .collect()
     }
 
     fn predict_block(&self, runs: &[(&[f64], &[f64])]) -> Vec<Path> {

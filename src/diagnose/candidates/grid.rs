@@ -3,13 +3,10 @@
 use std::collections::HashMap;
 
 use crate::data::{Dataset, Run};
+use crate::diagnose::tuning::TUNING;
 use crate::expr::System;
 use crate::fit::segments::{longest_run, typical_step};
 use crate::spec::effects::ScanBy;
-
-/// Grid points of one inner parameter, at most; of several together.
-const POINTS: usize = 48;
-const TOGETHER: usize = 60;
 
 /// How far measurements reach, in space and time.
 pub(super) struct Reach {
@@ -45,9 +42,9 @@ impl Reach {
         let spread = upper - lower;
         let turn = std::f64::consts::TAU;
         let most = if scans.len() > 1 {
-            (TOGETHER as f64).powf(1.0 / scans.len() as f64) as usize
+            (TUNING.candidates.points_together as f64).powf(1.0 / scans.len() as f64) as usize
         } else {
-            POINTS
+            TUNING.candidates.points
         };
         let even = |a: f64, b: f64, count: usize| -> Vec<f64> {
             let count = count.min(most).max(2);
@@ -77,8 +74,20 @@ impl Reach {
                 ScanBy::Rate => ratio(0.5 / duration, 0.5 / step, 6),
             })
             .collect();
-        super::own::every_choice(&axes)
+        every_choice(&axes)
     }
+}
+
+/// All combinations of one value from each axis.
+pub(super) fn every_choice(axes: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let mut grid: Vec<Vec<f64>> = vec![Vec::new()];
+    for axis in axes {
+        grid = grid
+            .iter()
+            .flat_map(|head| axis.iter().map(|&x| [head.clone(), vec![x]].concat()))
+            .collect();
+    }
+    grid
 }
 
 /// Smallest and largest measured value of every coordinate and momentum, by name.

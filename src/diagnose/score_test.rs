@@ -9,6 +9,7 @@
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
+use super::tuning::TUNING;
 use crate::fit::factor::Factor;
 
 /// The evidence for a group of columns.
@@ -37,9 +38,6 @@ pub struct Scores {
     /// Independent residuals that are left.
     pub rows: usize,
 }
-
-/// A column that keeps less than this part of itself beside the model is spanned by it.
-const SPANNED: f64 = 1e-5;
 
 impl Scores {
     /// From a factor whose first `base` columns are the model's unknowns.
@@ -114,7 +112,7 @@ impl Scores {
                 }
             }
             let left = rest.norm();
-            if left > SPANNED * self.norms[column] && left > 0.0 {
+            if left > TUNING.scan.spanned * self.norms[column] && left > 0.0 {
                 basis.push(rest / left);
                 kept.push(place);
             }

@@ -5,7 +5,8 @@ use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, DiscreteCDF, Normal, Poisson};
 
 use super::context::Context;
-use super::floor::noise_floor;
+use super::noise_floor::noise_floor;
+use super::tuning::TUNING;
 use crate::data::Dataset;
 use crate::expr::System;
 use crate::fit::Model;
@@ -29,28 +30,10 @@ pub struct Detection {
     pub sentence: String,
 }
 
-/// Longest and shortest segments on which readings are compared with their neighbours.
-const WINDOWS: (usize, usize) = (6, 12);
-/// Deviations from its neighbours that make a reading an outlier.
-const FAR: f64 = 4.5;
-/// The neighbours of an outlier deviate less than this part, to the other side: a jump or a bend
-/// of the motion itself does not look like that.
-const SPIKE: f64 = 0.8;
-/// Chance below which a fault is there, all columns paid for.
-const SIGNIFICANT: f64 = 1e-3;
-/// Residuals this many times the resolution of the integrator are measurements' own.
-pub(super) const RESOLVED: f64 = 10.0;
-/// Rounding is spoken of when it makes this part of the noise.
-const COARSE: f64 = 0.5;
-/// Multiples of a step are exact but for this part of the column's range.
-const SLACK: f64 = 1e-9;
-/// Readings that show whether a column is rounded, at least.
-const READINGS: usize = 20;
-
 /// Faults of every column, in the order of the columns.
 pub fn detect(context: &Context, model: &Model) -> Vec<Detection> {
     let names = context.system().observables();
-    let window = context.law.window().clamp(WINDOWS.0, WINDOWS.1);
+    let window = context.law.window().clamp(TUNING.instrument.shortest, TUNING.instrument.longest);
     let residuals = context.residuals(window);
     let floor = noise_floor(context, model);
     let mut found = Vec::new();
@@ -79,12 +62,12 @@ fn outliers(
     let mut sizes: Vec<f64> =
         deviations.iter().flatten().filter(|d| d.is_finite()).map(|d| d.abs()).collect();
     let count = sizes.len();
-    if count < READINGS {
+    if count < TUNING.instrument.readings {
         return None;
     }
     // The median absolute deviation: outliers do not move it.
     let scale = 1.4826 * *sizes.select_nth_unstable_by(count / 2, f64::total_cmp).1;
-    if scale * noise <= RESOLVED * resolution || scale <= 0.0 {
+    if scale * noise <= TUNING.verdict.resolved * resolution || scale <= 0.0 {
         return None;
     }
     let mut far: Vec<f64> = Vec::new();
@@ -95,21 +78,21 @@ fn outliers(
                 .into_iter()
                 .filter_map(|near| d.get(near?).copied())
                 .filter(|y| y.is_finite())
-                .all(|y| y * x < 0.0 && y.abs() < SPIKE * x.abs());
-            if x.abs() > FAR * scale && spike {
+                .all(|y| y * x < 0.0 && y.abs() < TUNING.instrument.spike * x.abs());
+            if x.abs() > TUNING.instrument.far * scale && spike {
                 far.push(x.abs() * noise);
             }
         }
     }
     // The scale itself is uncertain, and not quite the same along a segment.
     let sure = 0.95 * (1.0 - 2.4 / (count as f64).sqrt()).max(0.5);
-    let tail = 2.0 * Normal::standard().sf(FAR * sure);
+    let tail = 2.0 * Normal::standard().sf(TUNING.instrument.far * sure);
     let expected = count as f64 * tail;
     let p_value = match (far.len(), Poisson::new(expected)) {
         (0, _) | (_, Err(_)) => 1.0,
         (found, Ok(poisson)) => poisson.sf(found as u64 - 1),
     };
-    if p_value * columns as f64 > SIGNIFICANT {
+    if p_value * columns as f64 > TUNING.instrument.significant {
         return None;
     }
     let share = far.len() as f64 / count as f64;
@@ -143,13 +126,13 @@ fn quantisation(
     let count = values.len();
     values.sort_by(f64::total_cmp);
     let range = values.last()? - values.first()?;
-    let slack = SLACK * range;
+    let slack = TUNING.instrument.slack * range;
     let step = common_step(&values, slack)?;
     values.dedup_by(|a, b| (*a - *b).abs() < 0.5 * step);
     // The standard deviation of rounding: a step over the square root of twelve.
     let rounding = step / 12.0f64.sqrt();
     let share = (rounding / noise).min(1.0);
-    if count < READINGS || values.len() < 2 || share < COARSE {
+    if count < TUNING.instrument.readings || values.len() < 2 || share < TUNING.instrument.coarse {
         return None;
     }
     let unit = system.coordinates.iter().chain(&system.momenta).chain(&system.velocities);
@@ -218,7 +201,7 @@ mod tests {
             let mut values = list.to_vec();
             values.sort_by(f64::total_cmp);
             let range = values[values.len() - 1] - values[0];
-            common_step(&values, SLACK * range)
+            common_step(&values, TUNING.instrument.slack * range)
         };
         let close = |step: Option<f64>, is: f64| assert!((step.unwrap() - is).abs() < 1e-6 * is);
         close(of(&[0.0, 0.01, 0.03, 0.07, 0.08, 1.0]), 0.01);

@@ -1,0 +1,78 @@
+//! What terms that are not in a model would do to its predictions: a column for each, beside those
+//! of the model's own unknowns.
+
+use super::context::Settled;
+use super::score_test::Scores;
+use crate::dynamics::Dynamics;
+use crate::error::{Error, ErrorKind, Result};
+use crate::eval::Backend;
+use crate::expr::{System, Term};
+use crate::fit::factor::Factor;
+use crate::fit::pass::{Sums, linearise};
+
+/// Scores of probes, and what they cost.
+pub struct Probed {
+    /// One column for each probe.
+    pub scores: Scores,
+    /// Segments that were lost: predictions, or effects of a probe, that are not finite.
+    pub exploded: usize,
+}
+
+impl Settled<'_> {
+    /// Scores of terms that are not in the model, one column each, orthogonal to the model's
+    /// own unknowns and to all initial states.
+    ///
+    /// `extended` is the system with whatever its graph must hold for the expressions of
+    /// `probes`; its own terms are those of the system, or begin with them.
+    pub fn probe(&self, extended: System, probes: &[Term]) -> Result<Probed> {
+        let Settled { context, segments, states, .. } = self;
+        let mut system = extended;
+        let first = system.terms.len();
+        system.terms.extend_from_slice(probes);
+        let extra = system.term_ids().split_off(first);
+        let (law, backend) = (&context.law, Backend::default());
+        let dynamics = Dynamics::with_probes(&system, law.support(), &extra, backend)?;
+        let count = law.support().len();
+        let theta = law.theta(&dynamics);
+        let weights = context.weights();
+        let problem = context.problem(segments, &weights);
+        let linearised = linearise(&problem, &dynamics, &theta, states);
+        if linearised.sums.rows <= count + dynamics.parameters().len() {
+            let Sums { rows, exploded, .. } = linearised.sums;
+            return Err(Error::new(
+                ErrorKind::InsufficientData,
+                format!(
+                    "{rows} independent residuals do not suffice to ask what is missing \
+                     ({exploded} of {} predictions diverged)",
+                    segments.list.len()
+                ),
+                "measure longer runs, or more of them",
+            ));
+        }
+        // The model's unknowns first: coefficients, inner parameters, then the probes.
+        let terms = dynamics.active().len();
+        let order: Vec<usize> = (0..count)
+            .chain(terms..terms + dynamics.parameters().len())
+            .chain(count..terms)
+            .collect();
+        let base = count + dynamics.parameters().len();
+        let factor = linearised.merged().select(&order);
+        let variance = noise_variance(&factor, base);
+        let exploded = linearised.sums.exploded;
+        Ok(Probed { scores: Scores::new(&factor, base, variance), exploded })
+    }
+}
+
+/// Variance of the weighted residuals with everything that was probed taken out, or of the
+/// model's own where there are too many probes for that.
+fn noise_variance(factor: &Factor, base: usize) -> f64 {
+    let (rows, columns) = (factor.rows(), factor.columns());
+    let variance = if rows > 3 * columns {
+        factor.least() / (rows - columns) as f64
+    } else {
+        let size = columns - base;
+        let left = factor.target().rows(base, size).norm_squared() + factor.least();
+        left / rows.saturating_sub(base).max(1) as f64
+    };
+    variance.max(1e-12)
+}

@@ -1,0 +1,195 @@
+//! Where a model fails: error by horizon, drift of the energy, residual force.
+
+mod energy;
+mod hats;
+mod maps;
+pub mod plane;
+pub mod predictions;
+pub mod view;
+
+use serde::Serialize;
+
+use energy::energy_drift;
+pub use energy::{EnergyDrift, energies};
+pub(super) use maps::strongest_map;
+pub use maps::{ResidualMap, residual_maps};
+
+use super::context::Context;
+pub use super::misfit::error;
+use crate::data::Dataset;
+use crate::diagnose::tuning::TUNING;
+use crate::error::Result;
+use crate::fit::segments::{cut, longest_run, typical_step};
+
+/// A model held against measurements.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Comparison {
+    /// Error against length of prediction, shortest first.
+    pub horizons: Vec<Horizon>,
+    /// Noise of each observable, in its unit; `None` where it was not measured.
+    pub noise_floor: Vec<(String, Option<f64>)>,
+    /// Residual force on each coordinate against each variable.
+    pub maps: Vec<ResidualMap>,
+    /// How the energy changes along every run.
+    pub energy: Vec<EnergyDrift>,
+    /// The worst, in plain sentences.
+    pub findings: Vec<String>,
+}
+
+/// Error of predictions of one length, each from its best initial state.
+///
+/// Root mean square over all observables in units of the noise: 1 is the noise floor. The
+/// freedom that the initial state takes up is paid for.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Horizon {
+    /// Samples of a prediction, the first included.
+    pub samples: usize,
+    /// In the spec's unit of time.
+    pub duration: f64,
+    /// Error on the runs that the model was trained on.
+    pub training: f64,
+    /// `None` without held-out runs.
+    pub held_out: Option<f64>,
+    /// The same for the guess that nothing moves.
+    pub baseline: f64,
+    /// Predictions that left the finite numbers.
+    pub exploded: usize,
+}
+
+/// Compares a model with the runs that it was trained on, and with held-out ones.
+pub fn compare(training: &Context, held_out: Option<&Context>) -> Result<Comparison> {
+    let horizons = horizons(training, held_out);
+    let maps = residual_maps(training)?;
+    let energy = energy_drift(training);
+    let names = training.system().observables();
+    let noise = training.law.noise().iter().zip(training.dataset.measured());
+    let noise = noise.map(|(noise, measured)| (measured > 0).then_some(*noise));
+    let noise_floor = names.into_iter().zip(noise).collect();
+    let findings = findings(training, &horizons, &maps, &energy);
+    Ok(Comparison { horizons, noise_floor, maps, energy, findings })
+}
+
+/// Lengths of prediction in samples: 2, 4, 8, ... and the longest run.
+pub fn windows(dataset: &Dataset) -> Vec<usize> {
+    let longest = longest_run(dataset);
+    let mut windows: Vec<usize> =
+        std::iter::successors(Some(2), |w| Some(2 * w)).take_while(|&w| w < longest).collect();
+    windows.push(longest);
+    windows
+}
+
+fn horizons(training: &Context, held_out: Option<&Context>) -> Vec<Horizon> {
+    let step = typical_step(training.dataset);
+    windows(training.dataset)
+        .into_iter()
+        .map(|samples| {
+            let (seen, exploded) = error(training, samples);
+            Horizon {
+                samples,
+                duration: step * (samples - 1) as f64,
+                training: seen,
+                held_out: held_out.map(|context| error(context, samples).0),
+                baseline: baseline(training, samples),
+                exploded,
+            }
+        })
+        .collect()
+}
+
+/// The guess that nothing moves: each segment's mean, in units of the noise.
+fn baseline(context: &Context, window: usize) -> f64 {
+    let (mut squares, mut freedom) = (0.0, 0.0);
+    for segment in cut(&context.measured, window).list {
+        let run = &context.dataset.runs[segment.run];
+        for (values, noise) in run.values.iter().zip(context.law.noise()) {
+            let seen: Vec<f64> = values[segment.first..=segment.last]
+                .iter()
+                .copied()
+                .filter(|x| x.is_finite())
+                .collect();
+            if seen.len() < 2 {
+                continue;
+            }
+            let mean = seen.iter().sum::<f64>() / seen.len() as f64;
+            squares += seen.iter().map(|x| ((x - mean) / noise).powi(2)).sum::<f64>();
+            freedom += (seen.len() - 1) as f64;
+        }
+    }
+    (squares / f64::max(freedom, 1.0)).sqrt()
+}
+
+/// Three decimals, or as many digits of what is smaller or larger.
+fn short(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 || (0.01..1e4).contains(&size) {
+        format!("{value:.3}")
+    } else {
+        format!("{value:.2e}")
+    }
+}
+
+fn findings(
+    context: &Context,
+    horizons: &[Horizon],
+    maps: &[ResidualMap],
+    energy: &[EnergyDrift],
+) -> Vec<String> {
+    let mut out = Vec::new();
+    if let (Some(first), Some(last)) = (horizons.first(), horizons.last()) {
+        let growth = last.training / first.training.max(1e-9);
+        out.push(if first.samples == last.samples {
+            format!(
+                "the error over {} samples is {:.2} times the noise",
+                last.samples, last.training
+            )
+        } else if growth < 1.2 {
+            format!(
+                "the error stays at {:.2} times the noise from {} samples to {}",
+                last.training, first.samples, last.samples
+            )
+        } else {
+            format!(
+                "the error grows from {:.2} times the noise over {} samples to {:.2} over {}",
+                first.training, first.samples, last.training, last.samples
+            )
+        });
+    }
+    let mut worst: Vec<&ResidualMap> = maps
+        .iter()
+        .filter(|map| map.p_value * (maps.len() as f64) < TUNING.comparison.significant)
+        .collect();
+    worst.sort_by(|a, b| {
+        (b.deviance / b.degrees as f64).total_cmp(&(a.deviance / a.degrees as f64))
+    });
+    for map in worst.iter().take(4) {
+        let peak = map
+            .points
+            .iter()
+            .filter(|p| p.2.is_finite())
+            .max_by(|a, b| (a.1 / a.2).abs().total_cmp(&(b.1 / b.2).abs()));
+        if let Some(&(at, force, error)) = peak {
+            out.push(format!(
+                "the force on {} is off by {} ({:.0} standard errors) where {} is near {}",
+                map.on,
+                short(force),
+                (force / error).abs(),
+                map.against,
+                short(at)
+            ));
+        }
+    }
+    let drifting: Vec<&EnergyDrift> =
+        energy.iter().filter(|e| e.rate.abs() > 4.0 * e.rate_error && e.rate_error > 0.0).collect();
+    if let Some(most) = drifting.iter().max_by(|a, b| a.rate.abs().total_cmp(&b.rate.abs())) {
+        let how = if most.rate < 0.0 { "loses" } else { "gains" };
+        out.push(format!(
+            "run {} {how} energy: from {:.4} to {:.4}, in {} of {} runs the energy drifts",
+            most.run,
+            most.first,
+            most.last,
+            drifting.len(),
+            context.dataset.runs.len()
+        ));
+    }
+    out
+}

@@ -1,0 +1,166 @@
+//! What is missing from a model: the way from candidates to a verdict.
+//!
+//! Each phase is a file, entered once, in this order; what a phase finds is handed on as plain
+//! data:
+//!
+//! 1. `noise_floor`: the noise of the instrument, which the misfit is measured in;
+//! 2. [`candidates`](super::candidates): what may be missing, lowered onto the system;
+//! 3. `scan`: a score test of every candidate at every point of its grid (`columns` are what each
+//!    would do to the predictions, `score_test` the statistics of them);
+//! 4. `refit`: the significant ones fitted with everything that the model has;
+//! 5. `evidence` and `ranking`: what each is worth on training and on held-out runs;
+//! 6. `chain`: effects that explain the misfit together;
+//! 7. `verdict`: whether that explains it, or something without a name does.
+
+use serde::Serialize;
+
+use super::candidates::candidates;
+use super::chain::{Question, best_chain};
+use super::comparison::ResidualMap;
+use super::context::Context;
+use super::evidence::Judged;
+use super::noise_floor::noise_floor;
+use super::ranking::{Ranking, ranking};
+pub use super::refit::RankedEffect;
+use super::sufficiency::lacking_beside;
+use super::tuning::TUNING;
+use super::verdict::{explained, unexplained};
+use crate::data::Dataset;
+use crate::error::Result;
+use crate::expr::{Compiled, Scope};
+use crate::fit::{Model, Monitor};
+
+/// What is missing from a model.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Diagnosis {
+    /// The answer in a word.
+    pub verdict: Verdict,
+    /// Why, in a sentence.
+    pub reason: String,
+    /// Leaders, the best first.
+    pub ranking: Vec<RankedEffect>,
+    /// Labels of leaders that these data cannot tell from the first; empty when it stands alone.
+    pub indistinguishable: Vec<String>,
+    /// What would have to be added after the first, by its own merits, to explain the rest.
+    pub then: Vec<RankedEffect>,
+    /// The best term without a name, where the verdict is that something unnamed is missing.
+    pub unnamed: Option<RankedEffect>,
+    /// Whether that term alone explains more than the named effects together.
+    pub unnamed_explains_more: bool,
+    /// The force that is left when all that has a name is in the model, where it shows most.
+    pub shape: Option<ResidualMap>,
+    /// Candidates that were tried.
+    pub candidates: usize,
+    /// Candidates times the grid points of their inner parameters.
+    pub tried: usize,
+    /// Error on held-out runs over a segment, in units of the noise, before anything is added.
+    pub held_out_error: f64,
+    /// Noise of each observable, as predictions over few samples show it.
+    pub noise_floor: Vec<f64>,
+}
+
+/// The answer in a word.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// A named effect explains what the model misses.
+    Missing,
+    /// What is left is noise.
+    NothingMissing,
+    /// Something is missing that the catalogue does not have.
+    Unexplained,
+    /// The data do not suffice to say.
+    TooLittleData,
+}
+
+impl Diagnosis {
+    /// Puts the leader first that a chain begins with.
+    fn begin_with(&mut self, link: Option<&Judged>) {
+        let Some(link) = link else { return };
+        let effect = link.refit.effect.effect.as_str();
+        let Some(place) = self.ranking.iter().position(|leader| leader.effect == effect) else {
+            return;
+        };
+        if place > self.indistinguishable.len() {
+            self.indistinguishable.clear();
+        } else if place > 0 {
+            self.indistinguishable[place - 1] = self.ranking[0].effect.clone();
+        }
+        self.ranking[..=place].rotate_right(1);
+    }
+
+    /// What a ranking of so many candidates says, nothing being missing until it is judged.
+    fn of(ranking: &Ranking, candidates: usize, noise_floor: &[f64]) -> Diagnosis {
+        let effects = || ranking.effects.iter().map(|one| &one.refit.effect);
+        let close = effects().take(ranking.close).skip(1);
+        Diagnosis {
+            verdict: Verdict::NothingMissing,
+            candidates,
+            tried: ranking.tried,
+            held_out_error: ranking.before,
+            noise_floor: noise_floor.to_vec(),
+            indistinguishable: close.map(|effect| effect.effect.clone()).collect(),
+            ranking: effects().cloned().collect(),
+            ..Diagnosis::too_little(format!(
+                "none of {} tests finds more than noise explains",
+                ranking.tried
+            ))
+        }
+    }
+
+    /// Nothing can be said, for this reason.
+    pub fn too_little(reason: String) -> Diagnosis {
+        Diagnosis {
+            verdict: Verdict::TooLittleData,
+            reason,
+            ranking: Vec::new(),
+            indistinguishable: Vec::new(),
+            then: Vec::new(),
+            unnamed: None,
+            unnamed_explains_more: false,
+            shape: None,
+            candidates: 0,
+            tried: 0,
+            held_out_error: f64::NAN,
+            noise_floor: Vec::new(),
+        }
+    }
+}
+
+/// Asks what a model misses.
+///
+/// `base` is the spec that the model was fitted from; `training` the runs that it was fitted to,
+/// `held_out` others.
+///
+/// # Errors
+///
+/// When the model belongs to another spec, or the data do not suffice to score a candidate.
+pub fn diagnose(
+    base: &Compiled,
+    model: &Model,
+    training: &Dataset,
+    held_out: &Dataset,
+    monitor: &dyn Monitor,
+) -> Result<Diagnosis> {
+    let context = Context::new(&base.system, model, training)?;
+    let context = context.with_noise(noise_floor(&context, model));
+    if let Some(reason) = lacking_beside(&context, &context.with_data(held_out)) {
+        return Ok(Diagnosis::too_little(reason));
+    }
+    monitor.stage("scoring candidates", 0.1);
+    let mut scope = Scope::of(base);
+    let all = candidates(&mut scope, training);
+    let first = ranking(&context, held_out, &all, TUNING.ranking.first_refits, monitor)?;
+    let mut diagnosis = Diagnosis::of(&first, all.len(), context.law.noise());
+    monitor.stage("what is left", 0.8);
+    let question = Question { scope: &scope, context: &context, held_out, monitor };
+    let window = first.window;
+    match best_chain(&question, first)? {
+        Some(chain) => {
+            diagnosis.begin_with(chain.links.first());
+            explained(&question, &mut diagnosis, chain)?;
+        }
+        None => unexplained(&question, &mut diagnosis, model, window)?,
+    }
+    Ok(diagnosis)
+}

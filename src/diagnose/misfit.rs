@@ -1,0 +1,36 @@
+//! What a model leaves of its data, in units of the noise.
+
+use super::context::Context;
+use super::tuning::TUNING;
+use crate::fit::pass::Sums;
+
+/// Error in units of the noise over segments of `window` samples, and segments that exploded;
+/// NaN where too few are left to say.
+pub fn error(context: &Context, window: usize) -> (f64, usize) {
+    error_of(&context.settle(window).2)
+}
+
+/// The same of sums that are at hand.
+pub(super) fn error_of(sums: &Sums) -> (f64, usize) {
+    let freedom: f64 = sums.freedom.iter().sum();
+    let squares: f64 = sums.squares.iter().sum();
+    let error = if freedom < 1.0 { f64::NAN } else { (squares / freedom).sqrt() };
+    (error, sums.exploded)
+}
+
+/// Squares a residual in excess of the noise; zero for a model at the noise, which leaves one
+/// square for each independent residual. What cannot be predicted is not explained.
+pub(super) fn excess(sums: &Sums) -> f64 {
+    if sums.rows == 0 {
+        return f64::INFINITY;
+    }
+    let rows = sums.rows.max(1) as f64;
+    let excess = sums.loss / rows - 1.0;
+    if excess < TUNING.verdict.at_noise * (2.0 / rows).sqrt() { 0.0 } else { excess }
+}
+
+/// Weighted squares over segments of a length, and their mean.
+pub(super) fn squares(context: &Context, window: usize) -> (f64, f64) {
+    let (_, _, sums) = context.settle(window);
+    (sums.loss, (sums.loss / sums.rows.max(1) as f64).max(f64::MIN_POSITIVE))
+}

@@ -1,0 +1,345 @@
+//! The numbers that the diagnosis is tuned by, each of them once.
+//!
+//! Where a field names no derivation, its value is a judgement, and the study of
+//! `docs/hidden-effects.md` is what it was judged by: every effect of the catalogue hidden in
+//! several systems at several noises, and systems in which nothing is hidden. A change has to leave
+//! the tables of that page no worse.
+
+/// The numbers of every phase, in the order in which the phases come.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tuning {
+    /// Whether the data can carry a verdict.
+    pub sufficiency: Sufficiency,
+    /// The noise of the instrument.
+    pub noise_floor: NoiseFloor,
+    /// Best initial states of segments.
+    pub states: States,
+    /// Which candidates are tried, and where.
+    pub candidates: Candidates,
+    /// Scores of all candidates.
+    pub scan: Scan,
+    /// Refits of the significant ones, and their ranking.
+    pub ranking: Ranking,
+    /// Effects that explain a misfit together, and the verdict.
+    pub verdict: Verdict,
+    /// The loop that adds effects.
+    pub discovery: Discovery,
+    /// Faults of the instrument.
+    pub instrument: Instrument,
+    /// A model held against measurements.
+    pub comparison: Comparison,
+    /// The next run worth measuring.
+    pub design: Design,
+}
+
+/// Whether measurements can carry a verdict at all.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sufficiency {
+    /// Independent residuals beside the model's unknowns that a verdict takes: with fewer, a
+    /// variance is known to a third at best.
+    pub residuals: usize,
+    /// The same for held-out runs, which have no unknowns but their states.
+    pub held_out_residuals: usize,
+}
+
+/// The noise of the instrument, from the shortest predictions.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NoiseFloor {
+    /// Rounds of weights and variances (MINQUE, Rao, J. Multivar. Anal. 1, 1971), at most.
+    pub rounds: usize,
+    /// Independent residuals below which a column's estimate is worth nothing.
+    pub residuals: f64,
+    /// Standard errors that the short estimate is below the model's before it is believed: the
+    /// smaller of two estimates of the same noise would be too small.
+    pub below: f64,
+    /// Where even the shortest predictions stray this many times further than a column is rough,
+    /// they stray for lack of a force. Columns that somebody smoothed before stay below.
+    pub strays: f64,
+}
+
+/// The search for the best initial state of every segment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct States {
+    /// Samples that a state is settled on first.
+    pub first_samples: usize,
+    /// Factor by which it then sees more at a time.
+    pub growth: usize,
+    /// Times that the search is taken up again where states still move.
+    pub retries: usize,
+    /// States are settled when the loss falls by less than this part.
+    pub settled: f64,
+}
+
+/// Grids of inner parameters, and terms without a name.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Candidates {
+    /// Points of one inner parameter of an effect of the catalogue, at most.
+    pub points: usize,
+    /// Points of several of them together, at most.
+    pub points_together: usize,
+    /// Points of one bounded inner parameter of a candidate of the spec, at most.
+    pub declared_points: usize,
+    /// Points of several of them together, at most.
+    pub declared_points_together: usize,
+    /// Highest total degree of an unnamed force that is a product of powers.
+    pub unnamed_degree: usize,
+    /// Systems of more coordinates are not asked for bumps of two variables: their number grows
+    /// with the square.
+    pub bump_coordinates: usize,
+}
+
+/// Scores of all candidates over their grids.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scan {
+    /// Columns that one linearisation carries where what all together leave is asked for.
+    pub columns_together: usize,
+    /// Columns that it carries where each is asked by itself: most of the work is then in telling
+    /// columns from one another, which grows with the square of their number.
+    pub columns_apart: usize,
+    /// Smallest variance of the weighted residuals that is believed of columns that were not
+    /// fitted: noise is known to this factor before anything is added.
+    pub least_variance: f64,
+    /// Samples on which grids are looked through.
+    pub samples: usize,
+    /// A column that keeps less than this part of itself beside the model is spanned by it.
+    pub spanned: f64,
+    /// p-value below which an effect is there, after the look-elsewhere correction.
+    pub significant: f64,
+}
+
+/// Refits of the significant candidates, and their ranking.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ranking {
+    /// Candidates that are refitted when a model is asked first.
+    pub first_refits: usize,
+    /// Candidates that are refitted when it has an effect already, or is asked for unnamed terms.
+    pub later_refits: usize,
+    /// Deviance that a fit for the ranking may leave: a third of a standard error, at most.
+    pub deviance_left: f64,
+    /// Part of its range within which an inner parameter is at a bound.
+    pub at_bound: f64,
+    /// Part of the grid's length by which a fitted inner parameter may leave the grid.
+    pub beyond_grid: f64,
+    /// Differences of deviance below this cannot be told from chance: odds of 20 to 1, for twice
+    /// the logarithm of 20 is 6.
+    pub indistinguishable: f64,
+    /// Differences of deviance below this are none: fits for the ranking leave about as much.
+    pub same: f64,
+    /// Those within this deviance of the best are fitted to all the data,
+    pub finish_within: f64,
+    /// or within this part of the best,
+    pub finish_within_part: f64,
+    /// but so many at most.
+    pub finished: usize,
+    /// Those that explain this part of what the best does are refitted when segments grow; what
+    /// the others are worth is clear.
+    pub refitted_part: f64,
+    /// Error in units of the noise at which a model is no first approximation any more.
+    pub strays: f64,
+}
+
+/// Effects that explain a misfit together, and the verdict.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Verdict {
+    /// Effects together that may explain a misfit.
+    pub effects: usize,
+    /// Ranked effects that such a chain may begin with.
+    pub beginnings: usize,
+    /// Standard errors of the noise's variance that a model at the noise may be above it.
+    pub at_noise: f64,
+    /// Named effects explain a misfit when they leave less than this part of it,
+    pub leaves: f64,
+    /// and bring the error to less than this times the noise.
+    pub reaches: f64,
+    /// What is less than this part of the misfit is left to a next question: a single effect that
+    /// explains clean data down to their last digits is not unexplained for the last of them.
+    pub negligible: f64,
+    /// p-value below which a residual force without a name is there, all maps counted.
+    pub unmistakable: f64,
+    /// Residuals this many times the resolution of the integrator are the measurements' own.
+    pub resolved: f64,
+}
+
+/// The loop that adds effects.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Discovery {
+    /// Additions, at most.
+    pub additions: usize,
+    /// An addition pays when the held-out deviance falls by more than this: odds of 1,000 to 1,
+    /// for twice the logarithm of 1,000 is 14.
+    pub deviance: f64,
+    /// Where the catalogue does not explain the misfit, each effect of it a little of what another
+    /// law does: an addition then takes away at least this part of the squares above the noise.
+    pub part: f64,
+}
+
+/// Faults of the instrument.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Instrument {
+    /// Samples of the shortest segment on which readings are compared with their neighbours.
+    pub shortest: usize,
+    /// Samples of the longest one.
+    pub longest: usize,
+    /// Standard deviations from its neighbours that make a reading an outlier.
+    pub far: f64,
+    /// The neighbours of an outlier deviate less than this part, to the other side: a jump or a
+    /// bend of the motion itself does not look like that.
+    pub spike: f64,
+    /// p-value below which a fault is there, all columns counted.
+    pub significant: f64,
+    /// Rounding is spoken of when it makes this part of the noise.
+    pub coarse: f64,
+    /// Multiples of a step are exact but for this part of the column's range.
+    pub slack: f64,
+    /// Readings that show whether a column is rounded, at least.
+    pub readings: usize,
+}
+
+/// A model held against measurements.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Comparison {
+    /// Hats of a map of the residual force.
+    pub hats: usize,
+    /// p-value below which a map is spoken of, all maps counted.
+    pub significant: f64,
+    /// Nodes on each side of a force plane.
+    pub plane_nodes: usize,
+    /// Samples that a node of it needs.
+    pub node_samples: usize,
+    /// Coordinates whose planes are shown.
+    pub planes: usize,
+    /// Points on each side of a portrait.
+    pub portrait_points: usize,
+    /// Part of the range of the data by which a portrait reaches beyond them.
+    pub portrait_margin: f64,
+    /// Energies along the longest run, at least.
+    pub energies: usize,
+    /// Predictions that are followed side by side: enough to fill the lanes of the machine code.
+    pub lanes: usize,
+}
+
+/// The next run worth measuring.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Design {
+    /// Longest run that is thought of, in samples.
+    pub longest: usize,
+    /// Shortest run, in samples, that is proposed unasked.
+    pub shortest: usize,
+    /// Earlier runs that are thought of as repeated.
+    pub repeats: usize,
+    /// Points that are spread over the bounds of the start, for a single sampling,
+    pub points: usize,
+    /// for each of several samplings,
+    pub points_of_several: usize,
+    /// and points at rest among them.
+    pub points_at_rest: usize,
+    /// Runs whose gains are computed at a time.
+    pub batch: usize,
+    /// A pair of rivals whose deviance no run makes grow by more is given up: from equal standing,
+    /// the chance that one run distinguishes them stays below a fifth.
+    pub hopeless: f64,
+    /// A shorter run is preferred if it brings this part of the best.
+    pub enough: f64,
+    /// Neighbourhoods that are searched.
+    pub neighbourhoods: usize,
+    /// Points nearer than this, in parts of the bounds, share a neighbourhood.
+    pub apart: f64,
+    /// First step of the compass search, in parts of the bounds.
+    pub first_step: f64,
+    /// Last step of it, in parts of the bounds.
+    pub last_step: f64,
+    /// Rounds of it, at most.
+    pub rounds: usize,
+    /// A rival takes steps so many times shorter than the model without its effect, at most: a
+    /// force that jumps would ask for any number of them, which noise does not notice.
+    pub finer_steps: f64,
+    /// Trajectories that are followed side by side.
+    pub lanes: usize,
+}
+
+/// The numbers that are used.
+pub const TUNING: Tuning = Tuning {
+    sufficiency: Sufficiency { residuals: 20, held_out_residuals: 8 },
+    noise_floor: NoiseFloor { rounds: 6, residuals: 20.0, below: 3.0, strays: 100.0 },
+    states: States { first_samples: 8, growth: 4, retries: 6, settled: 1e-4 },
+    candidates: Candidates {
+        points: 48,
+        points_together: 60,
+        declared_points: 24,
+        declared_points_together: 64,
+        unnamed_degree: 4,
+        bump_coordinates: 3,
+    },
+    scan: Scan {
+        columns_together: 240,
+        columns_apart: 28,
+        least_variance: 0.1,
+        samples: 1_200,
+        spanned: 1e-5,
+        significant: 1e-3,
+    },
+    ranking: Ranking {
+        first_refits: 8,
+        later_refits: 3,
+        deviance_left: 0.1,
+        at_bound: 1e-6,
+        beyond_grid: 0.5,
+        indistinguishable: 6.0,
+        same: 0.25,
+        finish_within: 50.0,
+        finish_within_part: 0.01,
+        finished: 4,
+        refitted_part: 0.75,
+        strays: 10.0,
+    },
+    verdict: Verdict {
+        effects: 3,
+        beginnings: 3,
+        at_noise: 4.0,
+        leaves: 0.1,
+        reaches: 1.1,
+        negligible: 1e-6,
+        unmistakable: 1e-6,
+        resolved: 10.0,
+    },
+    discovery: Discovery { additions: 8, deviance: 14.0, part: 0.25 },
+    instrument: Instrument {
+        shortest: 6,
+        longest: 12,
+        far: 4.5,
+        spike: 0.8,
+        significant: 1e-3,
+        coarse: 0.5,
+        slack: 1e-9,
+        readings: 20,
+    },
+    comparison: Comparison {
+        hats: 9,
+        significant: 1e-3,
+        plane_nodes: 7,
+        node_samples: 4,
+        planes: 6,
+        portrait_points: 81,
+        portrait_margin: 0.15,
+        energies: 16,
+        lanes: 64,
+    },
+    design: Design {
+        longest: 20_000,
+        shortest: 21,
+        repeats: 16,
+        points: 192,
+        points_of_several: 96,
+        points_at_rest: 64,
+        batch: 128,
+        hopeless: 3.0,
+        enough: 0.95,
+        neighbourhoods: 3,
+        apart: 0.15,
+        first_step: 1.0 / 8.0,
+        last_step: 1.0 / 100.0,
+        rounds: 24,
+        finer_steps: 8.0,
+        lanes: 32,
+    },
+};
