@@ -6,6 +6,12 @@ use std::ops::Range;
 use serde::Serialize;
 
 /// A half-open range of bytes in a source text.
+///
+/// ```
+/// let error = leverrier::Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = foo").unwrap_err();
+/// let diagnostic = &error.diagnostics()[0];
+/// assert_eq!(diagnostic.span.end - diagnostic.span.start, 3); // foo
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Serialize)]
 pub struct Span {
     /// First byte.
@@ -32,6 +38,12 @@ impl Span {
 }
 
 /// How bad it is: an error stops the command, a warning and a note do not.
+///
+/// ```
+/// let error = leverrier::Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = foo").unwrap_err();
+/// let diagnostic = &error.diagnostics()[0];
+/// assert_eq!(diagnostic.severity, leverrier::Severity::Error);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Severity {
@@ -44,6 +56,12 @@ pub enum Severity {
 }
 
 /// One message about a user's text.
+///
+/// ```
+/// let error = leverrier::Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = foo").unwrap_err();
+/// let diagnostic = &error.diagnostics()[0];
+/// println!("{} {:?}", diagnostic.message, diagnostic.hint);
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Diagnostic {
     /// How bad it is.

@@ -198,6 +198,16 @@ impl Error {
 }
 
 /// What is wrong with a data file, and where.
+///
+/// ```
+/// use leverrier::{Data, Error, Spec};
+///
+/// let spec = Spec::parse("coordinates x; momenta px\nT = px^2/2\nV = span{ x^2 }")?;
+/// if let Err(Error::Data(error)) = Data::open("examples/damped-pendulum/swings.csv", &spec) {
+///     println!("{}: {}; {}", error.file.display(), error.message, error.hint);
+/// }
+/// # Ok::<(), leverrier::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct DataError {
     /// Path of the file.

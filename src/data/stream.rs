@@ -20,7 +20,7 @@ const LEAST: usize = 1024;
 /// The first rows of a file, about `rows` of them, for a look at its columns.
 ///
 /// # Errors
-/// As [`read`](super::read), as far as the first rows show it.
+/// As `read`, as far as the first rows show it.
 pub fn head(path: &Path, rows: usize) -> Result<Table> {
     let mut blocks = Blocks::open(path)?;
     match blocks.next(rows)? {

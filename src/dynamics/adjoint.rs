@@ -198,7 +198,7 @@ pub fn pull_back(
     out
 }
 
-/// The transpose of [`observe`](super::observe): takes d loss / d observables, `[2n][lanes]`,
+/// The transpose of `observe`: takes d loss / d observables, `[2n][lanes]`,
 /// to d loss / d state in place, and adds the direct dependence on theta to `gradient`, `[P]`.
 pub fn pull_back_observed(
     dynamics: &Dynamics,

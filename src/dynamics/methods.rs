@@ -3,6 +3,13 @@
 use std::fmt;
 
 /// One integration method.
+///
+/// ```
+/// use leverrier::Method;
+///
+/// assert_eq!(Method::by_name("leapfrog").map(|method| method.to_string()).as_deref(), Some("leapfrog"));
+/// assert_eq!(Method::by_name("guess"), None);
+/// ```
 #[derive(Debug)]
 pub struct MethodRow {
     /// Its name in output and options.
@@ -71,21 +78,25 @@ impl Method {
     }
 
     /// Every method of the table.
+    #[doc(hidden)]
     pub fn all() -> impl Iterator<Item = Method> {
         (0..METHODS.len()).map(|i| Method(i as u8))
     }
 
     /// The table row.
+    #[doc(hidden)]
     pub fn row(self) -> &'static MethodRow {
         &METHODS[self.0 as usize]
     }
 
     /// Whether the method applies to separable dynamics only.
+    #[doc(hidden)]
     pub fn needs_separable(self) -> bool {
         matches!(self.row().kind, MethodKind::Splitting(_))
     }
 
     /// Force evaluations that one step takes, an implicit stage counted with its iterations.
+    #[doc(hidden)]
     pub fn cost(self) -> usize {
         match &self.row().kind {
             MethodKind::Splitting(gammas) => gammas.len(),

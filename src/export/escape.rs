@@ -2,7 +2,7 @@
 //! position. Exporters apply them where text is emitted, and nowhere else.
 //!
 //! Numbers need none of this, and names become identifiers by
-//! [`identifier`](super::model::identifier) or LaTeX by [`letters::name`](super::letters::name).
+//! `identifier` or LaTeX by [`letters::name`](super::letters::name).
 
 use crate::data::is_invisible;
 

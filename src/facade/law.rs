@@ -11,6 +11,7 @@ use crate::diagnose::diagnosis::diagnose;
 use crate::error::{Error, ErrorKind, Result};
 use crate::fit::model::{LearnedParameter, LearnedTerm, Noise};
 use crate::fit::{self, Model, Silent};
+use crate::simulate::IntegratorChoice;
 
 /// A law of motion: a spec with a number for everything in it, learned or known.
 ///
@@ -34,6 +35,27 @@ pub struct Law {
     numbers: fit::Law,
     /// `None` for a law that stands in its spec.
     file: Option<ModelFile>,
+}
+
+/// Steps of the fit that equal steps of a prediction may be looked for in, at a time: over longer
+/// spans the error of a step cannot be estimated.
+const STEPS_TOGETHER: f64 = 10.0;
+/// Parts that an interval is divided into, at most.
+const PARTS: f64 = 1e5;
+
+/// Times between `times` such that none are further apart than `longest`, and where `times` are
+/// among them.
+fn subdivided(times: &[f64], longest: f64) -> (Vec<f64>, Vec<usize>) {
+    let mut fine: Vec<f64> = times.first().copied().into_iter().collect();
+    let mut wanted = vec![0];
+    for (from, to) in times.iter().zip(times.iter().skip(1)) {
+        let parts = ((to - from) / longest).ceil().clamp(1.0, PARTS) as usize;
+        let inner = (1..parts).map(|part| from + (to - from) * part as f64 / parts as f64);
+        fine.extend(inner);
+        fine.push(*to);
+        wanted.push(fine.len() - 1);
+    }
+    (fine, wanted)
 }
 
 impl Law {
@@ -177,7 +199,8 @@ impl Law {
     }
 
     /// The motion from a start (coordinates, then momenta, in the spec's units) at `times`, which
-    /// ascend; the first is the time of the start. Integrated to the limit of double precision.
+    /// ascend; the first is the time of the start. Integrated to the limit of double precision, by
+    /// Taylor series where the law has them, else by equal steps.
     ///
     /// # Errors
     /// The start has not one number for each coordinate and momentum, or the times do not ascend
@@ -209,8 +232,18 @@ impl Law {
                 "begin with the time of the start",
             ));
         }
-        let motion = self.numbers.simulator().trajectories(&[start.to_vec()], times)?;
-        Ok(Trajectory::first(names, motion))
+        let simulator = self.numbers.simulator();
+        let starts = [start.to_vec()];
+        let series = IntegratorChoice::Taylor { tolerance: 0.0 };
+        match simulator.trajectories_by(series, &starts, times) {
+            Err(error) if error.kind() == ErrorKind::TaylorSeries => {
+                let longest = STEPS_TOGETHER * self.numbers.stepping().longest;
+                let (fine, wanted) = subdivided(times, longest);
+                let motion = simulator.trajectories(&starts, &fine)?;
+                Ok(Trajectory::first(names, motion).at(&wanted))
+            }
+            motion => Ok(Trajectory::first(names, motion?)),
+        }
     }
 
     /// Holds the law against measurements, best such that it was not learned from.
@@ -322,5 +355,24 @@ impl fmt::Display for Law {
             write!(f, "{line}{place}: ({coefficient:.6} ± {standard_error:.1e}) {term}")?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_interval_is_predicted_as_well_as_short_ones() {
+        // A force with a kink has no Taylor series.
+        let text = "coordinates q; momenta p\nT = p^2/2\nV = q^2/2\nforce q += -0.01*abs(p)*p";
+        let law = Spec::parse(text).and_then(|spec| spec.known_law()).expect("a law");
+        let short: Vec<f64> = (0..=2000).map(|i| 0.01 * f64::from(i)).collect();
+        let short = law.predict(&[1.0, 0.0], &short).expect("a motion");
+        let long = law.predict(&[1.0, 0.0], &[0.0, 20.0]).expect("a motion");
+        assert_eq!((long.times(), long.states().len()), ([0.0, 20.0].as_slice(), 2));
+        for (a, b) in long.states()[1].iter().zip(&short.states()[2000]) {
+            assert!((a - b).abs() < 1e-6, "{a} and {b}");
+        }
     }
 }

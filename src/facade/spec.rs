@@ -152,7 +152,7 @@ impl Spec {
     ///
     /// ```
     /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
-    /// assert_eq!(spec.data()?.runs(), 6);
+    /// assert_eq!(spec.data()?.runs(), 8);
     /// # Ok::<(), leverrier::Error>(())
     /// ```
     pub fn data(&self) -> Result<Data> {

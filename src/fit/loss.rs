@@ -13,6 +13,13 @@ pub struct LossRow {
 }
 
 /// A loss: a row of [`LOSSES`].
+///
+/// ```
+/// use leverrier::Loss;
+///
+/// assert_eq!(Loss::by_name("squares"), Some(Loss::SQUARES));
+/// assert!(Loss::by_name("huber").is_some() && Loss::by_name("cubes").is_none());
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Loss(u8);
 
@@ -26,11 +33,13 @@ impl Loss {
     }
 
     /// Its row of the table.
+    #[doc(hidden)]
     pub fn row(self) -> &'static LossRow {
         &LOSSES[self.0 as usize]
     }
 
     /// Whether it is plain least squares.
+    #[doc(hidden)]
     pub fn is_squares(self) -> bool {
         self == Loss::SQUARES
     }
@@ -39,6 +48,7 @@ impl Loss {
     /// for Gaussian noise: the square, or for robust losses what Huber's second proposal makes
     /// of it (Huber, Ann. Math. Stat. 35, 1964, section 7), so that outliers do not hide the
     /// noise that they stand out of.
+    #[doc(hidden)]
     pub fn scale(self, r: f64) -> f64 {
         if self.is_squares() { r * r } else { (r * r).min(HUBER * HUBER) / CLIPPED }
     }

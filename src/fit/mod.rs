@@ -71,7 +71,7 @@ use crate::expr::System;
 ///
 /// # Errors
 ///
-/// [`Error::Fit`] when the data do not suffice, or the function space takes more memory than
+/// [`Error::Refused`](crate::error::Error::Refused) when the data do not suffice, or the function space takes more memory than
 /// allowed, with what to do.
 pub fn fit(
     system: &Arc<System>,

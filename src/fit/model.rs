@@ -54,6 +54,15 @@ pub struct Model {
 }
 
 /// A term of the support.
+///
+/// ```
+/// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+/// let law = spec.fit(&spec.data()?)?;
+/// for term in law.terms() {
+///     println!("{}: {} +- {} {}", term.place, term.coefficient, term.standard_error, term.term);
+/// }
+/// # Ok::<(), leverrier::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LearnedTerm {
     /// "T", "V", "H" or "force theta".
@@ -74,6 +83,13 @@ pub struct LearnedTerm {
 }
 
 /// An inner parameter that occurs in the model.
+///
+/// ```
+/// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+/// let law = spec.fit(&spec.data()?)?;
+/// assert!(law.parameters().is_empty()); // no `param` in this spec
+/// # Ok::<(), leverrier::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LearnedParameter {
     /// As written in the spec.
@@ -88,6 +104,15 @@ pub struct LearnedParameter {
 }
 
 /// Noise of one observable.
+///
+/// ```
+/// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+/// let law = spec.fit(&spec.data()?)?;
+/// for noise in law.noise() {
+///     println!("{} is known to {}", noise.observable, noise.standard_deviation);
+/// }
+/// # Ok::<(), leverrier::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Noise {
     /// Name of the observable.

@@ -3,6 +3,23 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// What a long computation reports to and asks.
+///
+/// ```
+/// use leverrier::{Monitor, Options, Spec};
+///
+/// struct Bar;
+///
+/// impl Monitor for Bar {
+///     fn stage(&self, what: &str, fraction: f64) {
+///         eprintln!("{:3.0} % {what}", 100.0 * fraction);
+///     }
+/// }
+///
+/// let spec = Spec::open("examples/damped-pendulum/fit.ham")?;
+/// let law = spec.fit_monitored(&spec.data()?, &Options::default(), &Bar)?;
+/// # assert_eq!(law.terms().len(), 1);
+/// # Ok::<(), leverrier::Error>(())
+/// ```
 pub trait Monitor: Sync {
     /// A stage begins: a few words, and how far the whole has come (0 to 1).
     fn stage(&self, what: &str, fraction: f64);
@@ -17,6 +34,12 @@ pub trait Monitor: Sync {
 }
 
 /// Reports nothing and never stops.
+///
+/// ```
+/// use leverrier::{Monitor, Silent};
+///
+/// assert!(!Silent.stopped());
+/// ```
 pub struct Silent;
 
 impl Monitor for Silent {
@@ -24,6 +47,16 @@ impl Monitor for Silent {
 }
 
 /// Stops when the flag is raised, by a Ctrl-C handler for one.
+///
+/// ```
+/// use std::sync::atomic::{AtomicBool, Ordering};
+///
+/// use leverrier::{Flag, Monitor};
+///
+/// let raised = AtomicBool::new(false);
+/// raised.store(true, Ordering::Relaxed);
+/// assert!(Flag(&raised).stopped());
+/// ```
 pub struct Flag<'a>(pub &'a AtomicBool);
 
 impl Monitor for Flag<'_> {

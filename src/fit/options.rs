@@ -4,6 +4,13 @@ use super::loss::Loss;
 use crate::dynamics::Method;
 
 /// How the support is chosen.
+///
+/// ```
+/// use leverrier::{Options, Selection};
+///
+/// let options = Options { selection: Selection::HeldOut, ..Options::default() };
+/// assert_ne!(options.selection, Options::default().selection);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Selection {
     /// The extended Bayesian information criterion.
@@ -14,6 +21,14 @@ pub enum Selection {
 }
 
 /// Which trainer.
+///
+/// ```
+/// use leverrier::{Options, Trainer};
+///
+/// // For a function space of thousands of terms.
+/// let options = Options { trainer: Trainer::FirstOrder, ..Options::default() };
+/// assert_eq!(options.seed, 0);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Trainer {
     /// Second order, exact supports.
@@ -23,6 +38,18 @@ pub enum Trainer {
 }
 
 /// Options of a fit.
+///
+/// ```
+/// use leverrier::{Loss, Method, Options};
+///
+/// let options = Options {
+///     loss: Loss::by_name("huber").unwrap_or(Loss::SQUARES), // for outliers
+///     method: Method::by_name("leapfrog"),
+///     seed: 7,
+///     ..Options::default()
+/// };
+/// assert!(options.sparse);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// Which trainer; large function spaces are screened by the first-order one in any case.
