@@ -190,7 +190,7 @@ fn purpose(
         // The diagnosis held some runs out; all of them together may have the answer.
         let behind = design::standings(&rivals, &bench.dataset, model.evidence.window)?;
         let mut behind = behind.iter().map(|standing| standing.behind);
-        rivals.retain(|_| behind.next().is_some_and(|behind| behind <= design::TOLD_APART));
+        rivals.retain(|_| behind.next().is_some_and(|behind| behind <= design::DISTINGUISHABLE));
     }
     Ok(match (rivals.as_slice(), found.verdict) {
         ([_, _, ..], _) => {

@@ -45,7 +45,7 @@ pub struct Step {
     pub coefficient: Vec<f64>,
     /// Standard errors, in the same order.
     pub standard_error: Vec<f64>,
-    /// Chance that noise does as well, all tries paid for.
+    /// p-value after the look-elsewhere correction for all candidates and grid points.
     pub p_value: f64,
     /// Error on held-out runs over a segment without it, in units of the noise.
     pub held_out_error_before: f64,
@@ -145,7 +145,7 @@ pub fn discover(
     };
     if steps.len() > 1 {
         for (step, rivals) in steps.iter_mut().zip(&rivals) {
-            let found = Found { name, text: &text, compiled: &compiled, model: &model };
+            let found = Discovered { name, text: &text, compiled: &compiled, model: &model };
             let mut alike = found.alike(step, rivals, training, held_out, monitor)?;
             // One that now explains more takes the step's place, and so does a simpler one.
             let beaten = !alike.iter().any(|leader| leader.effect == step.effect);
@@ -227,14 +227,14 @@ fn start_with(law: &Law, system: &Arc<System>, effect: &str) -> Result<Law> {
 }
 
 /// A spec with everything that was found, and its model.
-struct Found<'a> {
+struct Discovered<'a> {
     name: &'a str,
     text: &'a str,
     compiled: &'a Compiled,
     model: &'a Model,
 }
 
-impl Found<'_> {
+impl Discovered<'_> {
     /// The step's own effect and those of its rivals that explain as much now that the other
     /// effects are there, the one with the fewest unknowns first: while the others were missing,
     /// a more flexible effect may have stood in for them too.

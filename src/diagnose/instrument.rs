@@ -24,7 +24,7 @@ pub struct Detection {
     /// Outliers: how far off they are in the median. Quantisation: the step. In the unit of the
     /// column.
     pub size: f64,
-    /// Chance that noise does as well.
+    /// p-value: the probability that noise does as well.
     pub p_value: f64,
     /// What was found and what to do, as a sentence.
     pub sentence: String,

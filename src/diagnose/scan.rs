@@ -18,7 +18,7 @@ pub struct Scored {
     pub values: Vec<f64>,
     /// What it would take off the misfit.
     pub score: Score,
-    /// Chance that noise does as well, with everything that was tried paid for.
+    /// p-value after the look-elsewhere correction for everything that was tried.
     pub p_value: f64,
     /// Deviance less the price of its unknowns.
     pub merit: f64,
@@ -76,7 +76,7 @@ pub fn significant<'a>(
 }
 
 /// Index of a candidate, and values of its inner parameters.
-type Try = (usize, Vec<f64>);
+type GridPoint = (usize, Vec<f64>);
 
 /// Scores every candidate at every grid point.
 ///
@@ -112,8 +112,8 @@ fn score(
         let c = *c;
         grid.clone().into_iter().map(move |values| (c, values))
     };
-    let queue: Vec<Try> = points.iter().flat_map(of_grid).collect();
-    let width_of = |(c, _): &Try| all[*c].terms.len();
+    let queue: Vec<GridPoint> = points.iter().flat_map(of_grid).collect();
+    let width_of = |(c, _): &GridPoint| all[*c].terms.len();
     let mut probed = Vec::new();
     let mut start = 0;
     while start < queue.len() {
@@ -142,9 +142,9 @@ fn score(
 fn probe_range<'t>(
     settled: &Settled,
     all: &[Candidate],
-    tries: &'t [Try],
+    tries: &'t [GridPoint],
     lost: usize,
-    probed: &mut Vec<(&'t [Try], Scores)>,
+    probed: &mut Vec<(&'t [GridPoint], Scores)>,
 ) -> Result<()> {
     let mut system = System::clone(settled.context.system());
     let probes = tries.iter().flat_map(|(c, values)| all[*c].probes(&mut system, values));
@@ -168,7 +168,7 @@ fn probe_range<'t>(
 fn choose(
     scores: &Scores,
     all: &[Candidate],
-    tries: &[Try],
+    tries: &[GridPoint],
     tried: usize,
     best: &mut [Option<Scored>],
 ) {

@@ -23,7 +23,7 @@ pub struct Score {
     pub coefficients: Vec<f64>,
     /// Standard errors, in the same order.
     pub standard_errors: Vec<f64>,
-    /// Chance that noise does as well, for this one candidate.
+    /// p-value of this one candidate: the probability that noise does as well.
     pub p_value: f64,
 }
 

@@ -39,7 +39,7 @@ pub struct Comparison {
 /// Error of predictions of one length, each from its best initial state.
 ///
 /// Root mean square over all observables in units of the noise: 1 is the noise floor. The
-/// freedom that the initial state takes up is paid for.
+/// freedom that the initial state takes up is corrected for.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Horizon {
     /// Samples of a prediction, the first included.

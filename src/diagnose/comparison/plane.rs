@@ -23,7 +23,7 @@ pub struct ForcePlane {
     pub deviance: f64,
     /// Degrees of freedom of the map.
     pub degrees: usize,
-    /// Chance that noise does as well.
+    /// p-value: the probability that noise does as well.
     pub p_value: f64,
 }
 

@@ -1,17 +1,17 @@
-//! The next run worth measuring: the one that tells rival models apart best, or that measures
+//! The next run worth measuring: the one that best distinguishes rival models, or that measures
 //! the coefficient that is known worst.
 
+mod criterion;
 mod plan;
 pub mod rival;
 mod search;
-mod trial;
 
 use statrs::distribution::{ContinuousCDF, Normal};
 
+use criterion::{Criterion, PlannedRun, Question, Sampling};
 pub use plan::{Allowed, Bound, Expected, Gain, Goal, Named, Plan, Proposal, Sought, Standing};
 use rival::{Known, Rival};
-use search::{Found, about_as_good, at_rest, round_to, score, search};
-use trial::{Jury, Question, Sampling, Trial};
+use search::{EvaluatedRun, about_as_good, at_rest, round_to, score, search};
 
 use crate::data::{Dataset, Run};
 use crate::diagnose::tuning::TUNING;
@@ -21,8 +21,8 @@ use crate::fit::segments::typical_step;
 use crate::fit::uncertainty::covariance;
 use crate::simulate::Interval;
 
-/// A rival that is further behind than this has been told apart.
-pub const TOLD_APART: f64 = TUNING.ranking.indistinguishable;
+/// A rival that is further behind than this is distinguished.
+pub const DISTINGUISHABLE: f64 = TUNING.ranking.indistinguishable;
 
 /// Looks for the run that brings most.
 ///
@@ -69,23 +69,24 @@ pub fn design(
     let wide: Vec<Interval> = start.iter().zip(&reach).map(|(a, b)| around(a, b)).collect();
     let motion = bounds(&allowed.motion, &wide, 1.0);
     let samplings = samplings(dataset, allowed)?;
-    let mut jury = Jury { known, dataset, window, motion: vec![everywhere; dimensions], question };
-    let standings: Vec<f64> = jury.known.iter().map(Known::standing).collect();
+    let mut criterion =
+        Criterion { known, dataset, window, motion: vec![everywhere; dimensions], question };
+    let standings: Vec<f64> = criterion.known.iter().map(Known::standing).collect();
     let rivals = match question {
         Question::Rivals => ahead(judged, &standings),
         Question::Unknown(_) => Vec::new(),
     };
-    let repeat = repeated(&jury);
-    jury.motion.clone_from(&motion);
-    let search = search(&jury, &samplings, &start, monitor);
+    let repeat = repeated(&criterion);
+    criterion.motion.clone_from(&motion);
+    let search = search(&criterion, &samplings, &start, monitor);
     monitor.stage("refitting", 0.9);
-    let mut found: Vec<Found> = Vec::new();
+    let mut found: Vec<EvaluatedRun> = Vec::new();
     for mut one in search.found {
         if question == Question::Rivals {
             let sampling = &samplings[one.sampling];
-            let trial = Trial { start: one.start.clone(), sampling };
-            let Some(values) = jury.judge_in_full(&trial) else { continue };
-            one.score = score(&jury, &search.live, &values);
+            let planned_run = PlannedRun { start: one.start.clone(), sampling };
+            let Some(values) = criterion.evaluate_in_full(&planned_run) else { continue };
+            one.score = score(&criterion, &search.live, &values);
             one.values = values;
         }
         found.push(one);
@@ -111,11 +112,11 @@ pub fn design(
     let chosen = found.remove(cheap);
     found.insert(0, chosen);
     let mut proposals: Vec<Proposal> =
-        found.iter().map(|one| proposal(&jury, one, &samplings, &standings)).collect();
+        found.iter().map(|one| proposal(&criterion, one, &samplings, &standings)).collect();
     let best = proposals.remove(0);
     let labels = |(a, b): (usize, usize)| (judged[a].label.clone(), judged[b].label.clone());
     let alike = if question == Question::Rivals {
-        let pairs = jury.pairs().into_iter().zip(&search.live);
+        let pairs = criterion.pairs().into_iter().zip(&search.live);
         pairs.filter(|(_, live)| !**live).map(|(pair, _)| labels(pair)).collect()
     } else {
         Vec::new()
@@ -125,7 +126,7 @@ pub fn design(
         coefficient,
         best,
         alternatives: proposals,
-        repeat: repeat.map(|values| expected(&jury, &values, &standings)),
+        repeat: repeat.map(|values| expected(&criterion, &values, &standings)),
         alike,
         start_bounds: named_bounds(first, &start),
         motion_bounds: named_bounds(first, &motion),
@@ -290,9 +291,9 @@ fn samplings(dataset: &Dataset, allowed: &Allowed) -> Result<Vec<Sampling>> {
 }
 
 /// What a repeat of an earlier run would bring, on average.
-fn repeated(jury: &Jury) -> Option<Vec<f64>> {
-    let known = &jury.known[0];
-    let runs = jury.dataset.runs.len();
+fn repeated(criterion: &Criterion) -> Option<Vec<f64>> {
+    let known = &criterion.known[0];
+    let runs = criterion.dataset.runs.len();
     let mut firsts: Vec<Option<(usize, &[f64])>> = vec![None; runs];
     for (segment, state) in known.segments.list.iter().zip(&known.states) {
         let first = &mut firsts[segment.run];
@@ -307,41 +308,48 @@ fn repeated(jury: &Jury) -> Option<Vec<f64>> {
         .step_by(stride)
         .filter_map(|(run, first)| {
             let (sample, state) = first?;
-            let times = jury.dataset.runs[run].clock_times().split_off(sample);
-            Some((state.to_vec(), Sampling::beside(jury.dataset, times)))
+            let times = criterion.dataset.runs[run].clock_times().split_off(sample);
+            Some((state.to_vec(), Sampling::beside(criterion.dataset, times)))
         })
         .collect();
-    let trials: Vec<Trial> =
-        chosen.iter().map(|(start, sampling)| Trial { start: start.clone(), sampling }).collect();
-    let judged: Vec<Vec<f64>> = jury.judge(&trials).into_iter().flatten().collect();
+    let planned: Vec<PlannedRun> = chosen
+        .iter()
+        .map(|(start, sampling)| PlannedRun { start: start.clone(), sampling })
+        .collect();
+    let judged: Vec<Vec<f64>> = criterion.evaluate(&planned).into_iter().flatten().collect();
     let mean = |k: usize| judged.iter().map(|v| v[k]).sum::<f64>() / judged.len() as f64;
     judged.first().map(|first| (0..first.len()).map(mean).collect())
 }
 
-/// Values of a jury as they are reported.
-fn expected(jury: &Jury, values: &[f64], standings: &[f64]) -> Expected {
-    if let Question::Unknown(_) = jury.question {
+/// Values of a criterion as they are reported.
+fn expected(criterion: &Criterion, values: &[f64], standings: &[f64]) -> Expected {
+    if let Question::Unknown(_) = criterion.question {
         return Expected { gains: Vec::new(), standard_error: values.first().copied() };
     }
     let gain = |((a, b), &deviance): ((usize, usize), &f64)| Gain {
-        truth: jury.known[a].rival.label.clone(),
-        against: jury.known[b].rival.label.clone(),
+        truth: criterion.known[a].rival.label.clone(),
+        against: criterion.known[b].rival.label.clone(),
         deviance,
         settles: settles(standings[b] - standings[a], deviance),
     };
-    let gains = jury.pairs().into_iter().zip(values).map(gain).collect();
+    let gains = criterion.pairs().into_iter().zip(values).map(gain).collect();
     Expected { gains, standard_error: None }
 }
 
-/// Chance that a difference of deviances suffices to distinguish two models after it grew. Growth that is
-/// expected to be g is Gaussian of variance 4 g: twice the difference times the noise.
+/// Probability that a difference of deviances distinguishes two models after it grew. Growth that
+/// is expected to be g is Gaussian of variance 4 g: twice the difference times the noise.
 fn settles(now: f64, growth: f64) -> f64 {
     let spread = 2.0 * growth.max(1e-9).sqrt();
     Normal::standard().cdf((now + growth - TUNING.ranking.indistinguishable) / spread)
 }
 
-fn proposal(jury: &Jury, found: &Found, samplings: &[Sampling], standings: &[f64]) -> Proposal {
-    let known = &jury.known[0];
+fn proposal(
+    criterion: &Criterion,
+    found: &EvaluatedRun,
+    samplings: &[Sampling],
+    standings: &[f64],
+) -> Proposal {
+    let known = &criterion.known[0];
     let system = known.rival.law.system();
     let times = &samplings[found.sampling].times;
     let shown = known.predict(&[(found.start.as_slice(), &times[..1])]);
@@ -357,7 +365,7 @@ fn proposal(jury: &Jury, found: &Found, samplings: &[Sampling], standings: &[f64
         duration: shorter(step * (times.len() - 1) as f64),
         step,
         samples: times.len(),
-        expected: expected(jury, &found.values, standings),
+        expected: expected(criterion, &found.values, standings),
     }
 }
 

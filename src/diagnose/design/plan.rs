@@ -7,7 +7,7 @@ use crate::simulate::Interval;
 /// What the new run is for.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Goal {
-    /// To tell the rivals apart.
+    /// To distinguish the rivals.
     Rivals,
     /// To measure a coefficient or inner parameter of the only model: the one named, or the one
     /// with the largest relative standard error.
@@ -42,7 +42,7 @@ pub struct Plan {
     pub alternatives: Vec<Proposal>,
     /// What a repeat of an earlier run would bring, on average over them.
     pub repeat: Option<Expected>,
-    /// Pairs of rivals that no run within the bounds tells apart: if the first is true, the
+    /// Pairs of rivals that no run within the bounds distinguishes: if the first is true, the
     /// second explains all that could be seen.
     pub alike: Vec<(String, String)>,
     /// Where a run may start.
@@ -138,6 +138,6 @@ pub struct Gain {
     /// Expected growth of the difference of their deviances, both refitted to all measurements:
     /// the odds grow by a factor of exp(deviance / 2).
     pub deviance: f64,
-    /// Chance that the true one is then ahead by enough to be told apart.
+    /// Probability that the true one is then ahead by enough to be distinguished.
     pub settles: f64,
 }

@@ -1,28 +1,28 @@
 //! The search for the best run: points spread over the bounds, then a compass.
 
-use super::trial::{Jury, Question, Sampling, Trial};
+use super::criterion::{Criterion, PlannedRun, Question, Sampling};
 use crate::diagnose::tuning::TUNING;
 use crate::fit::Monitor;
 use crate::simulate::Interval;
 
 /// A run and what it would bring.
 #[derive(Debug, Clone)]
-pub(super) struct Found {
+pub(super) struct EvaluatedRun {
     /// q, then p.
     pub start: Vec<f64>,
     /// Index of its sampling.
     pub sampling: usize,
-    /// As [`Jury::judge`] says it.
+    /// As [`Criterion::evaluate`] says it.
     pub values: Vec<f64>,
     /// The larger the better.
     pub score: f64,
 }
 
 /// What a search came to.
-pub(super) struct Search {
+pub(super) struct SearchResult {
     /// The best of each neighbourhood, rounded; the best first.
-    pub found: Vec<Found>,
-    /// For each pair of rivals whether some run tells them apart.
+    pub found: Vec<EvaluatedRun>,
+    /// For each pair of rivals whether some run distinguishes them.
     pub live: Vec<bool>,
     /// Runs that were tried.
     pub tried: usize,
@@ -32,16 +32,16 @@ pub(super) struct Search {
 
 /// Searches the starts within `bounds` (q, then p) and the samplings.
 pub(super) fn search(
-    jury: &Jury,
+    criterion: &Criterion,
     samplings: &[Sampling],
     bounds: &[Interval],
     monitor: &dyn Monitor,
-) -> Search {
+) -> SearchResult {
     let points = points(
         bounds,
         if samplings.len() > 1 { TUNING.design.points_of_several } else { TUNING.design.points },
     );
-    let mut all: Vec<Found> = Vec::new();
+    let mut all: Vec<EvaluatedRun> = Vec::new();
     let mut tried = 0;
     let mut stopped = false;
     for (s, sampling) in samplings.iter().enumerate() {
@@ -52,14 +52,14 @@ pub(super) fn search(
             }
             monitor.stage("trying runs", 0.5 + 0.2 * s as f64 / samplings.len() as f64);
             tried += chunk.len();
-            all.extend(judged(jury, s, sampling, chunk));
+            all.extend(judged(criterion, s, sampling, chunk));
         }
     }
-    let live = live(jury, &all);
-    rank(jury, &live, &mut all);
+    let live = live(criterion, &all);
+    rank(criterion, &live, &mut all);
     let Some(best) = all.first().map(|found| found.score) else {
         let stop = "no run was possible".to_string();
-        return Search { found: all, live, tried, stop };
+        return SearchResult { found: all, live, tried, stop };
     };
     // The cheapest sampling that is about as good as the best.
     let chosen = all
@@ -68,12 +68,13 @@ pub(super) fn search(
         .map(|found| found.sampling)
         .min_by_key(|&s| samplings[s].times.len())
         .unwrap_or(0);
-    let mut seeds: Vec<Found> = Vec::new();
-    let rests = |found: &Found| at_rest(&found.start);
+    let mut seeds: Vec<EvaluatedRun> = Vec::new();
+    let rests = |found: &EvaluatedRun| at_rest(&found.start);
     let mut resting = 0;
     for found in all.iter().filter(|found| found.sampling == chosen) {
-        let near =
-            |other: &Found| distance(&found.start, &other.start, bounds) < TUNING.design.apart;
+        let near = |other: &EvaluatedRun| {
+            distance(&found.start, &other.start, bounds) < TUNING.design.apart
+        };
         let first_at_rest = rests(found) && resting == 0;
         if first_at_rest || seeds.len() < TUNING.design.neighbourhoods && !seeds.iter().any(near) {
             resting += usize::from(rests(found));
@@ -98,11 +99,11 @@ pub(super) fn search(
         }
         tried += polls.len();
         let mut moved = vec![false; seeds.len()];
-        for (found, i) in values(jury, &samplings[chosen], &polls).into_iter().zip(of) {
+        for (found, i) in values(criterion, &samplings[chosen], &polls).into_iter().zip(of) {
             let Some((start, values)) = found else { continue };
-            let score = score(jury, &live, &values);
+            let score = score(criterion, &live, &values);
             if score > seeds[i].score {
-                seeds[i] = Found { start, sampling: chosen, values, score };
+                seeds[i] = EvaluatedRun { start, sampling: chosen, values, score };
                 moved[i] = true;
             }
         }
@@ -121,7 +122,7 @@ pub(super) fn search(
     for s in (0..samplings.len()).filter(|&s| s != chosen) {
         seeds.extend(all.iter().find(|found| found.sampling == s).cloned());
     }
-    let mut found: Vec<Found> = Vec::new();
+    let mut found: Vec<EvaluatedRun> = Vec::new();
     for seed in seeds {
         let rounded: Vec<f64> =
             seed.start.iter().zip(bounds).map(|(&x, b)| round_to(x, b)).collect();
@@ -129,10 +130,10 @@ pub(super) fn search(
         if found.iter().any(|other| other.sampling == s && other.start == rounded) {
             continue;
         }
-        found.extend(judged(jury, s, &samplings[s], &[rounded]));
+        found.extend(judged(criterion, s, &samplings[s], &[rounded]));
     }
-    rank(jury, &live, &mut found);
-    Search { found, live, tried, stop }
+    rank(criterion, &live, &mut found);
+    SearchResult { found, live, tried, stop }
 }
 
 /// Whether a score is about as good as the best. Standard errors have negative scores.
@@ -146,8 +147,8 @@ pub(super) fn about_as_good(score: f64, best: f64) -> bool {
 
 /// What a run is worth: the growth of the deviance for the pair where it grows least, or the
 /// standard error with a minus.
-pub(super) fn score(jury: &Jury, live: &[bool], values: &[f64]) -> f64 {
-    match jury.question {
+pub(super) fn score(criterion: &Criterion, live: &[bool], values: &[f64]) -> f64 {
+    match criterion.question {
         Question::Unknown(_) => -values.first().copied().unwrap_or(f64::INFINITY),
         Question::Rivals => {
             let of = |all: bool| {
@@ -164,32 +165,37 @@ pub(super) fn at_rest(start: &[f64]) -> bool {
     start[start.len() / 2..].iter().all(|p| *p == 0.0)
 }
 
-fn live(jury: &Jury, all: &[Found]) -> Vec<bool> {
-    let count = if jury.question == Question::Rivals { jury.pairs().len() } else { 1 };
+fn live(criterion: &Criterion, all: &[EvaluatedRun]) -> Vec<bool> {
+    let count = if criterion.question == Question::Rivals { criterion.pairs().len() } else { 1 };
     (0..count).map(|k| all.iter().any(|found| found.values[k] >= TUNING.design.hopeless)).collect()
 }
 
-fn rank(jury: &Jury, live: &[bool], all: &mut [Found]) {
+fn rank(criterion: &Criterion, live: &[bool], all: &mut [EvaluatedRun]) {
     for found in all.iter_mut() {
-        found.score = score(jury, live, &found.values);
+        found.score = score(criterion, live, &found.values);
     }
     all.sort_by(|a, b| b.score.total_cmp(&a.score));
 }
 
 fn values(
-    jury: &Jury,
+    criterion: &Criterion,
     sampling: &Sampling,
     starts: &[Vec<f64>],
 ) -> Vec<Option<(Vec<f64>, Vec<f64>)>> {
-    let trials: Vec<Trial> =
-        starts.iter().map(|start| Trial { start: start.clone(), sampling }).collect();
-    let judged = jury.judge(&trials);
+    let planned: Vec<PlannedRun> =
+        starts.iter().map(|start| PlannedRun { start: start.clone(), sampling }).collect();
+    let judged = criterion.evaluate(&planned);
     judged.into_iter().zip(starts).map(|(v, start)| v.map(|v| (start.clone(), v))).collect()
 }
 
-fn judged(jury: &Jury, at: usize, sampling: &Sampling, starts: &[Vec<f64>]) -> Vec<Found> {
-    let found = values(jury, sampling, starts).into_iter().flatten();
-    found.map(|(start, values)| Found { start, sampling: at, values, score: 0.0 }).collect()
+fn judged(
+    criterion: &Criterion,
+    at: usize,
+    sampling: &Sampling,
+    starts: &[Vec<f64>],
+) -> Vec<EvaluatedRun> {
+    let found = values(criterion, sampling, starts).into_iter().flatten();
+    found.map(|(start, values)| EvaluatedRun { start, sampling: at, values, score: 0.0 }).collect()
 }
 
 /// Starts spread over the bounds, some of them at rest where that is allowed, and the corners.
@@ -231,7 +237,7 @@ fn spread(dimensions: usize, count: usize) -> Vec<Vec<f64>> {
 }
 
 /// The compass around a start; one at rest stays at rest.
-fn around(seed: &Found, step: f64, bounds: &[Interval]) -> Vec<Vec<f64>> {
+fn around(seed: &EvaluatedRun, step: f64, bounds: &[Interval]) -> Vec<Vec<f64>> {
     let free = if at_rest(&seed.start) { bounds.len() / 2 } else { bounds.len() };
     let mut out = Vec::new();
     for (i, side) in bounds.iter().enumerate().take(free) {

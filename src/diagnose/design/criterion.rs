@@ -1,4 +1,4 @@
-//! What a run that nobody has made yet would bring.
+//! What a run that nobody has made yet would bring: the criterion that runs are compared by.
 //!
 //! If rival A is true, the run would show what A predicts. Rival B is then held against that
 //! prediction together with all measurements so far, and may bend its own unknowns and the
@@ -38,7 +38,7 @@ impl Sampling {
 
 /// A run that could be made.
 #[derive(Debug, Clone)]
-pub(super) struct Trial<'a> {
+pub(super) struct PlannedRun<'a> {
     /// q, then p.
     pub start: Vec<f64>,
     pub sampling: &'a Sampling,
@@ -47,14 +47,14 @@ pub(super) struct Trial<'a> {
 /// What is asked of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Question {
-    /// Tell the rivals apart.
+    /// Distinguish the rivals.
     Rivals,
     /// Measure this unknown of the only model: an index into its theta.
     Unknown(usize),
 }
 
 /// All that know the measurements so far, and the rules for new ones.
-pub(super) struct Jury<'a> {
+pub(super) struct Criterion<'a> {
     pub known: Vec<Known<'a>>,
     pub dataset: &'a Dataset,
     /// Samples of a segment.
@@ -64,8 +64,8 @@ pub(super) struct Jury<'a> {
     pub question: Question,
 }
 
-impl Jury<'_> {
-    /// Pairs of (true rival, rival against it), in the order of [`Jury::judge`].
+impl Criterion<'_> {
+    /// Pairs of (true rival, rival against it), in the order of [`Criterion::evaluate`].
     pub fn pairs(&self) -> Vec<(usize, usize)> {
         let count = self.known.len();
         (0..count)
@@ -73,20 +73,20 @@ impl Jury<'_> {
             .collect()
     }
 
-    /// What each trial would bring: the growth of the deviance for each of the pairs, or the
+    /// What each planned_run would bring: the growth of the deviance for each of the pairs, or the
     /// standard error of the unknown. `None` where the motion is not allowed, or cannot be
     /// followed.
-    pub fn judge(&self, trials: &[Trial]) -> Vec<Option<Vec<f64>>> {
+    pub fn evaluate(&self, planned: &[PlannedRun]) -> Vec<Option<Vec<f64>>> {
         let runs: Vec<(&[f64], &[f64])> =
-            trials.iter().map(|t| (t.start.as_slice(), t.sampling.times.as_slice())).collect();
+            planned.iter().map(|t| (t.start.as_slice(), t.sampling.times.as_slice())).collect();
         let paths: Vec<Vec<Path>> = self.known.iter().map(|known| known.predict(&runs)).collect();
         let fit: Vec<usize> =
-            (0..trials.len()).filter(|&i| paths.iter().all(|of| self.allows(&of[i]))).collect();
-        let (segments, of_trial) = self.segments(trials, &fit);
+            (0..planned.len()).filter(|&i| paths.iter().all(|of| self.allows(&of[i]))).collect();
+        let (segments, of_run) = self.segments(planned, &fit);
         let mut values: Vec<Vec<f64>> = vec![Vec::new(); fit.len()];
         let mut lost = vec![false; fit.len()];
         for (a, paths) in paths.iter().enumerate() {
-            let shown = self.shown(trials, &fit, paths);
+            let shown = self.shown(planned, &fit, paths);
             let states = starts(&segments, &fit, paths);
             for (b, known) in self.known.iter().enumerate() {
                 if a == b && self.question == Question::Rivals {
@@ -100,11 +100,11 @@ impl Jury<'_> {
                         Question::Rivals => all.least() - known.factor.least(),
                         Question::Unknown(at) => covariance(&all, 1.0)[(at, at)].sqrt(),
                     });
-                    lost[i] |= new.rows() < of_trial[i];
+                    lost[i] |= new.rows() < of_run[i];
                 }
             }
         }
-        let mut out: Vec<Option<Vec<f64>>> = vec![None; trials.len()];
+        let mut out: Vec<Option<Vec<f64>>> = vec![None; planned.len()];
         for ((i, values), lost) in fit.into_iter().zip(values).zip(lost) {
             if !lost && values.iter().all(|value| !value.is_nan()) {
                 out[i] = Some(values);
@@ -114,21 +114,21 @@ impl Jury<'_> {
     }
 
     /// The growth of the deviance for each of the pairs, every rival refitted in full to the
-    /// measurements so far and what the true one predicts. `None` as in [`Jury::judge`].
-    pub fn judge_in_full(&self, trial: &Trial) -> Option<Vec<f64>> {
-        let runs = [(trial.start.as_slice(), trial.sampling.times.as_slice())];
-        let trials = std::slice::from_ref(trial);
+    /// measurements so far and what the true one predicts. `None` as in [`Criterion::evaluate`].
+    pub fn evaluate_in_full(&self, planned_run: &PlannedRun) -> Option<Vec<f64>> {
+        let runs = [(planned_run.start.as_slice(), planned_run.sampling.times.as_slice())];
+        let planned = std::slice::from_ref(planned_run);
         let paths: Vec<Vec<Path>> = self.known.iter().map(|known| known.predict(&runs)).collect();
         if !paths.iter().all(|of| self.allows(&of[0])) {
             return None;
         }
-        let (added, _) = self.segments(trials, &[0]);
+        let (added, _) = self.segments(planned, &[0]);
         let run = self.dataset.runs.len();
         let mut values = Vec::new();
         for (a, b) in self.pairs() {
             let known = &self.known[b];
             let mut all = self.dataset.clone();
-            all.runs.extend(self.shown(trials, &[0], &paths[a]).runs);
+            all.runs.extend(self.shown(planned, &[0], &paths[a]).runs);
             let mut segments = known.segments.clone();
             let before = segments.list.len();
             segments.list.extend(added.list.iter().map(|s| Segment { run, ..*s }));
@@ -147,14 +147,14 @@ impl Jury<'_> {
         })
     }
 
-    /// Segments of the chosen trials, one fold each, and how many residuals each must bring.
-    fn segments(&self, trials: &[Trial], chosen: &[usize]) -> (Segments, Vec<usize>) {
+    /// Segments of the chosen planned, one fold each, and how many residuals each must bring.
+    fn segments(&self, planned: &[PlannedRun], chosen: &[usize]) -> (Segments, Vec<usize>) {
         let measured = self.dataset.measured().into_iter().filter(|&count| count > 0).count();
         let state = self.known.first().map_or(0, |known| 2 * known.dynamics.degrees());
         let mut segments = Segments::default();
         let mut residuals = Vec::with_capacity(chosen.len());
         for (run, &i) in chosen.iter().enumerate() {
-            let Sampling { times, typical } = trials[i].sampling;
+            let Sampling { times, typical } = planned[i].sampling;
             let from = segments.list.len();
             let mut parts = stretches(times, self.window, *typical);
             // Side by side, segments of one length waste no samples.
@@ -169,11 +169,11 @@ impl Jury<'_> {
         (segments, residuals)
     }
 
-    /// What the chosen trials would show if the paths were true, without noise.
-    fn shown(&self, trials: &[Trial], chosen: &[usize], paths: &[Path]) -> Dataset {
+    /// What the chosen planned would show if the paths were true, without noise.
+    fn shown(&self, planned: &[PlannedRun], chosen: &[usize], paths: &[Path]) -> Dataset {
         let measured = self.dataset.measured();
         let runs = chosen.iter().map(|&i| {
-            let times = trials[i].sampling.times.clone();
+            let times = planned[i].sampling.times.clone();
             let values = paths[i].observed.iter().zip(&measured).map(|(values, &count)| {
                 if count > 0 { values.clone() } else { vec![f64::NAN; values.len()] }
             });
