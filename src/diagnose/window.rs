@@ -4,13 +4,14 @@ use super::context::{Context, Settled};
 use super::misfit::{error, error_of};
 use super::refit::Refit;
 use super::tuning::TUNING;
-use crate::fit::course::{FOLLOWS, LONGEST};
 use crate::fit::segments::longest_run;
+use crate::fit::tuning::TUNING as FIT;
 
 /// Twice as long segments, if the model keeps to all of them; `None` where it does not, or where
 /// there are none.
 pub fn longer(context: &Context) -> Option<usize> {
-    let window = (2 * context.law.window()).min(longest_run(context.dataset).min(LONGEST));
+    let window =
+        (2 * context.law.window()).min(longest_run(context.dataset).min(FIT.course.longest));
     if window <= context.law.window() {
         return None;
     }
@@ -23,7 +24,7 @@ pub fn longer(context: &Context) -> Option<usize> {
 /// as long.
 pub fn followed(refit: &Refit, settled: &Settled) -> usize {
     let context = refit.context(&settled.context);
-    let longest = longest_run(context.dataset).min(LONGEST);
+    let longest = longest_run(context.dataset).min(FIT.course.longest);
     let mut window = context.law.window();
     if window >= longest {
         return window;
@@ -32,7 +33,7 @@ pub fn followed(refit: &Refit, settled: &Settled) -> usize {
     while window < longest {
         let next = (2 * window).min(longest);
         let (longer, more) = error(&context, next);
-        if more > lost || longer.is_nan() || longer > FOLLOWS * present.max(1.0) {
+        if more > lost || longer.is_nan() || longer > FIT.course.follows * present.max(1.0) {
             break;
         }
         (window, present, lost) = (next, longer, more);

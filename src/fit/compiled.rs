@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use super::law::Law;
 use super::options::Options;
 use super::stepping;
+use super::tuning::TUNING;
 use crate::dynamics::Dynamics;
 use crate::eval::Backend;
 use crate::expr::System;
@@ -13,9 +14,6 @@ use crate::expr::System;
 /// Dynamics of one system by the positions of their terms, each compiled once.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Compiled(Arc<Mutex<HashMap<Vec<usize>, Arc<Dynamics>>>>);
-
-/// More of them than this are forgotten.
-const MOST: usize = 8;
 
 impl Compiled {
     /// The motion by all terms, and all that first steps by it need.
@@ -38,7 +36,7 @@ impl Compiled {
 
     fn by(&self, system: &System, terms: Vec<usize>) -> Arc<Dynamics> {
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if known.len() > MOST {
+        if known.len() > TUNING.passes.dynamics {
             known.retain(|terms, _| terms.len() == system.terms.len());
         }
         let compile = || {

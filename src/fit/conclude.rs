@@ -8,17 +8,9 @@ use super::model::{
 use super::options::Selection;
 use super::support::{SupportFit, alternatives, front};
 use super::train::{Round, Training};
+use super::tuning::TUNING;
 use super::uncertainty::{Unlearnable, covariance, inclusion, unlearnable};
 use crate::expr::{ParameterId, System, Term, TermId};
-
-/// Runners-up that are kept.
-const RUNNERS_UP: usize = 8;
-/// Exchanges that cost the criterion less are named: odds of 20 to 1.
-const CLOSE: f64 = 6.0;
-/// Combinations of this many terms are not spelled out.
-const SHOWN: usize = 6;
-/// Largest function space that is searched for exact dependences.
-const DEPENDENCE: usize = 1000;
 
 /// Sums a finished training up.
 pub fn conclude(training: &Training, round: &Round) -> Model {
@@ -38,7 +30,13 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
     let (frequency, (alternatives, unlearnable)) = rayon::join(
         || inclusion(folds, columns, *criterion, candidates, training.options.seed),
         || {
-            let near = alternatives(merged, columns, *criterion, &law.positions(), CLOSE);
+            let near = alternatives(
+                merged,
+                columns,
+                *criterion,
+                &law.positions(),
+                TUNING.conclusion.close,
+            );
             (near, open_questions(system, merged))
         },
     );
@@ -180,7 +178,7 @@ fn runners_up(
     candidates
         .iter()
         .filter(|c| c.support != support)
-        .take(RUNNERS_UP)
+        .take(TUNING.conclusion.runners_up)
         .map(|c| RunnerUp {
             terms: c
                 .values
@@ -220,7 +218,7 @@ fn open_questions(system: &System, factor: &Factor) -> Vec<String> {
             "{residuals} independent residuals cannot settle the {unknowns} unknowns of the \
              function space: measure more, or write a smaller space"
         ));
-    } else if unknowns <= DEPENDENCE {
+    } else if unknowns <= TUNING.conclusion.dependence {
         let found = unlearnable(factor);
         sentences.extend(found.iter().filter_map(|u| sentence(system, u)));
     }
@@ -239,7 +237,7 @@ fn sentence(system: &System, found: &Unlearnable) -> Option<String> {
             let parts: Vec<String> =
                 on.iter().filter_map(|&(c, x)| Some(format!("{x:.4} * {}", name(c)?))).collect();
             Some(match parts.len() {
-                0 | SHOWN.. => format!(
+                count if count == 0 || count >= TUNING.conclusion.spelled_out => format!(
                     "on these data `{term}` is a linear combination of other terms, to rounding: its coefficient is not identifiable"
                 ),
                 _ => format!(

@@ -6,21 +6,12 @@ use super::law::Law;
 use super::monitor::Monitor;
 use super::options::Options;
 use super::train::{Extent, Round, Training};
+use super::tuning::TUNING;
 use std::sync::Arc;
 
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::expr::{ParameterId, System};
-
-/// Segments may grow while what is left, in a training the noise estimate, grows by less than
-/// this factor.
-pub const FOLLOWS: f64 = 1.5;
-/// Longest segment, in samples.
-pub const LONGEST: usize = 256;
-/// Segments that the tries of different starts are made on.
-const TRIAL_SEGMENTS: usize = 400;
-/// Segments that the first rounds take, where there are at least twice as many.
-const FIRST_SEGMENTS: usize = 256;
 
 /// Trains from the spec's start, or from the best of several starts, on growing segments.
 pub fn train<'a>(
@@ -40,7 +31,7 @@ pub fn train<'a>(
 /// take all of them and search the whole space once more, but need not come from far.
 fn come_near(training: &mut Training, monitor: &dyn Monitor) -> Result<()> {
     let unknowns = training.system().terms.len() + training.system().parameters.len();
-    let part = FIRST_SEGMENTS.max(2 * unknowns);
+    let part = TUNING.course.first_segments.max(2 * unknowns);
     if training.stream.is_some() || training.segments.list.len() < 2 * part {
         return Ok(());
     }
@@ -98,7 +89,7 @@ fn grow<'a>(
     mut round: Round,
     monitor: &dyn Monitor,
 ) -> Result<(Training<'a>, Round)> {
-    let longest = training.measured.longest_run().min(LONGEST);
+    let longest = training.measured.longest_run().min(TUNING.course.longest);
     while training.law().window() < longest && round.refit.stop != StopReason::Interrupted {
         if monitor.stopped() {
             round.refit.stop = StopReason::Interrupted;
@@ -112,7 +103,9 @@ fn grow<'a>(
         let next = longer.rounds(monitor)?;
         let follows = (longer.law().noise().iter())
             .zip(training.law().noise().iter().zip(&longer.accuracy.resolution))
-            .all(|(new, (old, floor))| *new <= FOLLOWS * old.max(2.0 * floor));
+            .all(|(new, (old, floor))| {
+                *new <= TUNING.course.follows * old.max(TUNING.course.above_resolution * floor)
+            });
         if !follows || next.refit.sums().exploded > round.refit.sums().exploded {
             break;
         }
@@ -135,7 +128,7 @@ fn best_start<'a>(first: Training<'a>, monitor: &dyn Monitor) -> Result<Training
         let mut trial = first.clone();
         let values: Vec<(ParameterId, f64)> = ids.iter().copied().zip(start.clone()).collect();
         trial.law.set_parameters(&values);
-        trial.thin(TRIAL_SEGMENTS);
+        trial.thin(TUNING.course.start_segments);
         let Ok(round) = trial.rounds(monitor) else { continue };
         let unknowns = round.refit.theta.len();
         let choice = trial.law.positions().into_iter().map(|k| round.columns.costs[k]).sum();

@@ -1,5 +1,6 @@
 //! How supports are compared: fit against description length.
 
+use super::tuning::TUNING;
 use std::collections::BTreeMap;
 
 use crate::expr::{Expr, Graph, Node, Symbol};
@@ -27,9 +28,9 @@ impl Criterion {
     /// Whether two sums of squares are the same to the criterion: they differ by less than any
     /// term costs, or both are below the floor.
     pub fn agree(&self, a: f64, b: f64, rows: usize) -> bool {
-        const LESS: f64 = 0.5;
         let value = |squares: f64| self.value(squares, rows, 0, 0.0);
-        (value(a) - value(b)).abs() < LESS || a.max(b) <= rows as f64 * self.floor.powi(2)
+        (value(a) - value(b)).abs() < TUNING.support.same_loss
+            || a.max(b) <= rows as f64 * self.floor.powi(2)
     }
 }
 

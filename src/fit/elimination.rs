@@ -4,11 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::factor::Factor;
 use super::support::Columns;
-
-/// Of a column, what keeps it apart from those before it where they alone do not,
-const RIDGE: f64 = 1e-13;
-/// and what of it stands apart without.
-const ALONE: f64 = 1e-9;
+use super::tuning::TUNING;
 
 /// Backward elimination: the inverse of the triangle is all that is kept.
 ///
@@ -40,11 +36,13 @@ impl Elimination {
         let mut selected = factor.select(&chosen);
         // A trace of ridge keeps dependent columns apart; it is far below what is looked at.
         let norms = selected.norms();
-        let alone = |(k, norm): (usize, &f64)| selected.triangle()[(k, k)].abs() > ALONE * norm;
+        let alone = |(k, norm): (usize, &f64)| {
+            selected.triangle()[(k, k)].abs() > TUNING.support.alone * norm
+        };
         if !norms.iter().enumerate().all(alone) {
             let mut ridge = DMatrix::zeros(chosen.len(), chosen.len() + 1);
             for (k, norm) in norms.iter().enumerate() {
-                ridge[(k, k)] = RIDGE * norm;
+                ridge[(k, k)] = TUNING.support.ridge * norm;
             }
             selected.push(&ridge, 0);
         }

@@ -8,12 +8,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::rectangle::Rectangle;
+use super::tuning::TUNING;
 use crate::eval::{GROUP, InstructionSet, Reflections, multiply, product, reflect};
-
-/// Columns that one block reflector eliminates; the rest of the work is matrix products.
-const PANEL: usize = 32;
-/// Up to so many columns the products would cost more than they save: all is one panel.
-const ONE_PANEL: usize = 128;
 
 /// R of `[A b]`: `columns` + 1 square, upper triangular, b last.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,7 +59,7 @@ impl Factor {
         if filled == 0 {
             return;
         }
-        let panel = if width <= ONE_PANEL { width } else { PANEL };
+        let panel = if width <= TUNING.passes.one_panel { width } else { TUNING.passes.panel };
         for start in (0..width).step_by(panel) {
             let size = panel.min(width - start);
             // Below the last row that is not zero nothing happens: triangles cost a third.
@@ -175,7 +171,7 @@ impl Factor {
     pub fn together<'a>(columns: usize, parts: impl Iterator<Item = (&'a Factor, u32)>) -> Factor {
         let parts: Vec<(&Factor, u32)> = parts.filter(|(_, times)| *times > 0).collect();
         let width = columns + 1;
-        if width > 4 * PANEL {
+        if width > 4 * TUNING.passes.panel {
             // Memory counts more than the many small products.
             let mut all = Factor::new(columns);
             parts.iter().for_each(|(part, times)| all.merge(&part.repeated(*times)));

@@ -22,6 +22,7 @@ use super::scales::scales;
 use super::segments::{Segment, cut, packed};
 use super::states::States;
 use super::stepping;
+use super::tuning::TUNING;
 use crate::data::{Dataset, Packed};
 use crate::dynamics::{
     Batch, Dynamics, Method, Recording, Scratch, advance, observe, pull_back_observed,
@@ -29,19 +30,6 @@ use crate::dynamics::{
 use crate::error::{Error, ErrorKind, Result};
 use crate::eval::Backend;
 use crate::expr::System;
-
-/// Segments of one mini-batch.
-const BATCH: usize = 128;
-/// Passes over the data at each penalty.
-const EPOCHS: usize = 12;
-/// Penalties over the one that empties the model, in the order in which they are taken.
-const PENALTIES: [f64; 6] = [0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3];
-/// First step length, in units in which every column has norm one; it decays to a thousandth.
-const RATE: f64 = 0.02;
-/// Every fifth segment is held back to choose the penalty by.
-const HELD_BACK: usize = 5;
-/// Samples of a segment where nothing else is asked for: predictions are from one to the next.
-const SINGLE_STEPS: usize = 2;
 
 /// What screening found.
 #[derive(Debug, Clone)]
@@ -77,15 +65,17 @@ pub fn screen(
     let mut best: Option<(f64, Vec<f64>)> = None;
     let mut history = Vec::new();
     let mut interrupted = false;
-    for (i, share) in PENALTIES.into_iter().enumerate() {
-        monitor.stage("first-order screening", i as f64 / PENALTIES.len() as f64);
+    for (i, share) in TUNING.first_order.penalties.into_iter().enumerate() {
+        monitor
+            .stage("first-order screening", i as f64 / TUNING.first_order.penalties.len() as f64);
         let lambda = share * largest;
         interrupted = trainer.descend(&mut theta, lambda, monitor);
         let held_back = trainer.loss_on(&trainer.held_back.clone(), &theta);
         let survivors = theta[..everything].iter().filter(|x| **x != 0.0).count();
         history.push((lambda, held_back, survivors));
-        let worse = best.as_ref().is_some_and(|(least, _)| held_back > 1.02 * least);
-        if best.as_ref().is_none_or(|(least, _)| held_back < 0.98 * least) {
+        let worse =
+            best.as_ref().is_some_and(|(least, _)| held_back > TUNING.first_order.worse * least);
+        if best.as_ref().is_none_or(|(least, _)| held_back < TUNING.first_order.better * least) {
             best = Some((held_back, theta.clone()));
         }
         if worse || interrupted {
@@ -101,7 +91,7 @@ pub fn screen(
     let terms = trainer.dynamics.active().iter().copied().zip(theta[..everything].iter().copied());
     let survivors = terms.filter(|(_, value)| *value != 0.0).collect();
     let stepping = Stepping { method: trainer.method, longest: trainer.longest };
-    let known = (stepping, options.window.unwrap_or(SINGLE_STEPS));
+    let known = (stepping, options.window.unwrap_or(TUNING.first_order.window));
     Ok(Screening {
         law: Law::new(system.clone(), survivors, parameters, Vec::new(), known)?,
         history,
@@ -164,9 +154,11 @@ impl<'a> Trainer<'a> {
         let rounding: Vec<f64> = scales.iter().map(|scale| scale.rounding).collect();
         let separable = dynamics.separable();
         let integrator = stepping::coarse(system, options, separable, typical, &rounding)?;
-        let segments = cut(&measured, options.window.unwrap_or(SINGLE_STEPS)).list;
+        let segments = cut(&measured, options.window.unwrap_or(TUNING.first_order.window)).list;
         let (held_back, training): (Vec<_>, Vec<_>) =
-            segments.into_iter().enumerate().partition(|(i, _)| i % HELD_BACK == HELD_BACK - 1);
+            segments.into_iter().enumerate().partition(|(i, _)| {
+                i % TUNING.first_order.held_back == TUNING.first_order.held_back - 1
+            });
         let strip = |list: Vec<(usize, Segment)>| list.into_iter().map(|(_, s)| s).collect();
         let (training, held_back): (Vec<Segment>, Vec<Segment>) =
             (strip(training), strip(held_back));
@@ -339,8 +331,7 @@ impl<'a> Trainer<'a> {
 
     /// Root mean square effect of each unknown on the weighted predictions, on a few segments.
     fn measure_columns(&mut self, theta: &[f64]) {
-        const FEW: usize = 32;
-        let stride = self.training.len().div_ceil(FEW).max(1);
+        let stride = self.training.len().div_ceil(TUNING.first_order.norm_segments).max(1);
         let few: Vec<Segment> = self.training.iter().copied().step_by(stride).collect();
         let unknowns = self.dynamics.unknowns();
         let mut batch = self.load(&few, Some(unknowns));
@@ -372,7 +363,7 @@ impl<'a> Trainer<'a> {
 
     fn full_gradient(&mut self, segments: &[Segment], theta: &[f64]) -> Vec<f64> {
         let mut total = vec![0.0; theta.len()];
-        let chunks = segments.chunks(BATCH);
+        let chunks = segments.chunks(TUNING.first_order.batch);
         let count = chunks.len().max(1) as f64;
         for chunk in chunks {
             for (t, g) in total.iter_mut().zip(self.gradient(chunk, theta).1) {
@@ -383,7 +374,7 @@ impl<'a> Trainer<'a> {
     }
 
     fn loss_on(&mut self, segments: &[Segment], theta: &[f64]) -> f64 {
-        let chunks = segments.chunks(BATCH);
+        let chunks = segments.chunks(TUNING.first_order.batch);
         let count = chunks.len().max(1) as f64;
         chunks.map(|chunk| self.gradient(chunk, theta).0 / count).sum()
     }
@@ -403,19 +394,19 @@ impl<'a> Trainer<'a> {
             .collect();
         self.moments.0.fill(0.0);
         self.moments.1.fill(0.0);
-        let batches = self.training.len().div_ceil(BATCH);
-        let total = EPOCHS * batches;
+        let batches = self.training.len().div_ceil(TUNING.first_order.batch);
+        let total = TUNING.first_order.epochs * batches;
         for step in 0..total {
             if step % batches == 0 {
                 for i in (1..self.training.len()).rev() {
                     self.training.swap(i, self.generator.random_range(0..=i));
                 }
             }
-            let start = step % batches * BATCH;
-            let end = (start + BATCH).min(self.training.len());
+            let start = step % batches * TUNING.first_order.batch;
+            let end = (start + TUNING.first_order.batch).min(self.training.len());
             let chunk = self.training[start..end].to_vec();
             let (_, gradient) = self.gradient(&chunk, theta);
-            let rate = RATE * 1e-3f64.powf(step as f64 / total as f64);
+            let rate = TUNING.first_order.rate * 1e-3f64.powf(step as f64 / total as f64);
             let correction =
                 (1.0 - FIRST.powi(step as i32 + 1), 1.0 - SECOND.powi(step as i32 + 1));
             for k in 0..theta.len() {

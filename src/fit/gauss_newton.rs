@@ -8,6 +8,7 @@ use super::factor::Factor;
 use super::monitor::Monitor;
 use super::pass::{Linearised, Problem, Sums, settle_linearise_and_respond};
 use super::states::States;
+use super::tuning::TUNING;
 use crate::dynamics::Dynamics;
 use crate::expr::Bounds;
 
@@ -60,10 +61,6 @@ impl Refit {
     }
 }
 
-const ITERATIONS: usize = 40;
-/// Converged when a step promises less than this part of the loss.
-pub const CONVERGED: f64 = 1e-9;
-
 /// Minimises the loss over theta within `bounds` (one for each of theta), from `start`, until a
 /// step promises less than the part `promise` of it.
 ///
@@ -88,7 +85,7 @@ pub fn refit(
     let mut iterations = 0;
     loop {
         let stopped = monitor.stopped();
-        if stopped || iterations == ITERATIONS || here.theta.is_empty() {
+        if stopped || iterations == TUNING.refit.iterations || here.theta.is_empty() {
             let stop = match (stopped, here.theta.is_empty()) {
                 (true, _) => StopReason::Interrupted,
                 (_, true) => StopReason::Converged,
@@ -121,14 +118,18 @@ pub fn refit(
             let fewer = trial_sums.exploded < sums.exploded;
             if sane && (fewer || trial_sums.loss < sums.loss) {
                 here = next;
-                damping = if damping > 1e-6 { damping * 0.1 } else { 0.0 };
+                damping = if damping > TUNING.refit.least_damping {
+                    damping * TUNING.refit.less_damping
+                } else {
+                    0.0
+                };
                 break None;
             }
             if monitor.stopped() {
                 break Some(StopReason::Interrupted);
             }
-            damping = (damping * 10.0).max(1e-4);
-            if damping > 1e8 {
+            damping = (damping * TUNING.refit.more_damping).max(TUNING.refit.first_damping);
+            if damping > TUNING.refit.most_damping {
                 break Some(StopReason::NoProgress);
             }
         };
@@ -207,7 +208,7 @@ impl Minimisation<'_> {
 /// Whether the data cannot see a step that promises to lower the loss by so much: it is less than
 /// the part `promise` of it, or less than rounding.
 pub(super) fn invisible(fall: f64, promise: f64, sums: &Sums, floor: f64) -> bool {
-    fall <= promise * sums.loss + 1e-3 * floor.powi(2) * sums.rows as f64
+    fall <= promise * sums.loss + TUNING.refit.rounding * floor.powi(2) * sums.rows as f64
 }
 
 struct Step {

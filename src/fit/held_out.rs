@@ -3,9 +3,7 @@
 use super::bounded::solve_bounded;
 use super::factor::Factor;
 use super::support::{Columns, SupportFit};
-
-/// Candidates that are compared, at most.
-const COMPARED: usize = 120;
+use super::tuning::TUNING;
 
 /// Puts the candidate first that predicts held-out folds best: the smallest support whose error
 /// is within one standard error of the least (Breiman, Friedman, Olshen and Stone,
@@ -17,7 +15,7 @@ pub fn prefer_held_out(candidates: &mut [SupportFit], folds: &[Factor], columns:
     if folds.len() < 2 {
         return;
     }
-    let compared = candidates.len().min(COMPARED);
+    let compared = candidates.len().min(TUNING.support.compared_held_out);
     let errors: Vec<(f64, f64)> =
         candidates[..compared].iter().map(|c| held_out_error(c, folds, columns)).collect();
     let Some(&(least, spread)) = errors.iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { return };

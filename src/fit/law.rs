@@ -5,6 +5,7 @@ use std::sync::Arc;
 use nalgebra::DMatrix;
 
 use super::pass::Stepping;
+use super::tuning::TUNING;
 use crate::dynamics::{Dynamics, Method};
 use crate::error::{Error, ErrorKind, Result};
 use crate::eval::Backend;
@@ -28,11 +29,6 @@ pub struct Law {
     stepping: Stepping,
     window: usize,
 }
-
-/// Step of a law that is known, in the spec's unit of time: nothing tells how accurate it must be.
-const KNOWN_STEP: f64 = 0.01;
-/// Samples of the shortest segment.
-const SHORTEST: usize = 2;
 
 impl Law {
     /// The law of a system with the given terms and their coefficients, and one value for each of
@@ -87,10 +83,10 @@ impl Law {
                 "report this",
             )
         })?;
-        let stepping = Stepping { method, longest: KNOWN_STEP };
+        let stepping = Stepping { method, longest: TUNING.stepping.known_step };
         let parameters: Vec<f64> = system.parameters.iter().map(|p| p.start).collect();
         let covariance = DMatrix::zeros(parameters.len(), parameters.len());
-        Law::new(system, Vec::new(), parameters, Vec::new(), (stepping, SHORTEST))?
+        Law::new(system, Vec::new(), parameters, Vec::new(), (stepping, TUNING.course.shortest))?
             .with_covariance(covariance)
     }
 

@@ -1,20 +1,16 @@
 //! What a function space takes in memory, asked before it is taken.
 
-use super::LARGEST_FACTOR;
 use super::options::{Options, Trainer};
 use super::pass::shares;
-use super::segments::FOLDS;
+use super::tuning::TUNING;
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
 
-/// Triangles beside those of the folds: merged ones, and copies that the search works on.
-const COPIES: usize = 6;
-/// Triangles' worth of rows that each thread gathers before they go into a factor.
-const GATHERED: usize = 4;
-
 /// Bytes that the triangular factors of a function space take while it is searched.
 pub fn factors(unknowns: usize) -> u64 {
-    let triangles = FOLDS * shares(unknowns) + COPIES + GATHERED * rayon::current_num_threads();
+    let triangles = TUNING.segments.folds * shares(unknowns)
+        + TUNING.memory.copies
+        + TUNING.memory.gathered * rayon::current_num_threads();
     let side = unknowns as u64 + 1;
     8u64.saturating_mul(side.saturating_mul(side)).saturating_mul(triangles as u64)
 }
@@ -26,7 +22,7 @@ pub fn factors(unknowns: usize) -> u64 {
 /// Says the size, and the trainer that can do it.
 pub fn check(system: &System, options: &Options) -> Result<()> {
     let terms = system.terms.len();
-    let by_parts = terms > LARGEST_FACTOR && options.sparse;
+    let by_parts = terms > TUNING.course.largest_factor && options.sparse;
     let Some(allowed) = options.memory else { return Ok(()) };
     if by_parts || options.trainer == Trainer::FirstOrder {
         return Ok(());

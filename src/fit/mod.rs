@@ -43,6 +43,7 @@ pub mod stream;
 mod streamed;
 pub mod support;
 pub mod train;
+pub mod tuning;
 pub mod uncertainty;
 
 pub use gauss_newton::StopReason;
@@ -56,6 +57,7 @@ pub use resume::resume;
 
 use std::sync::Arc;
 
+use self::tuning::TUNING;
 use crate::data::{Dataset, InMemory, Source, Survey, survey};
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
@@ -135,24 +137,15 @@ fn learn(
     if options.trainer == Trainer::FirstOrder {
         return screening::first_order(system, dataset, options, monitor);
     }
-    if system.terms.len() > LARGEST_FACTOR && options.sparse {
+    if system.terms.len() > TUNING.course.largest_factor && options.sparse {
         return screening::working_set(system, dataset, options, monitor);
     }
-    if dataset.samples() > ALL_AT_ONCE {
+    if dataset.samples() > TUNING.course.all_at_once {
         // The early rounds on a sample, the last ones on all data.
-        let source = InMemory::new(dataset, HELD_CHUNK);
-        let survey = survey(&source, SAMPLED, options.seed, &|_| true)?;
+        let source = InMemory::new(dataset, TUNING.passes.chunk);
+        let survey = survey(&source, TUNING.course.sampled, options.seed, &|_| true)?;
         return streamed::learn(system, &source, &survey, options, monitor);
     }
     let (training, round) = course::train(system, dataset, options, monitor)?;
     Ok(conclude::conclude(&training, &round))
 }
-
-/// Samples that terms are first looked for on, when there are many more.
-pub const SAMPLED: usize = 1 << 16;
-/// More samples than these are not searched all at once.
-const ALL_AT_ONCE: usize = 4 * SAMPLED;
-/// Samples of a chunk of data in memory.
-const HELD_CHUNK: usize = 1 << 17;
-/// Function spaces larger than this are worked on a part at a time.
-const LARGEST_FACTOR: usize = 3000;

@@ -7,16 +7,8 @@
 
 use super::block::Block;
 use super::pass::Problem;
+use super::tuning::TUNING;
 use crate::dynamics::{Batch, Dynamics, Method, MethodKind, Scratch, advance};
-
-/// The cheaper trajectory may differ by this part of the motion from end to end,
-const APART: f64 = 1e-4;
-/// and by no less than this from sample to sample.
-const LEAST_APART: f64 = 1e-5;
-/// Order from which on a cheaper method is tried.
-const HIGH_ORDER: u32 = 4;
-/// Steps of order four that are tried, for one of the states' own method.
-const MOST_STEPS: usize = 2;
 
 /// Equations of motion with the theta that they move by.
 pub(super) type Equations<'a> = (&'a Dynamics, &'a [f64]);
@@ -60,7 +52,8 @@ impl<'a> Motion<'a> {
     ) -> Motion<'a> {
         let (lanes, intervals) = (block.lanes(), block.samples.max(2) - 1);
         let row = problem.stepping.method.row();
-        let high_order = matches!(row.kind, MethodKind::Splitting(_)) && row.order > HIGH_ORDER;
+        let high_order =
+            matches!(row.kind, MethodKind::Splitting(_)) && row.order > TUNING.tangents.above_order;
         Motion {
             batch: Batch::with_tangents_in(
                 scratch,
@@ -73,7 +66,8 @@ impl<'a> Motion<'a> {
             cheaper: Method::by_name("forest-ruth")
                 .filter(|_| high_order)
                 .map(|method| Cheaper { method, steps: 1 }),
-            apart: (APART / intervals as f64).max(LEAST_APART),
+            apart: (TUNING.tangents.deviation / intervals as f64)
+                .max(TUNING.tangents.least_deviation),
         }
     }
 
@@ -114,7 +108,7 @@ impl<'a> Motion<'a> {
                 return;
             }
             let next = Cheaper { method, steps: fewer + fewer.div_ceil(2) };
-            self.cheaper = Some(next).filter(|next| next.steps <= MOST_STEPS * steps);
+            self.cheaper = Some(next).filter(|next| next.steps <= TUNING.tangents.steps * steps);
         }
         advance(dynamics, stepping.method, &mut self.batch, span, steps, theta, scratch);
     }

@@ -16,10 +16,11 @@ use super::gathered::Gathered;
 use super::loss::Loss;
 use super::motion::{Equations, Propagation};
 use super::rows::Rows;
-use super::segments::{LANES, Segment, Segments, blocks};
+use super::segments::{Segment, Segments, blocks};
 use super::settling::{Responses, TangentRequest, expected_steps, settled, steps_of_few};
 use super::states::States;
 use super::stream::Stream;
+use super::tuning::TUNING;
 use crate::data::Packed;
 use crate::dynamics::{Dynamics, KeptScratch, Method, Scratch};
 use crate::expr::Observed;
@@ -55,15 +56,6 @@ pub struct Problem<'a> {
     /// Samples of a segment, at most, that the data are cut into.
     pub window: usize,
 }
-
-/// Rows of short segments by few columns: such blocks may be twice as wide.
-const SMALL_BYTES: usize = 128 << 10;
-/// Bytes that the rows of one block may take.
-const BLOCK_BYTES: usize = 12 << 20;
-/// Segments of so many samples are settled sooner than it is known how their states respond.
-const SHORT: usize = 4;
-/// A column that keeps less than this of itself is what the initial states do, but for rounding.
-const ABSORBED: f64 = 1e-12;
 
 /// Sums over all segments at the best states for a theta.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -262,7 +254,7 @@ pub fn settle_linearise_and_respond(
     }
     let steps = expected_steps(problem, law, dynamics, states);
     let (unknowns, size) = (dynamics.unknowns(), 2 * dynamics.degrees());
-    let responses = (problem.segments.longest() > SHORT)
+    let responses = (problem.segments.longest() > TUNING.passes.responses_above)
         .then(|| Responses::of(states.len(), size, unknowns))
         .flatten();
     let part = FoldPass::new(unknowns, problem.weights.len());
@@ -317,16 +309,9 @@ struct Parts {
     size: usize,
 }
 
-/// Rows of a part, at least: fewer are done before another thread could take them over.
-const PART_ROWS: usize = 8192;
-/// Parts of a fold, at most, each with a factor of its own,
-const SHARES: usize = 4;
-/// where there are no more unknowns than these: with more, factors take memory and time.
-const FEW_UNKNOWNS: usize = 200;
-
 /// Parts of a fold that threads take one after the other, at most.
 pub(super) fn shares(unknowns: usize) -> usize {
-    if unknowns <= FEW_UNKNOWNS { SHARES } else { 1 }
+    if unknowns <= TUNING.passes.parts_up_to { TUNING.passes.parts_of_a_fold } else { 1 }
 }
 
 impl Parts {
@@ -334,7 +319,7 @@ impl Parts {
         let (size, unknowns) = (2 * dynamics.degrees(), dynamics.unknowns());
         let width = width(problem, size + unknowns + 1);
         let rows_each = (problem.segments.longest() * problem.weights.len()).max(1);
-        let least = PART_ROWS.div_ceil(rows_each);
+        let least = TUNING.passes.part_rows.div_ceil(rows_each);
         let folds = problem.segments.folds.iter().enumerate();
         let parts = folds.flat_map(|(fold, range)| {
             let each = range.len().div_ceil(shares(unknowns)).max(least).next_multiple_of(width);
@@ -472,7 +457,7 @@ impl FoldPass {
     pub(super) fn finish(mut self) -> FoldResult {
         self.flush();
         let FoldPass { mut factor, sums, responses, touched, .. } = self;
-        factor.zero_columns(|k, norm| norm <= ABSORBED * touched[k].sqrt());
+        factor.zero_columns(|k, norm| norm <= TUNING.passes.absorbed * touched[k].sqrt());
         FoldResult { factor, sums, responses }
     }
 }
@@ -517,6 +502,10 @@ fn width(problem: &Problem, columns: usize) -> usize {
 /// Segments of at most `samples` samples that are worked on side by side.
 pub(super) fn block_width(problem: &Problem, samples: usize, columns: usize) -> usize {
     let lane_bytes = samples * problem.weights.len() * columns * 8;
-    let most = if 2 * LANES * lane_bytes <= SMALL_BYTES { 2 * LANES } else { LANES };
-    (BLOCK_BYTES / lane_bytes.max(1)).clamp(4, most) / 4 * 4
+    let most = if 2 * TUNING.segments.lanes * lane_bytes <= TUNING.passes.small_block_bytes {
+        2 * TUNING.segments.lanes
+    } else {
+        TUNING.segments.lanes
+    };
+    (TUNING.passes.block_bytes / lane_bytes.max(1)).clamp(4, most) / 4 * 4
 }

@@ -8,6 +8,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::factor::Factor;
+use super::tuning::TUNING;
 use crate::expr::Bounds;
 
 /// How the path is walked.
@@ -28,7 +29,13 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Settings { points: 60, ratio: 1e-7, noise: 0.1, sweeps: 60, most_terms: 80 }
+        Settings {
+            points: TUNING.support.path_points,
+            ratio: TUNING.support.path_ratio,
+            noise: TUNING.support.path_noise,
+            sweeps: TUNING.support.path_sweeps,
+            most_terms: TUNING.support.largest,
+        }
     }
 }
 

@@ -4,7 +4,8 @@ use super::law::Law;
 use super::model::Model;
 use super::monitor::Monitor;
 use super::options::{Options, Trainer};
-use super::{LARGEST_FACTOR, conclude, course, fit, gauge};
+use super::tuning::TUNING;
+use super::{conclude, course, fit, gauge};
 use crate::data::Dataset;
 use crate::error::Result;
 
@@ -23,7 +24,8 @@ pub fn resume(
 ) -> Result<Model> {
     let system = start.system();
     let fits = start.noise().len() == 2 * system.degrees();
-    let large = system.terms.len() > LARGEST_FACTOR || options.trainer == Trainer::FirstOrder;
+    let large =
+        system.terms.len() > TUNING.course.largest_factor || options.trainer == Trainer::FirstOrder;
     if large || !fits {
         return fit(system, dataset, options, monitor);
     }

@@ -6,14 +6,12 @@ use super::block::Block;
 use super::loss::Loss;
 use super::motion::{Motion, Propagation};
 use super::pass::{Problem, Sums};
+use super::tuning::TUNING;
 use crate::dynamics::{Scratch, observe};
 use crate::eval::{
     Aligned, Compared, InstructionSet, LaneReflections, REGISTER, add_products, add_squares,
     compare, leverages, reflect_lanes, sum_squares, weigh,
 };
-
-/// Bytes that the rows of the lanes may take whose states are eliminated together.
-const NEAR_BYTES: usize = 512 << 10;
 
 /// Weighted residuals and derivatives of a block of segments, `[row][column][lane]`.
 ///
@@ -206,7 +204,8 @@ impl Rows {
         }
         // So many lanes at a time that all their rows stay in the cache.
         let lane_bytes = self.rows * columns * size_of::<f64>();
-        let part = (NEAR_BYTES / lane_bytes.max(1)).max(1).next_multiple_of(REGISTER);
+        let part =
+            (TUNING.passes.elimination_bytes / lane_bytes.max(1)).max(1).next_multiple_of(REGISTER);
         for from in (0..lanes).step_by(part) {
             self.eliminate_among(from..(from + part).min(lanes), first, responses);
         }

@@ -1,5 +1,6 @@
 //! The size of what was measured: spread, rounding, how much there is.
 
+use super::tuning::TUNING;
 use rayon::prelude::*;
 
 use super::states::States;
@@ -78,9 +79,6 @@ fn scale(cells: &[f64]) -> Scale {
     }
 }
 
-/// Samples that one thread looks at in a row.
-const SIDE_BY_SIDE: usize = 1 << 14;
-
 /// `of` of all that was measured put together by `with`, which leaves a number as it is if the
 /// other is zero: eight numbers at a time, for one alone would wait for the one before.
 fn over(
@@ -97,7 +95,7 @@ fn over(
         }
         eight.into_iter().fold(0.0, &with)
     };
-    let parts: Vec<f64> = cells.par_chunks(SIDE_BY_SIDE).map(of_part).collect();
+    let parts: Vec<f64> = cells.par_chunks(TUNING.passes.samples_together).map(of_part).collect();
     parts.into_iter().fold(0.0, &with)
 }
 

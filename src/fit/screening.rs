@@ -13,19 +13,10 @@ use super::law::Law;
 use super::model::{Model, fingerprint};
 use super::monitor::Monitor;
 use super::options::{Options, Trainer};
+use super::tuning::TUNING;
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::expr::{System, TermId};
-
-/// Terms that Gauss-Newton takes on at once, at most.
-const TOGETHER: usize = 600;
-/// Terms that enter the working set at first, and in every later round.
-const FIRST: usize = 300;
-const EACH: usize = 150;
-/// Terms of the least complexity that are always looked at: they are cheap to the criterion.
-const SIMPLEST: usize = 100;
-/// Rounds of the working set.
-const ROUNDS: usize = 5;
 
 /// Proximal first-order training of the whole space, then Gauss-Newton on what survives.
 ///
@@ -42,7 +33,7 @@ pub fn first_order(
     let mut survivors: Vec<(TermId, f64)> =
         screening.law.terms().map(|(id, _, value)| (id, value.abs())).collect();
     survivors.sort_by(|a, b| b.1.total_cmp(&a.1));
-    survivors.truncate(TOGETHER);
+    survivors.truncate(TUNING.screening.together);
     let survivors: Vec<TermId> = survivors.into_iter().map(|(id, _)| id).collect();
     let mut started = System::clone(system);
     for (parameter, &value) in started.parameters.iter_mut().zip(screening.law.parameters()) {
@@ -70,17 +61,22 @@ pub fn working_set(
     let mut working = ids.clone();
     let level: Vec<u32> = system.terms.iter().map(|t| complexity(&system.graph, t.expr)).collect();
     working.sort_by_key(|id| level[id.position()]);
-    working.truncate(SIMPLEST);
+    working.truncate(TUNING.screening.simplest);
     let mut law: Option<Law> = None;
     let mut best: Option<Model> = None;
-    for round in 0..ROUNDS {
-        monitor.stage("screening the function space", round as f64 / ROUNDS as f64);
+    for round in 0..TUNING.screening.rounds {
+        monitor
+            .stage("screening the function space", round as f64 / TUNING.screening.rounds as f64);
         let correlation = first_order::correlations(system, law.as_ref(), dataset, options)?;
         let stands_out = |id: &TermId| correlation[id.position()];
         let mut outside: Vec<TermId> =
             ids.iter().copied().filter(|id| !working.contains(id)).collect();
         outside.sort_by(|a, b| stands_out(b).total_cmp(&stands_out(a)).then(a.cmp(b)));
-        working.extend(outside.into_iter().take(if round == 0 { FIRST } else { EACH }));
+        working.extend(outside.into_iter().take(if round == 0 {
+            TUNING.screening.first
+        } else {
+            TUNING.screening.each
+        }));
         let how = format!("the {} whose gradients stand out", working.len());
         let model = train_on(system, working.clone(), &how, dataset, options, monitor)?;
         let Some(next) = model.law(system) else { return Ok(model) };
@@ -92,7 +88,7 @@ pub fn working_set(
             break;
         }
         // What was not chosen makes room, once the set is full.
-        if working.len() + EACH > TOGETHER {
+        if working.len() + TUNING.screening.each > TUNING.screening.together {
             working.retain(|id| support.contains(id));
         }
     }

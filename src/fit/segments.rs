@@ -1,5 +1,6 @@
 //! Segments: the stretches of measurement whose initial state is one unknown.
 
+use super::tuning::TUNING;
 use std::iter::StepBy;
 use std::ops::Range;
 
@@ -65,7 +66,7 @@ impl Segments {
             thin.list.extend_from_slice(&self.list[fold.start..end]);
             thin.folds.push(start..thin.list.len());
         }
-        thin.joined(LANES)
+        thin.joined(TUNING.segments.lanes)
     }
 
     /// The same segments, neighbouring folds put together until each has about `least` of them.
@@ -100,22 +101,13 @@ impl Segments {
             spread.list.extend(self.list[fold.clone()].iter().step_by(stride));
             spread.folds.push(start..spread.list.len());
         }
-        spread.joined(LANES / 2)
+        spread.joined(TUNING.segments.lanes / 2)
     }
 }
 
-/// Segments side by side in one block, at most.
-pub(super) const LANES: usize = 64;
-
-/// Folds that the data are kept in.
-pub(super) const FOLDS: usize = 16;
-
-/// An interval this many times the typical one is a hole that no segment bridges.
-const HOLE: f64 = 10.0;
-
 /// A data set as it is worked on: runs of one fold lie next to each other.
 pub fn packed(dataset: &Dataset) -> Packed {
-    Packed::of(dataset, FOLDS)
+    Packed::of(dataset, TUNING.segments.folds)
 }
 
 /// Cuts every run into segments of at most `window` samples that share no sample.
@@ -136,11 +128,14 @@ pub fn cut(measured: &Packed, window: usize) -> Segments {
         }
         segments
     };
-    let folds = if runs >= FOLDS {
-        (0..FOLDS).into_par_iter().map(|fold| of((fold..runs).step_by(FOLDS))).collect()
+    let folds = if runs >= TUNING.segments.folds {
+        (0..TUNING.segments.folds)
+            .into_par_iter()
+            .map(|fold| of((fold..runs).step_by(TUNING.segments.folds)))
+            .collect()
     } else {
         let all = of((0..runs).step_by(1));
-        let count = FOLDS.min(all.len());
+        let count = TUNING.segments.folds.min(all.len());
         let start = |fold: usize| (fold * all.len()).div_ceil(count);
         (0..count).map(|fold| all[start(fold)..start(fold + 1)].to_vec()).collect()
     };
@@ -161,13 +156,13 @@ pub(super) fn cut_run(
     mut take: impl FnMut(usize, usize),
 ) -> usize {
     let window = window.max(2);
-    let longest = 2.0 * typical * (window - 1) as f64;
+    let longest = TUNING.segments.slack * typical * (window - 1) as f64;
     let mut first = 0;
     // What comes may still join a segment that reaches the last two samples.
     while first + 1 < times.len() && (complete || first + window + 2 <= times.len()) {
         let mut last = first;
         while last + 1 < times.len() && last + 1 - first < window {
-            let hole = times[last + 1] - times[last] > HOLE * typical;
+            let hole = times[last + 1] - times[last] > TUNING.segments.hole * typical;
             let long = last > first && times[last + 1] - times[first] > longest;
             if (hole || long) && !pair {
                 break;

@@ -5,20 +5,18 @@ use nalgebra::{DMatrix, DVector};
 use super::criterion::Criterion;
 use super::elimination::Elimination;
 use super::factor::Factor;
-use super::support::{Columns, LARGEST};
+use super::support::Columns;
+use super::tuning::TUNING;
 
 /// A support with the value of the criterion; smaller is better.
 pub type Judged = (f64, Vec<usize>);
-
-/// Additions in a row that may not pay before forward selection ends.
-const IDLE: usize = 3;
 
 /// The supports that backward elimination of the whole space goes through, for free bounds.
 pub fn backward(factor: &Factor, columns: &Columns, criterion: Criterion) -> Vec<Judged> {
     let mut elimination = Elimination::new(factor, columns, (0..columns.terms).collect());
     let mut found = Vec::new();
     while !elimination.support.is_empty() {
-        if elimination.support.len() <= LARGEST {
+        if elimination.support.len() <= TUNING.support.largest {
             let support = elimination.support.clone();
             let value = value(&support, elimination.squares, factor, columns, criterion);
             found.push((value, support));
@@ -42,7 +40,7 @@ pub fn forward(
     let least = factor.least();
     let (mut best, mut current) = judge(Vec::new(), forward.squares() + least);
     let mut idle = 0;
-    while idle < IDLE && current.len() < LARGEST.min(columns.terms) {
+    while idle < TUNING.support.idle && current.len() < TUNING.support.largest.min(columns.terms) {
         let Some(add) = forward.best(columns.terms) else { return };
         let mut support = current.clone();
         support.push(add);

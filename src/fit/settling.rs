@@ -5,19 +5,8 @@ use super::motion::{Equations, Propagation};
 use super::pass::Problem;
 use super::rows::Rows;
 use super::states::States;
+use super::tuning::TUNING;
 use crate::dynamics::{Dynamics, KeptScratch, Scratch};
-
-/// Steps of the search for the states.
-const STEPS: usize = 8;
-/// States are settled when the next step promises less than this part of the loss,
-const SETTLED: f64 = 1e-7;
-/// or less than this part of what rounding makes of it.
-const ROUNDING: f64 = 0.03;
-/// They are nearly settled when it promises less than this part.
-const NEARLY_SETTLED: f64 = 1e-3;
-/// Derivatives are approximate: where the next step promises nothing, the loss may be this part
-/// above the least that was seen.
-const ALIKE: f64 = 1e-4;
 
 /// What it took to settle the states of a block.
 pub(super) struct Settlement {
@@ -73,7 +62,7 @@ pub(super) fn settled(
     let mut settled = vec![false; lanes];
     let mut lower = vec![false; lanes];
     let mut taken = 0;
-    while taken < STEPS {
+    while taken < TUNING.settling.steps {
         let here = by.filter(|by| by.expected == Some(taken));
         let propagation = Propagation { present, by: here.map(|by| by.law) };
         let mut rows = Rows::integrate(problem, propagation, block, &trial, scratch);
@@ -83,7 +72,7 @@ pub(super) fn settled(
         for lane in 0..lanes {
             let loss = rows.losses[lane];
             let still = is_still(problem, &rows, &promised, lane);
-            let alike = still && loss <= best[lane] * (1.0 + ALIKE);
+            let alike = still && loss <= best[lane] * (1.0 + TUNING.settling.alike);
             lower[lane] = loss < best[lane] || alike || settled[lane];
             if lower[lane] {
                 best[lane] = loss;
@@ -91,8 +80,8 @@ pub(super) fn settled(
                 settled[lane] = still;
             } else {
                 // The last step overshot: a quarter of it.
-                length[lane] *= 0.25;
-                settled[lane] = !best[lane].is_finite() || length[lane] < 1e-3;
+                length[lane] *= TUNING.settling.shorter;
+                settled[lane] = !best[lane].is_finite() || length[lane] < TUNING.settling.shortest;
             }
         }
         for (step, new) in step.chunks_exact_mut(lanes).zip(steps.chunks_exact(lanes)) {
@@ -138,11 +127,12 @@ pub(super) fn settled(
 /// Whether the state of a lane is settled.
 fn is_still(problem: &Problem, rows: &Rows, promised: &[f64], lane: usize) -> bool {
     let rounding = problem.floor.powi(2) * rows.measured[lane] as f64;
-    promised[lane] <= SETTLED * rows.losses[lane] + ROUNDING * rounding
+    promised[lane]
+        <= TUNING.settling.settled * rows.losses[lane] + TUNING.settling.rounding * rounding
 }
 
 fn is_nearly_still(rows: &Rows, promised: &[f64], lane: usize) -> bool {
-    promised[lane] <= NEARLY_SETTLED * rows.losses[lane]
+    promised[lane] <= TUNING.settling.nearly_settled * rows.losses[lane]
 }
 
 /// What is taken where all that is left is a last step of the lanes that are not settled.
@@ -197,10 +187,8 @@ pub(super) fn expected_steps(
     by: &Dynamics,
     states: &States,
 ) -> Option<usize> {
-    const FEW: usize = 16;
-    const PART: usize = 32;
     let known = steps_of_few(by);
-    let few = (states.len() / PART).min(FEW);
+    let few = (states.len() / TUNING.settling.expected_part).min(TUNING.settling.expected_from);
     if known.is_some() || few == 0 {
         return known;
     }
@@ -220,16 +208,13 @@ pub struct Responses {
     values: Vec<f64>,
 }
 
-/// Bytes that responses may take.
-const RESPONSE_BYTES: usize = 32 << 20;
-
 impl Responses {
     /// Those of no segments yet, of `segments` in the end; `None` where these would take too much
     /// memory.
     pub(super) fn of(segments: usize, size: usize, unknowns: usize) -> Option<Responses> {
         let numbers = segments.saturating_mul(size * (unknowns + 1));
         let values = Vec::new();
-        (numbers <= RESPONSE_BYTES / size_of::<f64>()).then_some(Responses {
+        (numbers <= TUNING.passes.response_bytes / size_of::<f64>()).then_some(Responses {
             size,
             unknowns,
             values,

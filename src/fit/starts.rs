@@ -4,13 +4,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use super::options::Options;
+use super::tuning::TUNING;
 use crate::expr::System;
-
-/// How far starts reach from the spec's own, where there are no bounds.
-const REACH: f64 = 2.0;
-
-/// Combinations of the spec's own starts that are tried, at most.
-const COMBINATIONS: usize = 64;
 
 /// Starts to try: every combination of those that the spec lists, the first of each first; then
 /// `options.starts` others spread over the bounds (or around the start), one random point in
@@ -25,7 +20,7 @@ pub fn starts(system: &System, options: &Options) -> Vec<Vec<f64>> {
     let count = options.starts;
     let mut columns: Vec<Vec<f64>> = Vec::new();
     for parameter in &system.parameters {
-        let reach = REACH * parameter.start.abs().max(1.0);
+        let reach = TUNING.course.reach * parameter.start.abs().max(1.0);
         let lower = parameter.bounds.lower.max(parameter.start - reach);
         let upper = parameter.bounds.upper.min(parameter.start + reach);
         let mut strata: Vec<usize> = (0..count).collect();
@@ -58,7 +53,7 @@ fn own(system: &System, options: &Options) -> Vec<Vec<f64>> {
                 longer
             })
         });
-        all = extended.take(COMBINATIONS).collect();
+        all = extended.take(TUNING.course.combinations).collect();
     }
     all
 }

@@ -6,6 +6,7 @@ use std::slice::ChunksExact;
 use rayon::prelude::*;
 
 use super::segments::Segment;
+use super::tuning::TUNING;
 use crate::data::Packed;
 
 /// The initial state of every segment, in the order of the segments: 2n numbers each, side by
@@ -16,9 +17,6 @@ pub struct States {
     values: Vec<f64>,
 }
 
-/// Segments whose first states one thread looks up at a time.
-const SIDE_BY_SIDE: usize = 1024;
-
 impl States {
     /// The start of every segment as it was measured: a first guess.
     ///
@@ -28,12 +26,14 @@ impl States {
     pub fn measured(measured: &Packed, segments: &[Segment], degrees: usize) -> States {
         let size = 2 * degrees;
         let mut values = vec![0.0; size * segments.len()];
-        let chunks = values.par_chunks_mut((size * SIDE_BY_SIDE).max(1));
-        chunks.zip(segments.par_chunks(SIDE_BY_SIDE)).for_each(|(values, segments)| {
-            for (state, &segment) in values.chunks_exact_mut(size).zip(segments) {
-                first_state(measured, segment, state);
-            }
-        });
+        let chunks = values.par_chunks_mut((size * TUNING.passes.states_together).max(1));
+        chunks.zip(segments.par_chunks(TUNING.passes.states_together)).for_each(
+            |(values, segments)| {
+                for (state, &segment) in values.chunks_exact_mut(size).zip(segments) {
+                    first_state(measured, segment, state);
+                }
+            },
+        );
         States { size, values }
     }
 

@@ -5,6 +5,7 @@ use super::pass::Stepping;
 use super::segments::Segment;
 use super::states::States;
 use super::train::Training;
+use super::tuning::TUNING;
 use crate::dynamics::{Batch, Dynamics, Method, Scratch, choose_steps};
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
@@ -28,24 +29,6 @@ pub struct Accuracy {
     /// Why this integrator, in a sentence.
     pub reason: String,
 }
-
-/// Transitions of the data that the error is estimated on.
-const SAMPLE: usize = 96;
-/// The integrator may err by this part of the noise,
-const SHARE: f64 = 0.02;
-/// and by this part of what the mean of all residuals is known to: noise averages out over many
-/// data, the integrator's error does not.
-const SHARE_OF_MEAN: f64 = 4.0;
-/// Where that cannot be reached, or only by more evaluations of the forces between two samples
-/// than this, by such a part of the noise there.
-const COSTLY: usize = 200;
-const HIDDEN: f64 = 0.01;
-/// Residuals this many times the integrator's error may be the integrator's.
-const SUSPECT: f64 = 20.0;
-/// No instrument resolves this part of a column's spread: such residuals are the integrator's.
-const FINEST: f64 = 1e-5;
-/// The error estimate is a maximum over a sample; others may be worse.
-const MARGIN: f64 = 3.0;
 
 /// The method of a first round.
 #[expect(clippy::expect_used, reason = "both names are literals of the table")]
@@ -99,20 +82,23 @@ pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64], keep: boo
     let longest_span = span.iter().fold(0.0f64, |m, s| m.max(s.abs()));
     let options = training.options;
     let limited = noise.iter().zip(&training.spread).zip(&training.accuracy.error).any(
-        |((s, spread), error)| error.is_finite() && *s < SUSPECT * error || *s < FINEST * spread,
+        |((s, spread), error)| {
+            error.is_finite() && *s < TUNING.stepping.suspect * error
+                || *s < TUNING.stepping.finest * spread
+        },
     );
     // Errors of consecutive intervals add up along a segment.
     let intervals = window.saturating_sub(1).max(1) as f64;
     let residuals = (training.samples() * noise.len() / 2).max(1) as f64;
-    let most = SHARE.min(SHARE_OF_MEAN / residuals.sqrt());
+    let most = TUNING.stepping.part_of_noise.min(TUNING.stepping.part_of_mean / residuals.sqrt());
     let share = if limited { 0.0 } else { most / intervals };
     let tolerance: Vec<f64> = noise.iter().map(|s| share * s).collect();
     let mut scratch = Scratch::new();
     let mut choice = choose_steps(dynamics, theta, &batch, &span, &tolerance, keep, &mut scratch);
-    if share > 0.0 && (!choice.reached || choice.cost > COSTLY) {
+    if share > 0.0 && (!choice.reached || choice.cost > TUNING.stepping.evaluations) {
         // Across a jump every method is of the first order: hundreds of steps an interval would
         // go to errors that the noise hides.
-        let tolerance: Vec<f64> = noise.iter().map(|s| HIDDEN * s).collect();
+        let tolerance: Vec<f64> = noise.iter().map(|s| TUNING.stepping.hidden * s).collect();
         let rough = choose_steps(dynamics, theta, &batch, &span, &tolerance, keep, &mut scratch);
         if rough.reached && rough.cost < choice.cost {
             choice = rough;
@@ -139,7 +125,9 @@ pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64], keep: boo
     let resolution = rounding
         .iter()
         .zip(&error)
-        .map(|(r, e)| if e.is_finite() { r.max(MARGIN * intervals * e) } else { *r })
+        .map(
+            |(r, e)| if e.is_finite() { r.max(TUNING.stepping.margin * intervals * e) } else { *r },
+        )
         .collect();
     Choice { stepping, accuracy: Accuracy { error, resolution, reason } }
 }
@@ -151,7 +139,7 @@ pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64], keep: boo
 fn sample(training: &Training) -> (Batch, Vec<f64>) {
     let segments = &training.segments.list;
     let intervals: usize = segments.iter().map(|segment| segment.samples() - 1).sum();
-    let stride = intervals.div_ceil(SAMPLE).max(1);
+    let stride = intervals.div_ceil(TUNING.stepping.transitions).max(1);
     let mut picked: Vec<(usize, usize)> = Vec::new();
     let mut before = 0usize;
     for (i, segment) in segments.iter().enumerate() {

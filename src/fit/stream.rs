@@ -13,14 +13,12 @@ use rayon::prelude::*;
 
 use super::monitor::Monitor;
 use super::pass::{FoldPass, FoldResult, Linearised, Problem, block_width, shares};
-use super::segments::{FOLDS, Segment, Segments, blocks, cut_run};
+use super::segments::{Segment, Segments, blocks, cut_run};
 use super::states::States;
+use super::tuning::TUNING;
 use crate::data::{Chunk, Clock, Packed, Source, Survey};
 use crate::dynamics::{Dynamics, KeptScratch, Scratch};
 use crate::error::{Error, Result};
-
-/// Samples of a long run that go into the same fold, at least.
-const STRETCH: u64 = 8192;
 
 /// Data that are read anew in every pass.
 pub struct Stream<'a> {
@@ -119,13 +117,13 @@ impl<'a> Stream<'a> {
         let mut cutter = Cutter {
             window: problem.window,
             typical: self.typical,
-            by_runs: self.runs >= FOLDS as u64,
+            by_runs: self.runs >= TUNING.segments.folds as u64,
             tail: Chunk::default(),
             before: 0,
         };
         let (unknowns, observables) = (by.0.unknowns(), problem.weights.len());
         let shares = shares(unknowns);
-        let mut parts = vec![FoldPass::new(unknowns, observables); FOLDS * shares];
+        let mut parts = vec![FoldPass::new(unknowns, observables); TUNING.segments.folds * shares];
         let (mut segments, mut transitions) = (0, 0);
         self.monitor.stage(&format!("pass {number} over all data"), 0.0);
         let mut pass = self.source.pass()?;
@@ -158,8 +156,8 @@ impl<'a> Stream<'a> {
             self.monitor.stage(&what, pass.fraction());
         }
         let mut left = parts.into_iter().map(FoldPass::finish);
-        let folds =
-            (0..FOLDS).filter_map(|_| FoldResult::together(left.by_ref().take(shares).collect()));
+        let folds = (0..TUNING.segments.folds)
+            .filter_map(|_| FoldResult::together(left.by_ref().take(shares).collect()));
         self.kept().segments = segments;
         Ok(Some((Linearised::of(folds, observables), transitions)))
     }
@@ -217,8 +215,9 @@ impl Cutter {
                 piece.samples.end += carried;
             }
         }
-        let each = chunk.times.len() / 2 / FOLDS;
-        let mut folds: Vec<Vec<Segment>> = (0..FOLDS).map(|_| Vec::with_capacity(each)).collect();
+        let each = chunk.times.len() / 2 / TUNING.segments.folds;
+        let mut folds: Vec<Vec<Segment>> =
+            (0..TUNING.segments.folds).map(|_| Vec::with_capacity(each)).collect();
         let mut left = chunk.times.len();
         let far = chunk.pieces.iter().any(|piece| piece.clock != Clock::default());
         for (at, piece) in chunk.pieces.iter().enumerate() {
@@ -228,13 +227,14 @@ impl Cutter {
                 cut_run(times, self.window, self.typical, pair, piece.ends, |first, last| {
                     let start = piece.samples.start;
                     let place = self.before + (start + first).saturating_sub(carried) as u64;
-                    let fold = if self.by_runs { piece.run } else { place / STRETCH };
+                    let fold =
+                        if self.by_runs { piece.run } else { place / TUNING.segments.stretch };
                     let segment = Segment {
                         run: if far { at } else { 0 },
                         first: start + first,
                         last: start + last,
                     };
-                    folds[(fold % FOLDS as u64) as usize].push(segment);
+                    folds[(fold % TUNING.segments.folds as u64) as usize].push(segment);
                 });
             if !piece.ends {
                 left = piece.samples.start + next;

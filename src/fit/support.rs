@@ -15,6 +15,7 @@ use super::elimination::Elimination;
 use super::factor::Factor;
 use super::path::{PathPoint, Settings, path};
 use super::selection;
+use super::tuning::TUNING;
 use crate::expr::Bounds;
 
 /// What the columns of a factor mean to the search.
@@ -105,15 +106,6 @@ pub struct SupportSearch {
     pub tried: usize,
 }
 
-/// The largest support that is looked at closely.
-pub(super) const LARGEST: usize = 80;
-/// Nested spaces that are searched, at most.
-const NESTED: usize = 8;
-/// Rounds of additions, removals and exchanges before the search gives up.
-const ROUNDS: usize = 60;
-/// How many of the best candidates are polished.
-const POLISHED: usize = 3;
-
 /// Searches the supports of a factor whose unknowns are absolute (not increments).
 pub fn search(factor: &Factor, columns: &Columns, criterion: Criterion) -> SupportSearch {
     let mut pool = Pool::new(factor, columns, criterion);
@@ -124,7 +116,7 @@ pub fn search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Suppo
         pool.known.entry(support).or_insert(candidate);
     });
     pool.grow();
-    for candidate in pool.best(POLISHED) {
+    for candidate in pool.best(TUNING.support.polished) {
         pool.polish(candidate);
     }
     let tried = pool.known.len();
@@ -155,7 +147,7 @@ pub fn near(
     pool.try_support(Vec::new());
     pool.try_support(support.to_vec());
     pool.eliminate(support.to_vec());
-    for candidate in pool.best(POLISHED) {
+    for candidate in pool.best(TUNING.support.polished) {
         pool.polish(candidate);
     }
     let tried = pool.known.len();
@@ -167,9 +159,11 @@ fn levels(complexity: &[u32]) -> Vec<u32> {
     let mut levels = complexity.to_vec();
     levels.sort_unstable();
     levels.dedup();
-    if levels.len() > NESTED {
+    if levels.len() > TUNING.support.nested {
         let last = levels.len() - 1;
-        let spread = (0..NESTED).map(|i| levels[i * last / (NESTED - 1)]).collect();
+        let spread = (0..TUNING.support.nested)
+            .map(|i| levels[i * last / (TUNING.support.nested - 1)])
+            .collect();
         levels = spread;
     }
     levels
@@ -207,14 +201,13 @@ pub fn alternatives(
     support: &[usize],
     within: f64,
 ) -> Vec<Alternative> {
-    const EACH: usize = 4;
     let mut pool = Pool::new(factor, columns, criterion);
     let best = pool.try_support(support.to_vec()).criterion;
     let mut found = Vec::new();
     let moves = pool.moves(support);
     for (&term, exchanges) in support.iter().zip(&moves.exchanges) {
         let rest: Vec<usize> = support.iter().copied().filter(|&k| k != term).collect();
-        for &(instead, _) in exchanges.iter().take(EACH) {
+        for &(instead, _) in exchanges.iter().take(TUNING.support.exchanges) {
             let mut exchanged = rest.clone();
             exchanged.push(instead);
             let difference = pool.try_support(exchanged).criterion - best;
@@ -354,14 +347,14 @@ impl<'a> Pool<'a> {
     fn follow_path(&mut self) -> Vec<PathPoint> {
         let terms = self.columns.terms;
         let penalised: Vec<bool> = (0..self.factor.columns()).map(|k| k < terms).collect();
-        let settings = Settings { most_terms: LARGEST, ..Settings::default() };
+        let settings = Settings { most_terms: TUNING.support.largest, ..Settings::default() };
         let path = path(self.factor, &penalised, &self.columns.bounds, &settings);
         let support = |point: &PathPoint| -> Vec<usize> {
             point.support().into_iter().filter(|&k| k < terms).collect()
         };
         let mut along: Vec<Vec<usize>> = path.iter().map(support).collect();
         let widest = along.last().cloned();
-        along.retain(|support| support.len() <= LARGEST);
+        along.retain(|support| support.len() <= TUNING.support.largest);
         self.try_all(&along);
         if let Some(widest) = widest {
             self.eliminate(widest);
@@ -382,7 +375,7 @@ impl<'a> Pool<'a> {
         let mut elimination = Elimination::new(self.factor, self.columns, start);
         let mut small = Vec::new();
         loop {
-            if elimination.support.len() <= LARGEST {
+            if elimination.support.len() <= TUNING.support.largest {
                 small.push(elimination.support.clone());
             }
             if elimination.support.is_empty() {
@@ -395,13 +388,12 @@ impl<'a> Pool<'a> {
 
     /// The same from the whole space; looks closely only at the best of the supports on the way.
     fn eliminate_quickly(&mut self) {
-        const CLOSELY: usize = 3;
         if !self.columns.all_free() {
             return self.eliminate((0..self.columns.terms).collect());
         }
         let mut found = selection::backward(self.factor, self.columns, self.criterion);
         found.sort_by(selection::better);
-        for (_, support) in found.into_iter().take(CLOSELY) {
+        for (_, support) in found.into_iter().take(TUNING.support.closely) {
             self.try_support(support);
         }
     }
@@ -472,10 +464,10 @@ impl<'a> Pool<'a> {
     /// Additions, removals and exchanges until none of them pays.
     fn polish(&mut self, start: SupportFit) {
         let mut current = start;
-        for _ in 0..ROUNDS {
+        for _ in 0..TUNING.support.rounds {
             let moves = self.moves(&current.support);
             let mut neighbours = Vec::new();
-            for &(add, _) in moves.additions.iter().take(3) {
+            for &(add, _) in moves.additions.iter().take(TUNING.support.additions) {
                 let mut support = current.support.clone();
                 support.push(add);
                 neighbours.push(support);
@@ -483,7 +475,7 @@ impl<'a> Pool<'a> {
             for (out, exchanges) in moves.exchanges.iter().enumerate() {
                 let mut rest = current.support.clone();
                 rest.remove(out);
-                for &(add, _) in exchanges.iter().take(2) {
+                for &(add, _) in exchanges.iter().take(TUNING.support.replacements) {
                     let mut support = rest.clone();
                     support.push(add);
                     neighbours.push(support);

@@ -12,7 +12,7 @@ use super::compiled::Compiled;
 use super::criterion::{Criterion, choice_costs, complexity};
 use super::factor::Factor;
 use super::gauge;
-use super::gauss_newton::{CONVERGED, Refit, StopReason, invisible, refit};
+use super::gauss_newton::{Refit, StopReason, invisible, refit};
 use super::law::Law;
 use super::monitor::Monitor;
 use super::options::Options;
@@ -23,21 +23,11 @@ use super::states::States;
 use super::stepping::{self, Accuracy, Choice};
 use super::stream::Stream;
 use super::support::{self, Columns, SupportFit, SupportSearch};
+use super::tuning::TUNING;
 use crate::data::{Dataset, Packed};
 use crate::dynamics::Dynamics;
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::{Bounds, ParameterId, Symbol, System, TermId};
-
-/// Rounds at one length of segments.
-const ROUNDS: usize = 8;
-/// The noise stands still when it grows by less than this factor: weights that are wrong by a
-/// part x cost the estimate a part x^2 / 4 of its efficiency.
-const QUIET: f64 = 1.05;
-/// In a round that others follow a refit ends when a step promises less than this part of the
-/// loss.
-const NEAR: f64 = 1e-3;
-/// Segments that tell the noise better than the next round needs to know it.
-const ENOUGH_FOR_NOISE: usize = 1536;
 
 /// A model under training, with everything that the next round starts from.
 #[derive(Clone)]
@@ -403,7 +393,7 @@ impl<'a> Training<'a> {
 
     /// A step that promises less than this part of the loss ends a refit.
     fn promise(&self) -> f64 {
-        if self.extent == Extent::Rough { NEAR } else { CONVERGED }
+        if self.extent == Extent::Rough { TUNING.refit.rough } else { TUNING.refit.converged }
     }
 
     /// Makes a candidate the present model and refits it.
@@ -455,7 +445,7 @@ impl<'a> Training<'a> {
     /// The noise at the present model as many segments from all over the data show it.
     fn noise_of_a_part(&self, dynamics: &Dynamics, theta: &[f64]) -> Vec<f64> {
         let mean = self.samples() / self.segments.list.len().max(1);
-        let segments = self.segments.spread(ENOUGH_FOR_NOISE * mean);
+        let segments = self.segments.spread(TUNING.rounds.noise_segments * mean);
         let degrees = self.system().degrees();
         let mut states = States::measured(&self.measured, &segments.list, degrees);
         let weights = self.weights();
@@ -524,7 +514,8 @@ impl<'a> Training<'a> {
             let mut round = self.round(monitor)?;
             let same = self.law.support() == before;
             let known = same || round.predicted;
-            let steady = |(a, b): (&f64, &f64)| (a / b).ln().abs() < QUIET.ln();
+            let steady =
+                |(a, b): (&f64, &f64)| (a / b).ln().abs() < TUNING.rounds.noise_steady.ln();
             let chosen = self.accuracy.error.iter().all(|error| error.is_finite());
             let still = same && self.law.noise().iter().zip(&round.noise).all(steady);
             if !(chosen && still) {
@@ -533,9 +524,12 @@ impl<'a> Training<'a> {
             let quiet = (self.law.noise().iter())
                 .zip(&round.noise)
                 .zip(&self.accuracy.resolution)
-                .all(|((a, b), floor)| a.max(3.0 * floor) < QUIET * b.max(3.0 * floor));
+                .all(|((a, b), floor)| {
+                    let least = TUNING.rounds.above_resolution * floor;
+                    a.max(least) < TUNING.rounds.noise_steady * b.max(least)
+                });
             // A support that comes back in a circle is settled by the criterion of the round.
-            let circling = seen.len() + 1 >= ROUNDS
+            let circling = seen.len() + 1 >= TUNING.rounds.most
                 || (!same && seen.iter().any(|support| support == self.law.support()));
             // Rounds that others follow need not confirm what they found.
             let known = known || self.extent == Extent::Rough;

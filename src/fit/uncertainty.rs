@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use super::criterion::Criterion;
 use super::factor::Factor;
 use super::support::{Columns, SupportFit, quick_search};
+use super::tuning::TUNING;
 
 /// Unknowns that the data do not determine beside those before them.
 pub fn undetermined(factor: &Factor) -> Vec<usize> {
@@ -50,16 +51,12 @@ pub fn inclusion(
     candidates: &[SupportFit],
     seed: u64,
 ) -> Vec<f64> {
-    const DRAWS: usize = 40;
-    const POOL: usize = 40;
-    /// Worse ones do not win on any draw: this is odds of e^30.
-    const LEADING: f64 = 60.0;
     let mut frequency = vec![0.0; columns.terms];
     let mut pool: Vec<usize> = Vec::new();
     let best = candidates.first().map_or(f64::NAN, |c| c.criterion);
-    let leading = candidates.iter().take_while(|c| c.criterion - best < LEADING);
+    let leading = candidates.iter().take_while(|c| c.criterion - best < TUNING.conclusion.leading);
     for &term in leading.flat_map(|c| &c.support) {
-        if pool.len() < POOL && !pool.contains(&term) {
+        if pool.len() < TUNING.conclusion.pool && !pool.contains(&term) {
             pool.push(term);
         }
     }
@@ -78,7 +75,7 @@ pub fn inclusion(
         }
         times
     };
-    let draws: Vec<Vec<u32>> = (0..DRAWS).map(|_| draw()).collect();
+    let draws: Vec<Vec<u32>> = (0..TUNING.conclusion.draws).map(|_| draw()).collect();
     let whitened = Whitened::new(&folds);
     let search = |times: &Vec<u32>| {
         let drawn = whitened.as_ref().and_then(|folds| folds.drawn(times)).unwrap_or_else(|| {
@@ -90,7 +87,7 @@ pub fn inclusion(
     for k in supports.into_iter().flatten() {
         frequency[pool[k]] += 1.0;
     }
-    frequency.iter_mut().for_each(|count| *count /= DRAWS as f64);
+    frequency.iter_mut().for_each(|count| *count /= TUNING.conclusion.draws as f64);
     frequency
 }
 
@@ -106,15 +103,12 @@ struct Whitened {
 }
 
 impl Whitened {
-    /// A column must keep this part of itself beside the others.
-    const APART: f64 = 1e-6;
-
     /// `None` where the columns are too much alike.
     fn new(folds: &[Factor]) -> Option<Whitened> {
         let unknowns = folds.first()?.columns();
         let mut whole = Factor::together(unknowns, folds.iter().map(|fold| (fold, 1)));
         let norms = whole.norms();
-        let apart = |k: usize| whole.triangle()[(k, k)].abs() > Whitened::APART * norms[k];
+        let apart = |k: usize| whole.triangle()[(k, k)].abs() > TUNING.conclusion.apart * norms[k];
         if !(0..unknowns).all(apart) || whole.least() == 0.0 {
             return None;
         }
@@ -166,9 +160,6 @@ pub enum Unlearnable {
 
 /// Columns that are zero, or a combination of the others to rounding.
 pub fn unlearnable(factor: &Factor) -> Vec<Unlearnable> {
-    const SMALL: f64 = 1e-12;
-    /// So many dependences are taken apart; the rest are only named.
-    const MADE_OF: usize = 4;
     let mut made_of = 0;
     let norms = factor.norms();
     let mut found: Vec<Unlearnable> = (0..norms.len())
@@ -193,12 +184,12 @@ pub fn unlearnable(factor: &Factor) -> Vec<Unlearnable> {
             }
         }
         let left = rest.norm();
-        if left > SMALL {
+        if left > TUNING.conclusion.dependent {
             basis.push(rest / left);
             independent.push(k);
             continue;
         }
-        if made_of == MADE_OF {
+        if made_of == TUNING.conclusion.made_of {
             found.push(Unlearnable::Dependent { column: k, on: Vec::new() });
             continue;
         }

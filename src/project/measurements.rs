@@ -9,7 +9,8 @@ use crate::data::{self, DataReport, Dataset, FileSource, Survey};
 use crate::error::Result;
 use crate::expr::System;
 use crate::fit::memory::size;
-use crate::fit::{Model, Monitor, Options, SAMPLED, fit_stream};
+use crate::fit::tuning::TUNING;
+use crate::fit::{Model, Monitor, Options, fit_stream};
 
 /// Samples that other commands look at, when the data are too large for them.
 const LOOKED_AT: usize = 1 << 19;
@@ -47,7 +48,7 @@ impl Measurements {
             size(allowed)
         ));
         let source = project.source(asked)?;
-        let survey = data::survey_file(&source, SAMPLED, seed, &|fraction| {
+        let survey = data::survey_file(&source, TUNING.course.sampled, seed, &|fraction| {
             monitor.stage("looking through the data", 0.1 * fraction);
             !monitor.stopped()
         })?;

@@ -11,11 +11,12 @@ use crate::dynamics::{Batch, Dynamics, Method, MethodKind, Scratch, advance, obs
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::{Bounds, Compiled, Observed, Scope};
 use crate::fit::factor::Factor;
-use crate::fit::gauss_newton::{CONVERGED, refit};
+use crate::fit::gauss_newton::refit;
 use crate::fit::pass::{Linearised, Problem, Stepping, Sums, settle_and_linearise};
 use crate::fit::segments::{Segments, cut, packed, typical_step};
 use crate::fit::states::States;
 use crate::fit::train::Training;
+use crate::fit::tuning::TUNING as FIT;
 use crate::fit::{Law, Loss, Options, Silent};
 
 /// A fitted model that claims to explain the measurements.
@@ -112,7 +113,8 @@ impl<'a> Known<'a> {
         let weights: Vec<f64> = noise.iter().map(|s| 1.0 / s.max(f64::MIN_POSITIVE)).collect();
         let stepping = explicit(rival.law.stepping());
         let problem = problem(rival, stepping, &measured, &segments, &weights);
-        let best = refit(&problem, &dynamics, &bounds, &theta, states, CONVERGED, &Silent);
+        let best =
+            refit(&problem, &dynamics, &bounds, &theta, states, FIT.refit.converged, &Silent);
         if !best.sums().loss.is_finite() || best.sums().rows <= best.theta.len() {
             return Err(Error::new(
                 ErrorKind::InsufficientData,
@@ -199,7 +201,9 @@ impl<'a> Known<'a> {
         let measured = packed(dataset);
         let problem = problem(self.rival, self.stepping, &measured, segments, &self.weights);
         let bounds = &self.bounds;
-        refit(&problem, &self.dynamics, bounds, &self.theta, states, CONVERGED, &Silent).sums().loss
+        refit(&problem, &self.dynamics, bounds, &self.theta, states, FIT.refit.converged, &Silent)
+            .sums()
+            .loss
     }
 
     /// Deviance so far, with a price of log(residuals) for every unknown.

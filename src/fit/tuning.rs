@@ -1,0 +1,498 @@
+//! Every number of the fit that somebody chose, in one place.
+//!
+//! A field says what its number is, in what unit, and what fixes it: a derivation where there is
+//! one, else the benchmark, the page of figures or the test that shows when it is wrong. Numbers of
+//! mathematics (a published tuning constant, a tableau, what rounding does to a double) stand where
+//! they are used, with their source.
+
+/// The numbers of the fit, phase by phase.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tuning {
+    /// How runs are cut into segments, and kept in folds.
+    pub segments: SegmentTuning,
+    /// How a pass over the segments is shared out. All of it is speed and memory, none of
+    /// it accuracy: `benches/fit.rs` and docs/growth.md.
+    pub passes: PassTuning,
+    /// When derivatives of trajectories are integrated by a cheaper method than the
+    /// trajectories. Their error slows Gauss-Newton and does not move where it ends;
+    /// `benches/fit.rs` and `learning::recovery`.
+    pub tangents: TangentTuning,
+    /// The search for the initial state of every segment at a given theta.
+    /// `learning::settling`; its speed is that of a pass of `benches/fit.rs`.
+    pub settling: SettlingTuning,
+    /// How accurately trajectories are integrated. `learning::recovery` and the errors of
+    /// docs/paper-table.md show where it is too rough, `benches/fit.rs` what it costs.
+    pub stepping: SteppingTuning,
+    /// Gauss-Newton on a support.
+    pub refit: RefitTuning,
+    /// Rounds of search and refit at one length of segments. `learning::recovery`,
+    /// docs/paper-table.md.
+    pub rounds: RoundTuning,
+    /// The course of a training.
+    pub course: CourseTuning,
+    /// The search for the support on a factor. `learning::recovery`, docs/paper-table.md; its
+    /// time is in docs/growth.md.
+    pub support: SupportTuning,
+    /// Function spaces that are too large for one factor. docs/growth.md,
+    /// `learning::trainer`.
+    pub screening: ScreeningTuning,
+    /// The first-order trainer. `learning::trainer`, docs/growth.md.
+    pub first_order: FirstOrderTuning,
+    /// What is said of a finished fit.
+    pub conclusion: ConclusionTuning,
+    /// What a search of the whole space holds in memory beside its folds, as
+    /// `memory::factors` counts it.
+    pub memory: MemoryTuning,
+}
+
+/// How runs are cut into segments, and kept in folds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SegmentTuning {
+    /// Segments side by side in one block, at most. Speed alone: a pass of
+    /// `benches/fit.rs`.
+    pub lanes: usize,
+    /// Folds that the data are kept in: what is resampled, and what candidates are held out
+    /// from. More take memory in proportion (`memory::factors`), fewer make standard errors
+    /// of the held-out error rough. The test `learning::recovery`.
+    pub folds: usize,
+    /// An interval this many times the typical one is a hole that no segment bridges.
+    /// `learning::data`.
+    pub hole: f64,
+    /// Samples of a long run that go into the same fold of a stream, at least: neighbours
+    /// in time are alike, and a fold must be new to the others. `learning::stream`.
+    pub stretch: u64,
+    /// A segment may last this many times as long as its samples would take at the typical
+    /// interval.
+    pub slack: f64,
+}
+
+/// How a pass over the segments is shared out. All of it is speed and memory, none of it
+/// accuracy: `benches/fit.rs` and docs/growth.md.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PassTuning {
+    /// Bytes that the rows of one block may take.
+    pub block_bytes: usize,
+    /// Rows of short segments by few columns that take no more bytes than this: such blocks
+    /// may be twice as wide.
+    pub small_block_bytes: usize,
+    /// Bytes that the rows of the lanes may take whose states are eliminated together: the
+    /// nearest cache.
+    pub elimination_bytes: usize,
+    /// Rows of a part, at least: fewer are done before another thread could take them over.
+    pub part_rows: usize,
+    /// Parts of a fold, at most, each with a factor of its own.
+    pub parts_of_a_fold: usize,
+    /// Unknowns up to which a fold is taken in parts: with more, factors take memory and
+    /// time.
+    pub parts_up_to: usize,
+    /// Samples of a segment up to which it is settled sooner than it is known how its state
+    /// responds to theta.
+    pub responses_above: usize,
+    /// Bytes that the responses of all states may take.
+    pub response_bytes: usize,
+    /// Columns that one block reflector eliminates; the rest of the work is matrix
+    /// products.
+    pub panel: usize,
+    /// Columns up to which those products would cost more than they save: all is one panel.
+    pub one_panel: usize,
+    /// Samples that one thread looks at in a row.
+    pub samples_together: usize,
+    /// Segments whose first states one thread looks up at a time.
+    pub states_together: usize,
+    /// Samples of a chunk of data that are held in memory.
+    pub chunk: usize,
+    /// Compiled dynamics that a training keeps, beside that of the whole function space.
+    pub dynamics: usize,
+    /// A column that keeps less than this part of its norm when the initial states are
+    /// eliminated is what the states do: rounding of a double times the length of a column.
+    /// `learning::settling`.
+    pub absorbed: f64,
+}
+
+/// When derivatives of trajectories are integrated by a cheaper method than the trajectories.
+/// Their error slows Gauss-Newton and does not move where it ends; `benches/fit.rs` and
+/// `learning::recovery`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TangentTuning {
+    /// The cheaper trajectory may differ by this part of the motion from end to end,
+    pub deviation: f64,
+    /// and by no less than this part from sample to sample.
+    pub least_deviation: f64,
+    /// Methods of a higher order than this are worth a cheaper one.
+    pub above_order: u32,
+    /// Steps of order four that are tried, for one of the method of the states.
+    pub steps: usize,
+}
+
+/// The search for the initial state of every segment at a given theta. `learning::settling`;
+/// its speed is that of a pass of `benches/fit.rs`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SettlingTuning {
+    /// Gauss-Newton steps, at most.
+    pub steps: usize,
+    /// States are settled when the next step promises less than this part of the loss,
+    pub settled: f64,
+    /// or less than this part of what rounding makes of the loss.
+    pub rounding: f64,
+    /// They are nearly settled when it promises less than this part: enough where theta
+    /// moves too.
+    pub nearly_settled: f64,
+    /// Derivatives are approximate ([`TangentTuning::deviation`]): where the next step
+    /// promises nothing, the loss may be this part above the least that was seen.
+    pub alike: f64,
+    /// Segments that the number of steps of all others is expected from, at most,
+    pub expected_from: usize,
+    /// and one segment of so many, which costs little beside all.
+    pub expected_part: usize,
+    /// A step that does not pay is shortened by this factor,
+    pub shorter: f64,
+    /// and given up below this part of its length.
+    pub shortest: f64,
+}
+
+/// How accurately trajectories are integrated. `learning::recovery` and the errors of
+/// docs/paper-table.md show where it is too rough, `benches/fit.rs` what it costs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SteppingTuning {
+    /// Transitions of the data that the error is estimated on.
+    pub transitions: usize,
+    /// The integrator may err by this part of the noise: it then adds 0.02 squared to its
+    /// variance,
+    pub part_of_noise: f64,
+    /// and by this part of the standard error of the mean of all residuals: noise averages
+    /// out over many data, the error of the integrator does not.
+    pub part_of_mean: f64,
+    /// Where that cannot be reached, or only by more evaluations of the forces between two
+    /// samples than this,
+    pub evaluations: usize,
+    /// the integrator may err by this part of the noise between two samples.
+    pub hidden: f64,
+    /// Residuals up to this many times the error of the integrator may be the integrator.
+    pub suspect: f64,
+    /// No instrument resolves this part of the spread of a column: such residuals are the
+    /// integrator.
+    pub finest: f64,
+    /// The error estimate is a maximum over a sample; others may be worse by this factor.
+    pub margin: f64,
+    /// Longest step of a law that is known from the start, in the unit of time of the spec:
+    /// nothing tells how accurate it must be.
+    pub known_step: f64,
+}
+
+/// Gauss-Newton on a support.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RefitTuning {
+    /// Iterations, at most; `learning::trainer`.
+    pub iterations: usize,
+    /// Converged when a step promises less than this part of the loss: with N residuals, a
+    /// change of sqrt(1e-9 N) standard errors.
+    pub converged: f64,
+    /// In a round that others follow, a refit ends when a step promises less than this
+    /// part; `benches/fit.rs`.
+    pub rough: f64,
+    /// Damping after the first step that does not pay, in parts of the squared norm of each
+    /// column (Levenberg);
+    pub first_damping: f64,
+    /// it grows by this factor with every step that does not pay,
+    pub more_damping: f64,
+    /// shrinks by this one with every step that does,
+    pub less_damping: f64,
+    /// is left out below this,
+    pub least_damping: f64,
+    /// and ends the refit above this: no direction pays. `learning::trainer`.
+    pub most_damping: f64,
+    /// A step that promises less than this part of the squares that rounding leaves cannot
+    /// be seen.
+    pub rounding: f64,
+}
+
+/// Rounds of search and refit at one length of segments. `learning::recovery`, docs/paper-table.md.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RoundTuning {
+    /// Rounds, at most.
+    pub most: usize,
+    /// The noise stands still when it changes by less than this factor: weights that are
+    /// wrong by a part x cost the estimate a part x^2 / 4 of its efficiency.
+    pub noise_steady: f64,
+    /// Segments that tell the noise better than the next round needs to know it: a relative
+    /// standard error of sqrt(1 / (2 * 1536)), two percent.
+    pub noise_segments: usize,
+    /// Noise below this many times what the integrator and rounding resolve is not waited
+    /// for.
+    pub above_resolution: f64,
+}
+
+/// The course of a training.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CourseTuning {
+    /// Segments may grow while what is left, in a training the noise estimate, grows by
+    /// less than this factor. docs/hidden-effects.md, `learning::diagnosis`.
+    pub follows: f64,
+    /// Longest segment, in samples. docs/hidden-effects.md.
+    pub longest: usize,
+    /// Shortest segment, in samples: one transition.
+    pub shortest: usize,
+    /// Segments that different starts of the inner parameters are tried on;
+    /// `learning::recovery` (the pendulum).
+    pub start_segments: usize,
+    /// Segments that the first rounds take, where there are at least twice as many;
+    /// `benches/fit.rs`.
+    pub first_segments: usize,
+    /// Samples that terms are first looked for on, when there are many more;
+    /// docs/growth.md.
+    pub sampled: usize,
+    /// Samples above which terms are first looked for on a part; docs/growth.md.
+    pub all_at_once: usize,
+    /// Function spaces of more terms are worked on a part at a time: the factors of 3000
+    /// unknowns take gigabytes (`memory::factors`); docs/growth.md.
+    pub largest_factor: usize,
+    /// How far starts of an inner parameter reach from that of the spec, in parts of its
+    /// size or of 1, where there are no bounds.
+    pub reach: f64,
+    /// Combinations of the starts that the spec lists, at most.
+    pub combinations: usize,
+    /// Segments may grow while the noise stays below this many times what is resolved,
+    /// however it grows.
+    pub above_resolution: f64,
+}
+
+/// The search for the support on a factor. `learning::recovery`, docs/paper-table.md; its time is in
+/// docs/growth.md.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SupportTuning {
+    /// Terms of the largest support that is looked at closely.
+    pub largest: usize,
+    /// Nested spaces of the simplest terms that are searched, at most.
+    pub nested: usize,
+    /// Rounds of additions, removals and exchanges before the search gives up.
+    pub rounds: usize,
+    /// How many of the best supports are improved by such moves.
+    pub polished: usize,
+    /// Exchanges of each term that are looked at for terms that could stand in its place.
+    pub exchanges: usize,
+    /// Supports of a quick backward elimination that are looked at closely.
+    pub closely: usize,
+    /// Additions in a row that may not pay before forward selection ends.
+    pub idle: usize,
+    /// Part of its norm that keeps a column apart from those before it where they alone do
+    /// not: above rounding, far below what is looked at.
+    pub ridge: f64,
+    /// Part of its norm by which a column stands apart without a ridge.
+    pub alone: f64,
+    /// Deviances that differ by less than this are the same to the criterion: no term costs
+    /// so little.
+    pub same_loss: f64,
+    /// Supports that are compared by their error on held-out folds, at most.
+    pub compared_held_out: usize,
+    /// Additions that are tried in a round of moves,
+    pub additions: usize,
+    /// and terms in the place of each term of the support.
+    pub replacements: usize,
+    /// Penalties of the L1 path, evenly spaced on a logarithmic scale.
+    pub path_points: usize,
+    /// Smallest penalty of the path over the largest.
+    pub path_ratio: f64,
+    /// Smallest penalty over the noise of one residual: a smaller one holds nothing back
+    /// that noise has let in.
+    pub path_noise: f64,
+    /// Sweeps at one penalty before the next is taken anyway.
+    pub path_sweeps: usize,
+}
+
+/// Function spaces that are too large for one factor. docs/growth.md, `learning::trainer`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ScreeningTuning {
+    /// Terms that Gauss-Newton takes on at once, at most.
+    pub together: usize,
+    /// Terms that enter the working set at first,
+    pub first: usize,
+    /// and in every later round.
+    pub each: usize,
+    /// Terms of the least complexity that are always looked at: they cost the criterion
+    /// little.
+    pub simplest: usize,
+    /// Rounds of the working set.
+    pub rounds: usize,
+}
+
+/// The first-order trainer. `learning::trainer`, docs/growth.md.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FirstOrderTuning {
+    /// Segments of one mini-batch.
+    pub batch: usize,
+    /// Passes over the data at each penalty.
+    pub epochs: usize,
+    /// Penalties over the one that empties the model, in the order in which they are taken.
+    pub penalties: [f64; 6],
+    /// First step length, in units in which every column has norm one; it decays to a
+    /// thousandth.
+    pub rate: f64,
+    /// One segment of so many is held back to choose the penalty by.
+    pub held_back: usize,
+    /// Samples of a segment where nothing else is asked for: predictions are from one to
+    /// the next.
+    pub window: usize,
+    /// Segments that the norms of the columns are measured on.
+    pub norm_segments: usize,
+    /// Penalties end when the held-back loss is above the least by this factor;
+    pub worse: f64,
+    /// it is better when it is below by this one: less than that is chance.
+    pub better: f64,
+}
+
+/// What is said of a finished fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ConclusionTuning {
+    /// Runners-up that are kept.
+    pub runners_up: usize,
+    /// Exchanges that cost the criterion (a deviance) less than this are named: odds of
+    /// exp(6 / 2), 20 to 1.
+    pub close: f64,
+    /// Combinations of this many terms are not spelled out.
+    pub spelled_out: usize,
+    /// Unknowns of the largest function space that is searched for exact dependences: the
+    /// work grows with their cube.
+    pub dependence: usize,
+    /// Times that the folds are drawn anew for the inclusion of a term: a standard error of
+    /// at most 0.08.
+    pub draws: usize,
+    /// Terms that a resampled search chooses among, at most.
+    pub pool: usize,
+    /// Supports that are worse by this deviance do not win on any draw: odds of exp(30).
+    pub leading: f64,
+    /// Part of itself that a column must keep beside the others for normal equations to do.
+    pub apart: f64,
+    /// Part of itself below which what is left of a column beside the others is rounding.
+    pub dependent: f64,
+    /// Dependences that are taken apart; the rest are only named.
+    pub made_of: usize,
+}
+
+/// What a search of the whole space holds in memory beside its folds, as `memory::factors`
+/// counts it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MemoryTuning {
+    /// Triangles: merged ones, and copies that the search works on.
+    pub copies: usize,
+    /// Triangles of rows that each thread gathers before they go into a factor.
+    pub gathered: usize,
+}
+
+/// The numbers that every fit goes by.
+pub const TUNING: Tuning = Tuning {
+    segments: SegmentTuning { lanes: 64, folds: 16, hole: 10.0, stretch: 8192, slack: 2.0 },
+    passes: PassTuning {
+        block_bytes: 12 << 20,
+        small_block_bytes: 128 << 10,
+        elimination_bytes: 512 << 10,
+        part_rows: 8192,
+        parts_of_a_fold: 4,
+        parts_up_to: 200,
+        responses_above: 4,
+        response_bytes: 32 << 20,
+        panel: 32,
+        one_panel: 128,
+        samples_together: 1 << 14,
+        states_together: 1024,
+        chunk: 1 << 17,
+        dynamics: 8,
+        absorbed: 1e-12,
+    },
+    tangents: TangentTuning { deviation: 1e-4, least_deviation: 1e-5, above_order: 4, steps: 2 },
+    settling: SettlingTuning {
+        steps: 8,
+        settled: 1e-7,
+        rounding: 0.03,
+        nearly_settled: 1e-3,
+        alike: 1e-4,
+        expected_from: 16,
+        expected_part: 32,
+        shorter: 0.25,
+        shortest: 1e-3,
+    },
+    stepping: SteppingTuning {
+        transitions: 96,
+        part_of_noise: 0.02,
+        part_of_mean: 4.0,
+        evaluations: 200,
+        hidden: 0.01,
+        suspect: 20.0,
+        finest: 1e-5,
+        margin: 3.0,
+        known_step: 0.01,
+    },
+    refit: RefitTuning {
+        iterations: 40,
+        converged: 1e-9,
+        rough: 1e-3,
+        first_damping: 1e-4,
+        more_damping: 10.0,
+        less_damping: 0.1,
+        least_damping: 1e-6,
+        most_damping: 1e8,
+        rounding: 1e-3,
+    },
+    rounds: RoundTuning {
+        most: 8,
+        noise_steady: 1.05,
+        noise_segments: 1536,
+        above_resolution: 3.0,
+    },
+    course: CourseTuning {
+        follows: 1.5,
+        longest: 256,
+        shortest: 2,
+        start_segments: 400,
+        first_segments: 256,
+        sampled: 1 << 16,
+        all_at_once: 4 << 16,
+        largest_factor: 3000,
+        reach: 2.0,
+        combinations: 64,
+        above_resolution: 2.0,
+    },
+    support: SupportTuning {
+        largest: 80,
+        nested: 8,
+        rounds: 60,
+        polished: 3,
+        exchanges: 4,
+        closely: 3,
+        idle: 3,
+        ridge: 1e-13,
+        alone: 1e-9,
+        same_loss: 0.5,
+        compared_held_out: 120,
+        additions: 3,
+        replacements: 2,
+        path_points: 60,
+        path_ratio: 1e-7,
+        path_noise: 0.1,
+        path_sweeps: 60,
+    },
+    screening: ScreeningTuning { together: 600, first: 300, each: 150, simplest: 100, rounds: 5 },
+    first_order: FirstOrderTuning {
+        batch: 128,
+        epochs: 12,
+        penalties: [0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3],
+        rate: 0.02,
+        held_back: 5,
+        window: 2,
+        norm_segments: 32,
+        worse: 1.02,
+        better: 0.98,
+    },
+    conclusion: ConclusionTuning {
+        runners_up: 8,
+        close: 6.0,
+        spelled_out: 6,
+        dependence: 1000,
+        draws: 40,
+        pool: 40,
+        leading: 60.0,
+        apart: 1e-6,
+        dependent: 1e-12,
+        made_of: 4,
+    },
+    memory: MemoryTuning { copies: 6, gathered: 4 },
+};
