@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use super::console::{Console, set, usage};
 use super::progress::Progress;
-use super::project::learned::{learn, origin, write_model};
+use super::project::fitting::{learn, origin, write_model};
 use super::project::{ModelFile, Project};
 use crate::data::{Layout, write_atomically, write_csv};
 use crate::error::{Error, Result};

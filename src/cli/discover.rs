@@ -9,7 +9,7 @@ use super::bench::Bench;
 use super::console::Console;
 use super::ledger::{HeldOutErrors, Ledger};
 use super::progress::Progress;
-use super::project::learned::{origin, write_model};
+use super::project::fitting::{origin, write_model};
 use super::project::lock::Lock;
 use super::project::{ModelFile, Project};
 use super::splitting::Splitting;

@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::console::Console;
 use super::console::usage;
-use super::project::written::output;
+use super::project::exporting::output;
 use super::project::{Project, refuse_overwrite};
 use crate::data::{write_atomically, write_folder};
 use crate::error::Result;

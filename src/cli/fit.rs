@@ -10,7 +10,7 @@ use super::console::{Console, set, usage};
 use super::measurements::Measurements;
 use super::memory;
 use super::progress::Progress;
-use super::project::learned::{origin, write_model};
+use super::project::fitting::{origin, write_model};
 use super::project::lock::Lock;
 use super::project::{ModelFile, Project};
 use crate::dynamics::{METHODS, Method};

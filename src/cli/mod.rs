@@ -146,7 +146,7 @@ fn misused(error: &clap::Error) -> ExitCode {
         }
         _ => {}
     }
-    // Nothing was parsed, so the wish for JSON must be found in the raw arguments.
+    // Nothing was parsed, so the choice of JSON must be found in the raw arguments.
     let arguments: Vec<String> =
         std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
     let json = arguments.windows(2).any(|pair| pair == ["--format", "json"])

@@ -72,7 +72,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
     let (model, terms) = bench.model(&progress)?;
-    let seen = page::seen(&bench, &model, &progress)?;
+    let seen = page::assess(&bench, &model, &progress)?;
     let diagnosis = match arguments.no_diagnosis {
         true => None,
         false => page::diagnosis(&bench, &model, &progress)?,
@@ -137,7 +137,7 @@ impl Document {
     }
 }
 
-/// Pages may be written anew; other files are not overwritten by chance.
+/// Pages may be written anew; other files are not overwritten by accident.
 fn require_page(path: &Path, force: bool) -> Result<()> {
     let Ok(mut file) = std::fs::File::open(path) else { return Ok(()) };
     let mut start = [0; 32];

@@ -65,7 +65,7 @@ impl Recording {
         gradient: &mut [f64],
         scratch: &mut Scratch,
     ) {
-        self.silence(cotangent);
+        self.clear_lost(cotangent);
         scratch.step.clone_from(&self.step);
         match &self.method.row().kind {
             MethodKind::Splitting(gammas) => {
@@ -77,10 +77,10 @@ impl Recording {
                 self.sweep_stages(dynamics, tableau, theta, cotangent, gradient, scratch);
             }
         }
-        self.silence(cotangent);
+        self.clear_lost(cotangent);
     }
 
-    fn silence(&self, cotangent: &mut [f64]) {
+    fn clear_lost(&self, cotangent: &mut [f64]) {
         for row in cotangent.chunks_exact_mut(self.lanes.max(1)) {
             for (value, &lost) in row.iter_mut().zip(&self.lost) {
                 if lost {

@@ -405,7 +405,7 @@ impl Unrolled {
 
     /// A third, rounded once. The number nearest to 1/3 is too small: over many steps that error,
     /// always to the same side, would be the largest of all. Thirds are divided out early, where
-    /// the series is still large; what 1/5 and 1/7 do is lost among the errors of chance.
+    /// the series is still large; what 1/5 and 1/7 do is lost among random errors.
     fn third(&mut self, coefficient: Coefficient) -> Coefficient {
         let Coefficient::Value(b) = coefficient else { return self.scaled(1.0 / 3.0, coefficient) };
         let rest = self.slot(Slot::number(f64::EPSILON / 12.0));

@@ -1,4 +1,4 @@
-//! Which terms of a function space cannot be told apart, whatever is measured.
+//! Which terms of a function space are not identifiable, whatever is measured.
 //!
 //! The equations of motion are linear in the coefficients: term k moves the state by a
 //! vector field (dphi_k/dp, -dphi_k/dq), or (0, psi_k) for a force. Where these fields are

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use serde_json::{Value, json};
 
-use super::learned::{learn, on_threads};
+use super::fitting::{learn, on_threads};
 use super::{Listener, Project};
 use crate::data::{DataReport, Dataset, Split};
 use crate::diagnose::comparison;

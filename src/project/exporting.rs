@@ -9,10 +9,14 @@ use crate::facade::exports::export_of;
 pub fn output(project: &Project, law: &ProjectLaw, name: &str) -> Result<Output> {
     let row = export::exporter(name)?;
     let pretty = export::pretty(&export::simplified(&law.law, law.ranges()));
-    (row.export)(&the_export(project, law, &pretty))
+    (row.export)(&prepared_export(project, law, &pretty))
 }
 
 /// A law as the exporters take it.
-pub fn the_export<'a>(project: &'a Project, law: &'a ProjectLaw, pretty: &'a Pretty) -> Export<'a> {
+pub fn prepared_export<'a>(
+    project: &'a Project,
+    law: &'a ProjectLaw,
+    pretty: &'a Pretty,
+) -> Export<'a> {
     export_of(&law.law, pretty, (&project.path, &project.text), law.file.as_ref())
 }

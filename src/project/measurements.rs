@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::learned::{learn, on_threads};
+use super::fitting::{learn, on_threads};
 use super::{Project, memory};
 use crate::data::{self, DataReport, Dataset, FileSource, Survey};
 use crate::error::Result;

@@ -1,7 +1,8 @@
 //! A spec with its data and its model file, as they lie in a folder.
 
 pub mod bench;
-pub mod learned;
+pub mod exporting;
+pub mod fitting;
 pub mod ledger;
 pub mod lock;
 pub mod measurements;
@@ -9,7 +10,6 @@ pub mod memory;
 pub mod page;
 pub mod revise;
 pub mod undo;
-pub mod written;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

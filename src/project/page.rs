@@ -1,9 +1,9 @@
 //! A model with all that there is to show of it: what the report and the studio draw.
 
 use super::bench::Bench;
-use super::learned::origin;
+use super::exporting::prepared_export;
+use super::fitting::origin;
 use super::ledger::{HeldOutErrors, Ledger, date};
-use super::written::the_export;
 use super::{ModelFile, ProjectLaw, digest};
 use crate::diagnose::comparison::view::{Quantity, View, view};
 use crate::diagnose::comparison::{self, Comparison, Horizon};
@@ -23,14 +23,14 @@ use crate::report::present;
 /// Gives the commands that make a page again, with or without a diagnosis.
 pub type Reproduce = fn(&Bench, bool) -> Vec<String>;
 
-/// A model held against its measurements.
+/// A model compared with its measurements.
 pub struct Assessment {
     pub view: View,
     pub comparison: Comparison,
 }
 
 /// Where a model of the training part fails.
-pub fn seen(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<Assessment> {
+pub fn assess(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<Assessment> {
     monitor.stage("where it fails", 0.2);
     let mut training = Context::new(bench.project.system(), model, &bench.split.training)?;
     let detections = detect(&training, model);
@@ -120,7 +120,7 @@ pub fn with_page<T>(
     let simplified = present::simplified(&law.law, law.ranges());
     let pretty = present::pretty(&simplified);
     // A law that cannot be typeset is printed as text.
-    let formulas = formulas(&the_export(&bench.project, &law, &pretty)).unwrap_or_default();
+    let formulas = formulas(&prepared_export(&bench.project, &law, &pretty)).unwrap_or_default();
     let material = PlotData {
         view: &seen.view,
         comparison: &seen.comparison,

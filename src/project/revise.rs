@@ -1,7 +1,7 @@
 //! Putting an effect into a spec or taking one out: the spec, its model and its ledger.
 
 use super::bench::{Bench, errors};
-use super::learned::{origin, write_model};
+use super::fitting::{origin, write_model};
 use super::ledger::{HeldOutErrors, Ledger};
 use super::{ModelFile, Project};
 use crate::data::write_atomically;

@@ -11,7 +11,7 @@ use crate::simplify::{significant, uncertain};
 
 /// Maps that are drawn; the others have a row in the table.
 const DRAWN: usize = 3;
-/// Chance above which a map is not drawn.
+/// p-value above which a map is not drawn.
 const TELLING: f64 = 0.01;
 /// Rows of the table of energies.
 const RUNS: usize = 12;

@@ -219,7 +219,7 @@ pub fn simplify(law: &Law, options: &Options) -> Simplified {
             Some(best) => (best.expr, best.numbers, best.snaps),
             // Nothing passed: the plain list of terms, numbers as fitted.
             None => {
-                let exact = Tolerance { sigmas: 0.0, relative: 0.0, chance: 0.0 };
+                let exact = Tolerance { sigmas: 0.0, relative: 0.0, probability: 0.0 };
                 let mut numbers = Numbers::new(fitted.covariance, exact);
                 let (mut atoms, form) = raw.normal(fitted, false);
                 let plain = form::FormStyle { springs: false, waves: false };

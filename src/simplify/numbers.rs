@@ -67,7 +67,8 @@ impl<'a> Numbers<'a> {
         }
         let error = self.error(&size);
         // A number that nobody learned is what it is.
-        let exact = Tolerance { sigmas: 0.0, relative: 1e-15, chance: self.tolerance.chance };
+        let exact =
+            Tolerance { sigmas: 0.0, relative: 1e-15, probability: self.tolerance.probability };
         let tolerance = if size.is_known() { exact } else { self.tolerance };
         let found = niceness.and_then(|niceness| nice(size.value, error, niceness, tolerance));
         let snap = match found {
@@ -95,7 +96,7 @@ impl<'a> Numbers<'a> {
         let error = self.error(quantity);
         let relative = self.tolerance.relative * scale.abs();
         let window = (ZERO_SIGMAS * error).max(relative);
-        let certain = 2.0 * window <= 4.0 * self.tolerance.chance * scale.abs();
+        let certain = 2.0 * window <= 4.0 * self.tolerance.probability * scale.abs();
         quantity.value == 0.0 || (certain && quantity.value.abs() <= window)
     }
 
@@ -109,7 +110,7 @@ impl<'a> Numbers<'a> {
         self.rows.len() - 1
     }
 
-    /// Takes those rows as one that cannot be told apart. All must mean the same kind of thing.
+    /// Takes those rows as one, for their difference is not significant. All must mean the same kind of thing.
     pub fn merge_equal(&mut self, candidates: &[usize]) {
         let mut free: Vec<usize> = candidates
             .iter()
@@ -131,8 +132,8 @@ impl<'a> Numbers<'a> {
                 let relative = self.tolerance.relative * first.value;
                 let window = (self.tolerance.sigmas * error).max(relative);
                 // The look-elsewhere effect: one of many pairs is often close by chance.
-                let chance = 2.0 * window * pairs / first.value;
-                if difference.value > window || chance > self.tolerance.chance {
+                let probability = 2.0 * window * pairs / first.value;
+                if difference.value > window || probability > self.tolerance.probability {
                     break;
                 }
                 end += 1;

@@ -78,13 +78,13 @@ pub struct Tolerance {
     /// Fraction of the number (of 1, for numbers near zero) that integration and rounding
     /// leave uncertain however small the standard error is.
     pub relative: f64,
-    /// Largest chance that a random number lies as near to a number as nice.
-    pub chance: f64,
+    /// Largest probability that a random number lies as near to a number as nice.
+    pub probability: f64,
 }
 
 impl Default for Tolerance {
     fn default() -> Self {
-        Tolerance { sigmas: 2.0, relative: 1e-7, chance: 0.05 }
+        Tolerance { sigmas: 2.0, relative: 1e-7, probability: 0.05 }
     }
 }
 
@@ -110,7 +110,7 @@ pub fn nice(
     let mut density = 0.0;
     for &denominator in niceness.denominators() {
         density += totient(denominator);
-        if 2.0 * window * density > tolerance.chance {
+        if 2.0 * window * density > tolerance.probability {
             // More complicated numbers lie still denser.
             return None;
         }
@@ -169,7 +169,7 @@ mod tests {
 
     #[test]
     fn random_numbers_seldom_snap() {
-        // The promise of `chance`, measured on numbers that are not nice.
+        // The promise of `probability`, measured on numbers that are not nice.
         for error in [1e-6, 1e-4, 1e-3, 1e-2, 0.1] {
             let snapped = (1..=2000)
                 .filter(|&k| {

@@ -94,8 +94,8 @@ pub fn drop_samples(data: &mut Dataset, fraction: f64, seed: u64) {
         order.shuffle(&mut generator);
         // The expected number, rounded up or down by chance.
         let exact = fraction.clamp(0.0, 1.0) * count as f64;
-        let chance: f64 = generator.random_range(0.0..1.0);
-        let lost = (exact.floor() as usize + usize::from(chance < exact.fract()))
+        let probability: f64 = generator.random_range(0.0..1.0);
+        let lost = (exact.floor() as usize + usize::from(probability < exact.fract()))
             .min(count.saturating_sub(2));
         let mut kept = order.split_off(lost);
         kept.sort_unstable();

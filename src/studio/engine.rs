@@ -13,7 +13,7 @@ use crate::diagnostic::Diagnostic;
 use crate::error::{Error, ErrorKind, Result};
 use crate::fit::{Model, Monitor, Options, StopReason};
 use crate::project::bench::{Bench, Splitting};
-use crate::project::learned::{origin, write_model};
+use crate::project::fitting::{origin, write_model};
 use crate::project::ledger::{HeldOutErrors, Ledger};
 use crate::project::lock::Lock;
 use crate::project::measurements::Measurements;
@@ -34,15 +34,15 @@ pub struct LearnedState {
     pub training: Arc<Model>,
     /// Where its terms come from.
     pub terms: &'static str,
-    seen: Option<Arc<Assessment>>,
+    assessment: Option<Arc<Assessment>>,
     pub diagnosis: Option<Arc<Diagnosis>>,
 }
 
 impl LearnedState {
     /// # Errors
     /// It was not held against the measurements yet.
-    pub fn seen(&self) -> Result<&Assessment> {
-        self.seen.as_deref().ok_or_else(|| {
+    pub fn assessment(&self) -> Result<&Assessment> {
+        self.assessment.as_deref().ok_or_else(|| {
             Error::new(
                 ErrorKind::NotReady,
                 "the plots are not drawn yet",
@@ -191,7 +191,7 @@ impl Engine {
     fn hold(&mut self, bench: Bench, training: Model, terms: &'static str) {
         let (bench, training) = (Arc::new(bench), Arc::new(training));
         self.gave_up = false;
-        let held = LearnedState { bench, training, terms, seen: None, diagnosis: None };
+        let held = LearnedState { bench, training, terms, assessment: None, diagnosis: None };
         self.studio.board.post("missing", &wire::unasked("waiting"));
         self.studio.hold(Some(Arc::new(held)));
     }
@@ -241,8 +241,8 @@ impl Engine {
     }
 
     /// Does what the user asks for; returns a sentence about it.
-    pub fn fulfil(&mut self, wish: &JobRequest) -> Result<String> {
-        match wish {
+    pub fn carry_out(&mut self, request: &JobRequest) -> Result<String> {
+        match request {
             JobRequest::Diagnose => {
                 self.gave_up = false;
                 Ok(String::new())
@@ -296,7 +296,7 @@ impl Engine {
         let name = super::name(&path);
         self.open(false)?;
         if learn && old == text {
-            return self.fulfil(&JobRequest::Learn);
+            return self.carry_out(&JobRequest::Learn);
         }
         Ok(format!("{name} is written{}.", if learn { " and learned" } else { "" }))
     }
@@ -348,13 +348,13 @@ impl Engine {
 
     /// Holds the model against the measurements and draws it. False if that is done already.
     pub fn look(&mut self) -> Result<bool> {
-        let Some(held) = self.studio.held().filter(|held| held.seen.is_none()) else {
+        let Some(held) = self.studio.held().filter(|held| held.assessment.is_none()) else {
             return Ok(false);
         };
         let studio = Arc::clone(&self.studio);
         let teller = ProgressReporter::new(&studio, "Looking where it fails", true);
-        let seen = page::seen(&held.bench, &held.training, &teller)?;
-        let held = LearnedState { seen: Some(Arc::new(seen)), ..(*held).clone() };
+        let seen = page::assess(&held.bench, &held.training, &teller)?;
+        let held = LearnedState { assessment: Some(Arc::new(seen)), ..(*held).clone() };
         self.show(held)?;
         Ok(true)
     }
@@ -377,7 +377,7 @@ impl Engine {
 
     /// Puts up all that is drawn.
     fn show(&self, held: LearnedState) -> Result<()> {
-        let seen = held.seen()?;
+        let seen = held.assessment()?;
         let model = (&*held.training, held.terms);
         let (law, figures) = page::with_page(
             &held.bench,
@@ -398,7 +398,8 @@ impl Engine {
 
     /// Asks what is missing. False if that is answered already.
     pub fn ask(&mut self) -> Result<bool> {
-        let asked = |held: &Arc<LearnedState>| held.diagnosis.is_none() && held.seen.is_some();
+        let asked =
+            |held: &Arc<LearnedState>| held.diagnosis.is_none() && held.assessment.is_some();
         let Some(held) = self.studio.held().filter(asked) else { return Ok(false) };
         let studio = Arc::clone(&self.studio);
         if self.gave_up {

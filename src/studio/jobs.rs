@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde::Deserialize;
 
-/// A wish of the user.
+/// A request of the user.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(tag = "do", rename_all = "snake_case")]
 pub enum JobRequest {
@@ -24,12 +24,12 @@ pub enum JobRequest {
     Diagnose,
 }
 
-/// The wish that waits or is being fulfilled, and whether it is to be given up.
+/// The request that waits or is being carried out, and whether it is to be given up.
 pub struct Jobs {
     state: Mutex<State>,
     bell: Condvar,
     cancelled: AtomicBool,
-    /// Whether a wish waits: work in the background makes way for it.
+    /// Whether a request waits: work in the background makes way for it.
     waiting: AtomicBool,
 }
 
@@ -53,15 +53,15 @@ impl Jobs {
         self.state.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
-    /// Takes a wish, or refuses it while another waits or is worked on.
-    pub fn ask(&self, wish: JobRequest) -> bool {
+    /// Takes a request, or refuses it while another waits or is worked on.
+    pub fn ask(&self, request: JobRequest) -> bool {
         let mut state = self.state();
         if state.busy || state.next.is_some() {
             return false;
         }
         self.cancelled.store(false, Ordering::Relaxed);
         self.waiting.store(true, Ordering::Relaxed);
-        state.next = Some(wish);
+        state.next = Some(request);
         self.bell.notify_all();
         true
     }
@@ -71,15 +71,15 @@ impl Jobs {
         self.cancelled.store(true, Ordering::Relaxed);
     }
 
-    /// The next wish, if one comes in time. It is busy until [`Jobs::done`].
+    /// The next request, if one comes in time. It is busy until [`Jobs::done`].
     pub fn next(&self, patience: Duration) -> Option<JobRequest> {
         let state = self.state();
         let waited = self.bell.wait_timeout_while(state, patience, |state| state.next.is_none());
         let (mut state, _) = waited.unwrap_or_else(|poisoned| poisoned.into_inner());
-        let wish = state.next.take()?;
+        let request = state.next.take()?;
         state.busy = true;
         self.waiting.store(false, Ordering::Relaxed);
-        Some(wish)
+        Some(request)
     }
 
     pub fn done(&self) {
@@ -87,7 +87,7 @@ impl Jobs {
         self.cancelled.store(false, Ordering::Relaxed);
     }
 
-    /// Whether what is being done was given up; in the background also when a wish waits.
+    /// Whether what is being done was given up; in the background also when a request waits.
     pub fn stopped(&self, background: bool) -> bool {
         self.cancelled.load(Ordering::Relaxed) || background && self.waiting.load(Ordering::Relaxed)
     }
@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn wishes_are_read() {
-        let read = |text| serde_json::from_str::<JobRequest>(text).expect("a wish");
+        let read = |text| serde_json::from_str::<JobRequest>(text).expect("a request");
         assert_eq!(read(r#"{"do":"learn"}"#), JobRequest::Learn);
         assert_eq!(read(r#"{"do":"undo","force":true}"#), JobRequest::Undo { force: true });
     }

@@ -14,8 +14,8 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::export::{EXPORTERS, Output};
 use crate::expr;
 use crate::project::Project;
+use crate::project::exporting::output;
 use crate::project::page::with_page;
-use crate::project::written::output;
 use crate::report::html;
 use crate::report::plots::{
     Background, Figure, IMAGES, Image, PictureStyle, SCRIPT, escaped_id, image, live_sheet,
@@ -180,11 +180,11 @@ fn too_long(text: &str) -> Result<()> {
 }
 
 fn ask(studio: &Studio, _: &str, body: &[u8]) -> Result<Answer> {
-    let wish: JobRequest = read(body)?;
-    if let JobRequest::Save { text, .. } = &wish {
+    let request: JobRequest = read(body)?;
+    if let JobRequest::Save { text, .. } = &request {
         too_long(text)?;
     }
-    if studio.jobs.ask(wish) {
+    if studio.jobs.ask(request) {
         return Ok(Answer { status: StatusCode::ACCEPTED, ..Answer::json(&json!({})) });
     }
     Ok(Answer::refused(
@@ -234,7 +234,14 @@ fn drawn<T>(studio: &Studio, what: &str, tell: impl FnOnce(&html::Page) -> T) ->
         Error::new(ErrorKind::NotReady, nothing, "wait until the plots are drawn")
     })?;
     let model = (&*held.training, held.terms);
-    with_page(&held.bench, model, held.seen()?, held.diagnosis.as_deref(), studio.reproduce, tell)
+    with_page(
+        &held.bench,
+        model,
+        held.assessment()?,
+        held.diagnosis.as_deref(),
+        studio.reproduce,
+        tell,
+    )
 }
 
 fn report(studio: &Studio, _: &str, _: &[u8]) -> Result<Answer> {

@@ -1,4 +1,4 @@
-//! The thread that works: wishes first, then what the page wants to see of the model.
+//! The thread that works: requests first, then what the page wants to see of the model.
 
 use std::time::Duration;
 
@@ -17,9 +17,9 @@ pub fn run(mut engine: Engine) {
     loop {
         let busy = engine.studio.held().is_some() && background(&mut engine, &mut told);
         let patience = if busy { Duration::ZERO } else { LOOK };
-        if let Some(wish) = engine.studio.jobs.next(patience) {
+        if let Some(request) = engine.studio.jobs.next(patience) {
             engine.studio.board.post("busy", &true);
-            let done = engine.fulfil(&wish);
+            let done = engine.carry_out(&request);
             engine.studio.jobs.done();
             engine.studio.board.post("busy", &false);
             tell(&engine, &mut told, done);

@@ -10,7 +10,7 @@ use crate::data::{Layout, write_atomically, write_csv};
 use crate::error::Result;
 use crate::expr;
 use crate::fit::Options;
-use crate::project::learned::{learn, origin, write_model};
+use crate::project::fitting::{learn, origin, write_model};
 use crate::project::{ModelFile, Project};
 use crate::report::layout::{WIDTH, wrapped};
 use crate::report::{present, seconds};

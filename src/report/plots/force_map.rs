@@ -7,7 +7,7 @@ use super::{PlotData, label};
 use crate::diagnose::comparison::plane::{ForceNode, ForcePlane};
 use crate::diagnose::comparison::view::View;
 
-/// Chance below which a map is worth its numbers.
+/// p-value below which the numbers of a map are drawn.
 const TELLING: f64 = 1e-3;
 
 /// One figure for each coordinate whose plane is known, the most telling first.
