@@ -423,5 +423,9 @@ fn momenta_without_a_column_are_no_error_beside_columns_to_spare() {
     // A column that the spec names has to be there.
     spec("p = momentum");
     let output = run(path, &["fit", "s.ham"]);
-    assert!(!output.err.contains("no column `momentum`"), "{}", output.err);
+    assert!(
+        output.code == Some(1) && output.err.contains("no column `momentum`"),
+        "{}",
+        output.err
+    );
 }
