@@ -11,10 +11,10 @@
 //! | `expr` | a syntax tree | a `System`: expressions, function space, units |
 //! | `eval` | expressions | functions over many points at once |
 //! | `dynamics` | a system | trajectories, with exact derivatives of the discrete map |
+//! | `simulate` | a known law | trajectories near machine precision, and what an instrument makes of them |
 //! | `fit` | a system and data | a sparse `Model` with uncertainties |
 //! | `diagnose` | a model before its data | where it fails, and which named effect is missing |
 //! | `simplify` | a model | the expression that a physicist would print |
-//! | `simulate` | a known law | trajectories near machine precision, and what an instrument makes of them |
 //! | `export` | a model and its simplified form | LaTeX, MathML, Rust, C, Python, JSON |
 //! | `facade` | a spec and data | the public types: [`Spec`], [`Data`], [`Law`] |
 //! | `report` | all of it | text, plots and pages for people |
