@@ -192,7 +192,8 @@ fn what_is_public_has_an_example() {
 }
 
 /// Pages that say where things are.
-const PAGES: &[&str] = &["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/architecture.md", "docs/glossary.md"];
+const PAGES: &[&str] =
+    &["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/architecture.md", "docs/glossary.md"];
 
 /// What a page puts between backticks or links to.
 fn mentioned(page: &str) -> Vec<String> {

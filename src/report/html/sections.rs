@@ -47,7 +47,9 @@ pub fn all(page: &Page, figures: &Drawn) -> Vec<Section> {
 pub fn cards(page: &Page) -> String {
     let mut out = String::from("<div class=\"cards\">\n");
     let mut card = |number: &str, words: &str| {
-        let (number, words) = (escaped(number), escaped(words));
+        // The name of an effect breaks before its arguments.
+        let number = escaped(number).replace('(', "<wbr/>(");
+        let words = escaped(words);
         let _ = writeln!(out, "<div class=\"card\"><b>{number}</b><span>{words}</span></div>");
     };
     let comparison = page.material.comparison;
