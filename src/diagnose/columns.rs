@@ -7,6 +7,7 @@ use crate::dynamics::Dynamics;
 use crate::error::{Error, ErrorKind, Result};
 use crate::eval::Backend;
 use crate::expr::{System, Term};
+use crate::fit::column::Column;
 use crate::fit::factor::Factor;
 use crate::fit::pass::{Sums, linearise};
 
@@ -51,9 +52,10 @@ impl Settled<'_> {
         }
         // The model's unknowns first: coefficients, inner parameters, then the probes.
         let terms = dynamics.active().len();
-        let order: Vec<usize> = (0..count)
+        let order: Vec<Column> = (0..count)
             .chain(terms..terms + dynamics.parameters().len())
             .chain(count..terms)
+            .map(Column::new)
             .collect();
         let base = count + dynamics.parameters().len();
         let factor = linearised.merged().select(&order);

@@ -2,6 +2,7 @@
 
 use nalgebra::DVector;
 
+use super::column::Column;
 use super::factor::Factor;
 use crate::expr::Bounds;
 
@@ -12,22 +13,22 @@ pub struct Bounded {
     /// |A x - b|^2 at the solution.
     pub squares: f64,
     /// Unknowns that ended on a bound.
-    pub bound: Vec<usize>,
+    pub bound: Vec<Column>,
 }
 
 /// Solves `min |A x - b|` with `lower <= x <= upper` by an active set: what leaves its bounds
 /// is fixed on them, what pulls back inside is freed again
 /// (Stark and Parker, "Bounded-variable least squares", Comput. Stat. 10, 1995).
-pub fn solve_bounded(factor: &Factor, bounds: impl Fn(usize) -> Bounds) -> Bounded {
+pub fn solve_bounded(factor: &Factor, bounds: impl Fn(Column) -> Bounds) -> Bounded {
     let size = factor.columns();
     let values = solve_triangle(factor);
-    if (0..size).all(|k| bounds(k).clamp(values[k]) == values[k]) {
+    if Column::all(size).all(|k| bounds(k).clamp(values[k]) == values[k]) {
         return Bounded { squares: factor.squares(&values), values, bound: Vec::new() };
     }
     let mut fixed: Vec<Option<f64>> = vec![None; size];
     let mut values = DVector::zeros(size);
     for _ in 0..=3 * size {
-        let free: Vec<usize> = (0..size).filter(|&k| fixed[k].is_none()).collect();
+        let free: Vec<Column> = Column::all(size).filter(|&k| fixed[k].is_none()).collect();
         let mut reduced = factor.clone();
         let held = DVector::from_fn(size, |k, _| fixed[k].unwrap_or(0.0));
         reduced.shift(&held);
@@ -42,7 +43,7 @@ pub fn solve_bounded(factor: &Factor, bounds: impl Fn(usize) -> Bounds) -> Bound
             continue;
         }
         let slope = factor.design().tr_mul(&(factor.target() - factor.design() * &values));
-        let release = (0..size).find(|&k| {
+        let release = Column::all(size).find(|&k| {
             let inward = match fixed[k] {
                 Some(x) if x <= bounds(k).lower => slope[k],
                 Some(_) => -slope[k],
@@ -55,7 +56,7 @@ pub fn solve_bounded(factor: &Factor, bounds: impl Fn(usize) -> Bounds) -> Bound
             None => break,
         }
     }
-    let bound = (0..size).filter(|&k| fixed[k].is_some()).collect();
+    let bound = Column::all(size).filter(|&k| fixed[k].is_some()).collect();
     Bounded { squares: factor.squares(&values), values, bound }
 }
 
@@ -92,13 +93,13 @@ mod tests {
         factor.push(&rows, 2);
         let free = solve_bounded(&factor, |_| Bounds::FREE);
         assert!((free.values[0] - 2.0).abs() < 1e-12 && free.bound.is_empty());
-        let at_most = |k: usize| {
-            if k == 0 { Bounds { lower: 0.0, upper: 1.5 } } else { Bounds::FREE }
+        let at_most = |k: Column| {
+            if k.position() == 0 { Bounds { lower: 0.0, upper: 1.5 } } else { Bounds::FREE }
         };
         let held = solve_bounded(&factor, at_most);
         // With x = 1.5 the squares 4 (y - 1.5)^2 + (0.5 - y)^2 are least at y = 1.3.
         assert_eq!(held.values[0], 1.5);
         assert!((held.values[1] - 1.3).abs() < 1e-12);
-        assert_eq!(held.bound, vec![0]);
+        assert_eq!(held.bound, vec![Column::new(0)]);
     }
 }

@@ -9,11 +9,11 @@ use super::stepping;
 use super::tuning::TUNING;
 use crate::dynamics::Dynamics;
 use crate::eval::Backend;
-use crate::expr::System;
+use crate::expr::{System, TermId};
 
-/// Dynamics of one system by the positions of their terms, each compiled once.
+/// Dynamics of one system by their terms, each compiled once.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Compiled(Arc<Mutex<HashMap<Vec<usize>, Arc<Dynamics>>>>);
+pub(super) struct Compiled(Arc<Mutex<HashMap<Vec<TermId>, Arc<Dynamics>>>>);
 
 impl Compiled {
     /// The motion by all terms, and all that first steps by it need.
@@ -26,22 +26,22 @@ impl Compiled {
 
     /// The motion by all terms.
     pub(super) fn of_all(&self, system: &System) -> Arc<Dynamics> {
-        self.by(system, (0..system.terms.len()).collect())
+        self.by(system, system.term_ids())
     }
 
     /// The motion by the terms of a law of the system.
     pub(super) fn of(&self, law: &Law) -> Arc<Dynamics> {
-        self.by(law.system(), law.positions())
+        self.by(law.system(), law.support().to_vec())
     }
 
-    fn by(&self, system: &System, terms: Vec<usize>) -> Arc<Dynamics> {
+    fn by(&self, system: &System, terms: Vec<TermId>) -> Arc<Dynamics> {
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if known.len() > TUNING.passes.dynamics {
             known.retain(|terms, _| terms.len() == system.terms.len());
         }
         let compile = || {
-            let backend = Backend::default();
-            Arc::new(Dynamics::of_positions(system, terms.clone(), Vec::new(), backend))
+            let positions = terms.iter().map(|id| id.position()).collect();
+            Arc::new(Dynamics::of_positions(system, positions, Vec::new(), Backend::default()))
         };
         known.entry(terms.clone()).or_insert_with(compile).clone()
     }

@@ -1,5 +1,6 @@
 //! From a trained state to the model that is printed and kept.
 
+use super::column::Column;
 use super::factor::Factor;
 use super::model::{
     Evidence, Exchange, FORMAT, FrontPoint, IntegratorRecord, LearnedParameter, LearnedTerm, Model,
@@ -30,13 +31,8 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
     let (frequency, (alternatives, unlearnable)) = rayon::join(
         || inclusion(folds, columns, *criterion, candidates, training.options.seed),
         || {
-            let near = alternatives(
-                merged,
-                columns,
-                *criterion,
-                &law.positions(),
-                TUNING.conclusion.close,
-            );
+            let near =
+                alternatives(merged, columns, *criterion, &law.columns(), TUNING.conclusion.close);
             (near, open_questions(system, merged))
         },
     );
@@ -46,7 +42,7 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
         name: term.name.clone(),
         coefficient,
         standard_error: error(i),
-        inclusion: frequency[id.position()],
+        inclusion: frequency[Column::from(id)],
         unit: term.unit_text.clone(),
     };
     let terms = law.terms().enumerate().map(learned_term).collect();
@@ -106,8 +102,8 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
             supports_tried: round.search.tried,
             seed: training.options.seed,
         },
-        front: front_points(system, candidates, residuals, &law.positions()),
-        runners_up: runners_up(system, candidates, chosen, &law.positions()),
+        front: front_points(system, candidates, residuals, &law.columns()),
+        runners_up: runners_up(system, round, chosen, &law.columns()),
         alternatives: alternatives
             .into_iter()
             .map(|a| Exchange {
@@ -127,10 +123,10 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
     }
 }
 
-/// The place stands before the term where two places could hold it; `k` is the term's column in
-/// the design matrix of the whole function space.
-fn label(system: &System, k: usize) -> String {
-    let term = &system.terms[k];
+/// The term of a column of the whole function space's factor; its place stands before it where
+/// two places could hold it.
+fn label(system: &System, column: Column) -> String {
+    let term = &system.terms[column];
     let alone = system.terms.iter().filter(|t| t.label == term.label).count() == 1;
     if alone {
         term.label.clone()
@@ -155,7 +151,7 @@ fn front_points(
     system: &System,
     candidates: &[SupportFit],
     residuals: usize,
-    support: &[usize],
+    support: &[Column],
 ) -> Vec<FrontPoint> {
     front(candidates)
         .into_iter()
@@ -169,21 +165,15 @@ fn front_points(
         .collect()
 }
 
-fn runners_up(
-    system: &System,
-    candidates: &[SupportFit],
-    chosen: f64,
-    support: &[usize],
-) -> Vec<RunnerUp> {
-    candidates
-        .iter()
+fn runners_up(system: &System, round: &Round, chosen: f64, support: &[Column]) -> Vec<RunnerUp> {
+    (round.search.candidates.iter())
         .filter(|c| c.support != support)
         .take(TUNING.conclusion.runners_up)
         .map(|c| RunnerUp {
             terms: c
                 .values
                 .iter()
-                .filter(|(column, _)| *column < system.terms.len())
+                .filter(|(column, _)| round.columns.is_term(*column))
                 .map(|&(k, value)| (label(system, k), value))
                 .collect(),
             difference: c.criterion - chosen,
@@ -202,7 +192,7 @@ fn path_entries(training: &Training, round: &Round) -> Vec<PathEntry> {
             coefficients: point
                 .coefficients
                 .iter()
-                .filter(|(column, _)| *column < system.terms.len())
+                .filter(|(column, _)| round.columns.is_term(*column))
                 .map(|&(k, value)| (label(system, k), value))
                 .collect(),
         })
@@ -226,7 +216,8 @@ fn open_questions(system: &System, factor: &Factor) -> Vec<String> {
 }
 
 fn sentence(system: &System, found: &Unlearnable) -> Option<String> {
-    let name = |column: usize| (column < system.terms.len()).then(|| label(system, column));
+    let name =
+        |column: Column| (column.position() < system.terms.len()).then(|| label(system, column));
     match found {
         Unlearnable::Untouched { column } => {
             let term = name(*column)?;

@@ -131,7 +131,7 @@ fn best_start<'a>(first: Training<'a>, monitor: &dyn Monitor) -> Result<Training
         trial.thin(TUNING.course.start_segments);
         let Ok(round) = trial.rounds(monitor) else { continue };
         let unknowns = round.refit.theta.len();
-        let choice = trial.law.positions().into_iter().map(|k| round.columns.costs[k]).sum();
+        let choice = trial.law.columns().into_iter().map(|k| round.columns.costs[k]).sum();
         // The criterion in absolute units: every try has its own estimate of the noise.
         let rows = round.refit.sums().rows;
         let noise: f64 = trial.law.noise().iter().map(|s| s.ln()).sum::<f64>();

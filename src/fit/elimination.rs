@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::column::Column;
 use super::factor::Factor;
 use super::support::Columns;
 use super::tuning::TUNING;
@@ -12,10 +13,10 @@ use super::tuning::TUNING;
 /// reflection from the right leaves both as they are; the one that turns a row of W into its
 /// last entry alone takes that unknown out with the last column.
 pub struct Elimination {
-    /// Terms that are left.
-    pub support: Vec<usize>,
+    /// The columns of the terms that are left.
+    pub support: Vec<Column>,
     /// Factor columns of the rows of W, `None` once they have left.
-    columns: Vec<Option<usize>>,
+    columns: Vec<Option<Column>>,
     /// W by columns; those that have left, the last first, are cut off.
     inverse: Vec<f64>,
     /// The squared length of each row of W.
@@ -29,9 +30,9 @@ pub struct Elimination {
 
 impl Elimination {
     /// Starts from all terms of `support`; columns that are zero are left out at once.
-    pub fn new(factor: &Factor, columns: &Columns, support: Vec<usize>) -> Self {
+    pub fn new(factor: &Factor, columns: &Columns, support: Vec<Column>) -> Self {
         let norms = factor.norms();
-        let chosen: Vec<usize> =
+        let chosen: Vec<Column> =
             columns.of(&support).into_iter().filter(|&k| norms[k] > 0.0).collect();
         let mut selected = factor.select(&chosen);
         // A trace of ridge keeps dependent columns apart; it is far below what is looked at.
@@ -70,7 +71,7 @@ impl Elimination {
         let rows = self.columns.iter().zip(self.solution.iter().zip(&self.spreads)).enumerate();
         let weakest = rows
             .filter_map(|(at, (column, (x, spread)))| {
-                let term = column.filter(|&c| c < columns.terms)?;
+                let term = column.filter(|&c| columns.is_term(c))?;
                 Some((at, term, x * x / spread))
             })
             .min_by(|a, b| a.2.total_cmp(&b.2));
@@ -80,7 +81,7 @@ impl Elimination {
         };
         self.remove(at);
         self.support.retain(|&k| k != term);
-        if self.columns.iter().flatten().all(|&c| c < columns.terms) {
+        if self.columns.iter().flatten().all(|&c| columns.is_term(c)) {
             return;
         }
         let keep = columns.of(&self.support);
@@ -134,11 +135,11 @@ mod tests {
         let mut factor = Factor::new(6);
         factor.push(&rows, 40);
         let columns = Columns::plain(6);
-        let mut elimination = Elimination::new(&factor, &columns, (0..6).collect());
+        let mut elimination = Elimination::new(&factor, &columns, columns.of_terms().collect());
         for left in (0..6).rev() {
             let before = elimination.squares;
-            let loss_without = |k: usize| {
-                let rest: Vec<usize> =
+            let loss_without = |k: Column| {
+                let rest: Vec<Column> =
                     elimination.support.iter().copied().filter(|&j| j != k).collect();
                 factor.select(&rest).least()
             };

@@ -7,6 +7,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::column::Column;
 use super::rectangle::Rectangle;
 use super::tuning::TUNING;
 use crate::eval::{GROUP, InstructionSet, Reflections, multiply, product, reflect};
@@ -201,12 +202,13 @@ impl Factor {
     }
 
     /// The same problem with only some of the unknowns, in the order given; the others are zero.
-    pub fn select(&self, unknowns: &[usize]) -> Factor {
-        if unknowns.iter().copied().eq(0..self.columns()) {
+    pub fn select(&self, unknowns: &[Column]) -> Factor {
+        if unknowns.iter().copied().eq(Column::all(self.columns())) {
             return self.clone();
         }
-        let mut selected = Factor::new(unknowns.len());
-        let columns: Vec<usize> = unknowns.iter().copied().chain([self.columns()]).collect();
+        let unknowns = unknowns.iter().map(|column| column.position());
+        let columns: Vec<usize> = unknowns.chain([self.columns()]).collect();
+        let mut selected = Factor::new(columns.len() - 1);
         selected.push(&self.triangle.select_columns(&columns), self.rows);
         selected
     }
@@ -260,9 +262,9 @@ impl Factor {
     }
 
     /// Sets the columns of A to zero that `negligible(column, norm)` names.
-    pub fn zero_columns(&mut self, negligible: impl Fn(usize, f64) -> bool) {
+    pub fn zero_columns(&mut self, negligible: impl Fn(Column, f64) -> bool) {
         for (k, norm) in self.norms().into_iter().enumerate() {
-            if norm > 0.0 && negligible(k, norm) {
+            if norm > 0.0 && negligible(Column::new(k), norm) {
                 self.triangle.column_mut(k).fill(0.0);
             }
         }
@@ -331,7 +333,7 @@ mod tests {
     fn selection_keeps_the_squares() {
         let mut whole = Factor::new(6);
         whole.push(&random(40, 7, 3), 40);
-        let picked = whole.select(&[4, 1]);
+        let picked = whole.select(&[4, 1].map(Column::new));
         let x = DVector::from_vec(vec![0.0, 0.3, 0.0, 0.0, -0.8, 0.0]);
         let y = DVector::from_vec(vec![-0.8, 0.3]);
         assert!((whole.squares(&x) - picked.squares(&y)).abs() < 1e-12);

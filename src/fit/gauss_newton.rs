@@ -4,6 +4,7 @@ use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
 use super::bounded::solve_bounded;
+use super::column::Column;
 use super::factor::Factor;
 use super::monitor::Monitor;
 use super::pass::{Linearised, Problem, Sums, settle_linearise_and_respond};
@@ -229,7 +230,7 @@ fn step(factor: &Factor, theta: &[f64], bounds: &[Bounds], damping: f64) -> Step
         damped.push(&rows, 0);
     }
     let shifted =
-        |k: usize| Bounds { lower: bounds[k].lower - theta[k], upper: bounds[k].upper - theta[k] };
+        |k: Column| Bounds { lower: bounds[k].lower - theta[k], upper: bounds[k].upper - theta[k] };
     let change = solve_bounded(&damped, shifted).values;
     let before = factor.squares(&DVector::zeros(theta.len()));
     let after = factor.squares(&change);

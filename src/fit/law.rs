@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
+use super::column::Column;
 use super::pass::Stepping;
 use super::tuning::TUNING;
 use crate::dynamics::{Dynamics, Method};
@@ -326,10 +327,14 @@ impl Law {
         coefficients.chain(inner).collect()
     }
 
-    /// Positions of its terms in the system: their columns in the design matrix of the whole
-    /// function space.
+    /// Positions of its terms in the system.
     pub(crate) fn positions(&self) -> Vec<usize> {
         self.support.iter().map(|id| id.position()).collect()
+    }
+
+    /// The columns of its coefficients in the factor of the whole function space.
+    pub(super) fn columns(&self) -> Vec<Column> {
+        self.support.iter().copied().map(Column::from).collect()
     }
 
     /// Its numbers as the unknowns of a dynamics that has its terms: the coefficients of the

@@ -7,6 +7,7 @@
 
 mod block;
 pub mod bounded;
+pub mod column;
 mod compiled;
 mod conclude;
 pub(crate) mod course;

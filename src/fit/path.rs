@@ -7,6 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
+use super::column::Column;
 use super::factor::Factor;
 use super::tuning::TUNING;
 use crate::expr::Bounds;
@@ -45,12 +46,12 @@ pub struct PathPoint {
     /// Penalty on a coefficient times the norm of its column.
     pub lambda: f64,
     /// Unknowns that are not zero, with their values.
-    pub coefficients: Vec<(usize, f64)>,
+    pub coefficients: Vec<(Column, f64)>,
 }
 
 impl PathPoint {
-    /// Indices of the unknowns that are not zero.
-    pub fn support(&self) -> Vec<usize> {
+    /// The unknowns that are not zero.
+    pub fn support(&self) -> Vec<Column> {
         self.coefficients.iter().map(|&(k, _)| k).collect()
     }
 }
@@ -151,7 +152,7 @@ impl<'a> Descent<'a> {
     }
 
     fn largest_correlation(&self) -> f64 {
-        (0..self.norms.len())
+        Column::all(self.norms.len())
             .filter(|&k| self.penalised[k])
             .map(|k| self.correlations[k].abs())
             .fold(0.0, f64::max)
@@ -160,7 +161,8 @@ impl<'a> Descent<'a> {
     /// Descends to convergence, or until the sweeps are used up.
     fn solve(&mut self, lambda: f64, sweeps: usize) {
         self.correlate();
-        let all: Vec<usize> = (0..self.norms.len()).filter(|&k| self.norms[k] > 0.0).collect();
+        let all: Vec<Column> =
+            Column::all(self.norms.len()).filter(|&k| self.norms[k] > 0.0).collect();
         let mut left = sweeps;
         while left > 0 {
             let moved = self.sweep(&all, lambda);
@@ -168,7 +170,7 @@ impl<'a> Descent<'a> {
             if !moved {
                 return;
             }
-            let active: Vec<usize> =
+            let active: Vec<Column> =
                 all.iter().copied().filter(|&k| self.solution[k] != 0.0).collect();
             while left > 0 && self.sweep(&active, lambda) {
                 left -= 1;
@@ -177,7 +179,7 @@ impl<'a> Descent<'a> {
     }
 
     /// One pass over the unknowns; whether any of them moved noticeably.
-    fn sweep(&mut self, unknowns: &[usize], lambda: f64) -> bool {
+    fn sweep(&mut self, unknowns: &[Column], lambda: f64) -> bool {
         let size = self.solution.iter().fold(0.0f64, |m, x| m.max(x.abs()));
         let mut largest = 0.0f64;
         for &k in unknowns {
@@ -189,8 +191,9 @@ impl<'a> Descent<'a> {
             if change != 0.0 && change.is_finite() {
                 self.solution[k] = new;
                 let design = &self.design;
-                let products = self.products[k]
-                    .get_or_insert_with(|| project(design, &design.column(k).clone_owned()));
+                let products = self.products[k].get_or_insert_with(|| {
+                    project(design, &design.column(k.position()).clone_owned())
+                });
                 self.correlations.axpy(-change, products, 1.0);
                 largest = largest.max(change.abs());
             }
@@ -198,12 +201,10 @@ impl<'a> Descent<'a> {
         largest > 1e-9 * size
     }
 
-    fn coefficients(&self) -> Vec<(usize, f64)> {
-        self.solution
-            .iter()
-            .enumerate()
-            .filter(|(_, x)| **x != 0.0)
-            .map(|(k, x)| (k, x / self.norms[k]))
+    fn coefficients(&self) -> Vec<(Column, f64)> {
+        Column::all(self.solution.len())
+            .filter(|&k| self.solution[k] != 0.0)
+            .map(|k| (k, self.solution[k] / self.norms[k]))
             .collect()
     }
 }
@@ -233,7 +234,7 @@ mod tests {
         let points = path(&factor, &[true; 3], &[Bounds::FREE; 3], &settings);
         assert!(points[0].coefficients.iter().all(|(_, x)| x.abs() < 1e-12));
         let last = &points[1];
-        assert_eq!(last.support(), vec![0, 2]);
+        assert_eq!(last.support(), [0, 2].map(Column::new));
         assert!((last.coefficients[0].1 - 2.0).abs() < 1e-12);
         assert!((last.coefficients[1].1 - 0.5).abs() < 1e-12);
     }

@@ -5,6 +5,7 @@
 //! nothing. Here the same criterion is asked again, of the model linearised at its own
 //! coefficients, where nothing cancels.
 
+use super::column::Column;
 use super::criterion::Criterion;
 use super::monitor::Monitor;
 use super::train::{Round, Training};
@@ -30,7 +31,7 @@ pub fn prune(training: &mut Training, round: &mut Round, monitor: &dyn Monitor) 
     }
     if training.law.support().len() < searched {
         // What is reported as chosen is what was kept.
-        let kept = training.law.positions();
+        let kept = training.law.columns();
         let candidates = &mut round.search.candidates;
         if let Some(kept) = candidates.iter().position(|c| c.support == kept) {
             candidates[..=kept].rotate_right(1);
@@ -47,9 +48,9 @@ fn superfluous(training: &Training, round: &Round) -> Option<TermId> {
     let factor = refit.linearised.merged();
     let open = undetermined(&factor);
     // What the data leave open stays as it is: it must not hide what the others do.
-    let rest: Vec<usize> = (0..factor.columns()).filter(|k| !open.contains(k)).collect();
+    let rest: Vec<Column> = Column::all(factor.columns()).filter(|k| !open.contains(k)).collect();
     let inverse = covariance(&factor.select(&rest), 1.0);
-    let variance = |k: usize| {
+    let variance = |k: Column| {
         let place = rest.iter().position(|&other| other == k);
         place.map_or(f64::INFINITY, |place| inverse[(place, place)])
     };
@@ -58,9 +59,9 @@ fn superfluous(training: &Training, round: &Round) -> Option<TermId> {
     let present = value(refit.sums().loss, unknowns);
     let change = |(place, (id, _, coefficient)): (usize, (TermId, &Term, f64))| {
         // What the sum of squares grows by when the others take over as well as they can.
-        let growth = coefficient.powi(2) / variance(place);
+        let growth = coefficient.powi(2) / variance(Column::new(place));
         let without = value(refit.sums().loss + growth, unknowns.saturating_sub(1));
-        (id, without - present - round.columns.costs[id.position()])
+        (id, without - present - round.columns.costs[Column::from(id)])
     };
     (training.law.terms())
         .enumerate()

@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::column::Column;
 use super::criterion::Criterion;
 use super::elimination::Elimination;
 use super::factor::Factor;
@@ -9,11 +10,11 @@ use super::support::Columns;
 use super::tuning::TUNING;
 
 /// A support with the value of the criterion; smaller is better.
-pub type Judged = (f64, Vec<usize>);
+pub type Judged = (f64, Vec<Column>);
 
 /// The supports that backward elimination of the whole space goes through, for free bounds.
 pub fn backward(factor: &Factor, columns: &Columns, criterion: Criterion) -> Vec<Judged> {
-    let mut elimination = Elimination::new(factor, columns, (0..columns.terms).collect());
+    let mut elimination = Elimination::new(factor, columns, columns.of_terms().collect());
     let mut found = Vec::new();
     while !elimination.support.is_empty() {
         if elimination.support.len() <= TUNING.support.largest {
@@ -33,7 +34,7 @@ pub fn backward(factor: &Factor, columns: &Columns, criterion: Criterion) -> Vec
 pub fn forward(
     factor: &Factor,
     columns: &Columns,
-    mut judge: impl FnMut(Vec<usize>, f64) -> Judged,
+    mut judge: impl FnMut(Vec<Column>, f64) -> Judged,
 ) {
     let mut forward = Forward::new(factor.design(), factor.target());
     columns.of(&[]).into_iter().for_each(|column| forward.take(column));
@@ -57,7 +58,7 @@ pub fn forward(
 }
 
 /// The better of backward elimination and forward selection, for free bounds.
-pub fn quickest(factor: &Factor, columns: &Columns, criterion: Criterion) -> Vec<usize> {
+pub fn quickest(factor: &Factor, columns: &Columns, criterion: Criterion) -> Vec<Column> {
     let mut found = backward(factor, columns, criterion);
     forward(factor, columns, |support, squares| {
         let judged = (value(&support, squares, factor, columns, criterion), support);
@@ -74,7 +75,7 @@ pub fn better(a: &Judged, b: &Judged) -> std::cmp::Ordering {
 }
 
 fn value(
-    support: &[usize],
+    support: &[Column],
     squares: f64,
     factor: &Factor,
     columns: &Columns,
@@ -109,13 +110,13 @@ impl Forward {
     }
 
     /// What is left of a column; below rounding nothing is.
-    fn left(&self, column: usize) -> f64 {
-        let left = self.columns.column(column).norm_squared();
+    fn left(&self, column: Column) -> f64 {
+        let left = self.columns.column(column.position()).norm_squared();
         if left > 1e-22 * self.norms[column] { left } else { 0.0 }
     }
 
     /// Takes a column into the basis, once.
-    fn take(&mut self, column: usize) {
+    fn take(&mut self, column: Column) {
         if self.taken[column] {
             return;
         }
@@ -124,7 +125,7 @@ impl Forward {
         if left == 0.0 {
             return;
         }
-        let unit = self.columns.column(column) / left.sqrt();
+        let unit = self.columns.column(column.position()) / left.sqrt();
         for (mut other, taken) in self.columns.column_iter_mut().zip(&self.taken) {
             if !taken {
                 let shadow = unit.dot(&other);
@@ -136,12 +137,13 @@ impl Forward {
     }
 
     /// The term, of the first `terms` columns, that lowers the squares most.
-    fn best(&self, terms: usize) -> Option<usize> {
-        let fall = |k: usize| {
+    fn best(&self, terms: usize) -> Option<Column> {
+        let fall = |k: Column| {
             let left = self.left(k);
-            (left > 0.0).then(|| (k, self.columns.column(k).dot(&self.target).powi(2) / left))
+            (left > 0.0)
+                .then(|| (k, self.columns.column(k.position()).dot(&self.target).powi(2) / left))
         };
-        (0..terms)
+        Column::all(terms)
             .filter(|&k| !self.taken[k])
             .filter_map(fall)
             .max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))

@@ -10,6 +10,7 @@ use std::collections::{BTreeMap, HashMap};
 use nalgebra::{DMatrix, DVector};
 
 use super::bounded::solve_bounded;
+use super::column::Column;
 use super::criterion::Criterion;
 use super::elimination::Elimination;
 use super::factor::Factor;
@@ -23,10 +24,10 @@ use crate::expr::Bounds;
 pub struct Columns {
     /// Columns 0 .. terms are coefficients, the rest inner parameters.
     pub terms: usize,
-    /// Inner parameters (as columns) that come with each term.
-    pub companions: Vec<Vec<usize>>,
+    /// The inner parameters that come with each term.
+    pub companions: Vec<Vec<Column>>,
     /// Columns that every support holds (parameters of known parts).
-    pub forced: Vec<usize>,
+    pub forced: Vec<Column>,
     /// Allowed values, for each column.
     pub bounds: Vec<Bounds>,
     /// [`complexity`](super::criterion::complexity) of each term.
@@ -37,10 +38,10 @@ pub struct Columns {
 
 impl Columns {
     /// The factor's columns that belong to a support.
-    pub fn of(&self, support: &[usize]) -> Vec<usize> {
+    pub fn of(&self, support: &[Column]) -> Vec<Column> {
         let mut columns = support.to_vec();
         let extra = support.iter().flat_map(|&k| self.companions[k].iter().copied());
-        let mut parameters: Vec<usize> = self.forced.iter().copied().chain(extra).collect();
+        let mut parameters: Vec<Column> = self.forced.iter().copied().chain(extra).collect();
         parameters.sort_unstable();
         parameters.dedup();
         columns.extend(parameters);
@@ -60,14 +61,24 @@ impl Columns {
         }
     }
 
+    /// The columns of all terms.
+    pub fn of_terms(&self) -> impl DoubleEndedIterator<Item = Column> + ExactSizeIterator + use<> {
+        Column::all(self.terms)
+    }
+
+    /// Whether a column is that of a coefficient.
+    pub fn is_term(&self, column: Column) -> bool {
+        column.position() < self.terms
+    }
+
     /// Whether no value is out of bounds.
     pub fn all_free(&self) -> bool {
         self.bounds.iter().all(|bound| bound.is_free())
     }
 
     /// The same for a factor that kept only the columns `kept`, which begin with `terms`.
-    pub fn narrow(&self, terms: &[usize], kept: &[usize]) -> Columns {
-        let place = |column: &usize| kept.iter().position(|c| c == column);
+    pub fn narrow(&self, terms: &[Column], kept: &[Column]) -> Columns {
+        let place = |column: &Column| kept.iter().position(|c| c == column).map(Column::new);
         Columns {
             terms: terms.len(),
             companions: terms
@@ -85,10 +96,10 @@ impl Columns {
 /// A support with its unpenalised solution on the factor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SupportFit {
-    /// Terms, sorted.
-    pub support: Vec<usize>,
-    /// (column, value) of every unknown that belongs to it.
-    pub values: Vec<(usize, f64)>,
+    /// The columns of its terms, sorted.
+    pub support: Vec<Column>,
+    /// Every unknown that belongs to it, with its value.
+    pub values: Vec<(Column, f64)>,
     /// Sum of squares that the support leaves, in squares of the noise.
     pub squares: f64,
     /// Value of the criterion (a deviance; smaller is better).
@@ -141,7 +152,7 @@ pub fn near(
     factor: &Factor,
     columns: &Columns,
     criterion: Criterion,
-    support: &[usize],
+    support: &[Column],
 ) -> SupportSearch {
     let mut pool = Pool::new(factor, columns, criterion);
     pool.try_support(Vec::new());
@@ -171,7 +182,7 @@ fn levels(complexity: &[u32]) -> Vec<u32> {
 
 /// The best support of backward elimination and forward selection alone: for resampling, where
 /// speed counts.
-pub fn quick_search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Vec<usize> {
+pub fn quick_search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Vec<Column> {
     if columns.all_free() {
         return selection::quickest(factor, columns, criterion);
     }
@@ -186,9 +197,9 @@ pub fn quick_search(factor: &Factor, columns: &Columns, criterion: Criterion) ->
 #[derive(Debug, Clone, PartialEq)]
 pub struct Alternative {
     /// The term of the support.
-    pub term: usize,
+    pub term: Column,
     /// The term that could stand in its place.
-    pub instead: usize,
+    pub instead: Column,
     /// How much worse the criterion gets by the exchange.
     pub difference: f64,
 }
@@ -198,7 +209,7 @@ pub fn alternatives(
     factor: &Factor,
     columns: &Columns,
     criterion: Criterion,
-    support: &[usize],
+    support: &[Column],
     within: f64,
 ) -> Vec<Alternative> {
     let mut pool = Pool::new(factor, columns, criterion);
@@ -206,7 +217,7 @@ pub fn alternatives(
     let mut found = Vec::new();
     let moves = pool.moves(support);
     for (&term, exchanges) in support.iter().zip(&moves.exchanges) {
-        let rest: Vec<usize> = support.iter().copied().filter(|&k| k != term).collect();
+        let rest: Vec<Column> = support.iter().copied().filter(|&k| k != term).collect();
         for &(instead, _) in exchanges.iter().take(TUNING.support.exchanges) {
             let mut exchanged = rest.clone();
             exchanged.push(instead);
@@ -223,7 +234,7 @@ pub fn alternatives(
 /// The whole function space as the only candidate: a fit without sparsity.
 pub fn whole(factor: &Factor, columns: &Columns, criterion: Criterion) -> SupportSearch {
     let mut pool = Pool::new(factor, columns, criterion);
-    pool.try_support((0..columns.terms).collect());
+    pool.try_support(columns.of_terms().collect());
     SupportSearch { candidates: pool.best(usize::MAX), path: Vec::new(), tried: 1 }
 }
 
@@ -251,14 +262,15 @@ pub fn front(candidates: &[SupportFit]) -> Vec<SupportFit> {
 struct Reduced {
     factor: Factor,
     /// Columns of the whole factor, in the order of the reduced one.
-    columns: Vec<usize>,
+    columns: Vec<Column>,
 }
 
 impl Reduced {
     /// The factor of some of its columns, which are named as in the whole factor.
-    fn select(&self, columns: &[usize]) -> Factor {
-        let place = |column: &usize| self.columns.iter().position(|c| c == column);
-        self.factor.select(&columns.iter().filter_map(place).collect::<Vec<usize>>())
+    fn select(&self, columns: &[Column]) -> Factor {
+        let place =
+            |column: &Column| self.columns.iter().position(|c| c == column).map(Column::new);
+        self.factor.select(&columns.iter().filter_map(place).collect::<Vec<Column>>())
     }
 }
 
@@ -266,7 +278,7 @@ struct Pool<'a> {
     factor: &'a Factor,
     columns: &'a Columns,
     criterion: Criterion,
-    known: HashMap<Vec<usize>, SupportFit>,
+    known: HashMap<Vec<Column>, SupportFit>,
     design: DMatrix<f64>,
     target: DVector<f64>,
     norms: Vec<f64>,
@@ -286,14 +298,14 @@ impl<'a> Pool<'a> {
     }
 
     /// Refits a support without penalty; a coefficient that ends on a bound of zero leaves it.
-    fn try_support(&mut self, support: Vec<usize>) -> SupportFit {
+    fn try_support(&mut self, support: Vec<Column>) -> SupportFit {
         self.try_on(None, support)
     }
 
     /// Refits supports that have most of their terms in common: on the triangle of their union,
     /// which has far fewer rows than that of the whole space.
-    fn try_all(&mut self, supports: &[Vec<usize>]) {
-        let mut union: Vec<usize> = supports.iter().flatten().copied().collect();
+    fn try_all(&mut self, supports: &[Vec<Column>]) {
+        let mut union: Vec<Column> = supports.iter().flatten().copied().collect();
         union.sort_unstable();
         union.dedup();
         let columns = self.columns.of(&union);
@@ -303,7 +315,7 @@ impl<'a> Pool<'a> {
         }
     }
 
-    fn try_on(&mut self, reduced: Option<&Reduced>, mut support: Vec<usize>) -> SupportFit {
+    fn try_on(&mut self, reduced: Option<&Reduced>, mut support: Vec<Column>) -> SupportFit {
         support.sort_unstable();
         support.dedup();
         if let Some(known) = self.known.get(&support) {
@@ -315,9 +327,9 @@ impl<'a> Pool<'a> {
             None => self.factor.select(&columns),
         };
         let solution = solve_bounded(&selected, |i| self.columns.bounds[columns[i]]);
-        let values: Vec<(usize, f64)> =
+        let values: Vec<(Column, f64)> =
             columns.iter().copied().zip(solution.values.iter().copied()).collect();
-        let stuck = |k: usize| {
+        let stuck = |k: Column| {
             values.iter().any(|&(c, x)| c == k && x == 0.0 && !self.columns.bounds[k].is_free())
         };
         if support.iter().any(|&k| stuck(k)) {
@@ -345,14 +357,14 @@ impl<'a> Pool<'a> {
 
     /// Tries the supports of the L1 path, and those of backward elimination from its end.
     fn follow_path(&mut self) -> Vec<PathPoint> {
-        let terms = self.columns.terms;
-        let penalised: Vec<bool> = (0..self.factor.columns()).map(|k| k < terms).collect();
+        let penalised: Vec<bool> =
+            Column::all(self.factor.columns()).map(|k| self.columns.is_term(k)).collect();
         let settings = Settings { most_terms: TUNING.support.largest, ..Settings::default() };
         let path = path(self.factor, &penalised, &self.columns.bounds, &settings);
-        let support = |point: &PathPoint| -> Vec<usize> {
-            point.support().into_iter().filter(|&k| k < terms).collect()
+        let support = |point: &PathPoint| -> Vec<Column> {
+            point.support().into_iter().filter(|&k| self.columns.is_term(k)).collect()
         };
-        let mut along: Vec<Vec<usize>> = path.iter().map(support).collect();
+        let mut along: Vec<Vec<Column>> = path.iter().map(support).collect();
         let widest = along.last().cloned();
         along.retain(|support| support.len() <= TUNING.support.largest);
         self.try_all(&along);
@@ -366,12 +378,12 @@ impl<'a> Pool<'a> {
     fn eliminate_levels(&mut self) {
         let complexity = &self.columns.complexity;
         for level in levels(complexity) {
-            self.eliminate((0..self.columns.terms).filter(|&k| complexity[k] <= level).collect());
+            self.eliminate(self.columns.of_terms().filter(|&k| complexity[k] <= level).collect());
         }
     }
 
     /// Removes the least useful term again and again; keeps the small supports on the way.
-    fn eliminate(&mut self, start: Vec<usize>) {
+    fn eliminate(&mut self, start: Vec<Column>) {
         let mut elimination = Elimination::new(self.factor, self.columns, start);
         let mut small = Vec::new();
         loop {
@@ -389,7 +401,7 @@ impl<'a> Pool<'a> {
     /// The same from the whole space; looks closely only at the best of the supports on the way.
     fn eliminate_quickly(&mut self) {
         if !self.columns.all_free() {
-            return self.eliminate((0..self.columns.terms).collect());
+            return self.eliminate(self.columns.of_terms().collect());
         }
         let mut found = selection::backward(self.factor, self.columns, self.criterion);
         found.sort_by(selection::better);
@@ -407,14 +419,14 @@ impl<'a> Pool<'a> {
     }
 
     /// What additions to a support and exchanges of one of its terms would do to the squares.
-    fn moves(&self, support: &[usize]) -> Moves {
+    fn moves(&self, support: &[Column]) -> Moves {
         let columns = self.columns.of(support);
-        let chosen = self.design.select_columns(&columns);
+        let chosen = selected(&self.design, &columns);
         let (basis, duals) = basis_and_duals(&chosen);
         let residual = &self.target - &basis * basis.tr_mul(&self.target);
-        let terms: Vec<usize> =
-            (0..self.columns.terms).filter(|k| support.binary_search(k).is_err()).collect();
-        let outside = self.design.select_columns(&terms);
+        let terms: Vec<Column> =
+            self.columns.of_terms().filter(|k| support.binary_search(k).is_err()).collect();
+        let outside = selected(&self.design, &terms);
         let shadows = basis.transpose() * &outside;
         let along = duals.transpose() * &outside;
         let slopes = outside.tr_mul(&residual);
@@ -434,7 +446,7 @@ impl<'a> Pool<'a> {
                 if left > 1e-22 * norm { left } else { 0.0 }
             })
             .collect();
-        let mut additions: Vec<(usize, f64)> = terms
+        let mut additions: Vec<(Column, f64)> = terms
             .iter()
             .enumerate()
             .filter(|&(c, _)| left[c] > 0.0)
@@ -444,7 +456,7 @@ impl<'a> Pool<'a> {
         let exchanges = (0..support.len())
             .map(|out| {
                 let height = heights[out];
-                let mut rises: Vec<(usize, f64)> = terms
+                let mut rises: Vec<(Column, f64)> = terms
                     .iter()
                     .enumerate()
                     .filter(|&(c, _)| left[c] + along[(out, c)].powi(2) > 0.0)
@@ -497,9 +509,15 @@ impl<'a> Pool<'a> {
 /// Changes of a support by one term, by what they do to the sum of squares.
 struct Moves {
     /// (term, fall), best first.
-    additions: Vec<(usize, f64)>,
+    additions: Vec<(Column, f64)>,
     /// For each term of the support: (term in its place, rise), best first.
-    exchanges: Vec<Vec<(usize, f64)>>,
+    exchanges: Vec<Vec<(Column, f64)>>,
+}
+
+/// Some columns of a matrix, in the order given.
+fn selected(matrix: &DMatrix<f64>, columns: &[Column]) -> DMatrix<f64> {
+    let columns: Vec<usize> = columns.iter().map(|column| column.position()).collect();
+    matrix.select_columns(&columns)
 }
 
 /// An orthonormal basis of the columns' span, and for each column the unit vector of the span

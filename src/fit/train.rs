@@ -8,6 +8,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use super::column::Column;
 use super::compiled::Compiled;
 use super::criterion::{Criterion, choice_costs, complexity};
 use super::factor::Factor;
@@ -308,9 +309,9 @@ impl<'a> Training<'a> {
         let columns = self.columns(&whole);
         let criterion = Criterion { floor: self.floor() };
         // Coefficients are looked for as they are, parameters as increments.
-        let terms = self.system().terms.len();
-        let origin =
-            nalgebra::DVector::from_fn(theta.len(), |k, _| if k < terms { -theta[k] } else { 0.0 });
+        let present = Column::all(theta.len())
+            .map(|column| if columns.is_term(column) { -theta[column] } else { 0.0 });
+        let origin = nalgebra::DVector::from_iterator(theta.len(), present);
         let folds: Vec<Factor> = folds
             .into_iter()
             .map(|mut fold| {
@@ -323,7 +324,7 @@ impl<'a> Training<'a> {
             _ if !self.options.sparse => support::whole(&merged, &columns, criterion),
             Extent::Whole => support::search(&merged, &columns, criterion),
             Extent::Rough => support::rough(&merged, &columns, criterion),
-            Extent::Near => support::near(&merged, &columns, criterion, &self.law.positions()),
+            Extent::Near => support::near(&merged, &columns, criterion, &self.law.columns()),
         };
         if self.options.selection == super::options::Selection::HeldOut {
             super::held_out::prefer_held_out(&mut search.candidates, &folds, &columns);
@@ -386,8 +387,8 @@ impl<'a> Training<'a> {
     /// those of the terms, in their order.
     fn terms_of(&self, candidate: &SupportFit) -> Vec<(TermId, f64)> {
         let ids = self.system().term_ids();
-        let value = |k: usize| candidate.values.iter().find(|(column, _)| *column == k);
-        let term = |&k: &usize| (ids[k], value(k).map_or(0.0, |(_, value)| *value));
+        let value = |k: Column| candidate.values.iter().find(|(column, _)| *column == k);
+        let term = |&k: &Column| (ids[k], value(k).map_or(0.0, |(_, value)| *value));
         candidate.support.iter().map(term).collect()
     }
 
@@ -399,9 +400,8 @@ impl<'a> Training<'a> {
     /// Makes a candidate the present model and refits it.
     fn adopt(&mut self, candidate: &SupportFit, whole: &Dynamics, monitor: &dyn Monitor) -> Refit {
         let terms = self.system().terms.len();
-        let inner = candidate.values.iter().filter(|(column, _)| *column >= terms);
-        let moved = inner.filter_map(|&(column, change)| {
-            let id = *whole.parameters().get(column - terms)?;
+        let moved = candidate.values.iter().filter_map(|&(column, change)| {
+            let id = *whole.parameters().get(column.position().checked_sub(terms)?)?;
             let bounds = self.system().parameter(id)?.bounds;
             Some((id, bounds.clamp(self.law.parameter(id)? + change)))
         });
@@ -477,20 +477,21 @@ impl<'a> Training<'a> {
         let system = self.system();
         let terms = system.terms.len();
         let mut companions = vec![Vec::new(); terms];
-        let mut free = vec![true; whole.parameters().len()];
+        let inner: Vec<Column> =
+            Column::all(terms + whole.parameters().len()).skip(terms).collect();
+        let mut forced = inner.clone();
         for (k, term) in system.terms.iter().enumerate() {
             if system.parameters.is_empty() {
                 break;
             }
             let symbols = system.graph.symbols(&[term.expr]);
-            for (column, id) in whole.parameters().iter().enumerate() {
+            for (&column, id) in inner.iter().zip(whole.parameters()) {
                 if symbols.contains(&Symbol::Parameter(id.position())) {
-                    companions[k].push(terms + column);
-                    free[column] = false;
+                    companions[k].push(column);
+                    forced.retain(|&other| other != column);
                 }
             }
         }
-        let forced = (0..free.len()).filter(|&c| free[c]).map(|c| terms + c).collect();
         let mut bounds: Vec<Bounds> = system.terms.iter().map(|t| t.bounds).collect();
         bounds.extend(whole.parameters().iter().map(|id| {
             let j = id.position();

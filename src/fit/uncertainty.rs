@@ -6,16 +6,18 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
+use super::column::Column;
 use super::criterion::Criterion;
 use super::factor::Factor;
 use super::support::{Columns, SupportFit, quick_search};
 use super::tuning::TUNING;
 
 /// Unknowns that the data do not determine beside those before them.
-pub fn undetermined(factor: &Factor) -> Vec<usize> {
+pub fn undetermined(factor: &Factor) -> Vec<Column> {
     let (triangle, norms) = (factor.design(), factor.norms());
-    let open = |&k: &usize| triangle[(k, k)].abs() <= 1e-13 * norms[k] || norms[k] == 0.0;
-    (0..factor.columns()).filter(open).collect()
+    let pivot = |k: Column| triangle[(k.position(), k.position())].abs();
+    let open = |&k: &Column| pivot(k) <= 1e-13 * norms[k] || norms[k] == 0.0;
+    Column::all(factor.columns()).filter(open).collect()
 }
 
 /// Covariance of the unknowns of a factor for residuals of the given variance.
@@ -29,7 +31,8 @@ pub fn covariance(factor: &Factor, variance: f64) -> DMatrix<f64> {
     if !open.is_empty() {
         let mut covariance = DMatrix::zeros(size, size);
         for k in 0..size {
-            let drags = open.iter().any(|&o| o == k || triangle[(k.min(o), o)] != 0.0);
+            let drags =
+                open.iter().map(|o| o.position()).any(|o| o == k || triangle[(k.min(o), o)] != 0.0);
             covariance[(k, k)] = if drags { f64::INFINITY } else { 0.0 };
         }
         return covariance;
@@ -52,7 +55,7 @@ pub fn inclusion(
     seed: u64,
 ) -> Vec<f64> {
     let mut frequency = vec![0.0; columns.terms];
-    let mut pool: Vec<usize> = Vec::new();
+    let mut pool: Vec<Column> = Vec::new();
     let best = candidates.first().map_or(f64::NAN, |c| c.criterion);
     let leading = candidates.iter().take_while(|c| c.criterion - best < TUNING.conclusion.leading);
     for &term in leading.flat_map(|c| &c.support) {
@@ -83,7 +86,7 @@ pub fn inclusion(
         });
         quick_search(&drawn, &narrowed, criterion)
     };
-    let supports: Vec<Vec<usize>> = draws.par_iter().map(search).collect();
+    let supports: Vec<Vec<Column>> = draws.par_iter().map(search).collect();
     for k in supports.into_iter().flatten() {
         frequency[pool[k]] += 1.0;
     }
@@ -146,15 +149,15 @@ impl Whitened {
 pub enum Unlearnable {
     /// It does not change any measured value.
     Untouched {
-        /// Index of the column.
-        column: usize,
+        /// Which.
+        column: Column,
     },
     /// It does the same as a combination of others (empty: which one was not looked for).
     Dependent {
-        /// Index of the column.
-        column: usize,
+        /// Which.
+        column: Column,
         /// The other columns and their factors.
-        on: Vec<(usize, f64)>,
+        on: Vec<(Column, f64)>,
     },
 }
 
@@ -162,11 +165,11 @@ pub enum Unlearnable {
 pub fn unlearnable(factor: &Factor) -> Vec<Unlearnable> {
     let mut made_of = 0;
     let norms = factor.norms();
-    let mut found: Vec<Unlearnable> = (0..norms.len())
+    let mut found: Vec<Unlearnable> = Column::all(norms.len())
         .filter(|&k| norms[k] == 0.0)
         .map(|column| Unlearnable::Untouched { column })
         .collect();
-    let touched: Vec<usize> = (0..norms.len()).filter(|&k| norms[k] > 0.0).collect();
+    let touched: Vec<Column> = Column::all(norms.len()).filter(|&k| norms[k] > 0.0).collect();
     if touched.is_empty() {
         return found;
     }
@@ -174,9 +177,9 @@ pub fn unlearnable(factor: &Factor) -> Vec<Unlearnable> {
     // is solved for among the independent ones.
     let design = factor.design();
     let mut basis: Vec<DVector<f64>> = Vec::new();
-    let mut independent: Vec<usize> = Vec::new();
+    let mut independent: Vec<Column> = Vec::new();
     for &k in &touched {
-        let mut rest: DVector<f64> = design.column(k) / norms[k];
+        let mut rest: DVector<f64> = design.column(k.position()) / norms[k];
         for _ in 0..2 {
             for q in &basis {
                 let shadow = q.dot(&rest);
@@ -270,8 +273,9 @@ mod tests {
             _ => base(i, j),
         });
         let found = unlearnable(&of);
-        assert_eq!(found[0], Unlearnable::Untouched { column: 2 });
-        let Unlearnable::Dependent { column: 3, on } = &found[1] else { panic!("{found:?}") };
+        assert_eq!(found[0], Unlearnable::Untouched { column: Column::new(2) });
+        let Unlearnable::Dependent { column, on } = &found[1] else { panic!("{found:?}") };
+        assert_eq!(*column, Column::new(3));
         assert!((on[0].1 - 2.0).abs() < 1e-9 && (on[1].1 + 1.0).abs() < 1e-9);
     }
 
