@@ -37,5 +37,5 @@ fn asked(samples: usize) -> Asked {
     let found = last.expect("it was asked");
     let named = found.ranking.first().map_or(String::new(), |leader| leader.effect.clone());
     println!("diagnosis of {samples} samples: {fastest:.3} s, median {median:.3} s, {named}");
-    Asked { samples, tried: found.tried, named, fastest, median }
+    Asked { samples, tried: found.tests, named, fastest, median }
 }

@@ -51,7 +51,7 @@ pub fn leaders(outcome: &Outcome) -> String {
     let window = outcome.model.evidence.window;
     let _ = writeln!(out, "    {} window {window} noise {noise:.4?}", terms.join(", "));
     let _ = writeln!(out, "    floor {:.4?}", diagnosis.noise_floor);
-    for leader in diagnosis.ranking.iter().chain(&diagnosis.then).chain(&diagnosis.unnamed) {
+    for leader in diagnosis.ranking.iter().chain(&diagnosis.further).chain(&diagnosis.unnamed) {
         let _ = writeln!(
             out,
             "    {:<60} deviance {:9.1}  held-out {:.3} -> {:.3}  {:?}",

@@ -188,9 +188,9 @@ fn purpose(
     let among = listed(&rivals);
     if rivals.len() > 1 {
         // The diagnosis held some runs out; all of them together may have the answer.
-        let behind = design::standings(&rivals, &bench.dataset, model.evidence.window)?;
-        let mut behind = behind.iter().map(|standing| standing.behind);
-        rivals.retain(|_| behind.next().is_some_and(|behind| behind <= design::DISTINGUISHABLE));
+        let standings = design::standings(&rivals, &bench.dataset, model.evidence.window)?;
+        let mut excess = standings.iter().map(|standing| standing.excess_deviance);
+        rivals.retain(|_| excess.next().is_some_and(|excess| excess <= design::DISTINGUISHABLE));
     }
     Ok(match (rivals.as_slice(), found.verdict) {
         ([_, _, ..], _) => {

@@ -77,7 +77,7 @@ fn show(bench: &Bench, revision: &RevisionOutcome, console: &Console) -> Result<
         after: &revision.is.horizons,
         moved: &revision.moved,
         effect: &revision.effect,
-        warranted: revision.warranted,
+        supported: revision.supported,
         why: &revision.why,
     };
     let object = json!({
@@ -91,7 +91,7 @@ fn show(bench: &Bench, revision: &RevisionOutcome, console: &Console) -> Result<
             "term": term, "coefficient": value, "standard_error": present::finite(*error),
         })).collect::<Vec<_>>(),
         "moved": revision.moved,
-        "warranted": revision.warranted,
+        "supported": revision.supported,
         "reason": revision.why,
         "spec": bench.project.name(),
         "model_file": bench.project.model_path().display().to_string(),

@@ -16,7 +16,7 @@ pub struct Probed {
     /// One column for each probe.
     pub scores: Scores,
     /// Segments that were lost: predictions, or effects of a probe, that are not finite.
-    pub exploded: usize,
+    pub diverged: usize,
 }
 
 impl Settled<'_> {
@@ -39,12 +39,12 @@ impl Settled<'_> {
         let problem = context.problem(segments, &weights);
         let linearised = linearise(&problem, &dynamics, &theta, states);
         if linearised.sums.rows <= count + dynamics.parameters().len() {
-            let Sums { rows, exploded, .. } = linearised.sums;
+            let Sums { rows, diverged, .. } = linearised.sums;
             return Err(Error::new(
                 ErrorKind::InsufficientData,
                 format!(
                     "{rows} independent residuals do not suffice to ask what is missing \
-                     ({exploded} of {} predictions diverged)",
+                     ({diverged} of {} predictions diverged)",
                     segments.list.len()
                 ),
                 "measure longer runs, or more of them",
@@ -60,8 +60,8 @@ impl Settled<'_> {
         let base = count + dynamics.parameters().len();
         let factor = linearised.merged().select(&order);
         let variance = noise_variance(&factor, base);
-        let exploded = linearised.sums.exploded;
-        Ok(Probed { scores: Scores::new(&factor, base, variance), exploded })
+        let diverged = linearised.sums.diverged;
+        Ok(Probed { scores: Scores::new(&factor, base, variance), diverged })
     }
 }
 

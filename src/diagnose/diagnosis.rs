@@ -42,17 +42,17 @@ pub struct Diagnosis {
     /// Labels of leaders that these data cannot tell from the first; empty when it stands alone.
     pub indistinguishable: Vec<String>,
     /// What would have to be added after the first, by its own merits, to explain the rest.
-    pub then: Vec<RankedEffect>,
+    pub further: Vec<RankedEffect>,
     /// The best term without a name, where the verdict is that something unnamed is missing.
     pub unnamed: Option<RankedEffect>,
     /// Whether that term alone explains more than the named effects together.
     pub unnamed_explains_more: bool,
     /// The force that is left when all that has a name is in the model, where it shows most.
     pub shape: Option<ResidualMap>,
-    /// Candidates that were tried.
+    /// Candidates that were tested.
     pub candidates: usize,
     /// Candidates times the grid points of their inner parameters.
-    pub tried: usize,
+    pub tests: usize,
     /// Error on held-out runs over a segment, in units of the noise, before anything is added.
     pub held_out_error: f64,
     /// Noise of each observable, as predictions over few samples show it.
@@ -96,14 +96,14 @@ impl Diagnosis {
         Diagnosis {
             verdict: Verdict::NothingMissing,
             candidates,
-            tried: ranking.tried,
+            tests: ranking.tests,
             held_out_error: ranking.before,
             noise_floor: noise_floor.to_vec(),
             indistinguishable: close.map(|effect| effect.effect.clone()).collect(),
             ranking: effects().cloned().collect(),
             ..Diagnosis::too_little(format!(
                 "none of {} tests finds more than noise explains",
-                ranking.tried
+                ranking.tests
             ))
         }
     }
@@ -115,12 +115,12 @@ impl Diagnosis {
             reason,
             ranking: Vec::new(),
             indistinguishable: Vec::new(),
-            then: Vec::new(),
+            further: Vec::new(),
             unnamed: None,
             unnamed_explains_more: false,
             shape: None,
             candidates: 0,
-            tried: 0,
+            tests: 0,
             held_out_error: f64::NAN,
             noise_floor: Vec::new(),
         }

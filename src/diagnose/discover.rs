@@ -198,7 +198,7 @@ fn interruption(diagnosis: &Diagnosis, round: usize) -> (String, Verdict) {
             format!(
                 "interrupted in round {round}, while its candidates were scored; none of the {} \
                  scored so far was significant",
-                diagnosis.tried
+                diagnosis.tests
             ),
             Verdict::TooLittleData,
         ),

@@ -4,7 +4,7 @@ use super::context::Context;
 use super::tuning::TUNING;
 use crate::fit::pass::Sums;
 
-/// Error in units of the noise over segments of `window` samples, and segments that exploded;
+/// Error in units of the noise over segments of `window` samples, and segments that diverged;
 /// NaN where too few are left to say.
 pub fn error(context: &Context, window: usize) -> (f64, usize) {
     error_of(&context.settle(window).2)
@@ -15,7 +15,7 @@ pub(super) fn error_of(sums: &Sums) -> (f64, usize) {
     let freedom: f64 = sums.freedom.iter().sum();
     let squares: f64 = sums.squares.iter().sum();
     let error = if freedom < 1.0 { f64::NAN } else { (squares / freedom).sqrt() };
-    (error, sums.exploded)
+    (error, sums.diverged)
 }
 
 /// Squares a residual in excess of the noise; zero for a model at the noise, which leaves one

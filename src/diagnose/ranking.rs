@@ -25,7 +25,7 @@ pub struct Ranking {
     /// Error of the model before held-out runs, over such segments.
     pub before: f64,
     /// Candidates times grid points.
-    pub tried: usize,
+    pub tests: usize,
 }
 
 /// Scores all candidates, refits the significant ones (`most` of them) and ranks them.
@@ -47,7 +47,7 @@ pub fn ranking(
     let held_out = context.with_data(held_out);
     let field = Field { candidates, held_out, variance: scored.variance, monitor };
     let refitted = field.refitted(scored.data, starts);
-    Ok(rank(refitted, scored.variance, scored.tried))
+    Ok(rank(refitted, scored.variance, scored.tests))
 }
 
 /// What refits have in common.
@@ -155,7 +155,7 @@ fn yardstick(judged: &[(usize, Judged)], otherwise: f64) -> f64 {
 }
 
 /// Those that pay, in the order of their evidence.
-fn rank(refitted: Refitted, scored: f64, tried: usize) -> Ranking {
+fn rank(refitted: Refitted, scored: f64, tests: usize) -> Ranking {
     let Refitted { judged: mut effects, data, held_out } = refitted;
     let variance = yardstick(&effects, scored);
     let (before, _) = error_of(&held_out.all.sums);
@@ -183,5 +183,5 @@ fn rank(refitted: Refitted, scored: f64, tried: usize) -> Ranking {
     });
     let effects = effects.into_iter().map(|(_, one)| one).collect();
     let window = data.all.context.law.window();
-    Ranking { effects, close, variance, window, before, tried }
+    Ranking { effects, close, variance, window, before, tests }
 }

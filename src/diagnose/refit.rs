@@ -158,7 +158,7 @@ impl Refit {
             return sums.clone();
         }
         let afresh = context.settle(context.law.window()).2;
-        let lower = |sums: &&Sums| sums.loss <= afresh.loss && sums.exploded <= afresh.exploded;
+        let lower = |sums: &&Sums| sums.loss <= afresh.loss && sums.diverged <= afresh.diverged;
         by_fit.filter(lower).cloned().unwrap_or(afresh)
     }
 
@@ -179,7 +179,7 @@ impl Refit {
 
 /// Whether less is left than the model without the effect leaves, and no more segments are lost.
 fn gained(sums: &Sums, settled: &Settled) -> bool {
-    sums.loss < settled.sums.loss && sums.exploded <= settled.sums.exploded
+    sums.loss < settled.sums.loss && sums.diverged <= settled.sums.diverged
 }
 
 /// Gauss-Newton on the segments of a context.

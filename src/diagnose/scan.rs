@@ -29,7 +29,7 @@ pub struct Scan {
     /// The best grid point of each candidate that can be told from the model, best first.
     pub scored: Vec<Scored>,
     /// Candidates times grid points.
-    pub tried: usize,
+    pub tests: usize,
     /// Variance of the weighted residuals once the best of all candidates are in.
     pub variance: f64,
 }
@@ -41,7 +41,7 @@ pub struct Significant<'a> {
     /// The best grid point of each of them, best first.
     pub best: Vec<Scored>,
     /// Candidates times grid points, on segments of every length that was tried.
-    pub tried: usize,
+    pub tests: usize,
     /// As [`Scan::variance`].
     pub variance: f64,
 }
@@ -62,17 +62,17 @@ pub fn significant<'a>(
     let most = TUNING.scan.significant;
     let mut data = context.parts();
     let mut scores = scan(&data.all, data.part.as_ref(), candidates)?;
-    let mut tried = scores.tried;
+    let mut tests = scores.tests;
     while !scores.scored.iter().any(|s| s.p_value < most) && !monitor.stopped() {
         let Some(window) = longer(&data.all.context) else { break };
         data = context.with_window(window).parts();
         scores = scan(&data.all, data.part.as_ref(), candidates)?;
-        tried += scores.tried;
+        tests += scores.tests;
     }
     // Every length that was tried is a look elsewhere.
-    let lengths = tried as f64 / scores.tried.max(1) as f64;
+    let lengths = tests as f64 / scores.tests.max(1) as f64;
     let best = scores.scored.into_iter().filter(|s| lengths * s.p_value < most).collect();
-    Ok(Significant { data, best, tried, variance: scores.variance })
+    Ok(Significant { data, best, tests, variance: scores.variance })
 }
 
 /// Index of a candidate, and values of its inner parameters.
@@ -83,20 +83,20 @@ type GridPoint = (usize, Vec<f64>);
 /// Grids are looked through on a part of the data; the best point of each candidate is then
 /// judged on all of them. `few` is the model before that part, where there are more.
 pub fn scan(settled: &Settled, few: Option<&Settled>, all: &[Candidate]) -> Result<Scan> {
-    let tried = all.iter().map(|candidate| candidate.grid.len()).sum();
+    let tests = all.iter().map(|candidate| candidate.grid.len()).sum();
     let every: Vec<(usize, Vec<Vec<f64>>)> =
         all.iter().map(|candidate| candidate.grid.clone()).enumerate().collect();
     let points = if let Some(few) = few {
         let (grids, plain): (Vec<_>, Vec<_>) = every.into_iter().partition(|(_, g)| g.len() > 1);
-        let (found, _) = score(few, all, &grids, tried, TUNING.scan.columns_apart)?;
+        let (found, _) = score(few, all, &grids, tests, TUNING.scan.columns_apart)?;
         let best = found.into_iter().map(|scored| (scored.candidate, vec![scored.values]));
         plain.into_iter().chain(best).collect()
     } else {
         every
     };
-    let (mut scored, variance) = score(settled, all, &points, tried, TUNING.scan.columns_together)?;
+    let (mut scored, variance) = score(settled, all, &points, tests, TUNING.scan.columns_together)?;
     scored.sort_by(|a, b| b.merit.total_cmp(&a.merit).then(a.candidate.cmp(&b.candidate)));
-    Ok(Scan { scored, tried, variance })
+    Ok(Scan { scored, tests, variance })
 }
 
 /// Scores candidates at some points of their grids, so many `columns` at a time; the best point of
@@ -105,7 +105,7 @@ fn score(
     settled: &Settled,
     all: &[Candidate],
     points: &[(usize, Vec<Vec<f64>>)],
-    tried: usize,
+    tests: usize,
     columns: usize,
 ) -> Result<(Vec<Scored>, f64)> {
     let of_grid = |(c, grid): &(usize, Vec<Vec<f64>>)| {
@@ -123,7 +123,7 @@ fn score(
             width += width_of(&queue[end]);
             end += 1;
         }
-        probe_range(settled, all, &queue[start..end], settled.sums.exploded, &mut probed)?;
+        probe_range(settled, all, &queue[start..end], settled.sums.diverged, &mut probed)?;
         start = end;
     }
     // One yardstick for all: what is left where the most is explained.
@@ -132,7 +132,7 @@ fn score(
     let mut best: Vec<Option<Scored>> = vec![None; all.len()];
     for (tries, mut scores) in probed {
         scores.variance = variance;
-        choose(&scores, all, tries, tried, &mut best);
+        choose(&scores, all, tries, tests, &mut best);
     }
     Ok((best.into_iter().flatten().collect(), variance))
 }
@@ -150,12 +150,12 @@ fn probe_range<'t>(
     let probes = tries.iter().flat_map(|(c, values)| all[*c].probes(&mut system, values));
     let terms: Vec<Term> = probes.collect();
     match settled.probe(system, &terms) {
-        Ok(found) if found.exploded <= lost => probed.push((tries, found.scores)),
+        Ok(found) if found.diverged <= lost => probed.push((tries, found.scores)),
         _ if tries.len() == 1 => {}
         _ => {
             // How the model's own unknowns act may be lost too.
             let alone = settled.probe(System::clone(settled.context.system()), &[])?;
-            let lost = lost.max(alone.exploded);
+            let lost = lost.max(alone.diverged);
             let (first, second) = tries.split_at(tries.len() / 2);
             probe_range(settled, all, first, lost, probed)?;
             probe_range(settled, all, second, lost, probed)?;
@@ -169,7 +169,7 @@ fn choose(
     scores: &Scores,
     all: &[Candidate],
     tries: &[GridPoint],
-    tried: usize,
+    tests: usize,
     best: &mut [Option<Scored>],
 ) {
     let mut column = 0;
@@ -181,7 +181,7 @@ fn choose(
         let unknowns = score.degrees + values.len();
         let merit = score.deviance - unknowns as f64 * (scores.rows.max(1) as f64).ln();
         if score.degrees > 0 && best[*c].as_ref().is_none_or(|b| merit > b.merit) {
-            let p_value = (score.p_value * tried as f64).min(1.0);
+            let p_value = (score.p_value * tests as f64).min(1.0);
             best[*c] =
                 Some(Scored { candidate: *c, values: values.clone(), score, p_value, merit });
         }

@@ -33,7 +33,7 @@ pub fn explained(question: &Question, diagnosis: &mut Diagnosis, chain: Chain) -
             next.effect, next.held_out_error_after
         );
     }
-    diagnosis.then = then.iter().map(|&next| next.clone()).collect();
+    diagnosis.further = then.iter().map(|&next| next.clone()).collect();
     if chain.left == 0.0 && chain.links.len() == 1 {
         return Ok(());
     }

@@ -109,9 +109,9 @@ pub fn taylor(
         let finite = sampled.filter(|state| state.iter().all(|x| x.is_finite()));
         let Some(sample) = finite else {
             let after = times[at.saturating_sub(1)];
-            let exploded = !state.iter().all(|x| x.is_finite());
+            let diverged = !state.iter().all(|x| x.is_finite());
             trajectory.stop =
-                if exploded { Stop::Exploded { after } } else { Stop::Unresolved { after } };
+                if diverged { Stop::Diverged { after } } else { Stop::Unresolved { after } };
             break;
         };
         batch.set(0, wanted, &sample);

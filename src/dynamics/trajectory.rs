@@ -11,7 +11,7 @@ pub enum Stop {
     /// Every time was reached.
     Finished,
     /// The state left the finite numbers between `after` and the next time asked for.
-    Exploded {
+    Diverged {
         /// The last time that was reached.
         after: f64,
     },
@@ -110,7 +110,7 @@ pub fn simulate(
                 trajectory.stop = if batch.is_finite(lane) {
                     Stop::Unresolved { after }
                 } else {
-                    Stop::Exploded { after }
+                    Stop::Diverged { after }
                 };
                 batch.set(lane, time, &vec![f64::NAN; 2 * dynamics.degrees()]);
             }

@@ -27,12 +27,12 @@ pub fn instances(system: &System) -> Vec<Instance> {
     let unit =
         |name: &String| system.coordinates.iter().find(|variable| variable.name == *name)?.unit;
     let angle = |name: &String| unit(name).is_none_or(Unit::is_number);
-    let alike = |names: &[String]| match names {
+    let one_unit = |names: &[String]| match names {
         [first, second] => unit(first).zip(unit(second)).is_none_or(|(a, b)| a.agrees(b)),
         _ => true,
     };
     let mut out = effects::instances(&system.scene());
     out.retain(|instance| !instance.effect.angle || instance.arguments.iter().all(angle));
-    out.retain(|instance| !instance.effect.alike || alike(&instance.arguments));
+    out.retain(|instance| !instance.effect.one_unit || one_unit(&instance.arguments));
     out
 }

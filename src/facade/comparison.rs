@@ -41,10 +41,10 @@ pub struct Horizon {
     /// Root mean square over all observables in units of the noise: 1 is the noise floor. The
     /// freedom that the initial state takes up is corrected for.
     pub error: f64,
-    /// The same for the guess that nothing moves.
+    /// The same for persistence: the state stays as it is.
     pub baseline: f64,
     /// Predictions that left the finite numbers.
-    pub exploded: usize,
+    pub diverged: usize,
 }
 
 impl Comparison {
@@ -54,7 +54,7 @@ impl Comparison {
             duration: horizon.duration,
             error: horizon.training,
             baseline: horizon.baseline,
-            exploded: horizon.exploded,
+            diverged: horizon.diverged,
         };
         Comparison {
             horizons: found.horizons.iter().map(horizon).collect(),

@@ -114,7 +114,7 @@ impl Law {
     /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
     /// let path = std::env::temp_dir().join("leverrier-law-save.model.json");
     /// spec.fit(&spec.data()?)?.save(&path)?;
-    /// assert!(std::fs::read_to_string(&path).unwrap().contains("leverrier.model/1"));
+    /// assert!(std::fs::read_to_string(&path).unwrap().contains("leverrier.model/2"));
     /// # std::fs::remove_file(&path).unwrap();
     /// # Ok::<(), leverrier::Error>(())
     /// ```

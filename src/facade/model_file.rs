@@ -11,7 +11,7 @@ use crate::data::{DataReport, Dataset, write_atomically};
 use crate::dynamics::Method;
 use crate::error::{Error, Result};
 use crate::expr::{Observed, System};
-use crate::fit::model::FORMAT;
+use crate::fit::model::{FORMAT, READ};
 use crate::fit::{Law, Model};
 
 /// What a model was made from and where its motion starts.
@@ -117,7 +117,7 @@ pub fn read(
         wrong(format!("{what} ({error})"), format!("{again} to write it anew"))
     })?;
     match value.get("format").and_then(|format| format.as_str()) {
-        Some(FORMAT) => {}
+        Some(known) if READ.contains(&known) => {}
         Some(other) => {
             let message = format!("its format is `{other}`, but this version reads `{FORMAT}`");
             return Err(wrong(message, format!("{again} to write it anew")));
@@ -127,9 +127,10 @@ pub fn read(
             return Err(wrong(message, format!("{again} to write one")));
         }
     }
-    let file: ModelFile = serde_json::from_value(value).map_err(|error| {
+    let mut file: ModelFile = serde_json::from_value(value).map_err(|error| {
         wrong(format!("the file is damaged ({error})"), format!("{again} to write it anew"))
     })?;
+    file.model.format = FORMAT.to_string();
     if let Some(problem) = wrong_in_model(&file) {
         let message = format!("the file is damaged: {problem}");
         return Err(wrong(message, format!("{again} to write it anew")));

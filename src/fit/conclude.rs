@@ -87,7 +87,7 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
             searched_first: training.stream.map(|_| training.measured.samples()),
             window: law.window(),
             residuals,
-            exploded: refit.sums().exploded,
+            diverged: refit.sums().diverged,
             error: (refit.sums().loss / freedom as f64).sqrt(),
             function_space: system.terms.len(),
             learned,

@@ -106,7 +106,7 @@ fn grow<'a>(
             .all(|(new, (old, floor))| {
                 *new <= TUNING.course.follows * old.max(TUNING.course.above_resolution * floor)
             });
-        if !follows || next.refit.sums().exploded > round.refit.sums().exploded {
+        if !follows || next.refit.sums().diverged > round.refit.sums().diverged {
             break;
         }
         training = longer;

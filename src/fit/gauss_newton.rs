@@ -115,8 +115,8 @@ pub fn refit(
             }
             let next = minimisation.moved(&here, &step.change);
             let (sums, trial_sums) = (&here.linearised.sums, &next.linearised.sums);
-            let sane = trial_sums.exploded <= sums.exploded && trial_sums.loss.is_finite();
-            let fewer = trial_sums.exploded < sums.exploded;
+            let sane = trial_sums.diverged <= sums.diverged && trial_sums.loss.is_finite();
+            let fewer = trial_sums.diverged < sums.diverged;
             if sane && (fewer || trial_sums.loss < sums.loss) {
                 here = next;
                 damping = if damping > TUNING.refit.least_damping {

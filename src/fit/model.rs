@@ -13,7 +13,9 @@ use crate::dynamics::Method;
 use crate::expr::{Place, System, Term};
 
 /// Version of the model file's layout.
-pub const FORMAT: &str = "leverrier.model/1";
+pub const FORMAT: &str = "leverrier.model/2";
+/// Versions that are read.
+pub const READ: [&str; 2] = ["leverrier.model/1", FORMAT];
 
 /// A learned model, with what is known about how well it is known.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -152,7 +154,8 @@ pub struct Evidence {
     /// Independent residuals.
     pub residuals: usize,
     /// Segments whose predicted trajectory left the finite numbers.
-    pub exploded: usize,
+    #[serde(alias = "exploded")]
+    pub diverged: usize,
     /// Root mean square of the residuals in units of the noise.
     pub error: f64,
     /// Members of the function space.

@@ -63,7 +63,7 @@ pub struct Sums {
     /// Sum of the loss over all weighted residuals.
     pub loss: f64,
     /// Segments whose trajectory left the finite numbers.
-    pub exploded: usize,
+    pub diverged: usize,
     /// Segments whose states were still moving when they were left.
     pub unsettled: usize,
     /// What a last step of states that are only nearly settled takes off; `loss` is that after it.
@@ -83,7 +83,7 @@ impl Sums {
 
     fn add(&mut self, other: &Sums) {
         self.loss += other.loss;
-        self.exploded += other.exploded;
+        self.diverged += other.diverged;
         self.unsettled += other.unsettled;
         self.promised += other.promised;
         self.rows += other.rows;

@@ -22,7 +22,7 @@ pub fn prune(training: &mut Training, round: &mut Round, monitor: &dyn Monitor) 
         let mut fewer = training.clone();
         fewer.law = fewer.law.without_term(weakest);
         let mut refit = fewer.refit(monitor);
-        if refit.sums().exploded > round.refit.sums().exploded {
+        if refit.sums().diverged > round.refit.sums().diverged {
             break;
         }
         fewer.take(&mut refit);

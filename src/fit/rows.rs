@@ -24,7 +24,7 @@ pub(super) struct Rows {
     pub(super) lanes: usize,
     /// Dimension of the state.
     pub(super) state: usize,
-    /// Loss of each lane; infinite where the trajectory exploded.
+    /// Loss of each lane; infinite where the trajectory diverged.
     pub(super) losses: Vec<f64>,
     /// Measured values of each lane.
     pub(super) measured: Vec<usize>,
@@ -144,7 +144,7 @@ impl Rows {
             }
             let from = &tangent[observable * derivatives.len()..][..derivatives.len()];
             let known = if self.shown && sample == 0 { self.state * lanes } else { from.len() };
-            // An exploded lane has NaN derivatives; its weight is zero.
+            // An diverged lane has NaN derivatives; its weight is zero.
             weigh(set, &mut derivatives[..known], &from[..known], weights);
         }
     }
@@ -173,7 +173,7 @@ impl Rows {
         (0..self.observables).map(of).collect()
     }
 
-    /// Takes exploded lanes out: all their rows become zero.
+    /// Takes diverged lanes out: all their rows become zero.
     fn zero_lost_lanes(&mut self) {
         let lost: Vec<usize> =
             (0..self.lanes).filter(|&lane| !self.losses[lane].is_finite()).collect();
@@ -327,7 +327,7 @@ impl Rows {
                 sums.loss += self.losses[lane];
                 sums.rows += self.independent(lane);
             } else {
-                sums.exploded += 1;
+                sums.diverged += 1;
             }
         }
         let inverse = &self.inverse;

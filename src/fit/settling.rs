@@ -72,8 +72,8 @@ pub(super) fn settled(
         for lane in 0..lanes {
             let loss = rows.losses[lane];
             let still = is_still(problem, &rows, &promised, lane);
-            let alike = still && loss <= best[lane] * (1.0 + TUNING.settling.alike);
-            lower[lane] = loss < best[lane] || alike || settled[lane];
+            let equal = still && loss <= best[lane] * (1.0 + TUNING.settling.equal_loss);
+            lower[lane] = loss < best[lane] || equal || settled[lane];
             if lower[lane] {
                 best[lane] = loss;
                 length[lane] = 1.0;

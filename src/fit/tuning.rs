@@ -139,7 +139,7 @@ pub struct SettlingTuning {
     pub nearly_settled: f64,
     /// Derivatives are approximate ([`TangentTuning::deviation`]): where the next step
     /// promises nothing, the loss may be this part above the least that was seen.
-    pub alike: f64,
+    pub equal_loss: f64,
     /// Segments that the number of steps of all others is expected from, at most,
     pub expected_from: usize,
     /// and one segment of so many, which costs little beside all.
@@ -404,7 +404,7 @@ pub const TUNING: Tuning = Tuning {
         settled: 1e-7,
         rounding: 0.03,
         nearly_settled: 1e-3,
-        alike: 1e-4,
+        equal_loss: 1e-4,
         expected_from: 16,
         expected_part: 32,
         shorter: 0.25,

@@ -55,7 +55,7 @@ pub fn glimpse(bench: &Bench, judged: &HeldOutErrors) -> Assessment {
         training: f64::NAN,
         held_out: Some(error),
         baseline: f64::NAN,
-        exploded: 0,
+        diverged: 0,
     });
     let comparison = Comparison {
         horizons: horizons.collect(),

@@ -16,7 +16,7 @@ use crate::fit::{Model, Monitor};
 use crate::report::CoefficientChange;
 use crate::spec::edit;
 
-/// Standard errors that the coefficient of a warranted effect is from zero, at least.
+/// Standard errors that the coefficient of a supported effect is from zero, at least.
 const CLEAR: f64 = 4.0;
 /// Rise of the held-out error up to which a removal costs nothing.
 const FREE: f64 = 1.02;
@@ -40,7 +40,7 @@ pub struct RevisionOutcome {
     /// Terms of the effect, then its inner parameters: name, value, standard error.
     pub effect: Vec<(String, f64, f64)>,
     /// Whether it pays; `None` without held-out runs.
-    pub warranted: Option<bool>,
+    pub supported: Option<bool>,
     /// Why, in a sentence.
     pub why: String,
 }
@@ -145,7 +145,7 @@ impl RevisionOutcome {
         let whole = bench.widen(&project, &after, monitor)?;
         let (was, is) = judge(bench, before, &project, &after)?;
         let mut effect = Vec::new();
-        let (warranted, why) = if adds {
+        let (supported, why) = if adds {
             effect = effect_terms(before, &project, &after, label);
             added(&was, &is, &effect)
         } else {
@@ -164,7 +164,7 @@ impl RevisionOutcome {
             is,
             moved,
             effect,
-            warranted,
+            supported,
             why,
         })
     }

@@ -52,7 +52,7 @@ pub fn design_text(
             "Starts within {}; motion within {}. {} were tried; {}.",
             bounds(&plan.start_bounds),
             bounds(&plan.motion_bounds),
-            counted(plan.tried, "run"),
+            counted(plan.evaluated, "run"),
             plan.stop
         ),
         width,
@@ -69,10 +69,10 @@ pub fn design_text(
 
 /// How far the rivals are apart before the run.
 fn so_far(plan: &Plan) -> String {
-    let behind = plan.rivals.iter().filter(|rival| rival.behind > 0.0);
+    let behind = plan.rivals.iter().filter(|rival| rival.excess_deviance > 0.0);
     let parts: Vec<String> =
-        behind.map(|rival| format!("{} {}", rival.effect, odds(rival.behind))).collect();
-    match plan.rivals.iter().find(|rival| rival.behind <= 0.0) {
+        behind.map(|rival| format!("{} {}", rival.effect, odds(rival.excess_deviance))).collect();
+    match plan.rivals.iter().find(|rival| rival.excess_deviance <= 0.0) {
         Some(first) if !parts.is_empty() => format!(
             " So far all measurements together favour {}, against {}.",
             first.effect,
@@ -119,7 +119,7 @@ fn brings(plan: &Plan, width: usize) -> Vec<String> {
                 gain.against.clone(),
                 significant(gain.deviance, 3),
                 odds(gain.deviance),
-                percent(gain.settles),
+                percent(gain.power),
                 again.unwrap_or_default(),
             ]
         })
@@ -130,8 +130,8 @@ fn brings(plan: &Plan, width: usize) -> Vec<String> {
         "Expected, with both effects fitted to all measurements and the new run:\n{}",
         table(&header, rows, &[2, 3, 4, 5], width)
     )];
-    if !plan.alike.is_empty() {
-        let sentences = plan.alike.iter().map(|(truth, against)| {
+    if !plan.indistinguishable.is_empty() {
+        let sentences = plan.indistinguishable.iter().map(|(truth, against)| {
             let text = format!(
                 "If {truth} is true, no run within these bounds rules out {against}, which can produce the same motion."
             );
@@ -167,9 +167,10 @@ fn least(expected: &Expected, plan: &Plan) -> String {
     if let Some(error) = expected.standard_error {
         return significant(error, 3);
     }
-    let alike =
-        |a: &str, b: &str| plan.alike.iter().any(|(truth, against)| truth == a && against == b);
-    let all = plan.alike.len() == expected.gains.len();
+    let alike = |a: &str, b: &str| {
+        plan.indistinguishable.iter().any(|(truth, against)| truth == a && against == b)
+    };
+    let all = plan.indistinguishable.len() == expected.gains.len();
     let counted = expected.gains.iter().filter(|g| all || !alike(&g.truth, &g.against));
     significant(counted.map(|g| g.deviance).fold(f64::INFINITY, f64::min), 3)
 }

@@ -41,10 +41,10 @@ pub fn compare_text(
             times(h.training),
             h.held_out.map_or(String::new(), times),
             times(h.baseline),
-            if h.exploded > 0 { format!("{} diverged", h.exploded) } else { String::new() },
+            if h.diverged > 0 { format!("{} diverged", h.diverged) } else { String::new() },
         ]
     });
-    let header = ["samples", duration.as_str(), "training", "held out", "nothing moves", ""];
+    let header = ["samples", duration.as_str(), "training", "held out", "persistence", ""];
     sections.push(format!(
         "Error by length of prediction, in units of the noise (1 is the noise floor):\n{}",
         table(&header, rows.collect(), &[0, 1, 2, 3, 4], width)
@@ -261,7 +261,7 @@ pub fn diagnosis_text(
             detections.iter().map(|found| wrapped(&format!("- {found}"), width, 2)).collect();
         sections.push(format!("In the instrument:\n{}", lines.join("\n")));
     }
-    if diagnosis.tried > 0 {
+    if diagnosis.tests > 0 {
         sections.push(wrapped(&present::tested(diagnosis), width, 2));
     }
     sections.join("\n\n")
@@ -270,8 +270,8 @@ pub fn diagnosis_text(
 /// What the first effect of the ranking does not explain.
 fn unexplained(diagnosis: &Diagnosis, width: usize) -> Vec<String> {
     let mut sections = Vec::new();
-    if let (Some(first), Some(last)) = (diagnosis.ranking.first(), diagnosis.then.last()) {
-        let names: Vec<&str> = diagnosis.then.iter().map(|l| l.effect.as_str()).collect();
+    if let (Some(first), Some(last)) = (diagnosis.ranking.first(), diagnosis.further.last()) {
+        let names: Vec<&str> = diagnosis.further.iter().map(|l| l.effect.as_str()).collect();
         let sentence = format!(
             "With {} in the model, {} would take the error on held-out runs further, to {}.",
             first.effect,
@@ -327,16 +327,16 @@ pub struct RevisionSummary<'a> {
     /// Terms of the effect: name, coefficient, standard error.
     pub effect: &'a [(String, f64, f64)],
     /// `None` where nothing can be said.
-    pub warranted: Option<bool>,
-    /// Why it is warranted or not, in a sentence.
+    pub supported: Option<bool>,
+    /// Why it is supported or not, in a sentence.
     pub why: &'a str,
 }
 
 /// Before and after a revision of a spec.
 pub fn revision_text(revised: &RevisionSummary, width: Option<u16>) -> String {
-    let RevisionSummary { action, how, before, after, moved, effect, warranted, why } = *revised;
+    let RevisionSummary { action, how, before, after, moved, effect, supported, why } = *revised;
     let width = width.map_or(WIDTH, |width| usize::from(width).max(40));
-    let word = match warranted {
+    let word = match supported {
         Some(true) => "The data support it",
         Some(false) => "The data do not support it",
         None => "It was not judged",
@@ -384,7 +384,7 @@ pub fn revision_text(revised: &RevisionSummary, width: Option<u16>) -> String {
         let header = ["part", "term", "before", "after", "change, in standard errors"];
         sections.push(table(&header, rows, &[2, 3, 4], width));
     }
-    if warranted == Some(false) {
+    if supported == Some(false) {
         sections.push("`leverrier undo` takes it back.".to_string());
     }
     sections.join("\n\n")

@@ -49,7 +49,7 @@ pub fn tested(diagnosis: &Diagnosis) -> String {
     format!(
         "{} effects of the catalogue were tested, with {} choices of where they act and of their \
          inner parameters; p-values are corrected for that many tests (look-elsewhere correction).",
-        diagnosis.candidates, diagnosis.tried
+        diagnosis.candidates, diagnosis.tests
     )
 }
 

@@ -133,11 +133,11 @@ fn quality(report: &FitReport, width: usize) -> String {
         text.push('\n');
         text.push_str(&wrapped(&sentence, width, 0));
     }
-    if evidence.exploded > 0 {
+    if evidence.diverged > 0 {
         let sentence = format!(
             "{} diverged under this model and did not count: something is missing \
              in the function space, or it is too large for these data.",
-            counted(evidence.exploded, "segment"),
+            counted(evidence.diverged, "segment"),
         );
         text.push('\n');
         text.push_str(&wrapped(&sentence, width, 0));

@@ -199,7 +199,7 @@ impl<'a> Simulator<'a> {
             }
             for (lane, states) in states.iter_mut().enumerate() {
                 if !batch.is_finite(lane) {
-                    return Err(exploded(lane, &format!("before t = {time}")));
+                    return Err(diverged(lane, &format!("before t = {time}")));
                 }
                 states.push(batch.get(lane));
             }
@@ -227,8 +227,8 @@ impl<'a> Simulator<'a> {
             let found = found.ok_or_else(|| self.no_series())?;
             match found.trajectory.stop {
                 Stop::Finished => states.push(found.trajectory.states),
-                Stop::Exploded { after } => {
-                    return Err(exploded(run, &format!("after t = {after}")));
+                Stop::Diverged { after } => {
+                    return Err(diverged(run, &format!("after t = {after}")));
                 }
                 Stop::Unresolved { after } => {
                     return Err(Error::new(
@@ -321,7 +321,7 @@ impl<'a> Simulator<'a> {
     }
 }
 
-fn exploded(run: usize, when: &str) -> Error {
+fn diverged(run: usize, when: &str) -> Error {
     Error::new(
         ErrorKind::NotFinite,
         format!("the trajectory of run {} diverges {when}", run + 1),

@@ -334,12 +334,12 @@ impl Engine {
         revision.keep(bench)?;
         drop(teller);
         self.post_files()?;
-        let RevisionOutcome { action, training, is, warranted, why, .. } = revision;
+        let RevisionOutcome { action, training, is, supported, why, .. } = revision;
         let (bench, terms) = (self.bench()?, "terms and numbers from the training part");
         self.glimpse(&bench, (&training, terms), &is)?;
         self.hold(bench, training, terms);
         self.stamp();
-        let doubt = match warranted {
+        let doubt = match supported {
             Some(false) => " The data do not support it.",
             _ => "",
         };

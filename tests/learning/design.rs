@@ -111,7 +111,7 @@ fn measured(force: &str, run: &Proposal, seed: u64) -> Dataset {
 
 fn behind(rivals: &[Rival], data: &Dataset, window: usize, label: &str) -> f64 {
     let standings = ok(standings(rivals, data, window));
-    standings.iter().find(|s| s.effect == label).map_or(f64::NAN, |s| s.behind)
+    standings.iter().find(|s| s.effect == label).map_or(f64::NAN, |s| s.excess_deviance)
 }
 
 #[test]
@@ -125,8 +125,9 @@ fn the_run_that_is_proposed_settles_what_a_repeat_leaves_open() {
         assert!(has(label) && has(other), "{label}: {:?}", found.indistinguishable);
 
         let plan = ok(before.plan(&tied, &Goal::Rivals, &lively()));
-        let alike = |a: &str, b: &str| plan.alike.iter().any(|pair| pair.0 == a && pair.1 == b);
-        assert!(!alike(label, other) && !alike(other, label), "{:?}", plan.alike);
+        let alike =
+            |a: &str, b: &str| plan.indistinguishable.iter().any(|pair| pair.0 == a && pair.1 == b);
+        assert!(!alike(label, other) && !alike(other, label), "{:?}", plan.indistinguishable);
         let of = |gains: &[leverrier::internals::diagnose::design::Gain]| {
             let gain = gains.iter().find(|g| g.truth == label && g.against == other).unwrap();
             gain.deviance
@@ -171,7 +172,7 @@ fn the_expected_gain_is_the_mean_of_what_is_gained() {
         .collect();
     let difference = |data: &Dataset, truth: usize| {
         let standings = ok(standings(&rivals, data, window));
-        standings[1 - truth].behind - standings[truth].behind
+        standings[1 - truth].excess_deviance - standings[truth].excess_deviance
     };
     for (truth, rival) in rivals.iter().enumerate() {
         let gain = plan.best.expected.gains.iter().find(|g| g.truth == rival.label).unwrap();
@@ -276,7 +277,7 @@ fn what_includes_another_cannot_be_spoken_against() {
     let rivals = [before.rival(VISCOUS.0, "effect viscous_drag(q)", &[]), wider];
     let plan = ok(before.plan(&rivals, &Goal::Rivals, &lively()));
     let pair = (VISCOUS.0.to_string(), "negative_damping(q)".to_string());
-    assert!(plan.alike.contains(&pair), "{:?}", plan.alike);
+    assert!(plan.indistinguishable.contains(&pair), "{:?}", plan.indistinguishable);
 }
 
 #[test]

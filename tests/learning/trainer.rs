@@ -414,7 +414,7 @@ fn an_interrupted_fit_keeps_a_model() {
 }
 
 #[test]
-fn models_that_explode_end_finite_or_with_a_reason() {
+fn models_that_diverge_end_finite_or_with_a_reason() {
     // Data far outside what the model can follow: a cubic force with the wrong sign.
     let data = measure(DUFFING, &spiral(10, 1, 60.0), &even(12, 0.3));
     for space in [

@@ -304,7 +304,7 @@ fn every_closed_form_and_invariant_is_met() {
 }
 
 #[test]
-fn every_lane_has_its_own_span_and_explosions_stay_alone() {
+fn every_lane_has_its_own_span_and_divergences_stay_alone() {
     // V = -q^4: escapes to infinity in finite time.
     let system = known_system("escape", 1, |g, q, p, _| {
         let zero = g.number(0.0);
@@ -327,7 +327,7 @@ fn every_lane_has_its_own_span_and_explosions_stay_alone() {
             assert_eq!(batch.get(lane), alone, "{name}");
         }
         assert_eq!(batch.get(2), starts[2], "{name}: a lane without a span stays");
-        // Implicit stage equations may have a far-off root where the motion has exploded.
+        // Implicit stage equations may have a far-off root where the motion has diverged.
         let implicit = matches!(method.row().kind, MethodKind::Implicit(_));
         for lane in if implicit { 4..5 } else { 1..2 } {
             assert!(batch.get(lane).iter().all(|x| x.is_nan()), "{name}");

@@ -89,7 +89,7 @@ fn long_forces_are_followed_bit_by_bit() {
 }
 
 #[test]
-fn what_does_not_move_stays_and_what_explodes_is_lost() {
+fn what_does_not_move_stays_and_what_diverges_is_lost() {
     let system = known_system("runaway", 1, |g, q, p, _| {
         let zero = g.number(0.0);
         let kinetic = g.power(p[0], 2.0);

@@ -165,7 +165,7 @@ const BAD: &[Bad] = &[
         says: &["--energy"],
     },
     Bad {
-        what: "an exploding law",
+        what: "an diverging law",
         spec: "T = p^2/2\nV = -q^6",
         data: DATA,
         command: &["simulate", "s.ham", "--start", "q=1,p=1", "--dt=1", "--samples=30"],
@@ -274,7 +274,7 @@ fn constant_columns_are_named() {
 }
 
 #[test]
-fn a_model_that_explodes_ends_finite_or_with_a_reason() {
+fn a_model_that_diverges_ends_finite_or_with_a_reason() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path();
     let mut text = "run,t,q,p\n".to_string();
@@ -313,7 +313,7 @@ fn models_of_other_specs_and_damaged_ones_are_refused() {
         (String::new(), "cut off"),
         ("hello".to_string(), "not a model file"),
         ("[1]".to_string(), "not a model file"),
-        (whole.replace("leverrier.model/1", "leverrier.model/99"), "leverrier.model/99"),
+        (whole.replace("leverrier.model/2", "leverrier.model/99"), "leverrier.model/99"),
         (whole.replace("\"inclusion\"", "\"exclusion\""), "damaged"),
     ] {
         fs::write(path.join("swings.model.json"), text).expect("written");

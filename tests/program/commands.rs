@@ -124,8 +124,15 @@ fn fit_learns_prints_and_keeps_the_model() {
     good(path, &["fit", "swings.ham", "--threads", "1"]);
     assert_eq!(first, fs::read(path.join("swings.model.json")).expect("the model file"));
     let kept: Value = serde_json::from_slice(&first).expect("JSON");
-    assert_eq!(kept["format"], "leverrier.model/1");
+    assert_eq!(kept["format"], "leverrier.model/2");
     assert_eq!(kept["origin"]["data"]["name"], "swings.csv");
+    // What version 1 of the file called otherwise is still read.
+    let text = String::from_utf8(first).expect("text");
+    let old = text.replace("leverrier.model/2", "leverrier.model/1");
+    let old = old.replace("\"diverged\"", "\"exploded\"");
+    assert!(old.contains("exploded"));
+    fs::write(path.join("swings.model.json"), old).expect("written");
+    good(path, &["export", "swings.ham", "latex"]);
 
     let fitted = json(path, &["fit", "swings.ham", "-o", "other.json"], "leverrier.fit/1");
     assert!(path.join("other.json").exists());

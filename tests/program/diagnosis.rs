@@ -55,7 +55,7 @@ fn the_loop_finds_adds_and_takes_back_a_hidden_drag() {
     let floor = added["after"]["noise_floor"].as_f64().expect("a floor");
     assert!(error("before") > 1.5 * error("after"), "{added}");
     assert!(error("after") < 1.1 * floor, "{added}");
-    assert_eq!(added["warranted"], true, "{added}");
+    assert_eq!(added["supported"], true, "{added}");
     let value = added["effect"][0]["coefficient"].as_f64().expect("a coefficient");
     assert!((value - 0.05).abs() < 0.005, "{value}");
     let text = fs::read_to_string(path.join("s.ham")).expect("the spec");

@@ -71,7 +71,7 @@ fn a_spec_in_which_all_is_known_can_be_asked_what_it_lacks() {
     assert_eq!(found["verdict"], "missing");
     assert_eq!(found["ranking"][0]["effect"], "viscous_drag(theta)");
     let added = json(path, &["add", "k.ham", "viscous_drag"], "leverrier.add/2");
-    assert_eq!(added["warranted"], true, "{added}");
+    assert_eq!(added["supported"], true, "{added}");
     good(path, &["undo", "k.ham"]);
     assert_eq!(read(path, "k.ham"), before);
     let loop_ = json(path, &["discover", "k.ham"], "leverrier.discover/2");
@@ -124,7 +124,7 @@ fn a_drive_is_added_with_its_frequency() {
     let path = folder.path();
     spec(path, "s.ham", "V = span{ cos(theta) }");
     let added = json(path, &["add", "s.ham", "harmonic_drive"], "leverrier.add/2");
-    assert_eq!(added["warranted"], true, "{added}");
+    assert_eq!(added["supported"], true, "{added}");
     let effect = added["effect"].as_array().expect("the effect");
     let frequency = effect
         .iter()
@@ -154,7 +154,7 @@ candidates {
     let (value, error) = (number(&first["coefficient"][0]), number(&first["standard_error"][0]));
     assert!((value - 0.06).abs() < 5.0 * error, "{value} +- {error}");
     let added = json(path, &["add", "s.ham", "oil"], "leverrier.add/2");
-    assert_eq!(added["warranted"], true, "{added}");
+    assert_eq!(added["supported"], true, "{added}");
     let twice = run(path, &["add", "s.ham", "oil"]);
     assert_eq!(twice.code, Some(2));
     assert!(twice.err.contains("already"), "{}", twice.err);
@@ -177,7 +177,7 @@ param w = 1 in 0.5..4
 candidates { ripple: V += span{ sin(w*theta) } }";
     spec(path, "s.ham", own);
     let added = json(path, &["add", "s.ham", "ripple"], "leverrier.add/2");
-    assert_eq!(added["warranted"], true, "{added}");
+    assert_eq!(added["supported"], true, "{added}");
     let effect = added["effect"].as_array().expect("the effect");
     let w = effect.iter().find(|term| term["term"] == "w").expect("w is reported");
     assert!((number(&w["coefficient"]) - 2.7).abs() < 0.02, "{w}");
@@ -195,7 +195,7 @@ fn a_term_with_a_name_can_be_removed() {
     let before = read(path, "s.ham");
     let removed = json(path, &["remove", "s.ham", "spring"], "leverrier.remove/2");
     assert_eq!(removed["action"], "remove spring");
-    assert_eq!(removed["warranted"], true, "{removed}");
+    assert_eq!(removed["supported"], true, "{removed}");
     let text = read(path, "s.ham");
     assert!(!text.contains("spring") && text.contains("# the weight"), "{text}");
     good(path, &["undo", "s.ham"]);
@@ -267,7 +267,7 @@ fn a_command_that_was_killed_leaves_what_the_next_one_understands() {
     // The model belongs to the other text; asking goes on all the same.
     json(path, &["diagnose", "s.ham"], "leverrier.diagnose/2");
     let again = json(path, &["add", "s.ham", "viscous_drag"], "leverrier.add/2");
-    assert_eq!(again["warranted"], true);
+    assert_eq!(again["supported"], true);
     let history = json(path, &["history", "s.ham"], "leverrier.history/2");
     let actions: Vec<String> = history["revisions"]
         .as_array()

@@ -50,10 +50,10 @@ pub struct Horizon {
     pub training: f64,
     /// `None` without held-out runs.
     pub held_out: Option<f64>,
-    /// The same for the guess that nothing moves.
+    /// The same for persistence: the state stays as it is.
     pub baseline: f64,
     /// Predictions that left the finite numbers.
-    pub exploded: usize,
+    pub diverged: usize,
 }
 
 /// Compares a model with the runs that it was trained on, and with held-out ones.
@@ -83,14 +83,14 @@ fn horizons(training: &Context, held_out: Option<&Context>) -> Vec<Horizon> {
     windows(training.dataset)
         .into_iter()
         .map(|samples| {
-            let (seen, exploded) = error(training, samples);
+            let (seen, diverged) = error(training, samples);
             Horizon {
                 samples,
                 duration: step * (samples - 1) as f64,
                 training: seen,
                 held_out: held_out.map(|context| error(context, samples).0),
                 baseline: baseline(training, samples),
-                exploded,
+                diverged,
             }
         })
         .collect()

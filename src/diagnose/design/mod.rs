@@ -97,7 +97,7 @@ pub fn design(
             ErrorKind::NothingFound,
             format!(
                 "none of the {} runs that were tried stays within its bounds and finite",
-                search.tried
+                search.evaluated
             ),
             "start from smaller bounds, shorten the run, or widen the bounds of the motion",
         ));
@@ -115,7 +115,7 @@ pub fn design(
         found.iter().map(|one| proposal(&criterion, one, &samplings, &standings)).collect();
     let best = proposals.remove(0);
     let labels = |(a, b): (usize, usize)| (judged[a].label.clone(), judged[b].label.clone());
-    let alike = if question == Question::Rivals {
+    let indistinguishable = if question == Question::Rivals {
         let pairs = criterion.pairs().into_iter().zip(&search.live);
         pairs.filter(|(_, live)| !**live).map(|(pair, _)| labels(pair)).collect()
     } else {
@@ -127,10 +127,10 @@ pub fn design(
         best,
         alternatives: proposals,
         repeat: repeat.map(|values| expected(&criterion, &values, &standings)),
-        alike,
+        indistinguishable,
         start_bounds: named_bounds(first, &start),
         motion_bounds: named_bounds(first, &motion),
-        tried: search.tried,
+        evaluated: search.evaluated,
         stop: search.stop,
     })
 }
@@ -159,7 +159,7 @@ fn ahead(rivals: &[Rival], standings: &[f64]) -> Vec<Standing> {
     let standing = |(rival, standing): (&Rival, &f64)| Standing {
         effect: rival.label.clone(),
         snippet: rival.statement.clone(),
-        behind: standing - least,
+        excess_deviance: standing - least,
     };
     rivals.iter().zip(standings).map(standing).collect()
 }
@@ -330,7 +330,7 @@ fn expected(criterion: &Criterion, values: &[f64], standings: &[f64]) -> Expecte
         truth: criterion.known[a].rival.label.clone(),
         against: criterion.known[b].rival.label.clone(),
         deviance,
-        settles: settles(standings[b] - standings[a], deviance),
+        power: power(standings[b] - standings[a], deviance),
     };
     let gains = criterion.pairs().into_iter().zip(values).map(gain).collect();
     Expected { gains, standard_error: None }
@@ -338,7 +338,7 @@ fn expected(criterion: &Criterion, values: &[f64], standings: &[f64]) -> Expecte
 
 /// Probability that a difference of deviances distinguishes two models after it grew. Growth that
 /// is expected to be g is Gaussian of variance 4 g: twice the difference times the noise.
-fn settles(now: f64, growth: f64) -> f64 {
+fn power(now: f64, growth: f64) -> f64 {
     let spread = 2.0 * growth.max(1e-9).sqrt();
     Normal::standard().cdf((now + growth - TUNING.ranking.indistinguishable) / spread)
 }

@@ -44,13 +44,13 @@ pub struct Plan {
     pub repeat: Option<Expected>,
     /// Pairs of rivals that no run within the bounds distinguishes: if the first is true, the
     /// second explains all that could be seen.
-    pub alike: Vec<(String, String)>,
+    pub indistinguishable: Vec<(String, String)>,
     /// Where a run may start.
     pub start_bounds: Vec<Bound>,
     /// What the motion may not leave.
     pub motion_bounds: Vec<Bound>,
     /// Runs that were tried.
-    pub tried: usize,
+    pub evaluated: usize,
     /// Why the search ended, in a sentence.
     pub stop: String,
 }
@@ -64,7 +64,7 @@ pub struct Standing {
     pub snippet: String,
     /// How much worse than the best of them it explains the measurements so far: deviance, with
     /// a price for every unknown.
-    pub behind: f64,
+    pub excess_deviance: f64,
 }
 
 /// A coefficient or inner parameter that is to be measured.
@@ -139,5 +139,5 @@ pub struct Gain {
     /// the odds grow by a factor of exp(deviance / 2).
     pub deviance: f64,
     /// Probability that the true one is then ahead by enough to be distinguished.
-    pub settles: f64,
+    pub power: f64,
 }

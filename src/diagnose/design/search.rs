@@ -24,8 +24,8 @@ pub(super) struct SearchResult {
     pub found: Vec<EvaluatedRun>,
     /// For each pair of rivals whether some run distinguishes them.
     pub live: Vec<bool>,
-    /// Runs that were tried.
-    pub tried: usize,
+    /// Runs that were evaluated.
+    pub evaluated: usize,
     /// Why it ended, in a sentence.
     pub stop: String,
 }
@@ -42,7 +42,7 @@ pub(super) fn search(
         if samplings.len() > 1 { TUNING.design.points_of_several } else { TUNING.design.points },
     );
     let mut all: Vec<EvaluatedRun> = Vec::new();
-    let mut tried = 0;
+    let mut evaluated = 0;
     let mut stopped = false;
     for (s, sampling) in samplings.iter().enumerate() {
         for chunk in points.chunks(TUNING.design.batch) {
@@ -51,7 +51,7 @@ pub(super) fn search(
                 break;
             }
             monitor.stage("trying runs", 0.5 + 0.2 * s as f64 / samplings.len() as f64);
-            tried += chunk.len();
+            evaluated += chunk.len();
             all.extend(judged(criterion, s, sampling, chunk));
         }
     }
@@ -59,7 +59,7 @@ pub(super) fn search(
     rank(criterion, &live, &mut all);
     let Some(best) = all.first().map(|found| found.score) else {
         let stop = "no run was possible".to_string();
-        return SearchResult { found: all, live, tried, stop };
+        return SearchResult { found: all, live, evaluated, stop };
     };
     // The cheapest sampling that is about as good as the best.
     let chosen = all
@@ -97,7 +97,7 @@ pub(super) fn search(
                 of.resize(polls.len(), i);
             }
         }
-        tried += polls.len();
+        evaluated += polls.len();
         let mut moved = vec![false; seeds.len()];
         for (found, i) in values(criterion, &samplings[chosen], &polls).into_iter().zip(of) {
             let Some((start, values)) = found else { continue };
@@ -133,7 +133,7 @@ pub(super) fn search(
         found.extend(judged(criterion, s, &samplings[s], &[rounded]));
     }
     rank(criterion, &live, &mut found);
-    SearchResult { found, live, tried, stop }
+    SearchResult { found, live, evaluated, stop }
 }
 
 /// Whether a score is about as good as the best. Standard errors have negative scores.

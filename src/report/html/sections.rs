@@ -262,12 +262,13 @@ fn missing(page: &Page, figures: &Drawn) -> String {
             escaped(&first.snippet)
         );
     }
-    if !diagnosis.then.is_empty() {
-        let then: Vec<&str> = diagnosis.then.iter().map(|leader| leader.effect.as_str()).collect();
+    if !diagnosis.further.is_empty() {
+        let further: Vec<&str> =
+            diagnosis.further.iter().map(|leader| leader.effect.as_str()).collect();
         let _ = writeln!(
             out,
             "<p>With it in the model, these would explain what is left: {}.</p>",
-            escaped(&then.join(", then "))
+            escaped(&further.join(", then "))
         );
     }
     if let Some(unnamed) = &diagnosis.unnamed {

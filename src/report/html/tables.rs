@@ -126,11 +126,11 @@ pub fn horizons(comparison: &Comparison) -> Table {
                 times(h.training),
                 h.held_out.map_or(String::new(), times),
                 times(h.baseline),
-                if h.exploded > 0 { h.exploded.to_string() } else { String::new() },
+                if h.diverged > 0 { h.diverged.to_string() } else { String::new() },
             ]
         })
         .collect();
-    let head = ["samples", "time", "training", "held out", "nothing moves", "exploded"];
+    let head = ["samples", "time", "training", "held out", "persistence", "diverged"];
     table(&head, rows, &[0, 1, 2, 3, 4, 5])
 }
 

@@ -5,7 +5,7 @@ use super::figure::{Figure, Mark, Panel, SeriesInfo, Shape, Style};
 use super::{PlotData, label, times};
 use crate::diagnose::comparison::Horizon;
 
-/// One figure: training, held-out, the guess that nothing moves.
+/// One figure: training, held-out, persistence.
 pub fn figures(material: &PlotData) -> Vec<Figure> {
     let horizons = &material.comparison.horizons;
     let (Some(last), true) = (horizons.last(), horizons.len() > 1) else { return Vec::new() };
@@ -17,7 +17,7 @@ pub fn figures(material: &PlotData) -> Vec<Figure> {
     let curves = [
         (Style::Model, "training", of(&|h| Some(h.training))),
         (Style::HeldOut, "held-out runs", of(&|h| h.held_out)),
-        (Style::Baseline, "nothing moves", of(&|h| Some(h.baseline))),
+        (Style::Baseline, "persistence", of(&|h| Some(h.baseline))),
     ];
     let all = || curves.iter().flat_map(|(_, _, points)| points.iter());
     if all().next().is_none() {

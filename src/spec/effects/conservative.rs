@@ -91,7 +91,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "coupling_spring",
-        alike: true,
+        one_unit: true,
         on: ActsOn::Pair,
         template: "V += span{ {n}: ({r} - {q})^2/2 }",
         why_two: BETWEEN,
@@ -102,7 +102,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "quadratic_coupling",
-        alike: true,
+        one_unit: true,
         on: ActsOn::Pair,
         template: "V += span{ {n}: ({r} - {q})^3/3 }",
         why_two: BETWEEN,
@@ -113,7 +113,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "cubic_coupling",
-        alike: true,
+        one_unit: true,
         on: ActsOn::Pair,
         template: "V += span{ {n}: ({r} - {q})^4/4 }",
         why_two: BETWEEN,
@@ -144,7 +144,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "central_inverse",
-        alike: true,
+        one_unit: true,
         aliases: &["kepler", "coulomb_potential"],
         on: ActsOn::Pair,
         template: "V += span{ {n}: -1/sqrt({q}^2 + {r}^2) }",
@@ -156,7 +156,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "central_inverse_square",
-        alike: true,
+        one_unit: true,
         on: ActsOn::Pair,
         template: "V += span{ {n}: -1/({q}^2 + {r}^2) }",
         why_two: PLANE,
@@ -167,7 +167,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "softened_centre",
-        alike: true,
+        one_unit: true,
         aliases: &["plummer"],
         on: ActsOn::Pair,
         template: "V += span{ {n}: -1/sqrt({q}^2 + {r}^2 + {length}^2) }",

@@ -63,7 +63,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "relative_damping",
-        alike: true,
+        one_unit: true,
         on: ActsOn::Pair,
         template: "force {q} += span{ {n}: {s} - {p} }; force {r} += span{ {n}: {p} - {s} }",
         why_two: "it damps the motion of one coordinate against another",

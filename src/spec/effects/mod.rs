@@ -191,7 +191,7 @@ pub struct EffectRow {
     /// Its coordinates must be angles: pure numbers.
     pub angle: bool,
     /// Its coordinates must have one unit.
-    pub alike: bool,
+    pub one_unit: bool,
     /// Why it needs two arguments, where it does.
     pub why_two: &'static str,
     /// What finds it, when it is no term of a model.
@@ -213,7 +213,7 @@ const ROW: EffectRow = EffectRow {
     template: "",
     parameters: &[],
     angle: false,
-    alike: false,
+    one_unit: false,
     why_two: "",
     detector: None,
     physics: "",

@@ -50,7 +50,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "magnetic_force",
-        alike: true,
+        one_unit: true,
         aliases: &["lorentz_force", "coriolis_force"],
         template: "force {q} += span{ {n}: {s} }; force {r} += span{ {n}: -{p} }",
         why_two: ACROSS,
@@ -61,7 +61,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "magnetic_gradient",
-        alike: true,
+        one_unit: true,
         on: ActsOn::OrderedPair,
         template: "force {q} += span{ {n}: {q}*{s} }; force {r} += span{ {n}: -{q}*{p} }",
         why_two: ACROSS,
@@ -72,7 +72,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "rotating_frame",
-        alike: true,
+        one_unit: true,
         template: "H += span{ {n}: {r}*{p} - {q}*{s} }",
         why_two: ACROSS,
         physics: "Axes that turn at a steady rate: H loses the rate times the angular momentum.",
@@ -82,7 +82,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "centrifugal_force",
-        alike: true,
+        one_unit: true,
         template: "V += span{ {n}: -({q}^2 + {r}^2)/2 }",
         why_two: "it points away from the axis of a turning plane, which has two coordinates",
         physics: "A force outward in proportion to the distance from the axis of a turning table.",

@@ -110,7 +110,7 @@ fn hide(base: &Base, statement: &str, reach: f64, seed: u64) -> Dataset {
     let truth = |more: &str| compiled("truth", &format!("{}{}{more}\n", base.variables, base.law));
     let (starts, times) = (starts(base, seed), times(base));
     let bare = truth("").system;
-    let plain = motion(&bare, &starts, &times, 0.0).expect("the base does not explode");
+    let plain = motion(&bare, &starts, &times, 0.0).expect("the base does not diverge");
     if statement.is_empty() {
         return plain;
     }
@@ -128,7 +128,7 @@ fn hide(base: &Base, statement: &str, reach: f64, seed: u64) -> Dataset {
             _ => high = strength,
         }
     }
-    best.unwrap_or_else(|| panic!("{statement} explodes at any strength in {}", base.name))
+    best.unwrap_or_else(|| panic!("{statement} diverges at any strength in {}", base.name))
 }
 
 /// Adds noise in parts of each column's spread; returns its standard deviations.
