@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::console::{Console, diagnostic_object, set};
-use super::project::Project;
+use super::project::Spec;
 use crate::error::Result;
 use crate::expr::{FunctionSpace, Observed};
 use crate::report::layout::WIDTH;
@@ -32,10 +32,10 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
-    let project = Project::open(&arguments.spec)?;
-    let named = project.compiled.data.is_some() || arguments.data.is_some();
-    let data = (named && !arguments.no_data).then(|| project.data(arguments.data.as_deref()));
-    let space = FunctionSpace::new(&project.compiled);
+    let spec = Spec::open(&arguments.spec)?;
+    let named = spec.compiled().data.is_some() || arguments.data.is_some();
+    let data = (named && !arguments.no_data).then(|| spec.measurements(arguments.data.as_deref()));
+    let space = FunctionSpace::new(spec.compiled());
     let width = console.width().unwrap_or(WIDTH as u16).max(40);
     let mut text = space.text(width);
     let mut object = json!({ "format": "leverrier.check/1" });
@@ -45,7 +45,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     set(
         &mut object,
         "observed",
-        json!(match project.system().observed {
+        json!(match spec.system().observed {
             Observed::Momenta => "momenta",
             Observed::Velocities => "velocities",
         }),
@@ -53,13 +53,13 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     set(
         &mut object,
         "time",
-        json!({ "name": project.system().time.name, "unit": project.system().time.unit_text }),
+        json!({ "name": spec.system().time.name, "unit": spec.system().time.unit_text }),
     );
-    let warnings = &project.compiled.warnings;
+    let warnings = spec.warnings();
     set(
         &mut object,
         "warnings",
-        warnings.iter().map(|warning| diagnostic_object(warning, &project.text)).collect(),
+        warnings.iter().map(|warning| diagnostic_object(warning, spec.text())).collect(),
     );
     set(&mut object, "data", Value::Null);
     if let Some(Ok((_, about))) = &data {
@@ -69,7 +69,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     } else if !named {
         text.push_str("\nThe spec names no data.\n");
     }
-    console.diagnostics(&project.name(), &project.text, warnings);
+    console.diagnostics(spec.name(), spec.text(), warnings);
     match data {
         // A program gets one object: the error.
         Some(Err(error)) if console.is_json() => Err(error),

@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::bench::Bench;
 use super::console::Console;
 use super::progress::Progress;
-use super::splitting::Splitting;
+use super::splitting::SplitArguments;
+use super::workspace::Workspace;
 use crate::diagnose::comparison;
 use crate::diagnose::context::Context;
 use crate::diagnose::instrument::detect;
@@ -28,29 +28,29 @@ pub struct Arguments {
     /// The spec.
     pub spec: PathBuf,
     #[command(flatten)]
-    pub splitting: Splitting,
+    pub splitting: SplitArguments,
 }
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
-    let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
+    let workspace = Workspace::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
-    let (model, terms) = bench.model(&progress)?;
-    let mut training = Context::new(bench.project.system(), &model, &bench.split.training)?;
+    let (model, terms) = workspace.model(&progress)?;
+    let mut training = Context::new(workspace.spec.system(), &model, &workspace.split.training)?;
     let detections = detect(&training, &model);
     // A model that fails takes a part of what it lacks for noise; the floor is the instrument's.
     training = training.with_noise(noise_floor(&training, &model));
-    let held_out = bench.held_out().map(|data| training.with_data(data));
+    let held_out = workspace.held_out().map(|data| training.with_data(data));
     let mut comparison = comparison::compare(&training, held_out.as_ref())?;
     comparison.findings.extend(detections.iter().map(|found| found.sentence.clone()));
     drop(progress);
-    let time = &bench.project.system().time;
+    let time = &workspace.spec.system().time;
     let unit = time.unit_text.as_deref().unwrap_or("");
-    let text = compare_text(&comparison, &bench.split.how, terms, unit, console.width());
+    let text = compare_text(&comparison, &workspace.split.how, terms, unit, console.width());
     let mut object = json!({
         "format": "leverrier.compare/2",
-        "system": bench.project.system().name,
-        "split": bench.split_json(),
+        "system": workspace.spec.system().name,
+        "split": workspace.split_json(),
         "terms_from": terms,
         "detections": detections,
     });

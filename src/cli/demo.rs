@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use super::console::{Console, set, usage};
 use super::progress::Progress;
 use super::project::fitting::{learn, origin, write_model};
-use super::project::{ModelFile, Project};
+use super::project::{ModelFile, Spec};
 use crate::data::{Layout, write_atomically, write_csv};
 use crate::error::{Error, Result};
 use crate::expr;
@@ -213,17 +213,17 @@ fn henon_heiles(stage: &DemoRun) -> Result<Value> {
     say(&format!("The spec, as if nothing were known:\n\n{}\n", indented(HENON_HEILES_SPACE)))?;
 
     let clock = Instant::now();
-    let project = Project::open(&spec)?;
-    let (dataset, about) = project.data(None)?;
+    let spec = Spec::open(&spec)?;
+    let (dataset, about) = spec.measurements(None)?;
     let progress = Progress::new();
-    let learned = learn(project.system(), &dataset, &Options::default(), None, &progress);
+    let learned = learn(spec.system(), &dataset, &Options::default(), None, &progress);
     drop(progress);
     let model = learned?;
-    let file = ModelFile { model, origin: origin(&project, &dataset, &about) };
-    write_model(&project.model_path(), &file)?;
+    let file = ModelFile { model, origin: origin(&spec, &dataset, &about) };
+    write_model(&spec.model_path(), &file)?;
     let fitting = clock.elapsed().as_secs_f64();
     let model = &file.model;
-    let simplified = present::simplified(&project.learned(&file.model)?, &file.origin.ranges);
+    let simplified = present::simplified(&spec.learned(&file.model)?, &file.origin.ranges);
     say(&format!(
         "Learned in {} from {} candidate terms:\n\n    {}\n",
         seconds(fitting),
@@ -259,7 +259,7 @@ fn henon_heiles(stage: &DemoRun) -> Result<Value> {
     let header = ["part", "term", "truth", "learned", "off by (standard errors)"];
     say(&format!("{}\n", table(&header, rows, &[2, 3, 4], WIDTH)))?;
 
-    let error = prediction_error(&nature, &project, stage)?;
+    let error = prediction_error(&nature, &spec, stage)?;
     let noise: Vec<f64> = model.noise.iter().map(|n| n.standard_deviation).collect();
     say(&wrapped(
         &format!(
@@ -287,9 +287,9 @@ fn henon_heiles(stage: &DemoRun) -> Result<Value> {
 }
 
 /// Largest distance of a predicted coordinate from the truth up to t = 8.
-fn prediction_error(nature: &Simulator, project: &Project, _: &DemoRun) -> Result<f64> {
-    let law = project.law(None)?;
-    let learned = law.law.simulator();
+fn prediction_error(nature: &Simulator, spec: &Spec, _: &DemoRun) -> Result<f64> {
+    let law = spec.law(None)?;
+    let learned = law.numbers().simulator();
     let start = vec![vec![-0.48, -0.02, -0.08, 0.18]];
     let times: Vec<f64> = (0..=80).map(|at| 0.1 * f64::from(at)).collect();
     let truth = nature.trajectories(&start, &times)?;

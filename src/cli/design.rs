@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::bench::Bench;
 use super::console::{Console, set, usage};
 use super::progress::Progress;
-use super::splitting::Splitting;
+use super::splitting::SplitArguments;
 use super::values::{example, matching, number_or_range, range_of};
+use super::workspace::Workspace;
 use crate::diagnose::context::Context;
 use crate::diagnose::design::rival::Rival;
 use crate::diagnose::design::{self, Allowed, Goal, Proposal};
@@ -59,7 +59,7 @@ pub struct Arguments {
     #[arg(long, value_name = "NAME")]
     pub coefficient: Option<String>,
     #[command(flatten)]
-    pub splitting: Splitting,
+    pub splitting: SplitArguments,
 }
 
 /// Rivals that are compared, at most.
@@ -83,21 +83,21 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
             "name two or more after --between",
         ));
     }
-    let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
-    let allowed = arguments.allowed(bench.project.system())?;
+    let workspace = Workspace::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
+    let allowed = arguments.allowed(workspace.spec.system())?;
     let progress = Progress::new();
-    let (model, terms) = bench.model(&progress)?;
-    let purpose = purpose(arguments, &bench, &model, &progress)?;
-    let (data, window) = (&bench.dataset, model.evidence.window);
+    let (model, terms) = workspace.model(&progress)?;
+    let purpose = purpose(arguments, &workspace, &model, &progress)?;
+    let (data, window) = (&workspace.dataset, model.evidence.window);
     let plan = design::design(&purpose.rivals, &purpose.goal, data, window, &allowed, &progress)?;
     drop(progress);
-    let spec = bench.project.name();
+    let spec = workspace.spec.name();
     let simulate = simulating(&plan.best, &spec);
     let text = design_text(&plan, &purpose.why, &spec, &simulate, console.width());
     let mut object = json!({
         "format": "leverrier.design/2",
-        "system": bench.project.system().name,
-        "split": bench.split_json(),
+        "system": workspace.spec.system().name,
+        "split": workspace.split_json(),
         "terms_from": terms,
         "why": purpose.why,
     });
@@ -128,22 +128,22 @@ fn simulating(run: &Proposal, spec: &str) -> String {
 /// What to design for: what was asked for, or else what `diagnose` cannot decide.
 fn purpose(
     arguments: &Arguments,
-    bench: &Bench,
+    workspace: &Workspace,
     model: &Model,
     progress: &Progress,
 ) -> Result<Purpose> {
-    let project = &bench.project;
-    let context = Context::new(project.system(), model, &bench.dataset)?;
+    let spec = &workspace.spec;
+    let context = Context::new(spec.system(), model, &workspace.dataset)?;
     let with = |label: &str, statement: &str, start: &[f64]| {
-        Rival::with_effect(&context, &project.compiled, label, statement, start)
+        Rival::with_effect(&context, spec.compiled(), label, statement, start)
     };
     if !arguments.between.is_empty() {
         let mut rivals: Vec<Rival> = Vec::new();
         for text in &arguments.between {
-            let mut asked = NamedEffect::new(text, &project.text, project.system())?;
-            if asked.place(&project.text).is_some() {
+            let mut asked = NamedEffect::new(text, spec.text(), spec.system())?;
+            if asked.place(spec.text()).is_some() {
                 return Err(usage(
-                    format!("{} has `{}` already", project.name(), asked.label),
+                    format!("{} has `{}` already", spec.name(), asked.label),
                     "`leverrier remove` takes it out; rivals are judged by adding them",
                 ));
             }
@@ -154,7 +154,7 @@ fn purpose(
                 ));
             }
             if asked.open {
-                asked.scanned(&project.compiled, &context)?;
+                asked.scanned(spec.compiled(), &context)?;
             }
             rivals.push(with(&asked.label, &asked.statement, &[])?);
         }
@@ -169,12 +169,12 @@ fn purpose(
     let worst = Goal::Coefficient(None);
     let measures = "so the run is the one that best measures the least known coefficient.";
     let as_it_is = || vec![Rival::as_it_is(&context, "the model")];
-    let Some(held_out) = bench.held_out() else {
+    let Some(held_out) = workspace.held_out() else {
         let why = format!("There are too few measurements to say what is missing, {measures}");
         return Ok(Purpose { goal: worst, rivals: as_it_is(), why });
     };
-    let training = &bench.split.training;
-    let base = &project.compiled;
+    let training = &workspace.split.training;
+    let base = spec.compiled();
     let found = diagnosis::diagnose(base, model, training, held_out, progress)?;
     let tied = |leader: &&RankedEffect| found.indistinguishable.contains(&leader.effect);
     let first = found.ranking.first();
@@ -188,7 +188,7 @@ fn purpose(
     let among = listed(&rivals);
     if rivals.len() > 1 {
         // The diagnosis held some runs out; all of them together may have the answer.
-        let standings = design::standings(&rivals, &bench.dataset, model.evidence.window)?;
+        let standings = design::standings(&rivals, &workspace.dataset, model.evidence.window)?;
         let mut excess = standings.iter().map(|standing| standing.excess_deviance);
         rivals.retain(|_| excess.next().is_some_and(|excess| excess <= design::DISTINGUISHABLE));
     }

@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::bench::Bench;
 use super::console::Console;
 use super::progress::Progress;
-use super::splitting::Splitting;
+use super::splitting::SplitArguments;
+use super::workspace::Workspace;
 use crate::diagnose::context::Context;
 use crate::diagnose::diagnosis::{self, Diagnosis};
 use crate::diagnose::instrument::detect;
@@ -29,26 +29,21 @@ pub struct Arguments {
     /// The spec.
     pub spec: PathBuf,
     #[command(flatten)]
-    pub splitting: Splitting,
+    pub splitting: SplitArguments,
 }
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
-    let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
+    let workspace = Workspace::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
-    let (project, split) = (&bench.project, &bench.split);
-    let lacking = sufficiency::lacking(project.system(), &split.training, bench.held_out());
-    let (diagnosis, terms, detections) = match (lacking, bench.held_out()) {
+    let (spec, split) = (&workspace.spec, &workspace.split);
+    let lacking = sufficiency::lacking(spec.system(), &split.training, workspace.held_out());
+    let (diagnosis, terms, detections) = match (lacking, workspace.held_out()) {
         (None, Some(held_out)) => {
-            let (model, terms) = bench.model(&progress)?;
-            let diagnosis = diagnosis::diagnose(
-                &project.compiled,
-                &model,
-                &split.training,
-                held_out,
-                &progress,
-            )?;
-            let context = Context::new(project.system(), &model, &split.training)?;
+            let (model, terms) = workspace.model(&progress)?;
+            let diagnosis =
+                diagnosis::diagnose(spec.compiled(), &model, &split.training, held_out, &progress)?;
+            let context = Context::new(spec.system(), &model, &split.training)?;
             (diagnosis, terms, detect(&context, &model))
         }
         (lacking, _) => {
@@ -58,13 +53,12 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     };
     drop(progress);
     let found: Vec<&str> = detections.iter().map(|found| found.sentence.as_str()).collect();
-    let about =
-        DiagnosisContext { how: &split.how, terms, spec: &project.name(), detections: &found };
+    let about = DiagnosisContext { how: &split.how, terms, spec: spec.name(), detections: &found };
     let text = diagnosis_text(&diagnosis, &about, console.width());
     let mut object = json!({
         "format": "leverrier.diagnose/2",
-        "system": project.system().name,
-        "split": bench.split_json(),
+        "system": spec.system().name,
+        "split": workspace.split_json(),
         "terms_from": terms,
         "detections": detections,
     });

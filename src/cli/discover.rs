@@ -5,20 +5,19 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::bench::Bench;
 use super::console::Console;
 use super::ledger::{HeldOutErrors, Ledger};
 use super::progress::Progress;
+use super::project::ModelFile;
 use super::project::fitting::{origin, write_model};
 use super::project::lock::Lock;
-use super::project::{ModelFile, Project};
-use super::splitting::Splitting;
+use super::splitting::SplitArguments;
+use super::workspace::Workspace;
 use crate::data::write_atomically;
 use crate::diagnose::diagnosis::Verdict;
 use crate::diagnose::discover::{Discovery, discover};
 use crate::diagnose::sufficiency;
 use crate::error::Result;
-use crate::expr;
 use crate::fit::{Options, Silent};
 use crate::report::discovery_text;
 use crate::report::layout::{WIDTH, wrapped};
@@ -39,7 +38,7 @@ pub struct Arguments {
     #[arg(long)]
     pub dry_run: bool,
     #[command(flatten)]
-    pub splitting: Splitting,
+    pub splitting: SplitArguments,
 }
 
 /// Runs the command.
@@ -48,34 +47,34 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let lock = (!arguments.dry_run)
         .then(|| Lock::take(&arguments.spec, &Silent, |what| console.message(what)));
     let _lock = lock.transpose()?;
-    let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
-    let system = bench.project.system();
-    let lacking = sufficiency::lacking(system, &bench.split.training, bench.held_out());
-    let (None, Some(held_out)) = (&lacking, bench.held_out()) else {
-        return too_little(&bench, &lacking.unwrap_or_default(), console);
+    let workspace = Workspace::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
+    let system = workspace.spec.system();
+    let lacking = sufficiency::lacking(system, &workspace.split.training, workspace.held_out());
+    let (None, Some(held_out)) = (&lacking, workspace.held_out()) else {
+        return too_little(&workspace, &lacking.unwrap_or_default(), console);
     };
-    let project = &bench.project;
+    let spec = &workspace.spec;
     let options =
-        Options { parameter_starts: project.compiled.starts.clone(), ..Options::default() };
+        Options { parameter_starts: spec.compiled().starts.clone(), ..Options::default() };
     let progress = Progress::new();
     let found = discover(
-        &project.name(),
-        &project.text,
-        &bench.split.training,
+        spec.name(),
+        spec.text(),
+        &workspace.split.training,
         held_out,
         &options,
         &progress,
     )?;
     let written = !arguments.dry_run && !found.steps.is_empty();
     if written {
-        keep(&bench, &found, &progress)?;
+        keep(&workspace, &found, &progress)?;
     }
     drop(progress);
-    let text = discovery_text(&found, &bench.split.how, written, &project.name(), console.width());
+    let text = discovery_text(&found, &workspace.split.how, written, spec.name(), console.width());
     let mut object = json!({
         "format": "leverrier.discover/2",
-        "system": project.system().name,
-        "split": bench.split_json(),
+        "system": spec.system().name,
+        "split": workspace.split_json(),
         "written": written,
     });
     if let (Some(object), Value::Object(fields)) = (object.as_object_mut(), json!(found)) {
@@ -85,34 +84,33 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
 }
 
 /// Nothing was done, for nothing could have been judged.
-fn too_little(bench: &Bench, why: &str, console: &Console) -> Result<()> {
+fn too_little(workspace: &Workspace, why: &str, console: &Console) -> Result<()> {
     let object = json!({
         "format": "leverrier.discover/2",
-        "system": bench.project.system().name,
-        "split": bench.split_json(),
+        "system": workspace.spec.system().name,
+        "split": workspace.split_json(),
         "written": false,
         "steps": [],
         "stop": why,
         "interrupted": false,
         "verdict": Verdict::TooLittleData,
-        "text": bench.project.text,
+        "text": workspace.spec.text(),
         "model": null,
         "held_out_error": [null, null],
     });
-    let text = format!("Too little data to say: {why}.\n\nSplit: {}", bench.split.how);
+    let text = format!("Too little data to say: {why}.\n\nSplit: {}", workspace.split.how);
     let width = console.width().map_or(WIDTH, |width| usize::from(width).max(40));
     console.result(&wrapped(&text, width, 2), &object)
 }
 
 /// Writes the spec, its ledger and the model of all measurements.
-fn keep(bench: &Bench, found: &Discovery, progress: &Progress) -> Result<()> {
-    let old = &bench.project;
-    let compiled = expr::build(&old.name(), &found.text)?;
-    let project = Project { path: old.path.clone(), text: found.text.clone(), compiled };
-    let whole = bench.refit(&project, &found.model, &bench.dataset, progress)?;
-    let mut ledger = Ledger::open(&old.path)?;
-    ledger.know(&old.text);
-    let mut text = old.text.clone();
+fn keep(workspace: &Workspace, found: &Discovery, progress: &Progress) -> Result<()> {
+    let old = &workspace.spec;
+    let spec = old.edited(found.text.clone())?;
+    let whole = workspace.refit(&spec, &found.model, &workspace.dataset, progress)?;
+    let mut ledger = Ledger::open(old.file())?;
+    ledger.know(old.text());
+    let mut text = old.text().to_string();
     for step in &found.steps {
         text = insert(&text, &step.snippet);
         let judged = |error: f64| HeldOutErrors {
@@ -127,8 +125,9 @@ fn keep(bench: &Bench, found: &Discovery, progress: &Progress) -> Result<()> {
             Some(judged(step.held_out_error_after)),
         );
     }
-    ledger.write(&old.path)?;
-    write_atomically(&old.path, project.text.as_bytes())?;
-    let file = ModelFile { origin: origin(&project, &bench.dataset, &bench.about), model: whole };
-    write_model(&project.model_path(), &file)
+    ledger.write(old.file())?;
+    write_atomically(old.file(), spec.text().as_bytes())?;
+    let file =
+        ModelFile { origin: origin(&spec, &workspace.dataset, &workspace.about), model: whole };
+    write_model(&spec.model_path(), &file)
 }

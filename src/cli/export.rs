@@ -7,8 +7,7 @@ use serde_json::json;
 
 use super::console::Console;
 use super::console::usage;
-use super::project::exporting::output;
-use super::project::{Project, refuse_overwrite};
+use super::project::{Spec, refuse_overwrite};
 use crate::data::{write_atomically, write_folder};
 use crate::error::Result;
 use crate::export::{EXPORTERS, Output};
@@ -54,9 +53,9 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         }
         (_, name) => name,
     };
-    let project = Project::open(&arguments.spec)?;
-    let law = project.law(arguments.model.as_deref())?;
-    match output(&project, &law, name)? {
+    let spec = Spec::open(&arguments.spec)?;
+    let law = spec.law(arguments.model.as_deref())?;
+    match law.exported(name)? {
         Output::Text(text) => match &arguments.output {
             None if !console.is_json() => console.text(&text),
             None => {
@@ -72,7 +71,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
             }
         },
         Output::Files(files) => {
-            let folder = arguments.output.clone().unwrap_or_else(|| default_folder(&project, name));
+            let folder = arguments.output.clone().unwrap_or_else(|| default_folder(&spec, name));
             write_folder(&folder, &files, arguments.force)?;
             let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
             written(console, name, &folder, &names)
@@ -92,7 +91,7 @@ fn written(console: &Console, to: &str, path: &Path, files: &[&str]) -> Result<(
 }
 
 /// `pendulum.ham` becomes `pendulum-rust`.
-fn default_folder(project: &Project, format: &str) -> PathBuf {
-    let stem = project.path.file_stem().map_or("model".into(), |stem| stem.to_string_lossy());
-    project.path.with_file_name(format!("{stem}-{format}"))
+fn default_folder(spec: &Spec, format: &str) -> PathBuf {
+    let stem = spec.file().file_stem().map_or("model".into(), |stem| stem.to_string_lossy());
+    spec.file().with_file_name(format!("{stem}-{format}"))
 }

@@ -12,7 +12,7 @@ use super::memory;
 use super::progress::Progress;
 use super::project::fitting::{origin, write_model};
 use super::project::lock::Lock;
-use super::project::{ModelFile, Project};
+use super::project::{ModelFile, Spec};
 use crate::dynamics::{METHODS, Method};
 use crate::error::{Error, Result};
 use crate::fit::{LOSSES, Loss, Options, Selection, Silent, StopReason, Trainer};
@@ -134,15 +134,15 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let lock = (arguments.output.is_none())
         .then(|| Lock::take(&arguments.spec, &Silent, |what| console.message(what)));
     let _lock = lock.transpose()?;
-    let project = Project::open(&arguments.spec)?;
-    options.parameter_starts.clone_from(&project.compiled.starts);
-    console.diagnostics(&project.name(), &project.text, &project.compiled.warnings);
-    let path = arguments.output.clone().unwrap_or_else(|| project.model_path());
+    let spec = Spec::open(&arguments.spec)?;
+    options.parameter_starts.clone_from(&spec.compiled().starts);
+    console.diagnostics(spec.name(), spec.text(), spec.warnings());
+    let path = arguments.output.clone().unwrap_or_else(|| spec.model_path());
     require_writable(&path)?;
     let clock = Instant::now();
     let progress = Progress::new();
     let measurements = Measurements::read(
-        &project,
+        &spec,
         arguments.data.as_deref(),
         options.memory.unwrap_or(u64::MAX),
         options.seed,
@@ -153,18 +153,18 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     for warning in &about.warnings {
         console.warning(warning);
     }
-    let learned = measurements.learn(project.system(), &options, arguments.threads, &progress);
+    let learned = measurements.learn(spec.system(), &options, arguments.threads, &progress);
     drop(progress);
     let model = learned?;
     let elapsed = clock.elapsed().as_secs_f64();
 
-    let file = ModelFile { model, origin: origin(&project, dataset, about) };
+    let file = ModelFile { model, origin: origin(&spec, dataset, about) };
     // A result that cannot be kept is still printed: it may have taken hours.
     let written = write_model(&path, &file);
-    let simplified = present::simplified(&project.learned(&file.model)?, &file.origin.ranges);
+    let simplified = present::simplified(&spec.learned(&file.model)?, &file.origin.ranges);
     let measured = about.columns.iter().map(|column| column.measured > 0).collect();
     let report =
-        FitReport { system: project.system(), model: &file.model, simplified, measured, elapsed };
+        FitReport { system: spec.system(), model: &file.model, simplified, measured, elapsed };
     let mut object = report.to_json();
     let path_text = written.is_ok().then(|| path.display().to_string());
     set(&mut object, "model_file", json!(path_text));

@@ -31,7 +31,7 @@ use console::{Console, exit_code, options_for};
 // Where the commands find what they share with the studio.
 use crate::error::Result;
 use crate::eval::Backend;
-use crate::project::{self, bench, ledger, measurements, memory};
+use crate::project::{self, ledger, measurements, memory, workspace};
 
 /// Learns sparse Hamiltonians from measured trajectories.
 #[derive(Parser)]

@@ -7,12 +7,12 @@ use clap::Args;
 use clap::builder::PossibleValuesParser;
 use serde_json::json;
 
-use super::bench::Bench;
 use super::console::Console;
 use super::console::usage;
 use super::progress::Progress;
 use super::project::page;
-use super::splitting::Splitting;
+use super::splitting::SplitArguments;
+use super::workspace::Workspace;
 use crate::data::write_atomically;
 use crate::diagnose::diagnosis::Diagnosis;
 use crate::error::{Error, Result};
@@ -60,7 +60,7 @@ pub struct Arguments {
     #[arg(long)]
     pub force: bool,
     #[command(flatten)]
-    pub splitting: Splitting,
+    pub splitting: SplitArguments,
 }
 
 /// Runs the command.
@@ -69,17 +69,17 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         arguments.output.clone().unwrap_or_else(|| arguments.spec.with_extension("report.html"));
     require_page(&path, arguments.force)?;
     require_scale(arguments.scale)?;
-    let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
+    let workspace = Workspace::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
-    let (model, terms) = bench.model(&progress)?;
-    let seen = page::assess(&bench, &model, &progress)?;
+    let (model, terms) = workspace.model(&progress)?;
+    let seen = page::assess(&workspace, &model, &progress)?;
     let diagnosis = match arguments.no_diagnosis {
         true => None,
-        false => page::diagnosis(&bench, &model, &progress)?,
+        false => page::diagnosis(&workspace, &model, &progress)?,
     };
     let model = (&model, terms);
     let (drawn, document) =
-        page::with_page(&bench, model, &seen, diagnosis.as_ref(), reproduce, |page| {
+        page::with_page(&workspace, model, &seen, diagnosis.as_ref(), reproduce, |page| {
             let drawn = html::page(page);
             let folder = Document::beside(&path);
             let document = folder.map(|folder| Document::of(page, &drawn, folder));
@@ -221,7 +221,7 @@ fn tell(
 }
 
 /// Commands that make the page again; files by their names alone.
-pub fn reproduce(bench: &Bench, diagnosed: bool) -> Vec<String> {
+pub fn reproduce(workspace: &Workspace, diagnosed: bool) -> Vec<String> {
     let name = |path: &Path| -> String {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         if name.contains([' ', '\'', '"', '(', ')', '&', ';']) {
@@ -230,8 +230,8 @@ pub fn reproduce(bench: &Bench, diagnosed: bool) -> Vec<String> {
             name.into_owned()
         }
     };
-    let spec = name(&bench.project.path);
-    let splitting = &bench.splitting;
+    let spec = name(workspace.spec.file());
+    let splitting = &workspace.splitting;
     let data = splitting.data.as_ref().map_or(String::new(), |d| format!(" --data {}", name(d)));
     let more = if !diagnosed { " --no-diagnosis" } else { "" };
     vec![

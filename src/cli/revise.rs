@@ -5,13 +5,13 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::bench::Bench;
 use super::console::Console;
 use super::ledger::Ledger;
 use super::progress::Progress;
 use super::project::lock::Lock;
 use super::project::revise::{self, RevisionOutcome};
-use super::splitting::Splitting;
+use super::splitting::SplitArguments;
+use super::workspace::Workspace;
 use crate::error::Result;
 use crate::fit::Silent;
 use crate::report::present;
@@ -30,7 +30,7 @@ pub struct Add {
     /// The effect: its name, and what it is on where there is a choice.
     pub effect: String,
     #[command(flatten)]
-    pub splitting: Splitting,
+    pub splitting: SplitArguments,
 }
 
 /// Take an effect or a term out of a spec, learn again, and show before and after.
@@ -44,35 +44,35 @@ pub struct Remove {
     /// The effect, with what it is on where there is a choice; or the name of a term.
     pub effect: String,
     #[command(flatten)]
-    pub splitting: Splitting,
+    pub splitting: SplitArguments,
 }
 
 /// Runs `add`.
 pub fn add(arguments: &Add, console: &Console) -> Result<()> {
     let _lock = Lock::take(&arguments.spec, &Silent, |what| console.message(what))?;
-    let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
+    let workspace = Workspace::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
-    let revision = revise::add(&bench, None, &arguments.effect, &progress)?;
+    let revision = revise::add(&workspace, None, &arguments.effect, &progress)?;
     drop(progress);
-    revision.keep(&bench)?;
-    show(&bench, &revision, console)
+    revision.keep(&workspace)?;
+    show(&workspace, &revision, console)
 }
 
 /// Runs `remove`.
 pub fn remove(arguments: &Remove, console: &Console) -> Result<()> {
     let _lock = Lock::take(&arguments.spec, &Silent, |what| console.message(what))?;
-    let bench = Bench::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
+    let workspace = Workspace::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
-    let revision = revise::remove(&bench, None, &arguments.effect, &progress)?;
+    let revision = revise::remove(&workspace, None, &arguments.effect, &progress)?;
     drop(progress);
-    revision.keep(&bench)?;
-    show(&bench, &revision, console)
+    revision.keep(&workspace)?;
+    show(&workspace, &revision, console)
 }
 
-fn show(bench: &Bench, revision: &RevisionOutcome, console: &Console) -> Result<()> {
+fn show(workspace: &Workspace, revision: &RevisionOutcome, console: &Console) -> Result<()> {
     let revised = RevisionSummary {
         action: &revision.action,
-        how: &bench.split.how,
+        how: &workspace.split.how,
         before: &revision.was.horizons,
         after: &revision.is.horizons,
         moved: &revision.moved,
@@ -82,9 +82,9 @@ fn show(bench: &Bench, revision: &RevisionOutcome, console: &Console) -> Result<
     };
     let object = json!({
         "format": if revision.adds { "leverrier.add/2" } else { "leverrier.remove/2" },
-        "system": bench.project.system().name,
+        "system": workspace.spec.system().name,
         "action": revision.action,
-        "split": bench.split_json(),
+        "split": workspace.split_json(),
         "before": revision.was,
         "after": revision.is,
         "effect": revision.effect.iter().map(|(term, value, error)| json!({
@@ -93,9 +93,9 @@ fn show(bench: &Bench, revision: &RevisionOutcome, console: &Console) -> Result<
         "moved": revision.moved,
         "supported": revision.supported,
         "reason": revision.why,
-        "spec": bench.project.name(),
-        "model_file": bench.project.model_path().display().to_string(),
-        "ledger": Ledger::path(&bench.project.path).display().to_string(),
+        "spec": workspace.spec.name(),
+        "model_file": workspace.spec.model_path().display().to_string(),
+        "ledger": Ledger::path(workspace.spec.file()).display().to_string(),
     });
     console.result(&revision_text(&revised, console.width()), &object)
 }

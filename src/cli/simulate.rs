@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::console::{Console, set, usage};
-use super::project::{Project, refuse_overwrite};
+use super::project::{Spec, refuse_overwrite};
 use super::values::{example, matching, noise, range_of, state};
 use crate::data::{Dataset, Layout, to_bytes, to_csv, write_atomically};
 use crate::error::Result;
@@ -104,14 +104,14 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let times = arguments.times()?;
     let integrator = arguments.integrator()?;
-    let project = Project::open(&arguments.spec)?;
-    console.diagnostics(&project.name(), &project.text, &project.compiled.warnings);
+    let spec = Spec::open(&arguments.spec)?;
+    console.diagnostics(spec.name(), spec.text(), spec.warnings());
     if let Some(path) = &arguments.output {
         refuse_overwrite(path, arguments.force)?;
     }
-    let system = project.system();
-    let law = project.law(arguments.model.as_deref())?;
-    let simulator = law.law.simulator();
+    let system = spec.system();
+    let law = spec.law(arguments.model.as_deref())?;
+    let simulator = law.numbers().simulator();
     let starts = arguments.starts(system, &simulator)?;
     let noise = noise(system, &arguments.noise)?;
     if starts.len().saturating_mul(times.len()).saturating_mul(2 * system.degrees()) > MOST_NUMBERS
@@ -166,7 +166,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         ));
     }
     let path = arguments.output.clone().unwrap_or_else(|| "standard output".into());
-    let (written, layout) = in_columns(&data, system, project.compiled.data.as_ref());
+    let (written, layout) = in_columns(&data, system, spec.compiled().data.as_ref());
     match &arguments.output {
         Some(_) => {
             write_atomically(&path, &to_bytes(&path, &written, &layout)?)?;

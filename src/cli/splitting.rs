@@ -6,11 +6,11 @@ use clap::Args;
 
 use super::console::usage;
 use crate::error::Result;
-use crate::project::bench::{self, HELD_OUT};
+use crate::project::workspace::{self, HELD_OUT};
 
 /// How the measurements are split.
 #[derive(Args, Debug, Clone)]
-pub struct Splitting {
+pub struct SplitArguments {
     /// Measurements, instead of those that the spec names.
     #[arg(long, value_name = "FILE")]
     pub data: Option<PathBuf>,
@@ -26,16 +26,16 @@ pub struct Splitting {
     pub threads: Option<usize>,
 }
 
-impl Splitting {
+impl SplitArguments {
     /// What was asked for, where it is possible.
-    pub fn asked(&self) -> Result<bench::Splitting> {
-        let Splitting { data, held_out, seed, threads } = self.clone();
-        if !bench::SHARES.contains(&held_out) {
+    pub fn asked(&self) -> Result<workspace::SplitOptions> {
+        let SplitArguments { data, held_out, seed, threads } = self.clone();
+        if !workspace::SHARES.contains(&held_out) {
             return Err(usage(
                 "--held-out must be between 0 and 0.9",
                 "give the share of the samples to put aside, such as 0.25",
             ));
         }
-        Ok(bench::Splitting { data, held_out, seed, threads })
+        Ok(workspace::SplitOptions { data, held_out, seed, threads })
     }
 }

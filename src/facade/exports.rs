@@ -7,7 +7,6 @@ use super::model_file::{ModelFile, digest};
 use crate::data::write_folder;
 use crate::error::{Error, ErrorKind, Result};
 use crate::export::{self, Export, Output, Pretty, Provenance};
-use crate::fit;
 use crate::simplify::{Simplified, Style};
 
 impl Law {
@@ -131,16 +130,32 @@ impl Law {
     }
 
     fn simplified(&self) -> Simplified {
-        let ranges = self.file().map_or(&[][..], |file| &file.origin.ranges);
-        export::simplified(self.numbers(), ranges)
+        export::simplified(self.numbers(), self.ranges())
     }
 
-    fn exported(&self, format: &str) -> Result<Output> {
+    /// In one of the formats of [`EXPORTERS`](export::EXPORTERS).
+    pub(crate) fn exported(&self, format: &str) -> Result<Output> {
+        let row = export::exporter(format)?;
         let pretty = export::pretty(&self.simplified());
-        let spec = self.spec();
-        let name = spec.path().unwrap_or(Path::new(spec.name()));
-        let law = export_of(self.numbers(), &pretty, (name, spec.text()), self.file());
-        (export::exporter(format)?.export)(&law)
+        (row.export)(&self.prepared_export(&pretty))
+    }
+
+    /// As the exporters take it, with what it was made from.
+    pub(crate) fn prepared_export<'a>(&'a self, pretty: &'a Pretty) -> Export<'a> {
+        let mut out = export::export(self.numbers(), pretty);
+        let own = digest(self.spec().file(), self.spec().text().as_bytes());
+        out.provenance = Provenance {
+            version: env!("CARGO_PKG_VERSION").to_string(),
+            spec: (own.name, own.sha256),
+            data: None,
+            seed: 0,
+        };
+        if let Some(ModelFile { model, origin }) = self.file() {
+            out.provenance.data = Some((origin.data.name.clone(), origin.data.sha256.clone()));
+            out.provenance.seed = model.evidence.seed;
+            out.start = origin.start.clone();
+        }
+        out
     }
 
     fn text(&self, format: &str) -> Result<String> {
@@ -156,30 +171,6 @@ impl Law {
             Output::Text(_) => Err(misplaced(format)),
         }
     }
-}
-
-/// A law as the exporters take it, with what it was made from.
-pub(crate) fn export_of<'a>(
-    law: &'a fit::Law,
-    pretty: &'a Pretty,
-    (spec, text): (&Path, &str),
-    file: Option<&ModelFile>,
-) -> Export<'a> {
-    let mut out = export::export(law, pretty);
-    let own = digest(spec, text.as_bytes());
-    out.provenance = Provenance {
-        version: env!("CARGO_PKG_VERSION").to_string(),
-        spec: (own.name, own.sha256),
-        data: None,
-        seed: 0,
-    };
-    if let Some(file) = file {
-        out.provenance.data =
-            Some((file.origin.data.name.clone(), file.origin.data.sha256.clone()));
-        out.provenance.seed = file.model.evidence.seed;
-        out.start = file.origin.start.clone();
-    }
-    out
 }
 
 fn misplaced(format: &str) -> Error {

@@ -63,9 +63,14 @@ impl Law {
         let numbers = model.law(spec.system()).ok_or_else(|| {
             Error::new(ErrorKind::Internal, "the model does not fit its own spec", "report this")
         })?;
-        let spec_file = (spec.path().unwrap_or(Path::new(spec.name())), spec.text());
+        let spec_file = (spec.file(), spec.text());
         let origin = model_file::origin(spec.system(), spec_file, data.dataset(), data.report());
         Ok(Law { spec: spec.clone(), numbers, file: Some(ModelFile { model, origin }) })
+    }
+
+    /// A law of a spec's system, with the model file that it comes from, if there is one.
+    pub(crate) fn of(spec: &Spec, numbers: fit::Law, file: Option<ModelFile>) -> Law {
+        Law { spec: spec.clone(), numbers, file }
     }
 
     pub(super) fn known(spec: &Spec) -> Result<Law> {
@@ -331,6 +336,12 @@ impl Law {
 
     pub(crate) fn file(&self) -> Option<&ModelFile> {
         self.file.as_ref()
+    }
+
+    /// Largest |value| of each state component in the data that it was learned from; empty where
+    /// there are none.
+    pub(crate) fn ranges(&self) -> &[f64] {
+        self.file.as_ref().map_or(&[], |file| &file.origin.ranges)
     }
 
     /// The record of the fit, for what needs one.

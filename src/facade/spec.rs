@@ -156,15 +156,7 @@ impl Spec {
     /// # Ok::<(), leverrier::Error>(())
     /// ```
     pub fn data(&self) -> Result<Data> {
-        let Some(data) = &self.0.compiled.data else {
-            return Err(Error::new(
-                ErrorKind::DataNotNamed,
-                format!("{} does not name its data", self.0.name),
-                "write `data \"file.csv\" { time t }` in it, or open a file",
-            ));
-        };
-        let folder = self.0.path.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
-        Data::open(folder.join(&data.file), self)
+        Data::open(self.data_path(None)?, self)
     }
 
     /// Learns which terms the law has, and their coefficients: [`Spec::fit_with`] with
@@ -309,7 +301,8 @@ impl Spec {
     }
 
     /// The same place on disk with another text.
-    fn edited(&self, text: String) -> Result<Spec> {
+    /// The same with another text.
+    pub(crate) fn edited(&self, text: String) -> Result<Spec> {
         Spec::compile(self.0.name.clone(), self.0.path.clone(), text)
     }
 
@@ -325,8 +318,25 @@ impl Spec {
         &self.0.name
     }
 
-    pub(crate) fn path(&self) -> Option<&Path> {
-        self.0.path.as_deref()
+    /// Its file; its name, where it was parsed from a text.
+    pub(crate) fn file(&self) -> &Path {
+        self.0.path.as_deref().unwrap_or(Path::new(&self.0.name))
+    }
+
+    /// The file of measurements: the one asked for, or the one that it names.
+    pub(crate) fn data_path(&self, asked: Option<&Path>) -> Result<PathBuf> {
+        if let Some(path) = asked {
+            return Ok(path.to_path_buf());
+        }
+        let Some(data) = &self.0.compiled.data else {
+            return Err(Error::new(
+                ErrorKind::DataNotNamed,
+                format!("{} does not name its data", self.0.name),
+                "write `data \"file.csv\" { time t }` in it, or give a file",
+            ));
+        };
+        let folder = self.0.path.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
+        Ok(folder.join(&data.file))
     }
 }
 

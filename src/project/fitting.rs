@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::Project;
+use super::Spec;
 use crate::data::{DataReport, Dataset};
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
@@ -39,6 +39,6 @@ pub fn on_threads<T: Send>(
 }
 
 /// Where a model comes from.
-pub fn origin(project: &Project, dataset: &Dataset, about: &DataReport) -> Origin {
-    model_file::origin(project.system(), (&project.path, &project.text), dataset, about)
+pub fn origin(spec: &Spec, dataset: &Dataset, about: &DataReport) -> Origin {
+    model_file::origin(spec.system(), (spec.file(), spec.text()), dataset, about)
 }

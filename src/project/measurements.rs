@@ -1,10 +1,10 @@
-//! The measurements of a project: in memory, or read part by part where they are too large.
+//! The measurements of a spec: in memory, or read part by part where they are too large.
 
 use std::path::Path;
 use std::sync::Arc;
 
 use super::fitting::{learn, on_threads};
-use super::{Project, memory};
+use super::{Spec, memory};
 use crate::data::{self, DataReport, Dataset, FileSource, Survey};
 use crate::error::Result;
 use crate::expr::System;
@@ -29,17 +29,17 @@ impl Measurements {
     /// Reads them, or looks through them if they take more memory than `allowed`. Says so.
     ///
     /// # Errors
-    /// As [`Project::data`]; [`Error::Interrupted`](crate::error::Error::Interrupted).
+    /// As [`Spec::data`]; [`Error::Interrupted`](crate::error::Error::Interrupted).
     pub fn read(
-        project: &Project,
+        spec: &Spec,
         asked: Option<&Path>,
         allowed: u64,
         seed: u64,
         monitor: &dyn Monitor,
         say: impl Fn(&str),
     ) -> Result<Measurements> {
-        let Some(needed) = too_large(project, asked, allowed)? else {
-            return Ok(Measurements::InMemory(Box::new(project.read(asked)?)));
+        let Some(needed) = too_large(spec, asked, allowed)? else {
+            return Ok(Measurements::InMemory(Box::new(spec.read(asked)?)));
         };
         say(&format!(
             "The data would take about {} of memory, and {} are allowed: they are read part by \
@@ -47,7 +47,7 @@ impl Measurements {
             size(needed),
             size(allowed)
         ));
-        let source = project.source(asked)?;
+        let source = spec.source(asked)?;
         let survey = data::survey_file(&source, TUNING.course.sampled, seed, &|fraction| {
             monitor.stage("looking through the data", 0.1 * fraction);
             !monitor.stopped()
@@ -89,8 +89,8 @@ impl Measurements {
 }
 
 /// What the data would take in memory, if that is more than allowed.
-fn too_large(project: &Project, asked: Option<&Path>, allowed: u64) -> Result<Option<u64>> {
-    let path = project.data_path(asked)?;
+fn too_large(spec: &Spec, asked: Option<&Path>, allowed: u64) -> Result<Option<u64>> {
+    let path = spec.data_path(asked)?;
     match std::fs::metadata(&path) {
         Ok(about) if about.is_file() && about.len() > SMALL => {}
         _ => return Ok(None),
@@ -102,11 +102,11 @@ fn too_large(project: &Project, asked: Option<&Path>, allowed: u64) -> Result<Op
 /// For commands that look at data without passes of their own: all of them, or a sample.
 ///
 /// # Errors
-/// As [`Project::data`].
-pub fn whole_or_sample(project: &Project, asked: Option<&Path>) -> Result<(Dataset, DataReport)> {
+/// As [`Spec::data`].
+pub fn whole_or_sample(spec: &Spec, asked: Option<&Path>) -> Result<(Dataset, DataReport)> {
     let allowed = memory::usual();
-    let Some(needed) = too_large(project, asked, allowed)? else { return project.read(asked) };
-    let survey = data::survey_file(&project.source(asked)?, LOOKED_AT, 0, &|_| true)?;
+    let Some(needed) = too_large(spec, asked, allowed)? else { return spec.read(asked) };
+    let survey = data::survey_file(&spec.source(asked)?, LOOKED_AT, 0, &|_| true)?;
     let mut report = survey.report;
     report.warnings.insert(
         0,

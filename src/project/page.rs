@@ -1,10 +1,9 @@
 //! A model with all that there is to show of it: what the report and the studio draw.
 
-use super::bench::Bench;
-use super::exporting::prepared_export;
 use super::fitting::origin;
 use super::ledger::{HeldOutErrors, Ledger, date};
-use super::{ModelFile, ProjectLaw, digest};
+use super::workspace::Workspace;
+use super::{Law, ModelFile, digest};
 use crate::diagnose::comparison::view::{Quantity, View, view};
 use crate::diagnose::comparison::{self, Comparison, Horizon};
 use crate::diagnose::context::Context;
@@ -21,7 +20,7 @@ use crate::report::plots::{HistoryPoint, PlotData};
 use crate::report::present;
 
 /// Gives the commands that make a page again, with or without a diagnosis.
-pub type Reproduce = fn(&Bench, bool) -> Vec<String>;
+pub type Reproduce = fn(&Workspace, bool) -> Vec<String>;
 
 /// A model compared with its measurements.
 pub struct Assessment {
@@ -30,13 +29,13 @@ pub struct Assessment {
 }
 
 /// Where a model of the training part fails.
-pub fn assess(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<Assessment> {
+pub fn assess(workspace: &Workspace, model: &Model, monitor: &dyn Monitor) -> Result<Assessment> {
     monitor.stage("where it fails", 0.2);
-    let mut training = Context::new(bench.project.system(), model, &bench.split.training)?;
+    let mut training = Context::new(workspace.spec.system(), model, &workspace.split.training)?;
     let detections = detect(&training, model);
     // A model that fails takes a part of what it lacks for noise; the floor is the instrument's.
     training = training.with_noise(noise_floor(&training, model));
-    let held_out = bench.held_out().map(|data| training.with_data(data));
+    let held_out = workspace.held_out().map(|data| training.with_data(data));
     let mut comparison = comparison::compare(&training, held_out.as_ref())?;
     comparison.findings.extend(detections.into_iter().map(|found| found.sentence));
     monitor.stage("what there is to see", 0.3);
@@ -46,9 +45,9 @@ pub fn assess(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<Ass
 
 /// What is known of a model that was just judged, before it is held against the measurements
 /// again: its errors on the held-out runs.
-pub fn glimpse(bench: &Bench, judged: &HeldOutErrors) -> Assessment {
-    let system = bench.project.system();
-    let step = typical_step(&bench.split.training);
+pub fn glimpse(workspace: &Workspace, judged: &HeldOutErrors) -> Assessment {
+    let system = workspace.spec.system();
+    let step = typical_step(&workspace.split.training);
     let horizons = judged.horizons.iter().map(|&(samples, error)| Horizon {
         samples,
         duration: step * samples.saturating_sub(1) as f64,
@@ -94,10 +93,14 @@ pub fn glimpse(bench: &Bench, judged: &HeldOutErrors) -> Assessment {
 }
 
 /// What is missing from a model of the training part; none without held-out runs.
-pub fn diagnosis(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<Option<Diagnosis>> {
-    let Some(held_out) = bench.held_out() else { return Ok(None) };
-    let project = &bench.project;
-    diagnosis::diagnose(&project.compiled, model, &bench.split.training, held_out, monitor)
+pub fn diagnosis(
+    workspace: &Workspace,
+    model: &Model,
+    monitor: &dyn Monitor,
+) -> Result<Option<Diagnosis>> {
+    let Some(held_out) = workspace.held_out() else { return Ok(None) };
+    let spec = &workspace.spec;
+    diagnosis::diagnose(spec.compiled(), model, &workspace.split.training, held_out, monitor)
         .map(Some)
 }
 
@@ -106,21 +109,21 @@ pub fn diagnosis(bench: &Bench, model: &Model, monitor: &dyn Monitor) -> Result<
 /// `terms` says where the terms of the `model` come from, `reproduce` with which commands the
 /// page is made again.
 pub fn with_page<T>(
-    bench: &Bench,
+    workspace: &Workspace,
     (model, terms): (&Model, &str),
     seen: &Assessment,
     diagnosis: Option<&Diagnosis>,
     reproduce: Reproduce,
     tell: impl FnOnce(&Page) -> T,
 ) -> Result<T> {
-    let ledger = Ledger::open(&bench.project.path)?;
+    let ledger = Ledger::open(workspace.spec.file())?;
     let history = stages(&ledger);
-    let law = law(bench, model)?;
-    let own = law.file.as_ref().map_or(model, |file| &file.model);
-    let simplified = present::simplified(&law.law, law.ranges());
+    let law = law(workspace, model)?;
+    let own = law.file().map_or(model, |file| &file.model);
+    let simplified = present::simplified(law.numbers(), law.ranges());
     let pretty = present::pretty(&simplified);
     // A law that cannot be typeset is printed as text.
-    let formulas = formulas(&prepared_export(&bench.project, &law, &pretty)).unwrap_or_default();
+    let formulas = formulas(&law.prepared_export(&pretty)).unwrap_or_default();
     let material = PlotData {
         view: &seen.view,
         comparison: &seen.comparison,
@@ -129,32 +132,32 @@ pub fn with_page<T>(
         history: &history,
     };
     Ok(tell(&Page {
-        title: &bench.project.system().name,
+        title: &workspace.spec.system().name,
         material,
         model: Some(own),
         simplified: &simplified,
         formulas: &formulas,
         notes: &pretty.notes,
-        data: &bench.about,
-        split: &bench.split.how,
+        data: &workspace.about,
+        split: &workspace.split.how,
         terms_from: terms,
-        spec: &bench.project.text,
+        spec: workspace.spec.text(),
         history: &entries(&ledger),
-        facts: &facts(bench, &law),
-        commands: &reproduce(bench, diagnosis.is_some()),
+        facts: &facts(workspace, &law),
+        commands: &reproduce(workspace, diagnosis.is_some()),
     }))
 }
 
 /// The law of the model file where it belongs to the spec, else that of the training part.
-fn law(bench: &Bench, model: &Model) -> Result<ProjectLaw> {
-    if let Ok(law) = bench.project.law(None)
-        && law.file.is_some()
+fn law(workspace: &Workspace, model: &Model) -> Result<Law> {
+    if let Ok(law) = workspace.spec.law(None)
+        && law.file().is_some()
     {
         return Ok(law);
     }
-    let origin = origin(&bench.project, &bench.dataset, &bench.about);
+    let origin = origin(&workspace.spec, &workspace.dataset, &workspace.about);
     let file = ModelFile { model: model.clone(), origin };
-    bench.project.law_of(file).ok_or_else(|| {
+    workspace.spec.law_of(file).ok_or_else(|| {
         Error::new(
             ErrorKind::Model,
             "the model belongs to another spec",
@@ -198,18 +201,18 @@ fn entries(ledger: &Ledger) -> Vec<HistoryEntry> {
 }
 
 /// What it takes to make the page again.
-fn facts(bench: &Bench, law: &ProjectLaw) -> Vec<(String, String)> {
+fn facts(workspace: &Workspace, law: &Law) -> Vec<(String, String)> {
     let mut out = vec![("program".to_string(), format!("leverrier {}", env!("CARGO_PKG_VERSION")))];
     let mut fact = |name: &str, value: String| out.push((name.to_string(), value));
-    let Some(file) = &law.file else { return out };
+    let Some(file) = law.file() else { return out };
     let (model, origin) = (&file.model, &file.origin);
-    let own = digest(&bench.project.path, bench.project.text.as_bytes());
+    let own = digest(workspace.spec.file(), workspace.spec.text().as_bytes());
     fact("spec", format!("{} SHA-256 {}", own.name, own.sha256));
-    if let Some(source) = &bench.about.source {
+    if let Some(source) = &workspace.about.source {
         let name = source.file.file_name().unwrap_or_default().to_string_lossy();
         fact("data", format!("{name} SHA-256 {}", source.sha256));
     }
-    if bench.about.source.as_ref().is_some_and(|source| source.sha256 != origin.data.sha256) {
+    if workspace.about.source.as_ref().is_some_and(|source| source.sha256 != origin.data.sha256) {
         fact("learned from", format!("{} SHA-256 {}", origin.data.name, origin.data.sha256));
     }
     fact("seed of the fit", model.evidence.seed.to_string());
@@ -223,7 +226,7 @@ fn facts(bench: &Bench, law: &ProjectLaw) -> Vec<(String, String)> {
         ),
     );
     fact("meaning of the spec", model.fingerprint.clone());
-    let splitting = &bench.splitting;
+    let splitting = &workspace.splitting;
     fact("split", format!("held out {}, seed {}", splitting.held_out, splitting.seed));
     out
 }

@@ -1,16 +1,16 @@
 //! Putting an effect into a spec or taking one out: the spec, its model and its ledger.
 
-use super::bench::{Bench, errors};
 use super::fitting::{origin, write_model};
 use super::ledger::{HeldOutErrors, Ledger};
-use super::{ModelFile, Project};
+use super::workspace::{Workspace, errors};
+use super::{ModelFile, Spec};
 use crate::data::write_atomically;
 use crate::diagnose::comparison::windows;
 use crate::diagnose::context::Context;
 use crate::diagnose::noise_floor::noise_floor;
 use crate::diagnostic::Diagnostic;
 use crate::error::{Error, ErrorKind, Result};
-use crate::expr::{self, Term};
+use crate::expr::Term;
 use crate::facade::effect::{NamedEffect, effects_of};
 use crate::fit::{Model, Monitor};
 use crate::report::CoefficientChange;
@@ -27,7 +27,7 @@ pub struct RevisionOutcome {
     pub action: String,
     pub adds: bool,
     /// The edited spec.
-    pub project: Project,
+    pub spec: Spec,
     /// Its model from the training part.
     pub training: Model,
     /// Its model from all measurements.
@@ -50,44 +50,44 @@ pub struct RevisionOutcome {
 /// # Errors
 /// The effect does not exist, cannot act here, or is there already.
 pub fn add(
-    bench: &Bench,
+    workspace: &Workspace,
     known: Option<&Model>,
     effect: &str,
     monitor: &dyn Monitor,
 ) -> Result<RevisionOutcome> {
-    let mut asked = NamedEffect::new(effect, &bench.project.text, bench.project.system())?;
-    if asked.place(&bench.project.text).is_some() {
+    let mut asked = NamedEffect::new(effect, workspace.spec.text(), workspace.spec.system())?;
+    if asked.place(workspace.spec.text()).is_some() {
         return Err(Error::new(
             ErrorKind::NothingToDo,
-            format!("{} has `{}` already", bench.project.name(), asked.label),
+            format!("{} has `{}` already", workspace.spec.name(), asked.label),
             format!(
                 "`leverrier remove` takes it out; `leverrier fit {}` learns it",
-                bench.project.name()
+                workspace.spec.name()
             ),
         ));
     }
-    let model = before(bench, known, monitor)?;
+    let model = before(workspace, known, monitor)?;
     if asked.open {
-        let context = Context::new(bench.project.system(), &model, &bench.split.training)?;
-        asked.scanned(&bench.project.compiled, &context)?;
+        let context = Context::new(workspace.spec.system(), &model, &workspace.split.training)?;
+        asked.scanned(workspace.spec.compiled(), &context)?;
     }
-    let text = edit::insert(&bench.project.text, &asked.statement);
-    let project = edited(bench, text)?;
-    let system = project.system();
+    let text = edit::insert(workspace.spec.text(), &asked.statement);
+    let spec = edited(workspace, text)?;
+    let system = spec.system();
     // What is known stays known: only the new terms are without numbers.
     let best = asked.values.iter().filter_map(|(name, best)| {
         let id = system.find_parameter(name)?;
         Some((id, system.parameter(id)?.bounds.clamp(*best)))
     });
-    let mut start = bench.project.learned(&model)?.on(system).with_parameters(best);
+    let mut start = workspace.spec.learned(&model)?.on(system).with_parameters(best);
     let of_effect = |term: &Term| term.effect.as_deref() == Some(asked.label.as_str());
     for id in system.terms_where(of_effect) {
         if !start.support().contains(&id) {
             start = start.with_term(id, 0.0)?;
         }
     }
-    let after = bench.resume(&start, monitor)?;
-    RevisionOutcome::judged(bench, &model, project, after, (&asked.label, true), monitor)
+    let after = workspace.resume(&start, monitor)?;
+    RevisionOutcome::judged(workspace, &model, spec, after, (&asked.label, true), monitor)
 }
 
 /// Removes an effect, or a term by its name. `known` as in [`add`].
@@ -95,14 +95,14 @@ pub fn add(
 /// # Errors
 /// The spec has no such effect or term.
 pub fn remove(
-    bench: &Bench,
+    workspace: &Workspace,
     known: Option<&Model>,
     effect: &str,
     monitor: &dyn Monitor,
 ) -> Result<RevisionOutcome> {
-    let text = &bench.project.text;
+    let text = workspace.spec.text();
     let (label, shorter) =
-        match NamedEffect::new(effect, &bench.project.text, bench.project.system()) {
+        match NamedEffect::new(effect, workspace.spec.text(), workspace.spec.system()) {
             // A term may bear the name of an effect, but an effect is what is meant first.
             Ok(asked) if asked.place(text).is_some() => {
                 let place = asked.place(text).map(|statement| statement.site.0).unwrap_or_default();
@@ -110,43 +110,43 @@ pub fn remove(
             }
             asked => match (edit::remove_term(text, effect), asked) {
                 (Some(shorter), _) => (effect.to_string(), shorter),
-                (None, Err(error)) => return Err(not_there(effect, bench, error)),
+                (None, Err(error)) => return Err(not_there(effect, workspace, error)),
                 (None, Ok(asked)) => {
                     return Err(Error::new(
                         ErrorKind::UnknownName,
-                        format!("{} does not have `{}`", bench.project.name(), asked.label),
+                        format!("{} does not have `{}`", workspace.spec.name(), asked.label),
                         removable(text),
                     ));
                 }
             },
         };
-    let project = edited(bench, shorter)?;
-    let model = before(bench, known, monitor)?;
-    let after = bench.fit(&project, monitor)?;
-    RevisionOutcome::judged(bench, &model, project, after, (&label, false), monitor)
+    let spec = edited(workspace, shorter)?;
+    let model = before(workspace, known, monitor)?;
+    let after = workspace.fit(&spec, monitor)?;
+    RevisionOutcome::judged(workspace, &model, spec, after, (&label, false), monitor)
 }
 
-fn before(bench: &Bench, known: Option<&Model>, monitor: &dyn Monitor) -> Result<Model> {
+fn before(workspace: &Workspace, known: Option<&Model>, monitor: &dyn Monitor) -> Result<Model> {
     match known {
         Some(model) => Ok(model.clone()),
-        None => Ok(bench.model(monitor)?.0),
+        None => Ok(workspace.model(monitor)?.0),
     }
 }
 
 impl RevisionOutcome {
     fn judged(
-        bench: &Bench,
+        workspace: &Workspace,
         before: &Model,
-        project: Project,
+        spec: Spec,
         after: Model,
         (label, adds): (&str, bool),
         monitor: &dyn Monitor,
     ) -> Result<RevisionOutcome> {
-        let whole = bench.widen(&project, &after, monitor)?;
-        let (was, is) = judge(bench, before, &project, &after)?;
+        let whole = workspace.widen(&spec, &after, monitor)?;
+        let (was, is) = judge(workspace, before, &spec, &after)?;
         let mut effect = Vec::new();
         let (supported, why) = if adds {
-            effect = effect_terms(before, &project, &after, label);
+            effect = effect_terms(before, &spec, &after, label);
             added(&was, &is, &effect)
         } else {
             removed(&was, &is)
@@ -157,7 +157,7 @@ impl RevisionOutcome {
         Ok(RevisionOutcome {
             action,
             adds,
-            project,
+            spec,
             training,
             whole,
             was,
@@ -170,28 +170,28 @@ impl RevisionOutcome {
     }
 
     /// Writes ledger, spec and model, each of them whole.
-    pub fn keep(&self, bench: &Bench) -> Result<()> {
-        let old = &bench.project;
-        let mut ledger = Ledger::open(&old.path)?;
-        ledger.know(&old.text);
+    pub fn keep(&self, workspace: &Workspace) -> Result<()> {
+        let old = &workspace.spec;
+        let mut ledger = Ledger::open(old.file())?;
+        ledger.know(old.text());
         let (was, is) = (Some(self.was.clone()), Some(self.is.clone()));
-        ledger.push(self.action.clone(), self.project.text.clone(), was, is);
+        ledger.push(self.action.clone(), self.spec.text().to_string(), was, is);
         // The ledger first: whatever happens then, the old text is kept.
-        ledger.write(&old.path)?;
-        write_atomically(&old.path, self.project.text.as_bytes())?;
-        let origin = origin(&self.project, &bench.dataset, &bench.about);
+        ledger.write(old.file())?;
+        write_atomically(old.file(), self.spec.text().as_bytes())?;
+        let origin = origin(&self.spec, &workspace.dataset, &workspace.about);
         let file = ModelFile { origin, model: self.whole.clone() };
-        write_model(&self.project.model_path(), &file)
+        write_model(&self.spec.model_path(), &file)
     }
 }
 
 /// An unknown name: the spec's own terms may be what was meant.
-fn not_there(effect: &str, bench: &Bench, error: Error) -> Error {
-    let names = edit::term_names(&bench.project.text);
+fn not_there(effect: &str, workspace: &Workspace, error: Error) -> Error {
+    let names = edit::term_names(workspace.spec.text());
     match crate::spec::nearest(effect, names.iter().map(String::as_str)) {
         Some(near) => Error::new(
             ErrorKind::UnknownName,
-            format!("{} has no term `{}`", bench.project.name(), effect),
+            format!("{} has no term `{}`", workspace.spec.name(), effect),
             format!("did you mean `{near}`?"),
         ),
         None => error,
@@ -208,18 +208,17 @@ fn removable(text: &str) -> String {
     format!("what can be removed: {}", names.join(", "))
 }
 
-/// The project with another text; what is wrong with that is said of the edit, not of the file.
-fn edited(bench: &Bench, text: String) -> Result<Project> {
-    let old = &bench.project;
-    let compiled = expr::build(&old.name(), &text).map_err(|error| match error {
+/// The spec with another text; what is wrong with that is said of the edit, not of the file.
+fn edited(workspace: &Workspace, text: String) -> Result<Spec> {
+    let old = &workspace.spec;
+    old.edited(text).map_err(|error| match error {
         Error::Spec { diagnostics, .. } => Error::new(
             ErrorKind::NotApplicable,
             format!("{} cannot be without it, or with it: {}", old.name(), first(&diagnostics)),
             "nothing was changed; edit the spec by hand",
         ),
         other => other,
-    })?;
-    Ok(Project { path: old.path.clone(), text, compiled })
+    })
 }
 
 fn first(diagnostics: &[Diagnostic]) -> String {
@@ -228,20 +227,20 @@ fn first(diagnostics: &[Diagnostic]) -> String {
 
 /// Both models on the held-out runs, in the same units: the noise floor of the better of the two.
 fn judge(
-    bench: &Bench,
+    workspace: &Workspace,
     before: &Model,
-    project: &Project,
+    spec: &Spec,
     after: &Model,
 ) -> Result<(HeldOutErrors, HeldOutErrors)> {
-    let data = bench.held_out().unwrap_or(&bench.split.held_out);
-    let old = Context::new(bench.project.system(), before, data)?;
-    let new = Context::new(project.system(), after, data)?;
-    let noise = floor_of_both(bench, (&old, before), (&new, after));
-    let names = project.system().observables();
+    let data = workspace.held_out().unwrap_or(&workspace.split.held_out);
+    let old = Context::new(workspace.spec.system(), before, data)?;
+    let new = Context::new(spec.system(), after, data)?;
+    let noise = floor_of_both(workspace, (&old, before), (&new, after));
+    let names = spec.system().observables();
     let noise_of: Vec<(String, f64)> = names.into_iter().zip(noise.iter().copied()).collect();
     let samples = old.law.window().max(new.law.window());
     let of = |context: &Context| {
-        if bench.held_out().is_none() {
+        if workspace.held_out().is_none() {
             return HeldOutErrors { samples, noise: noise_of.clone(), ..HeldOutErrors::unknown() };
         }
         let error = errors(context, &noise, &[samples]);
@@ -257,9 +256,13 @@ fn judge(
 }
 
 /// The smaller noise floor of two models on the training part, for each observable.
-fn floor_of_both(bench: &Bench, old: (&Context, &Model), new: (&Context, &Model)) -> Vec<f64> {
+fn floor_of_both(
+    workspace: &Workspace,
+    old: (&Context, &Model),
+    new: (&Context, &Model),
+) -> Vec<f64> {
     let floor = |(context, model): (&Context, &Model)| {
-        noise_floor(&context.with_data(&bench.split.training), model)
+        noise_floor(&context.with_data(&workspace.split.training), model)
     };
     floor(old).into_iter().zip(floor(new)).map(|(a, b)| a.min(b)).collect()
 }
@@ -267,11 +270,11 @@ fn floor_of_both(bench: &Bench, old: (&Context, &Model), new: (&Context, &Model)
 /// Terms of an effect in a model, then its inner parameters: name, value, standard error.
 fn effect_terms(
     before: &Model,
-    project: &Project,
+    spec: &Spec,
     model: &Model,
     label: &str,
 ) -> Vec<(String, f64, f64)> {
-    let system = project.system();
+    let system = spec.system();
     let Some(law) = model.law(system) else { return Vec::new() };
     let known = |name: &String| before.parameters.iter().any(|old| old.name == *name);
     let inner = model.parameters.iter().filter(|p| !known(&p.name));

@@ -12,7 +12,6 @@ use crate::diagnose::sufficiency;
 use crate::diagnostic::Diagnostic;
 use crate::error::{Error, ErrorKind, Result};
 use crate::fit::{Model, Monitor, Options, StopReason};
-use crate::project::bench::{Bench, Splitting};
 use crate::project::fitting::{origin, write_model};
 use crate::project::ledger::{HeldOutErrors, Ledger};
 use crate::project::lock::Lock;
@@ -21,7 +20,8 @@ use crate::project::memory;
 use crate::project::page::{self, Assessment};
 use crate::project::revise::{self, RevisionOutcome};
 use crate::project::undo::undo;
-use crate::project::{Listener, ModelFile, Project};
+use crate::project::workspace::{SplitOptions, Workspace};
+use crate::project::{Listener, ModelFile, Spec};
 
 /// News of progress are no more frequent than this.
 const FREQUENT: Duration = Duration::from_millis(60);
@@ -29,7 +29,7 @@ const FREQUENT: Duration = Duration::from_millis(60);
 /// A learned model with what is known of it. It is never changed, only replaced.
 #[derive(Clone)]
 pub struct LearnedState {
-    pub bench: Arc<Bench>,
+    pub workspace: Arc<Workspace>,
     /// The model of the training part.
     pub training: Arc<Model>,
     /// Where its terms come from.
@@ -129,21 +129,21 @@ impl Engine {
 
     fn stamp(&mut self) {
         let path = &self.studio.path;
-        let data = self.studio.held().and_then(|held| held.bench.project.data_path(None).ok());
+        let data = self.studio.held().and_then(|held| held.workspace.spec.data_path(None).ok());
         self.stamps = FileStamps::of(path, data.as_deref());
     }
 
     /// Whether somebody else wrote the files since.
     pub fn changed(&self) -> bool {
-        let data = self.studio.held().and_then(|held| held.bench.project.data_path(None).ok());
+        let data = self.studio.held().and_then(|held| held.workspace.spec.data_path(None).ok());
         self.stamps != FileStamps::of(&self.studio.path, data.as_deref())
     }
 
     /// The spec with its data, if these may be read.
-    fn bench(&self) -> Result<Bench> {
+    fn workspace(&self) -> Result<Workspace> {
         let path = &self.studio.path;
-        self.fence.check(&Project::open(path)?)?;
-        Bench::open(path, &Splitting::default(), &NoMessages)
+        self.fence.check(&Spec::open(path)?)?;
+        Workspace::open(path, &SplitOptions::default(), &NoMessages)
     }
 
     /// Reads all files anew; learns the spec where it has no model.
@@ -151,7 +151,7 @@ impl Engine {
         self.post_files()?;
         let opened = self.opened(background);
         self.stamp();
-        let (bench, training, terms) = match opened {
+        let (workspace, training, terms) = match opened {
             Ok(opened) => opened,
             // Whoever asks for something else meanwhile will have it read again.
             Err(error) => {
@@ -161,37 +161,37 @@ impl Engine {
                 return Err(error);
             }
         };
-        self.hold(bench, training, terms);
+        self.hold(workspace, training, terms);
         self.stamp();
         Ok(())
     }
 
-    fn opened(&self, background: bool) -> Result<(Bench, Model, &'static str)> {
+    fn opened(&self, background: bool) -> Result<(Workspace, Model, &'static str)> {
         let studio = Arc::clone(&self.studio);
-        let mut bench = self.bench()?;
+        let mut workspace = self.workspace()?;
         let teller = ProgressReporter::new(&studio, "Learning the spec", background);
-        if bench.project.law(None).is_err() {
+        if workspace.spec.law(None).is_err() {
             let _lock = self.lock(&teller)?;
             // Another command may have changed the spec, or learned it, while this one waited.
-            if self.unchanged(&bench.project).is_err() {
-                bench = self.bench()?;
+            if self.unchanged(&workspace.spec).is_err() {
+                workspace = self.workspace()?;
             }
-            if bench.project.law(None).is_err() {
-                self.learned(&bench, &teller)?;
+            if workspace.spec.law(None).is_err() {
+                self.learned(&workspace, &teller)?;
             }
         }
-        let (training, terms) = bench.model(&teller)?;
+        let (training, terms) = workspace.model(&teller)?;
         if teller.stopped() {
             return Err(Error::Interrupted);
         }
-        Ok((bench, training, terms))
+        Ok((workspace, training, terms))
     }
 
     /// Puts a model up for the page to see, and for what follows.
-    fn hold(&mut self, bench: Bench, training: Model, terms: &'static str) {
-        let (bench, training) = (Arc::new(bench), Arc::new(training));
+    fn hold(&mut self, workspace: Workspace, training: Model, terms: &'static str) {
+        let (workspace, training) = (Arc::new(workspace), Arc::new(training));
         self.gave_up = false;
-        let held = LearnedState { bench, training, terms, assessment: None, diagnosis: None };
+        let held = LearnedState { workspace, training, terms, assessment: None, diagnosis: None };
         self.studio.board.post("missing", &wire::unasked("waiting"));
         self.studio.hold(Some(Arc::new(held)));
     }
@@ -212,25 +212,24 @@ impl Engine {
     }
 
     /// Searches terms and numbers on all measurements and writes the model, as `fit` does.
-    fn learned(&self, bench: &Bench, teller: &ProgressReporter) -> Result<()> {
-        let project = &bench.project;
-        let parameter_starts = project.compiled.starts.clone();
+    fn learned(&self, workspace: &Workspace, teller: &ProgressReporter) -> Result<()> {
+        let spec = &workspace.spec;
+        let parameter_starts = spec.compiled().starts.clone();
         let memory = memory::usual();
         let options = Options { parameter_starts, memory: Some(memory), ..Options::default() };
-        let measured = Measurements::read(project, None, memory, options.seed, teller, |_| {})?;
-        let model = measured.learn(project.system(), &options, None, teller)?;
+        let measured = Measurements::read(spec, None, memory, options.seed, teller, |_| {})?;
+        let model = measured.learn(spec.system(), &options, None, teller)?;
         if teller.stopped() || model.stop.reason == StopReason::Interrupted {
             return Err(Error::Interrupted);
         }
-        self.unchanged(project)?;
-        let file =
-            ModelFile { model, origin: origin(project, measured.dataset(), measured.report()) };
-        write_model(&project.model_path(), &file)
+        self.unchanged(spec)?;
+        let file = ModelFile { model, origin: origin(spec, measured.dataset(), measured.report()) };
+        write_model(&spec.model_path(), &file)
     }
 
     /// Nothing is written over what somebody else wrote meanwhile.
-    fn unchanged(&self, project: &Project) -> Result<()> {
-        if files::read_spec(&self.studio.path)? == project.text {
+    fn unchanged(&self, spec: &Spec) -> Result<()> {
+        if files::read_spec(&self.studio.path)? == spec.text() {
             return Ok(());
         }
         Err(Error::new(
@@ -251,7 +250,7 @@ impl Engine {
                 let studio = Arc::clone(&self.studio);
                 let teller = ProgressReporter::new(&studio, "Learning the spec", false);
                 let lock = self.lock(&teller)?;
-                self.learned(&self.bench()?, &teller)?;
+                self.learned(&self.workspace()?, &teller)?;
                 drop((lock, teller));
                 self.open(false)?;
                 Ok(format!("Learned; the model is in {}.", self.model_name()))
@@ -322,22 +321,22 @@ impl Engine {
                 break (held, teller, lock);
             }
         };
-        let (bench, known) = (&held.bench, Some(&*held.training));
+        let (workspace, known) = (&held.workspace, Some(&*held.training));
         let revision = match adds {
-            true => revise::add(bench, known, effect, &teller)?,
-            false => revise::remove(bench, known, effect, &teller)?,
+            true => revise::add(workspace, known, effect, &teller)?,
+            false => revise::remove(workspace, known, effect, &teller)?,
         };
         if teller.stopped() {
             return Err(Error::Interrupted);
         }
-        self.unchanged(&bench.project)?;
-        revision.keep(bench)?;
+        self.unchanged(&workspace.spec)?;
+        revision.keep(workspace)?;
         drop(teller);
         self.post_files()?;
         let RevisionOutcome { action, training, is, supported, why, .. } = revision;
-        let (bench, terms) = (self.bench()?, "terms and numbers from the training part");
-        self.glimpse(&bench, (&training, terms), &is)?;
-        self.hold(bench, training, terms);
+        let (workspace, terms) = (self.workspace()?, "terms and numbers from the training part");
+        self.glimpse(&workspace, (&training, terms), &is)?;
+        self.hold(workspace, training, terms);
         self.stamp();
         let doubt = match supported {
             Some(false) => " The data do not support it.",
@@ -353,20 +352,25 @@ impl Engine {
         };
         let studio = Arc::clone(&self.studio);
         let teller = ProgressReporter::new(&studio, "Looking where it fails", true);
-        let seen = page::assess(&held.bench, &held.training, &teller)?;
+        let seen = page::assess(&held.workspace, &held.training, &teller)?;
         let held = LearnedState { assessment: Some(Arc::new(seen)), ..(*held).clone() };
         self.show(held)?;
         Ok(true)
     }
 
     /// Puts up what takes no time to draw; the rest of the plots stay as they are meanwhile.
-    fn glimpse(&self, bench: &Bench, model: (&Model, &str), judged: &HeldOutErrors) -> Result<()> {
+    fn glimpse(
+        &self,
+        workspace: &Workspace,
+        model: (&Model, &str),
+        judged: &HeldOutErrors,
+    ) -> Result<()> {
         if judged.horizons.is_empty() {
             return Ok(());
         }
-        let seen = page::glimpse(bench, judged);
+        let seen = page::glimpse(workspace, judged);
         let (law, figures) =
-            page::with_page(bench, model, &seen, None, self.studio.reproduce, |page| {
+            page::with_page(workspace, model, &seen, None, self.studio.reproduce, |page| {
                 (wire::law(page), wire::first_figures(&page.material))
             })?;
         let board = &self.studio.board;
@@ -380,7 +384,7 @@ impl Engine {
         let seen = held.assessment()?;
         let model = (&*held.training, held.terms);
         let (law, figures) = page::with_page(
-            &held.bench,
+            &held.workspace,
             model,
             seen,
             held.diagnosis.as_deref(),
@@ -391,7 +395,7 @@ impl Engine {
         board.post("trouble", &());
         board.post("law", &law);
         board.post("figures", &figures);
-        board.post("effects", &crate::facade::effect::effects_of(&held.bench.project.text));
+        board.post("effects", &crate::facade::effect::effects_of(held.workspace.spec.text()));
         self.studio.hold(Some(Arc::new(held)));
         Ok(())
     }
@@ -407,12 +411,15 @@ impl Engine {
         }
         studio.board.post("missing", &wire::unasked("asking"));
         let teller = ProgressReporter::new(&studio, "Asking what is missing", true);
-        let bench = &held.bench;
-        let lacking =
-            sufficiency::lacking(bench.project.system(), &bench.split.training, bench.held_out());
+        let workspace = &held.workspace;
+        let lacking = sufficiency::lacking(
+            workspace.spec.system(),
+            &workspace.split.training,
+            workspace.held_out(),
+        );
         let diagnosis = match lacking {
             Some(why) => Diagnosis::too_little(why),
-            None => match page::diagnosis(bench, &held.training, &teller)? {
+            None => match page::diagnosis(workspace, &held.training, &teller)? {
                 Some(diagnosis) => diagnosis,
                 None => Diagnosis::too_little("there are no held-out runs".to_string()),
             },

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::project::{Project, digest};
+use crate::project::{Spec, digest};
 
 /// Larger specs are not taken from the page, nor shown in it.
 pub const LARGEST: usize = 1 << 20;
@@ -55,7 +55,7 @@ impl AllowedFolder {
             Some(parent) if !parent.as_os_str().is_empty() => parent,
             _ => Path::new("."),
         };
-        let first = Project::open(spec).and_then(|project| project.data_path(None)).ok();
+        let first = Spec::open(spec).and_then(|spec| spec.data_path(None)).ok();
         AllowedFolder {
             folder: folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf()),
             first: first.and_then(|path| path.canonicalize().ok()),
@@ -64,8 +64,8 @@ impl AllowedFolder {
 
     /// # Errors
     /// The data lie elsewhere.
-    pub fn check(&self, project: &Project) -> Result<()> {
-        let Ok(path) = project.data_path(None) else { return Ok(()) };
+    pub fn check(&self, spec: &Spec) -> Result<()> {
+        let Ok(path) = spec.data_path(None) else { return Ok(()) };
         // A file that is not there is for the reader to complain about, if it were inside.
         let real = path.canonicalize().or_else(|_| match (path.parent(), path.file_name()) {
             (Some(parent), Some(name)) => parent.canonicalize().map(|parent| parent.join(name)),
@@ -98,8 +98,7 @@ mod tests {
             format!("coordinates q; momenta p\ndata \"{data}\" {{ time t }}\nT = p^2/2\nV = q^2\n")
         };
         let write = |data: &str| std::fs::write(&spec, text(data)).expect("written");
-        let pass =
-            |fence: &AllowedFolder| fence.check(&Project::open(&spec).expect("a spec")).is_ok();
+        let pass = |fence: &AllowedFolder| fence.check(&Spec::open(&spec).expect("a spec")).is_ok();
         write("in.csv");
         let fence = AllowedFolder::new(&spec);
         assert!(pass(&fence));

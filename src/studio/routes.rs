@@ -13,8 +13,7 @@ use super::{Studio, archive, files, name, wire};
 use crate::error::{Error, ErrorKind, Result};
 use crate::export::{EXPORTERS, Output};
 use crate::expr;
-use crate::project::Project;
-use crate::project::exporting::output;
+use crate::project::Spec;
 use crate::project::page::with_page;
 use crate::report::html;
 use crate::report::plots::{
@@ -200,10 +199,10 @@ fn cancel(studio: &Studio, _: &str, _: &[u8]) -> Result<Answer> {
 
 fn export(studio: &Studio, query: &str, _: &[u8]) -> Result<Answer> {
     let to = value(query, "to").unwrap_or("");
-    let project = Project::open(&studio.path)?;
-    let law = project.law(None)?;
+    let spec = Spec::open(&studio.path)?;
+    let law = spec.law(None)?;
     let stem = stem(studio);
-    let (answer, save_as) = match output(&project, &law, to)? {
+    let (answer, save_as) = match law.exported(to)? {
         Output::Text(text) => {
             (Answer::new("text/plain; charset=utf-8", text), format!("{stem}.{}", ending(to)))
         }
@@ -235,7 +234,7 @@ fn drawn<T>(studio: &Studio, what: &str, tell: impl FnOnce(&html::Page) -> T) ->
     })?;
     let model = (&*held.training, held.terms);
     with_page(
-        &held.bench,
+        &held.workspace,
         model,
         held.assessment()?,
         held.diagnosis.as_deref(),

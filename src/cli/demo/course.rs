@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::expr;
 use crate::fit::Options;
 use crate::project::fitting::{learn, origin, write_model};
-use crate::project::{ModelFile, Project};
+use crate::project::{ModelFile, Spec};
 use crate::report::layout::{WIDTH, wrapped};
 use crate::report::{present, seconds};
 use crate::simplify::Style;
@@ -122,17 +122,17 @@ pub fn walk(stage: &DemoRun, course: &Course) -> Result<Value> {
     say(&indented(course.spec))?;
 
     let clock = Instant::now();
-    let project = Project::open(&spec)?;
-    let (dataset, about) = project.data(None)?;
+    let spec = Spec::open(&spec)?;
+    let (dataset, about) = spec.measurements(None)?;
     let options =
-        Options { parameter_starts: project.compiled.starts.clone(), ..Options::default() };
+        Options { parameter_starts: spec.compiled().starts.clone(), ..Options::default() };
     let progress = Progress::new();
-    let learned = learn(project.system(), &dataset, &options, None, &progress);
+    let learned = learn(spec.system(), &dataset, &options, None, &progress);
     drop(progress);
-    let file = ModelFile { model: learned?, origin: origin(&project, &dataset, &about) };
-    write_model(&project.model_path(), &file)?;
+    let file = ModelFile { model: learned?, origin: origin(&spec, &dataset, &about) };
+    write_model(&spec.model_path(), &file)?;
     let fitting = clock.elapsed().as_secs_f64();
-    let simplified = present::simplified(&project.learned(&file.model)?, &file.origin.ranges);
+    let simplified = present::simplified(&spec.learned(&file.model)?, &file.origin.ranges);
     say(&format!(
         "Learned in {} from {} candidate terms:\n\n    {}",
         seconds(fitting),

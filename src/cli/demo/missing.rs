@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::{DemoRun, indented};
 use crate::cli::progress::Progress;
-use crate::cli::splitting::Splitting;
+use crate::cli::splitting::SplitArguments;
 use crate::cli::{compare, diagnose, revise};
 use crate::data::{Layout, write_atomically, write_csv};
 use crate::diagnose::discover::discover;
@@ -16,8 +16,8 @@ use crate::expr;
 use crate::expr::Term;
 use crate::fit::Law;
 use crate::fit::Options;
-use crate::project::Project;
-use crate::project::bench::Bench;
+use crate::project::Spec;
+use crate::project::workspace::Workspace;
 use crate::report::layout::{WIDTH, table, wrapped};
 use crate::simplify::{significant, uncertain};
 use crate::simulate::{InitialDistribution, Interval, Noise, Simulator, add_noise, draw};
@@ -66,7 +66,7 @@ pub fn drag(stage: &DemoRun) -> Result<Value> {
 fn story(stage: &DemoRun, runs: usize) -> Result<Value> {
     let spec = PathBuf::from("pendulum.ham");
     write_atomically(&spec, SPEC.as_bytes())?;
-    let splitting = Splitting { data: None, held_out: 0.25, seed: 0, threads: None };
+    let splitting = SplitArguments { data: None, held_out: 0.25, seed: 0, threads: None };
     let truth = json!({
         "hidden": HIDDEN,
         "terms": TERMS
@@ -75,9 +75,9 @@ fn story(stage: &DemoRun, runs: usize) -> Result<Value> {
             .collect::<Vec<_>>(),
     });
     if stage.console.is_json() {
-        let bench = Bench::open(&spec, &splitting.asked()?, stage.console)?;
-        let held_out = bench.held_out().unwrap_or(&bench.dataset);
-        let (training, options) = (&bench.split.training, Options::default());
+        let workspace = Workspace::open(&spec, &splitting.asked()?, stage.console)?;
+        let held_out = workspace.held_out().unwrap_or(&workspace.dataset);
+        let (training, options) = (&workspace.split.training, Options::default());
         let progress = Progress::new();
         let found = discover("pendulum.ham", SPEC, training, held_out, &options, &progress)?;
         return Ok(json!({
@@ -111,8 +111,8 @@ fn story(stage: &DemoRun, runs: usize) -> Result<Value> {
     chapter(4, "What is missing now?  leverrier diagnose pendulum.ham")?;
     diagnose::run(&ask, stage.console)?;
     chapter(5, "The truth, and what was found")?;
-    let project = Project::open(&spec)?;
-    let found = beside_the_truth(&project.law(None)?.law);
+    let spec = Spec::open(&spec)?;
+    let found = beside_the_truth(spec.law(None)?.numbers());
     stage.console.text(&format!("{found}\n"))?;
     Ok(json!({ "truth": truth }))
 }

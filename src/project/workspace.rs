@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde_json::{Value, json};
 
 use super::fitting::{learn, on_threads};
-use super::{Listener, Project};
+use super::{Listener, Spec};
 use crate::data::{DataReport, Dataset, Split};
 use crate::diagnose::comparison;
 use crate::diagnose::context::Context;
@@ -23,7 +23,7 @@ pub const SHARES: RangeInclusive<f64> = 0.0..=0.9;
 
 /// How the measurements are split.
 #[derive(Debug, Clone)]
-pub struct Splitting {
+pub struct SplitOptions {
     /// Measurements, instead of those that the spec names.
     pub data: Option<PathBuf>,
     /// Share of the samples that are held out: no model is fitted to them before it is judged on
@@ -35,25 +35,25 @@ pub struct Splitting {
     pub threads: Option<usize>,
 }
 
-impl Default for Splitting {
+impl Default for SplitOptions {
     /// What is meant where nothing is said.
     fn default() -> Self {
-        Splitting { data: None, held_out: HELD_OUT, seed: 0, threads: None }
+        SplitOptions { data: None, held_out: HELD_OUT, seed: 0, threads: None }
     }
 }
 
-/// A project with its measurements split.
-pub struct Bench {
-    pub project: Project,
+/// A spec with its measurements split.
+pub struct Workspace {
+    pub spec: Spec,
     pub dataset: Dataset,
     pub about: DataReport,
     pub split: Split,
-    pub splitting: Splitting,
+    pub splitting: SplitOptions,
 }
 
-impl Bench {
+impl Workspace {
     /// Reads a spec and its data, and splits these.
-    pub fn open(spec: &Path, splitting: &Splitting, listener: &dyn Listener) -> Result<Self> {
+    pub fn open(spec: &Path, splitting: &SplitOptions, listener: &dyn Listener) -> Result<Self> {
         if !SHARES.contains(&splitting.held_out) {
             return Err(Error::new(
                 ErrorKind::InvalidArgument,
@@ -61,14 +61,14 @@ impl Bench {
                 "give the share of the samples to put aside, such as 0.25",
             ));
         }
-        let project = Project::open(spec)?;
-        listener.diagnostics(&project.name(), &project.text, &project.compiled.warnings);
-        let (dataset, about) = project.data(splitting.data.as_deref())?;
+        let spec = Spec::open(spec)?;
+        listener.diagnostics(spec.name(), spec.text(), spec.warnings());
+        let (dataset, about) = spec.measurements(splitting.data.as_deref())?;
         for warning in &about.warnings {
             listener.warning(warning);
         }
         let split = dataset.split_held_out(splitting.held_out, splitting.seed);
-        Ok(Bench { project, dataset, about, split, splitting: splitting.clone() })
+        Ok(Workspace { spec, dataset, about, split, splitting: splitting.clone() })
     }
 
     /// Held-out runs, if there are any.
@@ -95,30 +95,30 @@ impl Bench {
     /// The terms are those of the model file where it belongs to the spec: their numbers are
     /// learned anew, for the file's own may come from all measurements.
     pub fn model(&self, monitor: &dyn Monitor) -> Result<(Model, &'static str)> {
-        if !self.project.system().terms.is_empty()
-            && let Ok(law) = self.project.law(None)
-            && let Some(file) = &law.file
+        if !self.spec.system().terms.is_empty()
+            && let Ok(law) = self.spec.law(None)
+            && let Some(file) = law.file()
         {
-            let model = self.refit(&self.project, &file.model, &self.split.training, monitor)?;
+            let model = self.refit(&self.spec, &file.model, &self.split.training, monitor)?;
             return Ok((
                 model,
                 "the terms of the model file, their numbers from the training part",
             ));
         }
-        let model = self.fit(&self.project, monitor)?;
-        let system = self.project.system();
+        let model = self.fit(&self.spec, monitor)?;
+        let system = self.spec.system();
         if system.terms.is_empty() && system.parameters.is_empty() {
             return Ok((model, "all of it known, its noise from the training part"));
         }
         Ok((model, "terms and numbers from the training part"))
     }
 
-    /// Searches terms and numbers of a project (this one's, or an edited one) on the training part.
-    pub fn fit(&self, project: &Project, monitor: &dyn Monitor) -> Result<Model> {
-        let parameter_starts = project.compiled.starts.clone();
+    /// Searches terms and numbers of a spec (this one, or an edited one) on the training part.
+    pub fn fit(&self, spec: &Spec, monitor: &dyn Monitor) -> Result<Model> {
+        let parameter_starts = spec.compiled().starts.clone();
         let options = Options { parameter_starts, ..Options::default() };
         let threads = self.splitting.threads;
-        learn(project.system(), &self.split.training, &options, threads, monitor)
+        learn(spec.system(), &self.split.training, &options, threads, monitor)
     }
 
     /// Learns an edited spec on the training part, beginning at what is known already.
@@ -132,30 +132,30 @@ impl Bench {
     /// The terms of a model with their numbers learned anew.
     pub fn refit(
         &self,
-        project: &Project,
+        spec: &Spec,
         model: &Model,
         data: &Dataset,
         monitor: &dyn Monitor,
     ) -> Result<Model> {
-        self.again(project, model, data, false, monitor)
+        self.again(spec, model, data, false, monitor)
     }
 
     /// The terms of a model of the training part with numbers from all measurements, beginning
     /// at the model's own, which are nearly right.
-    pub fn widen(&self, project: &Project, model: &Model, monitor: &dyn Monitor) -> Result<Model> {
-        self.again(project, model, &self.dataset, true, monitor)
+    pub fn widen(&self, spec: &Spec, model: &Model, monitor: &dyn Monitor) -> Result<Model> {
+        self.again(spec, model, &self.dataset, true, monitor)
     }
 
     fn again(
         &self,
-        project: &Project,
+        spec: &Spec,
         model: &Model,
         data: &Dataset,
         warm: bool,
         monitor: &dyn Monitor,
     ) -> Result<Model> {
-        let system = project.system();
-        let Some(law) = model.law(system) else { return self.fit(project, monitor) };
+        let system = spec.system();
+        let Some(law) = model.law(system) else { return self.fit(spec, monitor) };
         let mut narrowed = System::clone(system);
         narrowed.terms = law.terms().map(|(_, term, _)| term.clone()).collect();
         for (parameter, &value) in narrowed.parameters.iter_mut().zip(law.parameters()) {
@@ -163,7 +163,7 @@ impl Bench {
         }
         let narrowed = Arc::new(narrowed);
         if narrowed.terms.is_empty() && narrowed.parameters.is_empty() {
-            return self.fit(project, monitor);
+            return self.fit(spec, monitor);
         }
         // Whoever fitted with a robust loss meant it.
         let loss = Loss::by_name(&model.evidence.loss).unwrap_or(Loss::SQUARES);
