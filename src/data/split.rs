@@ -52,7 +52,7 @@ impl Dataset {
     }
 
     /// Puts about a `fraction` of the samples aside: whole runs where there are enough of
-    /// them, otherwise blocks of consecutive samples of every run, at random times:
+    /// them, otherwise blocks of consecutive samples of every run, at times that the seed decides:
     /// three, or fewer where each would see less than a turn and a half of the slowest motion.
     /// The stretches that a run is cut into become runs of their own (`1, part 2`), so that
     /// nothing integrates across what is held out. The same seed gives the same split, in
@@ -64,13 +64,13 @@ impl Dataset {
         let mut generator = Pcg64::seed_from_u64(seed);
         let wanted = (fraction * self.runs.len() as f64).round() as usize;
         if fraction > 0.0 && wanted >= 1 && wanted < self.runs.len() {
-            self.split_by_runs(fraction, &mut generator)
+            self.split_by_runs(fraction, seed, &mut generator)
         } else {
-            self.split_by_blocks(fraction, &mut generator)
+            self.split_by_blocks(fraction, seed, &mut generator)
         }
     }
 
-    fn split_by_runs(&self, fraction: f64, generator: &mut Pcg64) -> Split {
+    fn split_by_runs(&self, fraction: f64, seed: u64, generator: &mut Pcg64) -> Split {
         let mut order = self.by_content();
         order.shuffle(generator);
         let wanted = fraction * self.samples() as f64;
@@ -92,7 +92,7 @@ impl Dataset {
         };
         let (training, held_out) = (part(false), part(true));
         let how = format!(
-            "{} of {} ({}) held out, chosen at random.",
+            "{} of {} ({}) held out: what the runs hold and the seed {seed} decide which.",
             held_out.runs.len(),
             counted(self.runs.len(), "run"),
             counted(held_out.samples(), "sample"),
@@ -100,7 +100,7 @@ impl Dataset {
         Split { training, held_out, how }
     }
 
-    fn split_by_blocks(&self, fraction: f64, generator: &mut Pcg64) -> Split {
+    fn split_by_blocks(&self, fraction: f64, seed: u64, generator: &mut Pcg64) -> Split {
         let mut parts_of: Vec<(Vec<Run>, Vec<Run>)> = vec![Default::default(); self.runs.len()];
         let mut blocks_aside = 0;
         for at in self.by_content() {
@@ -147,7 +147,8 @@ impl Dataset {
                 .to_string()
         } else {
             format!(
-                "{} of consecutive samples ({} of {}) held out, cut at random out of {}.",
+                "{} of consecutive samples ({} of {}) held out, out of {}: what these hold and the \
+                 seed {seed} decide where.",
                 counted(blocks_aside, "block"),
                 held_out.samples(),
                 counted(self.samples(), "sample"),
@@ -382,7 +383,10 @@ mod tests {
         let all = data(&[2; 500]);
         let split = all.split_held_out(0.2, 1);
         assert_eq!(split.held_out.samples(), 200);
-        assert_eq!(split.how, "100 of 500 runs (200 samples) held out, chosen at random.");
+        assert_eq!(
+            split.how,
+            "100 of 500 runs (200 samples) held out: what the runs hold and the seed 1 decide which."
+        );
         assert_ne!(split.held_out, all.split_held_out(0.2, 2).held_out);
         let single = data(&[1000]).split_held_out(0.3, 1);
         assert_eq!(single.held_out.samples(), 300);
