@@ -49,7 +49,7 @@ impl Measurements {
         ));
         let source = spec.source(asked)?;
         let survey = data::survey_file(&source, TUNING.course.sampled, seed, &|fraction| {
-            monitor.stage("looking through the data", 0.1 * fraction);
+            monitor.stage("surveying the data", 0.1 * fraction);
             !monitor.stopped()
         })?;
         Ok(Measurements::Streamed(Box::new(source), Box::new(survey)))

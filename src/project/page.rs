@@ -30,7 +30,7 @@ pub struct Assessment {
 
 /// Where a model of the training part fails.
 pub fn assess(workspace: &Workspace, model: &Model, monitor: &dyn Monitor) -> Result<Assessment> {
-    monitor.stage("where it fails", 0.2);
+    monitor.stage("comparing with the data", 0.2);
     let mut training = Context::new(workspace.spec.system(), model, &workspace.split.training)?;
     let detections = detect(&training, model);
     // A model that fails takes a part of what it lacks for noise; the floor is the instrument's.
@@ -38,14 +38,14 @@ pub fn assess(workspace: &Workspace, model: &Model, monitor: &dyn Monitor) -> Re
     let held_out = workspace.held_out().map(|data| training.with_data(data));
     let mut comparison = comparison::compare(&training, held_out.as_ref())?;
     comparison.findings.extend(detections.into_iter().map(|found| found.sentence));
-    monitor.stage("what there is to see", 0.3);
+    monitor.stage("computing the figures", 0.3);
     let view = view(&training, held_out.as_ref())?;
     Ok(Assessment { view, comparison })
 }
 
 /// What is known of a model that was just judged, before it is held against the measurements
 /// again: its errors on the held-out runs.
-pub fn glimpse(workspace: &Workspace, judged: &HeldOutErrors) -> Assessment {
+pub fn judged_before(workspace: &Workspace, judged: &HeldOutErrors) -> Assessment {
     let system = workspace.spec.system();
     let step = typical_step(&workspace.split.training);
     let horizons = judged.horizons.iter().map(|&(samples, error)| Horizon {

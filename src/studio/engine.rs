@@ -55,10 +55,10 @@ impl LearnedState {
 /// Does the work, one thing after the other.
 pub struct Engine {
     pub studio: Arc<Studio>,
-    fence: AllowedFolder,
+    allowed: AllowedFolder,
     stamps: FileStamps,
     /// Whether the user gave up the question what is missing.
-    pub gave_up: bool,
+    pub diagnosis_cancelled: bool,
 }
 
 /// Warnings about the data stand in the report on them; those about a text in its editor.
@@ -80,9 +80,9 @@ pub struct ProgressReporter<'a> {
 
 impl<'a> ProgressReporter<'a> {
     pub fn new(studio: &'a Studio, what: &'a str, background: bool) -> Self {
-        let teller = ProgressReporter { studio, what, background, told: Mutex::new(None) };
-        teller.stage("", 0.0);
-        teller
+        let progress = ProgressReporter { studio, what, background, told: Mutex::new(None) };
+        progress.stage("", 0.0);
+        progress
     }
 }
 
@@ -111,8 +111,9 @@ impl Drop for ProgressReporter<'_> {
 
 impl Engine {
     pub fn new(studio: Arc<Studio>) -> Result<Self> {
-        let fence = AllowedFolder::new(&studio.path);
-        let engine = Engine { studio, fence, stamps: FileStamps::default(), gave_up: false };
+        let allowed = AllowedFolder::new(&studio.path);
+        let engine =
+            Engine { studio, allowed, stamps: FileStamps::default(), diagnosis_cancelled: false };
         // The text is there before the page asks for it.
         engine.post_files()?;
         Ok(engine)
@@ -142,7 +143,7 @@ impl Engine {
     /// The spec with its data, if these may be read.
     fn workspace(&self) -> Result<Workspace> {
         let path = &self.studio.path;
-        self.fence.check(&Spec::open(path)?)?;
+        self.allowed.check(&Spec::open(path)?)?;
         Workspace::open(path, &SplitOptions::default(), &NoMessages)
     }
 
@@ -169,19 +170,19 @@ impl Engine {
     fn opened(&self, background: bool) -> Result<(Workspace, Model, &'static str)> {
         let studio = Arc::clone(&self.studio);
         let mut workspace = self.workspace()?;
-        let teller = ProgressReporter::new(&studio, "Learning the spec", background);
+        let progress = ProgressReporter::new(&studio, "Fitting the spec", background);
         if workspace.spec.law(None).is_err() {
-            let _lock = self.lock(&teller)?;
+            let _lock = self.lock(&progress)?;
             // Another command may have changed the spec, or learned it, while this one waited.
             if self.unchanged(&workspace.spec).is_err() {
                 workspace = self.workspace()?;
             }
             if workspace.spec.law(None).is_err() {
-                self.learned(&workspace, &teller)?;
+                self.learned(&workspace, &progress)?;
             }
         }
-        let (training, terms) = workspace.model(&teller)?;
-        if teller.stopped() {
+        let (training, terms) = workspace.model(&progress)?;
+        if progress.stopped() {
             return Err(Error::Interrupted);
         }
         Ok((workspace, training, terms))
@@ -190,9 +191,9 @@ impl Engine {
     /// Puts a model up for the page to see, and for what follows.
     fn hold(&mut self, workspace: Workspace, training: Model, terms: &'static str) {
         let (workspace, training) = (Arc::new(workspace), Arc::new(training));
-        self.gave_up = false;
+        self.diagnosis_cancelled = false;
         let held = LearnedState { workspace, training, terms, assessment: None, diagnosis: None };
-        self.studio.board.post("missing", &wire::unasked("waiting"));
+        self.studio.board.post("missing", &wire::undiagnosed("pending"));
         self.studio.hold(Some(Arc::new(held)));
     }
 
@@ -202,8 +203,8 @@ impl Engine {
         let board = &self.studio.board;
         board.post("law", &());
         board.post("figures", &Vec::<()>::new());
-        board.post("missing", &wire::unasked("nothing"));
-        board.post("trouble", &wire::failure(error));
+        board.post("missing", &wire::undiagnosed("none"));
+        board.post("failure", &wire::failure(error));
     }
 
     /// Keeps commands off the spec while the studio writes.
@@ -212,14 +213,14 @@ impl Engine {
     }
 
     /// Searches terms and numbers on all measurements and writes the model, as `fit` does.
-    fn learned(&self, workspace: &Workspace, teller: &ProgressReporter) -> Result<()> {
+    fn learned(&self, workspace: &Workspace, progress: &ProgressReporter) -> Result<()> {
         let spec = &workspace.spec;
         let parameter_starts = spec.compiled().starts.clone();
         let memory = memory::usual();
         let options = Options { parameter_starts, memory: Some(memory), ..Options::default() };
-        let measured = Measurements::read(spec, None, memory, options.seed, teller, |_| {})?;
-        let model = measured.learn(spec.system(), &options, None, teller)?;
-        if teller.stopped() || model.stop.reason == StopReason::Interrupted {
+        let measured = Measurements::read(spec, None, memory, options.seed, progress, |_| {})?;
+        let model = measured.learn(spec.system(), &options, None, progress)?;
+        if progress.stopped() || model.stop.reason == StopReason::Interrupted {
             return Err(Error::Interrupted);
         }
         self.unchanged(spec)?;
@@ -243,15 +244,15 @@ impl Engine {
     pub fn carry_out(&mut self, request: &JobRequest) -> Result<String> {
         match request {
             JobRequest::Diagnose => {
-                self.gave_up = false;
+                self.diagnosis_cancelled = false;
                 Ok(String::new())
             }
             JobRequest::Learn => {
                 let studio = Arc::clone(&self.studio);
-                let teller = ProgressReporter::new(&studio, "Learning the spec", false);
-                let lock = self.lock(&teller)?;
-                self.learned(&self.workspace()?, &teller)?;
-                drop((lock, teller));
+                let progress = ProgressReporter::new(&studio, "Fitting the spec", false);
+                let lock = self.lock(&progress)?;
+                self.learned(&self.workspace()?, &progress)?;
+                drop((lock, progress));
                 self.open(false)?;
                 Ok(format!("Learned; the model is in {}.", self.model_name()))
             }
@@ -303,7 +304,7 @@ impl Engine {
     fn revised(&mut self, effect: &str, adds: bool) -> Result<String> {
         let studio = Arc::clone(&self.studio);
         let what = format!("{} {effect}", if adds { "Adding" } else { "Removing" });
-        let (held, teller, _lock) = loop {
+        let (held, progress, _lock) = loop {
             if self.changed() || self.studio.held().is_none() {
                 self.open(false)?;
             }
@@ -314,28 +315,28 @@ impl Engine {
                     "mend the spec, then learn it",
                 )
             })?;
-            let teller = ProgressReporter::new(&studio, &what, false);
-            let lock = self.lock(&teller)?;
+            let progress = ProgressReporter::new(&studio, &what, false);
+            let lock = self.lock(&progress)?;
             // What another command wrote while this one waited is read before it is added to.
             if !self.changed() {
-                break (held, teller, lock);
+                break (held, progress, lock);
             }
         };
         let (workspace, known) = (&held.workspace, Some(&*held.training));
         let revision = match adds {
-            true => revise::add(workspace, known, effect, &teller)?,
-            false => revise::remove(workspace, known, effect, &teller)?,
+            true => revise::add(workspace, known, effect, &progress)?,
+            false => revise::remove(workspace, known, effect, &progress)?,
         };
-        if teller.stopped() {
+        if progress.stopped() {
             return Err(Error::Interrupted);
         }
         self.unchanged(&workspace.spec)?;
         revision.keep(workspace)?;
-        drop(teller);
+        drop(progress);
         self.post_files()?;
         let RevisionOutcome { action, training, is, supported, why, .. } = revision;
         let (workspace, terms) = (self.workspace()?, "terms and numbers from the training part");
-        self.glimpse(&workspace, (&training, terms), &is)?;
+        self.show_judged(&workspace, (&training, terms), &is)?;
         self.hold(workspace, training, terms);
         self.stamp();
         let doubt = match supported {
@@ -346,20 +347,20 @@ impl Engine {
     }
 
     /// Holds the model against the measurements and draws it. False if that is done already.
-    pub fn look(&mut self) -> Result<bool> {
+    pub fn compare(&mut self) -> Result<bool> {
         let Some(held) = self.studio.held().filter(|held| held.assessment.is_none()) else {
             return Ok(false);
         };
         let studio = Arc::clone(&self.studio);
-        let teller = ProgressReporter::new(&studio, "Looking where it fails", true);
-        let seen = page::assess(&held.workspace, &held.training, &teller)?;
+        let progress = ProgressReporter::new(&studio, "Comparing with the data", true);
+        let seen = page::assess(&held.workspace, &held.training, &progress)?;
         let held = LearnedState { assessment: Some(Arc::new(seen)), ..(*held).clone() };
         self.show(held)?;
         Ok(true)
     }
 
     /// Puts up what takes no time to draw; the rest of the plots stay as they are meanwhile.
-    fn glimpse(
+    fn show_judged(
         &self,
         workspace: &Workspace,
         model: (&Model, &str),
@@ -368,7 +369,7 @@ impl Engine {
         if judged.horizons.is_empty() {
             return Ok(());
         }
-        let seen = page::glimpse(workspace, judged);
+        let seen = page::judged_before(workspace, judged);
         let (law, figures) =
             page::with_page(workspace, model, &seen, None, self.studio.reproduce, |page| {
                 (wire::law(page), wire::first_figures(&page.material))
@@ -392,7 +393,7 @@ impl Engine {
             |page| (wire::law(page), wire::figures(&page.material)),
         )?;
         let board = &self.studio.board;
-        board.post("trouble", &());
+        board.post("failure", &());
         board.post("law", &law);
         board.post("figures", &figures);
         board.post("effects", &crate::facade::effect::effects_of(held.workspace.spec.text()));
@@ -401,16 +402,16 @@ impl Engine {
     }
 
     /// Asks what is missing. False if that is answered already.
-    pub fn ask(&mut self) -> Result<bool> {
+    pub fn diagnose(&mut self) -> Result<bool> {
         let asked =
             |held: &Arc<LearnedState>| held.diagnosis.is_none() && held.assessment.is_some();
         let Some(held) = self.studio.held().filter(asked) else { return Ok(false) };
         let studio = Arc::clone(&self.studio);
-        if self.gave_up {
+        if self.diagnosis_cancelled {
             return Ok(false);
         }
-        studio.board.post("missing", &wire::unasked("asking"));
-        let teller = ProgressReporter::new(&studio, "Asking what is missing", true);
+        studio.board.post("missing", &wire::undiagnosed("running"));
+        let progress = ProgressReporter::new(&studio, "Diagnosing", true);
         let workspace = &held.workspace;
         let lacking = sufficiency::lacking(
             workspace.spec.system(),
@@ -419,16 +420,16 @@ impl Engine {
         );
         let diagnosis = match lacking {
             Some(why) => Diagnosis::too_little(why),
-            None => match page::diagnosis(workspace, &held.training, &teller)? {
+            None => match page::diagnosis(workspace, &held.training, &progress)? {
                 Some(diagnosis) => diagnosis,
                 None => Diagnosis::too_little("there are no held-out runs".to_string()),
             },
         };
-        if teller.stopped() {
+        if progress.stopped() {
             // An answer that was cut short is none.
-            self.gave_up = !studio.jobs.is_waiting();
-            let state = if self.gave_up { "stopped" } else { "waiting" };
-            studio.board.post("missing", &wire::unasked(state));
+            self.diagnosis_cancelled = !studio.jobs.is_waiting();
+            let state = if self.diagnosis_cancelled { "stopped" } else { "pending" };
+            studio.board.post("missing", &wire::undiagnosed(state));
             return Ok(true);
         }
         let answer = wire::missing(&diagnosis);

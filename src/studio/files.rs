@@ -98,15 +98,16 @@ mod tests {
             format!("coordinates q; momenta p\ndata \"{data}\" {{ time t }}\nT = p^2/2\nV = q^2\n")
         };
         let write = |data: &str| std::fs::write(&spec, text(data)).expect("written");
-        let pass = |fence: &AllowedFolder| fence.check(&Spec::open(&spec).expect("a spec")).is_ok();
+        let pass =
+            |allowed: &AllowedFolder| allowed.check(&Spec::open(&spec).expect("a spec")).is_ok();
         write("in.csv");
-        let fence = AllowedFolder::new(&spec);
-        assert!(pass(&fence));
+        let allowed = AllowedFolder::new(&spec);
+        assert!(pass(&allowed));
         write("../out.csv");
-        assert!(!pass(&fence) && pass(&AllowedFolder::new(&spec)));
+        assert!(!pass(&allowed) && pass(&AllowedFolder::new(&spec)));
         write("/etc/hostname");
-        assert!(!pass(&fence));
+        assert!(!pass(&allowed));
         write("../missing.csv");
-        assert!(!pass(&fence));
+        assert!(!pass(&allowed));
     }
 }

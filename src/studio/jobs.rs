@@ -25,9 +25,9 @@ pub enum JobRequest {
 }
 
 /// The request that waits or is being carried out, and whether it is to be given up.
-pub struct Jobs {
+pub struct JobQueue {
     state: Mutex<State>,
-    bell: Condvar,
+    arrived: Condvar,
     cancelled: AtomicBool,
     /// Whether a request waits: work in the background makes way for it.
     waiting: AtomicBool,
@@ -39,11 +39,11 @@ struct State {
     busy: bool,
 }
 
-impl Jobs {
+impl JobQueue {
     pub fn new() -> Self {
-        Jobs {
+        JobQueue {
             state: Mutex::new(State::default()),
-            bell: Condvar::new(),
+            arrived: Condvar::new(),
             cancelled: AtomicBool::new(false),
             waiting: AtomicBool::new(false),
         }
@@ -62,7 +62,7 @@ impl Jobs {
         self.cancelled.store(false, Ordering::Relaxed);
         self.waiting.store(true, Ordering::Relaxed);
         state.next = Some(request);
-        self.bell.notify_all();
+        self.arrived.notify_all();
         true
     }
 
@@ -71,10 +71,10 @@ impl Jobs {
         self.cancelled.store(true, Ordering::Relaxed);
     }
 
-    /// The next request, if one comes in time. It is busy until [`Jobs::done`].
+    /// The next request, if one comes in time. It is busy until [`JobQueue::done`].
     pub fn next(&self, patience: Duration) -> Option<JobRequest> {
         let state = self.state();
-        let waited = self.bell.wait_timeout_while(state, patience, |state| state.next.is_none());
+        let waited = self.arrived.wait_timeout_while(state, patience, |state| state.next.is_none());
         let (mut state, _) = waited.unwrap_or_else(|poisoned| poisoned.into_inner());
         let request = state.next.take()?;
         state.busy = true;
@@ -107,8 +107,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_wish_at_a_time() {
-        let jobs = Jobs::new();
+    fn one_request_at_a_time() {
+        let jobs = JobQueue::new();
         assert!(jobs.ask(JobRequest::Learn) && !jobs.ask(JobRequest::Learn) && jobs.stopped(true));
         assert_eq!(jobs.next(Duration::ZERO), Some(JobRequest::Learn));
         assert!(!jobs.ask(JobRequest::Learn) && !jobs.stopped(true));

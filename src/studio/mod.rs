@@ -23,7 +23,7 @@ use crate::project::page::Reproduce;
 use board::StatusBoard;
 use engine::Engine;
 use guard::Guard;
-use jobs::Jobs;
+use jobs::JobQueue;
 
 /// What a studio is started with.
 pub struct StudioOptions {
@@ -42,7 +42,7 @@ pub struct Studio {
     reproduce: Reproduce,
     guard: Guard,
     board: StatusBoard,
-    jobs: Jobs,
+    jobs: JobQueue,
     /// The model with all that is known of it; none before the first was learned.
     held: std::sync::Mutex<Option<Arc<engine::LearnedState>>>,
 }
@@ -72,7 +72,7 @@ pub fn serve(options: &StudioOptions, ready: impl FnOnce(&str)) -> Result<()> {
     let studio = Arc::new(Studio {
         guard: Guard::new(port)?,
         board: StatusBoard::new(),
-        jobs: Jobs::new(),
+        jobs: JobQueue::new(),
         held: std::sync::Mutex::new(None),
         path,
         reproduce: options.reproduce,

@@ -24,7 +24,7 @@ use crate::report::plots::{
 const NEWS: Duration = Duration::from_secs(20);
 
 /// What is sent back.
-pub struct Answer {
+pub struct Reply {
     pub status: StatusCode,
     pub kind: &'static str,
     pub body: Bytes,
@@ -32,23 +32,23 @@ pub struct Answer {
     pub save_as: Option<String>,
 }
 
-impl Answer {
+impl Reply {
     fn new(kind: &'static str, body: impl Into<Bytes>) -> Self {
-        Answer { status: StatusCode::OK, kind, body: body.into(), save_as: None }
+        Reply { status: StatusCode::OK, kind, body: body.into(), save_as: None }
     }
 
     fn json(object: &Value) -> Self {
-        Answer::new("application/json", object.to_string())
+        Reply::new("application/json", object.to_string())
     }
 
     /// A refusal, with a sentence that says why.
     pub fn refused(status: StatusCode, why: &str) -> Self {
-        Answer { status, ..Answer::json(&json!({ "message": why, "hint": null })) }
+        Reply { status, ..Reply::json(&json!({ "message": why, "hint": null })) }
     }
 
     fn failed(error: &Error) -> Self {
         let object = json!(wire::failure(error));
-        Answer { status: StatusCode::UNPROCESSABLE_ENTITY, ..Answer::json(&object) }
+        Reply { status: StatusCode::UNPROCESSABLE_ENTITY, ..Reply::json(&object) }
     }
 }
 
@@ -57,9 +57,9 @@ enum Handler {
     /// With a text that is always the same.
     Text(&'static str, fn() -> String),
     /// At once.
-    Now(fn(&Studio, &str, &[u8]) -> Result<Answer>),
+    Now(fn(&Studio, &str, &[u8]) -> Result<Reply>),
     /// After work, on a thread of its own.
-    Work(fn(&Studio, &str, &[u8]) -> Result<Answer>),
+    Work(fn(&Studio, &str, &[u8]) -> Result<Reply>),
     /// When there is news.
     News,
 }
@@ -107,9 +107,9 @@ pub fn find(method: &Method, path: &str) -> Option<&'static Route> {
 
 impl Route {
     /// Answers a request that the guard let pass.
-    pub async fn answer(&self, studio: &Arc<Studio>, query: String, body: Bytes) -> Answer {
+    pub async fn answer(&self, studio: &Arc<Studio>, query: String, body: Bytes) -> Reply {
         let answered = match self.reply {
-            Handler::Text(kind, text) => Ok(Answer::new(kind, text())),
+            Handler::Text(kind, text) => Ok(Reply::new(kind, text())),
             Handler::Now(reply) => reply(studio, &query, &body),
             Handler::News => Ok(news(studio, &query).await),
             Handler::Work(reply) => {
@@ -125,7 +125,7 @@ impl Route {
                 }
             }
         };
-        answered.unwrap_or_else(|error| Answer::failed(&error))
+        answered.unwrap_or_else(|error| Reply::failed(&error))
     }
 }
 
@@ -134,11 +134,11 @@ fn value<'a>(query: &'a str, name: &str) -> Option<&'a str> {
     query.split('&').find_map(|pair| pair.strip_prefix(name)?.strip_prefix('='))
 }
 
-async fn news(studio: &Studio, query: &str) -> Answer {
+async fn news(studio: &Studio, query: &str) -> Reply {
     let seen = value(query, "since").and_then(|text| text.parse().ok()).unwrap_or(0);
     // Nothing new in time is an answer too.
     let _ = tokio::time::timeout(NEWS, studio.board.after(seen)).await;
-    Answer::new("application/json", studio.board.since(seen))
+    Reply::new("application/json", studio.board.since(seen))
 }
 
 #[derive(Deserialize)]
@@ -156,7 +156,7 @@ fn read<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Result<T> {
     })
 }
 
-fn check(studio: &Studio, _: &str, body: &[u8]) -> Result<Answer> {
+fn check(studio: &Studio, _: &str, body: &[u8]) -> Result<Reply> {
     let CheckRequest { text } = read(body)?;
     too_long(&text)?;
     let diagnostics = match expr::build(&name(&studio.path), &text) {
@@ -164,7 +164,7 @@ fn check(studio: &Studio, _: &str, body: &[u8]) -> Result<Answer> {
         Err(Error::Spec { diagnostics, .. }) => diagnostics,
         Err(other) => return Err(other),
     };
-    Ok(Answer::json(&json!({ "diagnostics": wire::diagnostics(&diagnostics, &text) })))
+    Ok(Reply::json(&json!({ "diagnostics": wire::diagnostics(&diagnostics, &text) })))
 }
 
 fn too_long(text: &str) -> Result<()> {
@@ -178,41 +178,41 @@ fn too_long(text: &str) -> Result<()> {
     ))
 }
 
-fn ask(studio: &Studio, _: &str, body: &[u8]) -> Result<Answer> {
+fn ask(studio: &Studio, _: &str, body: &[u8]) -> Result<Reply> {
     let request: JobRequest = read(body)?;
     if let JobRequest::Save { text, .. } = &request {
         too_long(text)?;
     }
     if studio.jobs.ask(request) {
-        return Ok(Answer { status: StatusCode::ACCEPTED, ..Answer::json(&json!({})) });
+        return Ok(Reply { status: StatusCode::ACCEPTED, ..Reply::json(&json!({})) });
     }
-    Ok(Answer::refused(
+    Ok(Reply::refused(
         StatusCode::CONFLICT,
         "the studio does one thing at a time: wait for it, or cancel it",
     ))
 }
 
-fn cancel(studio: &Studio, _: &str, _: &[u8]) -> Result<Answer> {
+fn cancel(studio: &Studio, _: &str, _: &[u8]) -> Result<Reply> {
     studio.jobs.cancel();
-    Ok(Answer::json(&json!({})))
+    Ok(Reply::json(&json!({})))
 }
 
-fn export(studio: &Studio, query: &str, _: &[u8]) -> Result<Answer> {
+fn export(studio: &Studio, query: &str, _: &[u8]) -> Result<Reply> {
     let to = value(query, "to").unwrap_or("");
     let spec = Spec::open(&studio.path)?;
     let law = spec.law(None)?;
     let stem = stem(studio);
     let (answer, save_as) = match law.exported(to)? {
         Output::Text(text) => {
-            (Answer::new("text/plain; charset=utf-8", text), format!("{stem}.{}", ending(to)))
+            (Reply::new("text/plain; charset=utf-8", text), format!("{stem}.{}", ending(to)))
         }
         Output::Files(files) => {
             let folder = format!("{stem}-{to}");
             let packed = archive::zip(&folder, &files)?;
-            (Answer::new("application/zip", packed), format!("{folder}.zip"))
+            (Reply::new("application/zip", packed), format!("{folder}.zip"))
         }
     };
-    Ok(Answer { save_as: Some(save_as), ..answer })
+    Ok(Reply { save_as: Some(save_as), ..answer })
 }
 
 /// What files of a format usually end in.
@@ -243,14 +243,14 @@ fn drawn<T>(studio: &Studio, what: &str, tell: impl FnOnce(&html::Page) -> T) ->
     )
 }
 
-fn report(studio: &Studio, _: &str, _: &[u8]) -> Result<Answer> {
+fn report(studio: &Studio, _: &str, _: &[u8]) -> Result<Reply> {
     let drawn = drawn(studio, "report", html::page)?;
     let save_as = Some(format!("{}.report.html", stem(studio)));
-    Ok(Answer { save_as, ..Answer::new(HTML, drawn.html) })
+    Ok(Reply { save_as, ..Reply::new(HTML, drawn.html) })
 }
 
 /// The plots as pictures: one of them (`plot=forces&at=0`), or all of them packed.
-fn plots(studio: &Studio, query: &str, _: &[u8]) -> Result<Answer> {
+fn plots(studio: &Studio, query: &str, _: &[u8]) -> Result<Reply> {
     let kind = value(query, "as").and_then(image).ok_or_else(|| {
         let known: Vec<&str> = IMAGES.iter().map(|row| row.name).collect();
         Error::new(
@@ -273,7 +273,7 @@ fn plots(studio: &Studio, query: &str, _: &[u8]) -> Result<Answer> {
         let folder = format!("{}-plots", stem(studio));
         let packed = archive::zip(&folder, &files?)?;
         let save_as = Some(format!("{folder}-{}.zip", kind.name));
-        return Ok(Answer { save_as, ..Answer::new("application/zip", packed) });
+        return Ok(Reply { save_as, ..Reply::new("application/zip", packed) });
     };
     let at: usize = value(query, "at").and_then(|at| at.parse().ok()).unwrap_or(0);
     let own = drawn.iter().find(|(plot, _)| *plot == name);
@@ -286,7 +286,7 @@ fn plots(studio: &Studio, query: &str, _: &[u8]) -> Result<Answer> {
     })?;
     let bytes = (kind.draw)(figure, look)?;
     let save_as = Some(format!("{}-{}", stem(studio), file(figure, kind)));
-    Ok(Answer { save_as, ..Answer::new(kind.media, bytes) })
+    Ok(Reply { save_as, ..Reply::new(kind.media, bytes) })
 }
 
 /// The name of the spec's file without its end, in letters that a header takes.

@@ -14,7 +14,7 @@ use hyper_util::rt::{TokioIo, TokioTimer};
 use tokio::sync::Semaphore;
 
 use super::guard::ALWAYS;
-use super::routes::{self, Answer};
+use super::routes::{self, Reply};
 use super::{Studio, files, server_error};
 use crate::error::{Error, ErrorKind, Result};
 
@@ -90,8 +90,8 @@ async fn answer(
     let open = route.is_none_or(|route| route.open);
     let refused = studio.guard.check(&head.method, &head.headers, open);
     let answer = match (refused, route) {
-        (Err((status, why)), _) => Answer::refused(status, why),
-        (Ok(()), None) => Answer::refused(StatusCode::NOT_FOUND, "there is no such page"),
+        (Err((status, why)), _) => Reply::refused(status, why),
+        (Ok(()), None) => Reply::refused(StatusCode::NOT_FOUND, "there is no such page"),
         (Ok(()), Some(route)) => {
             let read = tokio::time::timeout(PATIENCE, Limited::new(body, BODY).collect()).await;
             match read {
@@ -99,18 +99,18 @@ async fn answer(
                     let query = head.uri.query().unwrap_or("").to_string();
                     route.answer(studio, query, body.to_bytes()).await
                 }
-                Ok(Err(_)) => Answer::refused(
+                Ok(Err(_)) => Reply::refused(
                     StatusCode::PAYLOAD_TOO_LARGE,
                     "that is too large for a spec: 1 MB is the most",
                 ),
-                Err(_) => Answer::refused(StatusCode::REQUEST_TIMEOUT, "that took too long"),
+                Err(_) => Reply::refused(StatusCode::REQUEST_TIMEOUT, "that took too long"),
             }
         }
     };
     Ok(respond(answer))
 }
 
-fn respond(answer: Answer) -> Response<Full<Bytes>> {
+fn respond(answer: Reply) -> Response<Full<Bytes>> {
     let mut response = Response::new(Full::new(answer.body));
     *response.status_mut() = answer.status;
     let headers = response.headers_mut();

@@ -144,9 +144,9 @@ fn drawn(row: &Plot, material: &PlotData) -> Value {
     })
 }
 
-/// The question what is missing, before it is answered: `waiting`, `asking`, `stopped`, or
-/// `nothing` to ask it of.
-pub fn unasked(state: &str) -> Value {
+/// The question what is missing, before it is answered: `pending`, `running`, `stopped`, or
+/// `none` to ask it of.
+pub fn undiagnosed(state: &str) -> Value {
     json!({ "state": state })
 }
 

@@ -33,16 +33,16 @@ pub fn run(mut engine: Engine) {
 
 /// One step of what the page wants to see; whether there was one.
 fn background(engine: &mut Engine, told: &mut u64) -> bool {
-    let stepped = match engine.look() {
-        Ok(false) => engine.ask(),
+    let stepped = match engine.compare() {
+        Ok(false) => engine.diagnose(),
         stepped => stepped,
     };
     engine.studio.jobs.forget();
     stepped.unwrap_or_else(|error| {
         // What failed would fail again.
-        engine.gave_up = true;
+        engine.diagnosis_cancelled = true;
         let given_up = matches!(error, Error::Interrupted);
-        engine.studio.board.post("missing", &wire::unasked("stopped"));
+        engine.studio.board.post("missing", &wire::undiagnosed("stopped"));
         if !given_up {
             tell(engine, told, Err(error));
         }

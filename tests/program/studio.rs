@@ -199,7 +199,7 @@ fn what_is_wrong_is_said_and_nothing_is_lost() {
     let message = studio.wish(save(&wrong, &hash));
     assert_eq!(message["failed"], true, "{message}");
     assert_eq!(read(path, "fit.ham"), wrong);
-    assert!(studio.parts["law"].is_null() && !studio.parts["trouble"].is_null());
+    assert!(studio.parts["law"].is_null() && !studio.parts["failure"].is_null());
     let message = studio.wish(json!({ "do": "add", "effect": "viscous_drag(q)" }));
     assert_eq!(message["failed"], true);
     assert_eq!(studio.get("/api/export?to=latex").status, 422);
@@ -209,7 +209,7 @@ fn what_is_wrong_is_said_and_nothing_is_lost() {
     assert_eq!(read(path, "fit.ham"), wrong);
     fs::write(&spec, &text).expect("written");
     studio.until("the new text", |parts| parts["spec"]["text"] == text.as_str());
-    studio.until("its model", |parts| !parts["law"].is_null() && parts["trouble"].is_null());
+    studio.until("its model", |parts| !parts["law"].is_null() && parts["failure"].is_null());
     // Data outside the folder are not read, whatever the text says.
     let outside = text.replace("swings.csv", "/etc/passwd");
     let hash = studio.parts["spec"]["hash"].clone();
@@ -234,7 +234,7 @@ fn one_thing_at_a_time_and_it_can_be_given_up() {
     let save = json!({ "do": "save", "text": slow, "base": hash, "learn": true });
     assert_eq!(studio.post("/api/do", &save).status, 202);
     assert_eq!(studio.post("/api/do", &json!({ "do": "learn" })).status, 409);
-    studio.until("the fit", |parts| parts["job"]["what"] == "Learning the spec");
+    studio.until("the fit", |parts| parts["job"]["what"] == "Fitting the spec");
     let model = fs::read(path.join("fit.model.json")).expect("a model");
     assert_eq!(studio.post("/api/cancel", &json!({})).status, 200);
     studio.until("its end", |parts| {

@@ -255,8 +255,8 @@
     too_little_data: "Too little data to say",
   };
   const STATES = {
-    waiting: "The question comes after the plots.", asking: "Every effect of the catalogue is being tried.",
-    stopped: "The question was given up.", nothing: "There is no model to ask about.",
+    pending: "The diagnosis comes after the plots.", running: "Every effect of the catalogue is being tested.",
+    stopped: "The diagnosis was cancelled.", none: "There is no model to diagnose.",
   };
   const SVG = "http://www.w3.org/2000/svg";
   // A bar of an error, with a line at the noise floor.
@@ -369,16 +369,16 @@
     }));
     arm();
   };
-  const showTrouble = (trouble) => {
-    $("trouble").hidden = !trouble;
-    if (!trouble) return;
-    $("trouble").textContent = `There is no model: ${trouble.message}${trouble.hint ? ` (${trouble.hint})` : ""}.`;
+  const showFailure = (failure) => {
+    $("failure").hidden = !failure;
+    if (!failure) return;
+    $("failure").textContent = `There is no model: ${failure.message}${failure.hint ? ` (${failure.hint})` : ""}.`;
     $("empty").hidden = true;
   };
 
   // ---- news
   const SHOW = { spec: showSpec, ledger: showLedger, law: showLaw, figures: showFigures, missing: showMissing,
-    effects: showEffects, trouble: showTrouble, job: showJob, busy: showBusy, message: say };
+    effects: showEffects, failure: showFailure, job: showJob, busy: showBusy, message: say };
   const listen = async () => {
     let version = 0;
     let silent = 0;

@@ -48,7 +48,7 @@ impl Studio {
         let (port, token) = rest.split_once("/#").expect("a token");
         let (port, token) = (port.parse().expect("a port"), token.to_string());
         let mut parts: BTreeMap<String, Value> =
-            ["law", "trouble", "job", "message"].map(|name| (name.into(), Value::Null)).into();
+            ["law", "failure", "job", "message"].map(|name| (name.into(), Value::Null)).into();
         parts.insert("busy".to_string(), json!(false));
         Studio { child, port, token, address, version: 0, parts }
     }
