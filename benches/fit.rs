@@ -15,7 +15,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use leverrier::internals::data::Dataset;
 use leverrier::internals::expr::build;
 use leverrier::internals::fit::{Options, Silent, fit};
-use leverrier::internals::simulate::{Noise, Simulator, add_noise, consecutive_pairs};
+use leverrier::internals::simulate::{NoiseLevel, Simulator, add_noise, consecutive_pairs};
 
 const HENON_HEILES: &str = "coordinates q[1..2]\nmomenta p[1..2]\n\
     T = (p[1]^2 + p[2]^2)/2\nV = (q[1]^2 + q[2]^2)/2 + q[1]^2*q[2] - q[2]^3/3\n";
@@ -37,7 +37,7 @@ fn pairs(law: &str, degrees: usize, count: usize, sigma: f64) -> Dataset {
     let runs = simulator.trajectories(&starts, &times).expect("bounded motion");
     let mut data = consecutive_pairs(&runs.dataset(&law.system));
     if sigma > 0.0 {
-        let noise = vec![Noise::Absolute(sigma); 2 * degrees];
+        let noise = vec![NoiseLevel::Absolute(sigma); 2 * degrees];
         add_noise(&mut data, &noise, 1).expect("a positive sigma");
     }
     data

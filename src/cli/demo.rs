@@ -20,7 +20,7 @@ use crate::fit::Options;
 use crate::report::layout::{WIDTH, table, wrapped};
 use crate::report::{present, seconds};
 use crate::simplify::{Style, significant, uncertain};
-use crate::simulate::{InitialDistribution, Interval, Noise, Simulator, add_noise, draw};
+use crate::simulate::{InitialDistribution, Interval, NoiseLevel, Simulator, add_noise, draw};
 
 /// Watch a law fail, be told what it lacks, and get it.
 ///
@@ -193,7 +193,7 @@ fn henon_heiles(stage: &DemoRun) -> Result<Value> {
     };
     let starts = draw(&nature, &sampling, pairs, 0.0, 1)?;
     let mut data = nature.trajectories(&starts, &[0.0, 0.1])?.dataset(&truth.system);
-    add_noise(&mut data, &[Noise::Absolute(SIGMA); 4], 1)?;
+    add_noise(&mut data, &[NoiseLevel::Absolute(SIGMA); 4], 1)?;
     for name in &mut data.observables {
         name.retain(|c| !matches!(c, '[' | ']'));
     }

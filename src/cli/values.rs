@@ -3,7 +3,7 @@
 use super::console::usage;
 use crate::error::Result;
 use crate::expr::{System, candidates};
-use crate::simulate::{Interval, Noise};
+use crate::simulate::{Interval, NoiseLevel};
 use crate::spec::ast::{Expression, ExpressionKind};
 
 /// A whole initial state, as it may be written.
@@ -128,17 +128,17 @@ pub fn number_or_range(text: &str) -> Result<Interval> {
 }
 
 /// One noise for each observable.
-pub fn noise(system: &System, texts: &[String]) -> Result<Vec<Noise>> {
+pub fn noise(system: &System, texts: &[String]) -> Result<Vec<NoiseLevel>> {
     let names = system.observables();
-    let mut out = vec![Noise::Absolute(0.0); names.len()];
+    let mut out = vec![NoiseLevel::Absolute(0.0); names.len()];
     for text in texts {
         let (name, amount) = match text.split_once('=') {
             Some((name, amount)) => (Some(name.trim()), amount),
             None => (None, text.as_str()),
         };
         let noise = match amount.trim().strip_suffix('%') {
-            Some(percent) => Noise::Relative(number(percent)? / 100.0),
-            None => Noise::Absolute(number(amount)?),
+            Some(percent) => NoiseLevel::Relative(number(percent)? / 100.0),
+            None => NoiseLevel::Absolute(number(amount)?),
         };
         let at = match name {
             Some(name) => matching(&names, name)?,

@@ -31,7 +31,8 @@ pub(super) fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Table> {
         )
     })?;
     let Lines { lines, delimiter } = header_and_rows(path, &text)?;
-    let (header_line, columns, rows) = Rows::parse(path, &lines, delimiter)?.finish(path)?;
+    let (header_line, columns, rows) =
+        TableBuilder::parse(path, &lines, delimiter)?.finish(path)?;
     Ok(Table {
         path: path.to_path_buf(),
         reading: Reading::Text(TextReading {
@@ -159,13 +160,13 @@ fn builder(delimiter: Delimiter) -> csv::ReaderBuilder {
 }
 
 /// The columns while they are being filled, row by row.
-struct Rows {
+struct TableBuilder {
     header_line: u64,
     columns: Vec<Column>,
     lines: Vec<u64>,
 }
 
-impl Rows {
+impl TableBuilder {
     fn parse(path: &Path, lines: &[(u64, &str)], delimiter: Delimiter) -> Result<Self> {
         // The parser sees only lines with cells, so that its line numbers lead back to
         // ours; quoted cells may still span several of them.
@@ -176,7 +177,7 @@ impl Rows {
         }
         let mut reader = builder(delimiter).from_reader(text.as_bytes());
         let mut record = StringRecord::new();
-        let mut rows: Option<Rows> = None;
+        let mut rows: Option<TableBuilder> = None;
         loop {
             let more = reader.read_record(&mut record).map_err(|error| {
                 let message = format!("the row cannot be divided into cells ({error})");
@@ -191,7 +192,7 @@ impl Rows {
                 .and_then(|index| lines.get(index))
                 .map_or(0, |(number, _)| *number);
             match &mut rows {
-                None => rows = Some(Rows::begin(path, line, &record)?),
+                None => rows = Some(TableBuilder::begin(path, line, &record)?),
                 Some(rows) => rows.add(path, line, &record)?,
             }
         }
@@ -228,7 +229,7 @@ impl Rows {
             };
             columns.push(Column { name, header, unit, cells: Cells::default() });
         }
-        Ok(Rows { header_line: line, columns, lines: Vec::new() })
+        Ok(TableBuilder { header_line: line, columns, lines: Vec::new() })
     }
 
     fn add(&mut self, path: &Path, line: u64, record: &StringRecord) -> Result<()> {

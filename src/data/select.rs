@@ -20,7 +20,7 @@ const RUN_NAMES: &[&str] = &["run", "trial", "experiment", "trajectory", "series
 
 /// Picks, converts, groups and orders: from the cells of a file to runs of samples.
 ///
-/// Rows of one run need not stand together. Rows in which nothing was measured are left
+/// ConvertedColumns of one run need not stand together. ConvertedColumns in which nothing was measured are left
 /// out; so are runs with a single sample. Whatever was put right is said in the report.
 ///
 /// # Errors
@@ -40,7 +40,7 @@ pub fn dataset(table: &Table, mapping: &Mapping) -> Result<(Dataset, DataReport)
         });
         sources.push(column.map(|column| column.header.clone()));
     }
-    let rows = Rows { table, mapping, time: time.0, scale: time.1, times, values };
+    let rows = ConvertedColumns { table, mapping, time: time.0, scale: time.1, times, values };
     let mut notes = Notes::default();
     let groups = rows.grouped(&mut notes)?;
     let falling = rows.falling(&groups);
@@ -183,7 +183,7 @@ fn is_copy(run: &Run, other: &Run) -> bool {
 }
 
 /// The converted columns of the file, row by row.
-struct Rows<'a> {
+struct ConvertedColumns<'a> {
     table: &'a Table,
     mapping: &'a Mapping,
     time: &'a Column,
@@ -194,7 +194,7 @@ struct Rows<'a> {
     values: Vec<Vec<f64>>,
 }
 
-impl Rows<'_> {
+impl ConvertedColumns<'_> {
     /// Time of a row; not a number where there is none.
     fn time_of(&self, row: usize) -> f64 {
         entry(&self.times, row)

@@ -48,7 +48,7 @@ pub enum MethodKind {
 }
 
 /// A Butcher tableau of s stages.
-#[derive(Debug)]
+#[derive(Debug, PartialEq)]
 pub struct Tableau {
     /// `[s][s]`, row after row.
     pub matrix: &'static [f64],

@@ -1,15 +1,18 @@
 //! From a law to the forms that are printed and exported.
 
-use super::{Export, Integrator, IntegratorKind, Pretty, PrettyNumber, Provenance, Tableau};
-use crate::dynamics::{self, Method, MethodKind};
+use super::{Export, ExportedIntegrator, IntegratorKind, Pretty, PrettyNumber, Provenance};
+use crate::dynamics::{Method, MethodKind};
 use crate::fit::Law;
-use crate::simplify::{self, Options, Simplified};
+use crate::simplify::{self, Simplified, SimplifyOptions};
 
 /// The simplified form of a law, learned or known.
 ///
 /// `ranges`: largest |value| of each state component in the data (q, then p); 0 where unknown.
 pub fn simplified(law: &Law, ranges: &[f64]) -> Simplified {
-    simplify::simplify(law, &Options { ranges: ranges.to_vec(), ..Options::default() })
+    simplify::simplify(
+        law,
+        &SimplifyOptions { ranges: ranges.to_vec(), ..SimplifyOptions::default() },
+    )
 }
 
 /// The simplified form as the exporters take it.
@@ -52,22 +55,17 @@ pub fn export<'a>(law: &'a Law, pretty: &'a Pretty) -> Export<'a> {
     }
 }
 
-fn integrator(method: Method) -> Integrator {
+fn integrator(method: Method) -> ExportedIntegrator {
     let row = method.row();
-    let tableau = |t: &dynamics::Tableau| Tableau {
-        matrix: t.matrix.to_vec(),
-        weights: t.weights.to_vec(),
-        nodes: t.nodes.to_vec(),
-    };
-    Integrator {
+    ExportedIntegrator {
         name: row.name.to_string(),
         order: row.order,
         kind: match &row.kind {
             MethodKind::Splitting(weights) => {
                 IntegratorKind::Splitting { weights: weights.to_vec() }
             }
-            MethodKind::Implicit(t) => IntegratorKind::Implicit(tableau(t)),
-            MethodKind::Explicit(t) => IntegratorKind::Explicit(tableau(t)),
+            MethodKind::Implicit(t) => IntegratorKind::Implicit(t),
+            MethodKind::Explicit(t) => IntegratorKind::Explicit(t),
         },
     }
 }

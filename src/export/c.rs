@@ -6,7 +6,8 @@ use super::code::{self, Dialect, number};
 use super::escape::c_comment as comment;
 use super::model::{Identifiers, Model};
 use super::number::with_uncertainty;
-use super::{Export, IntegratorKind, Output, Tableau};
+use super::{Export, IntegratorKind, Output};
+use crate::dynamics::Tableau;
 use crate::error::Result;
 use crate::expr::{Expr, FUNCTIONS, Function, Symbol};
 

@@ -4,7 +4,8 @@ use serde_json::{Map, Value, json};
 
 use super::model::Model;
 use super::tex::TexWriter;
-use super::{Export, IntegratorKind, Output, Tableau};
+use super::{Export, IntegratorKind, Output};
+use crate::dynamics::Tableau;
 use crate::error::Result;
 use crate::expr::{Expr, Graph, Names, Node, Place, Symbol, System, Variable};
 

@@ -21,6 +21,7 @@ pub use assemble::{export, notes, pretty, simplified};
 pub use mathml::{Formula, formulas};
 pub use pretty::{Pretty, PrettyNumber};
 
+use crate::dynamics::Tableau;
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
 use crate::fit::Law;
@@ -32,7 +33,7 @@ pub struct Export<'a> {
     /// The model as people read it.
     pub pretty: &'a Pretty,
     /// The integrator that the model was fitted with.
-    pub integrator: Integrator,
+    pub integrator: ExportedIntegrator,
     /// What the model was made from.
     pub provenance: Provenance,
     /// A typical start: the time, and q_1 .. q_n, p_1 .. p_n.
@@ -41,7 +42,7 @@ pub struct Export<'a> {
 
 /// An integrator, as far as generated code has to know it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Integrator {
+pub struct ExportedIntegrator {
     /// Its name in the crate, as in "leapfrog".
     pub name: String,
     /// The global error falls with this power of the step.
@@ -61,20 +62,9 @@ pub enum IntegratorKind {
         weights: Vec<f64>,
     },
     /// Implicit Runge-Kutta (Gauss-Legendre).
-    Implicit(Tableau),
+    Implicit(&'static Tableau),
     /// Explicit Runge-Kutta.
-    Explicit(Tableau),
-}
-
-/// A Butcher tableau of s stages.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Tableau {
-    /// `[s][s]`, row after row.
-    pub matrix: Vec<f64>,
-    /// `[s]`.
-    pub weights: Vec<f64>,
-    /// Times of the stages in units of the step, `[s]`.
-    pub nodes: Vec<f64>,
+    Explicit(&'static Tableau),
 }
 
 /// What a model was made from.

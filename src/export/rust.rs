@@ -8,7 +8,8 @@ use super::code::{self, Dialect, number};
 use super::escape::{rust_doc as doc, rust_string as literal};
 use super::model::{Identifiers, Model, identifier};
 use super::number::with_uncertainty;
-use super::{Export, IntegratorKind, Output, Tableau};
+use super::{Export, IntegratorKind, Output};
+use crate::dynamics::Tableau;
 use crate::error::Result;
 use crate::expr::{Expr, FUNCTIONS, Function, Symbol};
 

@@ -99,7 +99,7 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
                 Selection::HeldOut => "error on held-out folds".to_string(),
             },
             loss: training.options.loss.row().name.to_string(),
-            supports_tried: round.search.tried,
+            supports_tried: round.search.supports_tried,
             seed: training.options.seed,
         },
         front: front_points(system, candidates, residuals, &law.columns()),

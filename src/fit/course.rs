@@ -75,7 +75,7 @@ pub fn train_on<'a>(
     let longest = training.measured.longest_run().max(2);
     training.recut(options.window.unwrap_or(start.window()).clamp(2, longest))?;
     training.sharpen();
-    monitor.stage("going on from the model", 0.2);
+    monitor.stage("refining the model", 0.2);
     // A number inside a new term can move only once the term has a coefficient.
     let mut refit = training.refit(monitor);
     training.take(&mut refit);
@@ -124,7 +124,10 @@ fn best_start<'a>(first: Training<'a>, monitor: &dyn Monitor) -> Result<Training
     let ids = first.system().parameter_ids();
     let mut best: Option<(f64, Training)> = None;
     for (i, start) in starts.iter().enumerate() {
-        monitor.stage("trying starts of the parameters", 0.2 * i as f64 / starts.len() as f64);
+        monitor.stage(
+            "fitting from several starts of the parameters",
+            0.2 * i as f64 / starts.len() as f64,
+        );
         let mut trial = first.clone();
         let values: Vec<(ParameterId, f64)> = ids.iter().copied().zip(start.clone()).collect();
         trial.law.set_parameters(&values);

@@ -276,7 +276,7 @@ impl Factor {
     }
 }
 
-/// Rows of each of some columns up to the last that is not zero.
+/// DesignRows of each of some columns up to the last that is not zero.
 fn heights(rows: &Rectangle, filled: usize, columns: std::ops::Range<usize>) -> Vec<usize> {
     let last =
         |k: usize| rows.column(k)[..filled].iter().rposition(|x| *x != 0.0).map_or(0, |at| at + 1);

@@ -57,7 +57,7 @@ pub fn screen(
     options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Screening> {
-    let mut trainer = Trainer::new(system, dataset, options)?;
+    let mut trainer = ProximalDescent::new(system, dataset, options)?;
     let everything = trainer.dynamics.active().len();
     let mut theta = trainer.start(system);
     trainer.measure_columns(&theta);
@@ -112,7 +112,7 @@ pub fn correlations(
     dataset: &Dataset,
     options: &Options,
 ) -> Result<Vec<f64>> {
-    let mut trainer = Trainer::new(system, dataset, options)?;
+    let mut trainer = ProximalDescent::new(system, dataset, options)?;
     let terms = trainer.dynamics.active().len();
     let theta = match law {
         Some(law) => law.theta(&trainer.dynamics),
@@ -125,7 +125,7 @@ pub fn correlations(
     Ok(slopes.take(terms).map(|x| if x.is_finite() { x } else { 0.0 }).collect())
 }
 
-struct Trainer<'a> {
+struct ProximalDescent<'a> {
     system: &'a System,
     measured: Packed,
     options: &'a Options,
@@ -145,7 +145,7 @@ struct Trainer<'a> {
     scratch: Scratch,
 }
 
-impl<'a> Trainer<'a> {
+impl<'a> ProximalDescent<'a> {
     fn new(system: &'a System, dataset: &Dataset, options: &'a Options) -> Result<Self> {
         let dynamics = Dynamics::whole(system, Backend::default());
         let measured = packed(dataset);
@@ -171,7 +171,7 @@ impl<'a> Trainer<'a> {
         }
         let unknowns = dynamics.unknowns();
         let weights = change_weights(&measured, &training, 2 * system.degrees());
-        Ok(Trainer {
+        Ok(ProximalDescent {
             system,
             measured,
             options,

@@ -1,10 +1,10 @@
-//! Rows on their way into a factor.
+//! DesignRows on their way into a factor.
 
 use super::factor::Factor;
 use super::rectangle::Rectangle;
-use super::rows::Rows;
+use super::rows::DesignRows;
 
-/// Rows on their way into a factor, gathered until a product of matrices pays.
+/// DesignRows on their way into a factor, gathered until a product of matrices pays.
 #[derive(Clone)]
 pub(super) struct Gathered {
     /// Gathered rows, then what is left of rows that went into the factor before.
@@ -20,7 +20,7 @@ impl Gathered {
     }
 
     /// Takes the rows below the eliminated states.
-    pub(super) fn take(&mut self, rows: &Rows, factor: &mut Factor) {
+    pub(super) fn take(&mut self, rows: &DesignRows, factor: &mut Factor) {
         let (width, lanes) = (self.stacked.columns(), rows.lanes);
         let enough = enough(width);
         if self.stacked.rows() < enough + lanes {
@@ -59,7 +59,7 @@ impl Gathered {
     }
 }
 
-/// Rows that are worth a product, and few enough for the nearest cache where columns are few.
+/// DesignRows that are worth a product, and few enough for the nearest cache where columns are few.
 fn enough(width: usize) -> usize {
     (4 * width).max(128)
 }

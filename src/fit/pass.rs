@@ -15,7 +15,7 @@ use super::factor::Factor;
 use super::gathered::Gathered;
 use super::loss::Loss;
 use super::motion::{Equations, Propagation};
-use super::rows::Rows;
+use super::rows::DesignRows;
 use super::segments::{Segment, Segments, blocks};
 use super::settling::{Responses, TangentRequest, expected_steps, settled, steps_of_few};
 use super::states::States;
@@ -141,7 +141,8 @@ pub fn residuals(
             let segments = &problem.segments.list[range.clone()];
             let block = Block::gather(problem.measured, segments, problem.weights.len());
             let propagation = Propagation { present: (dynamics, theta), by: None };
-            let rows = Rows::integrate(problem, propagation, &block, states.part(range), scratch);
+            let rows =
+                DesignRows::integrate(problem, propagation, &block, states.part(range), scratch);
             let of = |(lane, segment): (usize, &Segment)| {
                 let mut values = rows.residuals(lane, segment.samples());
                 for (observable, out) in values.iter_mut().enumerate() {
@@ -404,7 +405,7 @@ impl FoldPass {
     ) {
         let block = Block::gather(problem.measured, segments, problem.weights.len());
         let propagation = Propagation { present: law, by: Some(law) };
-        let mut rows = Rows::integrate(problem, propagation, &block, states, scratch);
+        let mut rows = DesignRows::integrate(problem, propagation, &block, states, scratch);
         rows.eliminate_states(self.responses.is_some());
         self.take_rows(rows, scratch);
     }
@@ -438,7 +439,7 @@ impl FoldPass {
         self.take_rows(rows, scratch);
     }
 
-    fn take_rows(&mut self, rows: Rows, scratch: &mut Scratch) {
+    fn take_rows(&mut self, rows: DesignRows, scratch: &mut Scratch) {
         rows.sum_up(&mut self.sums);
         if let Some(responses) = &mut self.responses {
             responses.take(&rows);

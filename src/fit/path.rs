@@ -14,7 +14,7 @@ use crate::expr::Bounds;
 
 /// How the path is walked.
 #[derive(Debug, Clone, Copy)]
-pub struct Settings {
+pub struct PathOptions {
     /// Penalties, evenly spaced on a logarithmic scale.
     pub points: usize,
     /// Smallest penalty over the largest.
@@ -28,9 +28,9 @@ pub struct Settings {
     pub most_terms: usize,
 }
 
-impl Default for Settings {
+impl Default for PathOptions {
     fn default() -> Self {
-        Settings {
+        PathOptions {
             points: TUNING.support.path_points,
             ratio: TUNING.support.path_ratio,
             noise: TUNING.support.path_noise,
@@ -69,7 +69,7 @@ pub fn path(
     factor: &Factor,
     penalised: &[bool],
     bounds: &[Bounds],
-    settings: &Settings,
+    settings: &PathOptions,
 ) -> Vec<PathPoint> {
     let mut descent = Descent::new(factor, penalised, bounds);
     // Unpenalised unknowns are settled before the first penalty is set.
@@ -230,7 +230,7 @@ mod tests {
         );
         let mut factor = Factor::new(3);
         factor.push(&rows, 3);
-        let settings = Settings { points: 2, ratio: 1.0 / 3.0, ..Settings::default() };
+        let settings = PathOptions { points: 2, ratio: 1.0 / 3.0, ..PathOptions::default() };
         let points = path(&factor, &[true; 3], &[Bounds::FREE; 3], &settings);
         assert!(points[0].coefficients.iter().all(|(_, x)| x.abs() < 1e-12));
         let last = &points[1];
@@ -245,7 +245,7 @@ mod tests {
         let rows = DMatrix::from_fn(30, 6, |i, j| ((i * 7 + j * 13) as f64 * 0.37).sin());
         let mut factor = Factor::new(5);
         factor.push(&rows, 30);
-        let settings = Settings { sweeps: 5000, ..Settings::default() };
+        let settings = PathOptions { sweeps: 5000, ..PathOptions::default() };
         let norms = factor.norms();
         for point in path(&factor, &[true; 5], &[Bounds::FREE; 5], &settings) {
             let mut x = DVector::zeros(5);

@@ -1,4 +1,4 @@
-//! Rows of a linearised block: weighted residuals and their derivatives, with the states eliminated.
+//! DesignRows of a linearised block: weighted residuals and their derivatives, with the states eliminated.
 
 use std::ops::Range;
 
@@ -15,9 +15,9 @@ use crate::eval::{
 
 /// Weighted residuals and derivatives of a block of segments, `[row][column][lane]`.
 ///
-/// Rows are (sample, observable); columns are the initial state, then theta, then the
+/// DesignRows are (sample, observable); columns are the initial state, then theta, then the
 /// residual "measured - predicted". What was not measured is a row of zeros.
-pub(super) struct Rows {
+pub(super) struct DesignRows {
     pub(super) values: Aligned,
     pub(super) rows: usize,
     pub(super) columns: usize,
@@ -45,7 +45,7 @@ pub(super) struct Rows {
     shown: bool,
 }
 
-impl Rows {
+impl DesignRows {
     /// Follows a block of segments from `states`, `[lane][state]`.
     pub(super) fn integrate(
         problem: &Problem,
@@ -53,7 +53,7 @@ impl Rows {
         block: &Block,
         states: &[f64],
         scratch: &mut Scratch,
-    ) -> Rows {
+    ) -> DesignRows {
         let (dynamics, theta) = propagation.by.unwrap_or(propagation.present);
         let (degrees, lanes) = (dynamics.degrees(), block.lanes());
         let state = 2 * degrees;
@@ -62,7 +62,7 @@ impl Rows {
         let columns = state + kept + 1;
         let size = block.samples * observables;
         // Every number that is looked at is written by `take` and `eliminate_states`.
-        let mut rows = Rows {
+        let mut rows = DesignRows {
             values: scratch.lend(size * columns * lanes),
             rows: size,
             columns,

@@ -8,7 +8,7 @@ use crate::data::Packed;
 
 /// One observable over all runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Scale {
+pub struct ObservableScale {
     /// Standard deviation; of a column that never changes its size, at least 1. `None` where
     /// nothing was measured.
     pub spread: Option<f64>,
@@ -20,7 +20,7 @@ pub struct Scale {
 }
 
 /// The scale of each of the first `observables` observables.
-pub fn scales(measured: &Packed, observables: usize) -> Vec<Scale> {
+pub fn scales(measured: &Packed, observables: usize) -> Vec<ObservableScale> {
     let of = |row: usize| {
         let mut scale = scale(measured.column(row));
         scale.rounding = scale.rounding.max(rounding_of_time(measured, row));
@@ -52,27 +52,27 @@ fn rounding_of_time(measured: &Packed, row: usize) -> f64 {
 /// The spread of each observable. What was not measured is as large as its guess at the start of
 /// the segments: a number without a unit, such as 1, would make the result depend on the units of
 /// what was measured.
-pub fn spreads(scales: &[Scale], states: &States) -> Vec<f64> {
+pub fn spreads(scales: &[ObservableScale], states: &States) -> Vec<f64> {
     let guessed = |row: usize| states.spread(row).unwrap_or(1.0);
     scales.iter().enumerate().map(|(row, s)| s.spread.unwrap_or_else(|| guessed(row))).collect()
 }
 
 /// Samples of a segment that hold twice as many measured values as a state has components, where
 /// there are so many in all.
-pub fn fewest_samples(scales: &[Scale], samples: usize) -> usize {
+pub fn fewest_samples(scales: &[ObservableScale], samples: usize) -> usize {
     let measured: usize = scales.iter().map(|scale| scale.measured).sum();
     let share = measured.max(1) as f64 / (samples * scales.len()).max(1) as f64;
     (2.0 / share - 0.5).ceil() as usize
 }
 
-fn scale(cells: &[f64]) -> Scale {
+fn scale(cells: &[f64]) -> ObservableScale {
     let add = |a: f64, b: f64| a + b;
     let count = over(cells, |_| 1.0, add);
     let largest = over(cells, f64::abs, f64::max);
     let mean = over(cells, |x| x, add) / count;
     let variance = over(cells, |x| (x - mean).powi(2), add) / count;
     let spread = if variance > 0.0 { variance.sqrt() } else { mean.abs().max(1.0) };
-    Scale {
+    ObservableScale {
         spread: (count > 0.0).then_some(spread),
         rounding: (8.0 * f64::EPSILON * largest).max(1e-300),
         measured: count as usize,

@@ -3,7 +3,7 @@
 use super::block::Block;
 use super::motion::{Equations, Propagation};
 use super::pass::Problem;
-use super::rows::Rows;
+use super::rows::DesignRows;
 use super::states::States;
 use super::tuning::TUNING;
 use crate::dynamics::{Dynamics, KeptScratch, Scratch};
@@ -33,10 +33,10 @@ pub(super) struct TangentRequest<'a> {
     pub(super) nearly: bool,
 }
 
-/// Rows of a block at settled states, with these eliminated: without columns for theta, or with
+/// DesignRows of a block at settled states, with these eliminated: without columns for theta, or with
 /// those of `by`.
 ///
-/// Rows by theta are costly. They are computed where `by` expects the states to be settled; if that
+/// DesignRows by theta are costly. They are computed where `by` expects the states to be settled; if that
 /// was too soon, once more at the end.
 pub(super) fn settled(
     problem: &Problem,
@@ -45,7 +45,7 @@ pub(super) fn settled(
     block: &Block,
     states: &mut [f64],
     scratch: &mut Scratch,
-) -> (Rows, Settlement) {
+) -> (DesignRows, Settlement) {
     let size = 2 * present.0.degrees();
     let lanes = block.lanes();
     if let Some(by) = by
@@ -65,7 +65,7 @@ pub(super) fn settled(
     while taken < TUNING.settling.steps {
         let here = by.filter(|by| by.expected == Some(taken));
         let propagation = Propagation { present, by: here.map(|by| by.law) };
-        let mut rows = Rows::integrate(problem, propagation, block, &trial, scratch);
+        let mut rows = DesignRows::integrate(problem, propagation, block, &trial, scratch);
         rows.eliminate_states(here.is_some_and(|by| by.responses));
         let steps = rows.state_steps();
         let promised = rows.promised();
@@ -118,20 +118,20 @@ pub(super) fn settled(
         taken += 1;
     }
     let propagation = Propagation { present, by: by.map(|by| by.law) };
-    let mut rows = Rows::integrate(problem, propagation, block, states, scratch);
+    let mut rows = DesignRows::integrate(problem, propagation, block, states, scratch);
     rows.eliminate_states(by.is_some_and(|by| by.responses));
     let unsettled = settled.iter().filter(|&&done| !done).count();
     (rows, Settlement { steps: taken, unsettled, promised: 0.0 })
 }
 
 /// Whether the state of a lane is settled.
-fn is_still(problem: &Problem, rows: &Rows, promised: &[f64], lane: usize) -> bool {
+fn is_still(problem: &Problem, rows: &DesignRows, promised: &[f64], lane: usize) -> bool {
     let rounding = problem.floor.powi(2) * rows.measured[lane] as f64;
     promised[lane]
         <= TUNING.settling.settled * rows.losses[lane] + TUNING.settling.rounding * rounding
 }
 
-fn is_nearly_still(rows: &Rows, promised: &[f64], lane: usize) -> bool {
+fn is_nearly_still(rows: &DesignRows, promised: &[f64], lane: usize) -> bool {
     promised[lane] <= TUNING.settling.nearly_settled * rows.losses[lane]
 }
 
@@ -142,7 +142,7 @@ fn left_to_take(promised: &[f64], steps: usize, settled: impl Fn(usize) -> bool)
     Settlement { steps, unsettled: moving().count(), promised }
 }
 
-/// Rows where the states were extrapolated, if they are settled there, or nearly where that will do.
+/// DesignRows where the states were extrapolated, if they are settled there, or nearly where that will do.
 ///
 /// Otherwise they were extrapolated too far for what is linear. Over many periods the misfit has many
 /// minima, and from there a state may find another one than it had.
@@ -153,8 +153,8 @@ fn at_once(
     extrapolated: &[f64],
     block: &Block,
     scratch: &mut Scratch,
-) -> Option<(Rows, Settlement)> {
-    let mut rows = Rows::integrate(
+) -> Option<(DesignRows, Settlement)> {
+    let mut rows = DesignRows::integrate(
         problem,
         Propagation { present, by: Some(by.law) },
         block,
@@ -222,7 +222,7 @@ impl Responses {
     }
 
     /// Takes a block in, after elimination with responses.
-    pub(super) fn take(&mut self, rows: &Rows) {
+    pub(super) fn take(&mut self, rows: &DesignRows) {
         let (lanes, columns) = (rows.lanes, self.unknowns + 1);
         let start = self.values.len();
         let each = columns * self.size;

@@ -14,7 +14,7 @@ use super::column::Column;
 use super::criterion::Criterion;
 use super::elimination::Elimination;
 use super::factor::Factor;
-use super::path::{PathPoint, Settings, path};
+use super::path::{PathOptions, PathPoint, path};
 use super::selection;
 use super::tuning::TUNING;
 use crate::expr::Bounds;
@@ -114,37 +114,37 @@ pub struct SupportSearch {
     /// The solutions of the L1 problem, from strong to weak penalties.
     pub path: Vec<PathPoint>,
     /// Supports that were tried.
-    pub tried: usize,
+    pub supports_tried: usize,
 }
 
 /// Searches the supports of a factor whose unknowns are absolute (not increments).
 pub fn search(factor: &Factor, columns: &Columns, criterion: Criterion) -> SupportSearch {
-    let mut pool = Pool::new(factor, columns, criterion);
-    let mut nested = Pool::new(factor, columns, criterion);
-    pool.try_support(Vec::new());
-    let (path, ()) = rayon::join(|| pool.follow_path(), || nested.eliminate_levels());
-    nested.known.into_iter().for_each(|(support, candidate)| {
-        pool.known.entry(support).or_insert(candidate);
+    let mut supports = EvaluatedSupports::new(factor, columns, criterion);
+    let mut nested = EvaluatedSupports::new(factor, columns, criterion);
+    supports.try_support(Vec::new());
+    let (path, ()) = rayon::join(|| supports.follow_path(), || nested.eliminate_levels());
+    nested.evaluated.into_iter().for_each(|(support, candidate)| {
+        supports.evaluated.entry(support).or_insert(candidate);
     });
-    pool.grow();
-    for candidate in pool.best(TUNING.support.polished) {
-        pool.polish(candidate);
+    supports.grow();
+    for candidate in supports.best(TUNING.support.polished) {
+        supports.polish(candidate);
     }
-    let tried = pool.known.len();
-    SupportSearch { candidates: pool.best(usize::MAX), path, tried }
+    let supports_tried = supports.evaluated.len();
+    SupportSearch { candidates: supports.best(usize::MAX), path, supports_tried }
 }
 
 /// Backward elimination of the whole space and forward selection, the best of them polished.
 pub fn rough(factor: &Factor, columns: &Columns, criterion: Criterion) -> SupportSearch {
-    let mut pool = Pool::new(factor, columns, criterion);
-    pool.try_support(Vec::new());
-    pool.eliminate_quickly();
-    pool.grow();
-    for candidate in pool.best(1) {
-        pool.polish(candidate);
+    let mut supports = EvaluatedSupports::new(factor, columns, criterion);
+    supports.try_support(Vec::new());
+    supports.eliminate_quickly();
+    supports.grow();
+    for candidate in supports.best(1) {
+        supports.polish(candidate);
     }
-    let tried = pool.known.len();
-    SupportSearch { candidates: pool.best(usize::MAX), path: Vec::new(), tried }
+    let supports_tried = supports.evaluated.len();
+    SupportSearch { candidates: supports.best(usize::MAX), path: Vec::new(), supports_tried }
 }
 
 /// Searches around a support: its own sub-supports, then additions, removals and exchanges.
@@ -154,15 +154,15 @@ pub fn near(
     criterion: Criterion,
     support: &[Column],
 ) -> SupportSearch {
-    let mut pool = Pool::new(factor, columns, criterion);
-    pool.try_support(Vec::new());
-    pool.try_support(support.to_vec());
-    pool.eliminate(support.to_vec());
-    for candidate in pool.best(TUNING.support.polished) {
-        pool.polish(candidate);
+    let mut supports = EvaluatedSupports::new(factor, columns, criterion);
+    supports.try_support(Vec::new());
+    supports.try_support(support.to_vec());
+    supports.eliminate(support.to_vec());
+    for candidate in supports.best(TUNING.support.polished) {
+        supports.polish(candidate);
     }
-    let tried = pool.known.len();
-    SupportSearch { candidates: pool.best(usize::MAX), path: Vec::new(), tried }
+    let supports_tried = supports.evaluated.len();
+    SupportSearch { candidates: supports.best(usize::MAX), path: Vec::new(), supports_tried }
 }
 
 /// Complexities up to which nested spaces are taken, the largest last.
@@ -186,11 +186,11 @@ pub fn quick_search(factor: &Factor, columns: &Columns, criterion: Criterion) ->
     if columns.all_free() {
         return selection::quickest(factor, columns, criterion);
     }
-    let mut pool = Pool::new(factor, columns, criterion);
-    pool.try_support(Vec::new());
-    pool.eliminate_quickly();
-    pool.grow();
-    pool.best(1).swap_remove(0).support
+    let mut supports = EvaluatedSupports::new(factor, columns, criterion);
+    supports.try_support(Vec::new());
+    supports.eliminate_quickly();
+    supports.grow();
+    supports.best(1).swap_remove(0).support
 }
 
 /// A term of the support, and one outside it that could stand in its place.
@@ -212,16 +212,16 @@ pub fn alternatives(
     support: &[Column],
     within: f64,
 ) -> Vec<Alternative> {
-    let mut pool = Pool::new(factor, columns, criterion);
-    let best = pool.try_support(support.to_vec()).criterion;
+    let mut supports = EvaluatedSupports::new(factor, columns, criterion);
+    let best = supports.try_support(support.to_vec()).criterion;
     let mut found = Vec::new();
-    let moves = pool.moves(support);
+    let moves = supports.moves(support);
     for (&term, exchanges) in support.iter().zip(&moves.exchanges) {
         let rest: Vec<Column> = support.iter().copied().filter(|&k| k != term).collect();
         for &(instead, _) in exchanges.iter().take(TUNING.support.exchanges) {
             let mut exchanged = rest.clone();
             exchanged.push(instead);
-            let difference = pool.try_support(exchanged).criterion - best;
+            let difference = supports.try_support(exchanged).criterion - best;
             if difference < within {
                 found.push(Alternative { term, instead, difference });
             }
@@ -233,9 +233,9 @@ pub fn alternatives(
 
 /// The whole function space as the only candidate: a fit without sparsity.
 pub fn whole(factor: &Factor, columns: &Columns, criterion: Criterion) -> SupportSearch {
-    let mut pool = Pool::new(factor, columns, criterion);
-    pool.try_support(columns.of_terms().collect());
-    SupportSearch { candidates: pool.best(usize::MAX), path: Vec::new(), tried: 1 }
+    let mut supports = EvaluatedSupports::new(factor, columns, criterion);
+    supports.try_support(columns.of_terms().collect());
+    SupportSearch { candidates: supports.best(usize::MAX), path: Vec::new(), supports_tried: 1 }
 }
 
 /// The best candidate of every size: error against number of terms.
@@ -274,23 +274,23 @@ impl Reduced {
     }
 }
 
-struct Pool<'a> {
+struct EvaluatedSupports<'a> {
     factor: &'a Factor,
     columns: &'a Columns,
     criterion: Criterion,
-    known: HashMap<Vec<Column>, SupportFit>,
+    evaluated: HashMap<Vec<Column>, SupportFit>,
     design: DMatrix<f64>,
     target: DVector<f64>,
     norms: Vec<f64>,
 }
 
-impl<'a> Pool<'a> {
+impl<'a> EvaluatedSupports<'a> {
     fn new(factor: &'a Factor, columns: &'a Columns, criterion: Criterion) -> Self {
-        Pool {
+        EvaluatedSupports {
             factor,
             columns,
             criterion,
-            known: HashMap::new(),
+            evaluated: HashMap::new(),
             design: factor.design(),
             target: factor.target(),
             norms: factor.norms(),
@@ -318,7 +318,7 @@ impl<'a> Pool<'a> {
     fn try_on(&mut self, reduced: Option<&Reduced>, mut support: Vec<Column>) -> SupportFit {
         support.sort_unstable();
         support.dedup();
-        if let Some(known) = self.known.get(&support) {
+        if let Some(known) = self.evaluated.get(&support) {
             return known.clone();
         }
         let columns = self.columns.of(&support);
@@ -341,12 +341,12 @@ impl<'a> Pool<'a> {
         let criterion = self.criterion.value(solution.squares, rows, columns.len(), choice);
         let candidate =
             SupportFit { support: support.clone(), values, squares: solution.squares, criterion };
-        self.known.insert(support, candidate.clone());
+        self.evaluated.insert(support, candidate.clone());
         candidate
     }
 
     fn best(&self, count: usize) -> Vec<SupportFit> {
-        let mut all: Vec<SupportFit> = self.known.values().cloned().collect();
+        let mut all: Vec<SupportFit> = self.evaluated.values().cloned().collect();
         // Ties are broken by the support itself: the order of a hash map is not repeatable.
         all.sort_by(|a, b| {
             a.criterion.total_cmp(&b.criterion).then_with(|| a.support.cmp(&b.support))
@@ -359,7 +359,7 @@ impl<'a> Pool<'a> {
     fn follow_path(&mut self) -> Vec<PathPoint> {
         let penalised: Vec<bool> =
             Column::all(self.factor.columns()).map(|k| self.columns.is_term(k)).collect();
-        let settings = Settings { most_terms: TUNING.support.largest, ..Settings::default() };
+        let settings = PathOptions { most_terms: TUNING.support.largest, ..PathOptions::default() };
         let path = path(self.factor, &penalised, &self.columns.bounds, &settings);
         let support = |point: &PathPoint| -> Vec<Column> {
             point.support().into_iter().filter(|&k| self.columns.is_term(k)).collect()

@@ -72,13 +72,13 @@ pub struct SegmentTuning {
 pub struct PassTuning {
     /// Bytes that the rows of one block may take.
     pub block_bytes: usize,
-    /// Rows of short segments by few columns that take no more bytes than this: such blocks
+    /// DesignRows of short segments by few columns that take no more bytes than this: such blocks
     /// may be twice as wide.
     pub small_block_bytes: usize,
     /// Bytes that the rows of the lanes may take whose states are eliminated together: the
     /// nearest cache.
     pub elimination_bytes: usize,
-    /// Rows of a part, at least: fewer are done before another thread could take them over.
+    /// DesignRows of a part, at least: fewer are done before another thread could take them over.
     pub part_rows: usize,
     /// Parts of a fold, at most, each with a factor of its own.
     pub parts_of_a_fold: usize,

@@ -16,7 +16,7 @@ pub enum Sign {
 
 /// What is known of a class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Known {
+pub struct ClassData {
     pub rational: Option<Rational>,
     pub sign: Sign,
     /// Whether no variable stands in it.
@@ -43,9 +43,9 @@ fn exact(function: Function, argument: Rational) -> Option<Rational> {
 }
 
 impl Analysis<Math> for Folding {
-    type Data = Known;
+    type Data = ClassData;
 
-    fn make(egraph: &mut EGraph<Math, Self>, node: &Math, _: Id) -> Known {
+    fn make(egraph: &mut EGraph<Math, Self>, node: &Math, _: Id) -> ClassData {
         let of = |id: &Id| egraph[*id].data;
         let rational = match node {
             Math::Rational(rational) => Some(*rational),
@@ -61,7 +61,7 @@ impl Analysis<Math> for Folding {
             _ => None,
         };
         if let Some(rational) = rational {
-            return Known { rational: Some(rational), sign: sign_of(rational), number: true };
+            return ClassData { rational: Some(rational), sign: sign_of(rational), number: true };
         }
         let sign = match node {
             Math::Pi | Math::Fitted(_) => Sign::Positive,
@@ -87,10 +87,10 @@ impl Analysis<Math> for Folding {
             Math::Variable(_) => false,
             _ => node.all(|child| egraph[child].data.number),
         };
-        Known { rational: None, sign, number }
+        ClassData { rational: None, sign, number }
     }
 
-    fn merge(&mut self, a: &mut Known, b: Known) -> DidMerge {
+    fn merge(&mut self, a: &mut ClassData, b: ClassData) -> DidMerge {
         let before = *a;
         a.rational = a.rational.or(b.rational);
         a.sign = a.sign.max(b.sign);

@@ -2,7 +2,7 @@
 
 use egg::RecExpr;
 
-use super::Fitted;
+use super::FittedLaw;
 use super::lang::{Math, evaluate};
 use crate::expr::{Expr, Place, Symbol};
 
@@ -28,7 +28,7 @@ pub fn coordinate(point: usize, component: usize) -> f64 {
 }
 
 impl Samples {
-    pub fn new(fitted: &Fitted, place: Place) -> Self {
+    pub fn new(fitted: &FittedLaw, place: Place) -> Self {
         let law = fitted.law;
         let system = law.system();
         let degrees = system.degrees();

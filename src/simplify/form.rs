@@ -2,7 +2,7 @@
 
 use egg::{Id, RecExpr};
 
-use super::lang::{Fitted, Math, Name, Rational, Variable};
+use super::lang::{FittedNumber, Math, Name, Rational, Variable};
 use super::normal::{Atom, Atoms, Monomial, Polynomial};
 use super::numbers::{Numbers, Printed};
 use super::quantity::Quantity;
@@ -47,7 +47,7 @@ impl FormWriter<'_, '_> {
         what: &dyn Fn() -> String,
     ) -> (usize, bool, Id) {
         let row = self.numbers.row(quantity, Some(niceness), what);
-        (row, quantity.value < 0.0, self.add(Math::Fitted(Fitted(row))))
+        (row, quantity.value < 0.0, self.add(Math::Fitted(FittedNumber(row))))
     }
 
     pub fn signed(&mut self, negative: bool, id: Id) -> Id {
@@ -153,7 +153,7 @@ impl FormWriter<'_, '_> {
             None => {
                 let quantity = Quantity::known(exponent.value());
                 let row = self.numbers.row(&quantity, None, &|| "exponent".to_string());
-                let size = self.add(Math::Fitted(Fitted(row)));
+                let size = self.add(Math::Fitted(FittedNumber(row)));
                 self.signed(exponent.value() < 0.0, size)
             }
         };

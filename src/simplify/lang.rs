@@ -95,20 +95,20 @@ impl FromStr for Rational {
 
 /// A positive number that is not merged with others: `#3` is row 3 of the table of numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct Fitted(pub usize);
+pub struct FittedNumber(pub usize);
 
-impl fmt::Display for Fitted {
+impl fmt::Display for FittedNumber {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "#{}", self.0)
     }
 }
 
-impl FromStr for Fitted {
+impl FromStr for FittedNumber {
     type Err = ();
 
     fn from_str(text: &str) -> Result<Self, ()> {
         let digits = text.strip_prefix('#').ok_or(())?;
-        digits.parse().map(Fitted).map_err(|_| ())
+        digits.parse().map(FittedNumber).map_err(|_| ())
     }
 }
 
@@ -174,7 +174,7 @@ define_language! {
         "-" = Negate([Id; 1]),
         "^" = Raise([Id; 2]),
         Rational(Rational),
-        Fitted(Fitted),
+        Fitted(FittedNumber),
         Variable(Variable),
         Apply(Name, [Id; 1]),
     }

@@ -44,7 +44,7 @@ use quantity::Quantity;
 
 /// A law with the covariance of its numbers.
 #[derive(Clone, Copy)]
-struct Fitted<'a> {
+struct FittedLaw<'a> {
     law: &'a Law,
     /// Of the coefficients, then all inner parameters; zero for what is exact.
     covariance: &'a DMatrix<f64>,
@@ -52,7 +52,7 @@ struct Fitted<'a> {
 
 /// What simplification may do.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Options {
+pub struct SimplifyOptions {
     /// How far a number may be moved to be printed as a nice one.
     pub tolerance: Tolerance,
     /// Iterations of the e-graph. There is no time limit: results must not depend on load.
@@ -64,10 +64,10 @@ pub struct Options {
     pub ranges: Vec<f64>,
 }
 
-impl Default for Options {
+impl Default for SimplifyOptions {
     fn default() -> Self {
         let tolerance = Tolerance::default();
-        Options { tolerance, iterations: 12, nodes: 6_000, ranges: Vec::new() }
+        SimplifyOptions { tolerance, iterations: 12, nodes: 6_000, ranges: Vec::new() }
     }
 }
 
@@ -139,13 +139,13 @@ pub struct Snap {
 
 /// Why the rewriting stopped; of several parts, the worst.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
-pub enum StopReason {
+pub enum SaturationEnd {
     /// No rewrite says anything new.
     #[default]
     Saturated,
-    /// At [`Options::iterations`].
+    /// At [`SimplifyOptions::iterations`].
     Iterations,
-    /// At [`Options::nodes`].
+    /// At [`SimplifyOptions::nodes`].
     Nodes,
     /// The form is a long list of terms and was not rewritten.
     TooLarge,
@@ -159,7 +159,7 @@ pub struct Info {
     /// Classes of all e-graphs.
     pub classes: usize,
     /// Why the rewriting ended.
-    pub stop: StopReason,
+    pub stop: SaturationEnd,
     /// Points at which the result was compared with the model.
     pub checked_points: usize,
     /// Largest difference of a printed form from the model before snapping, relative to the
@@ -178,10 +178,10 @@ struct SnapCandidate<'a> {
 }
 
 /// Simplifies a law. A number whose covariance is not known is printed as it is.
-pub fn simplify(law: &Law, options: &Options) -> Simplified {
+pub fn simplify(law: &Law, options: &SimplifyOptions) -> Simplified {
     let size = law.support().len() + law.parameters().len();
     let unknown = DMatrix::from_diagonal_element(size, size, f64::INFINITY);
-    let fitted = &Fitted { law, covariance: law.covariance().unwrap_or(&unknown) };
+    let fitted = &FittedLaw { law, covariance: law.covariance().unwrap_or(&unknown) };
     let system = &**law.system();
     let names = system.names();
     let mut info = Info::default();
@@ -266,7 +266,7 @@ struct SpecifiedPart {
 
 impl SpecifiedPart {
     /// `None` where the part is zero.
-    fn new(fitted: &Fitted, place: Place) -> Option<Self> {
+    fn new(fitted: &FittedLaw, place: Place) -> Option<Self> {
         let system = fitted.law.system();
         let known = match place {
             Place::Kinetic => system.kinetic,
@@ -283,7 +283,7 @@ impl SpecifiedPart {
         (!empty).then_some(SpecifiedPart { known, terms, energy })
     }
 
-    fn normal(&self, fitted: &Fitted, expands: bool) -> (Atoms, Polynomial) {
+    fn normal(&self, fitted: &FittedLaw, expands: bool) -> (Atoms, Polynomial) {
         let law = fitted.law;
         let mut atoms = Atoms::new(law.system().degrees(), expands);
         let number = |symbol| match symbol {
@@ -314,7 +314,7 @@ fn check_and_rewrite<'a>(
     written: &RecExpr<Math>,
     samples: &Samples,
     numbers: Numbers<'a>,
-    options: &Options,
+    options: &SimplifyOptions,
     info: &mut Info,
 ) -> Option<SnapCandidate<'a>> {
     let as_fitted = |row: usize| numbers.rows[row].fitted.value;
@@ -344,8 +344,8 @@ fn check_and_rewrite<'a>(
 
 /// Sentences on polynomials in one variable that look like a known function.
 fn shapes(
-    fitted: &Fitted,
-    options: &Options,
+    fitted: &FittedLaw,
+    options: &SimplifyOptions,
     place: Place,
     atoms: &Atoms,
     form: &Polynomial,

@@ -7,13 +7,13 @@ use egg::{BackoffScheduler, CostFunction, Extractor, Id, Language, RecExpr, Runn
 use super::analysis::Folding;
 use super::cost::ReadingCost;
 use super::form::{FormStyle, FormWriter};
-use super::lang::{Fitted, Math, Rational};
+use super::lang::{FittedNumber, Math, Rational};
 use super::normal::{Atom, Atoms, Monomial, Polynomial};
 use super::numbers::{Numbers, Printed};
 use super::quantity::Quantity;
 use super::rules;
 use super::springs::{self, Springs};
-use super::{Info, Options, StopReason};
+use super::{Info, SaturationEnd, SimplifyOptions};
 use crate::expr::{Function, Names, Number};
 
 /// Forms of at most this many nodes are rewritten with reordering of sums and products too.
@@ -138,9 +138,9 @@ pub fn with_nice_numbers(expr: &RecExpr<Math>, numbers: &Numbers) -> RecExpr<Mat
     let mut image: Vec<Id> = Vec::with_capacity(expr.len());
     for (_, node) in expr.items() {
         let id = match node {
-            Math::Fitted(Fitted(row)) => match numbers.rows[*row].printed {
+            Math::Fitted(FittedNumber(row)) => match numbers.rows[*row].printed {
                 Printed::Itself => out.add(node.clone()),
-                Printed::Same(other) => out.add(Math::Fitted(Fitted(other))),
+                Printed::Same(other) => out.add(Math::Fitted(FittedNumber(other))),
                 Printed::NiceNumber(nice) => {
                     let rational = out.add(Math::Rational(nice.rational()));
                     if nice.pi {
@@ -178,9 +178,13 @@ pub fn with_nice_numbers(expr: &RecExpr<Math>, numbers: &Numbers) -> RecExpr<Mat
 }
 
 /// The shortest equal expression that the rewrites reach, and its cost.
-pub fn rewritten(expr: &RecExpr<Math>, options: &Options, info: &mut Info) -> (f64, RecExpr<Math>) {
+pub fn rewritten(
+    expr: &RecExpr<Math>,
+    options: &SimplifyOptions,
+    info: &mut Info,
+) -> (f64, RecExpr<Math>) {
     if expr.len() > LARGE {
-        info.stop = info.stop.max(StopReason::TooLarge);
+        info.stop = info.stop.max(SaturationEnd::TooLarge);
         return (ReadingCost.cost_rec(expr), expr.clone());
     }
     let runner = Runner::<Math, Folding>::new(Folding)
@@ -194,9 +198,9 @@ pub fn rewritten(expr: &RecExpr<Math>, options: &Options, info: &mut Info) -> (f
     info.iterations += runner.iterations.len();
     info.classes += runner.egraph.number_of_classes();
     let stop = match runner.stop_reason {
-        Some(egg::StopReason::IterationLimit(_)) => StopReason::Iterations,
-        Some(egg::StopReason::NodeLimit(_)) => StopReason::Nodes,
-        _ => StopReason::Saturated,
+        Some(egg::StopReason::IterationLimit(_)) => SaturationEnd::Iterations,
+        Some(egg::StopReason::NodeLimit(_)) => SaturationEnd::Nodes,
+        _ => SaturationEnd::Saturated,
     };
     info.stop = info.stop.max(stop);
     Extractor::new(&runner.egraph, ReadingCost).find_best(runner.roots[0])

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use egg::Id;
 
 use super::form::{Addend, FormWriter};
-use super::lang::{Fitted, Math};
+use super::lang::{FittedNumber, Math};
 use super::normal::{Monomial, Polynomial};
 use super::quantity::Quantity;
 use super::snap::Niceness;
@@ -179,7 +179,7 @@ fn variable(writer: &FormWriter, atom: usize) -> super::lang::Variable {
 
 /// k/2 times a square, or k times it.
 fn spring(writer: &mut FormWriter, row: usize, negative: bool, square: Id, half: bool) -> Addend {
-    let number = writer.add(Math::Fitted(Fitted(row)));
+    let number = writer.add(Math::Fitted(FittedNumber(row)));
     let mut id = writer.add(Math::Multiply([number, square]));
     if half {
         let factor = writer.rational(1, 2);

@@ -10,7 +10,7 @@ use crate::error::{Error, ErrorKind, Result};
 
 /// Standard deviation of the noise of one observable.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Noise {
+pub enum NoiseLevel {
     /// In the observable's unit.
     Absolute(f64),
     /// In units of the standard deviation of all its values.
@@ -21,18 +21,18 @@ pub enum Noise {
 const NOISE: u64 = 0x6e6f_6973;
 const LOSS: u64 = 0x6c6f_7373;
 
-/// Adds independent Gaussian noise to every value; one [`Noise`] for each observable.
+/// Adds independent Gaussian noise to every value; one [`NoiseLevel`] for each observable.
 /// Returns the standard deviations.
 ///
 /// # Errors
 /// A standard deviation is negative or not finite.
-pub fn add_noise(data: &mut Dataset, noise: &[Noise], seed: u64) -> Result<Vec<f64>> {
+pub fn add_noise(data: &mut Dataset, noise: &[NoiseLevel], seed: u64) -> Result<Vec<f64>> {
     let mut generator = Pcg64::seed_from_u64(seed ^ NOISE);
     let mut sigmas = Vec::with_capacity(noise.len());
     for (row, noise) in noise.iter().enumerate() {
         sigmas.push(match *noise {
-            Noise::Absolute(sigma) => sigma,
-            Noise::Relative(part) => part * spread(data, row),
+            NoiseLevel::Absolute(sigma) => sigma,
+            NoiseLevel::Relative(part) => part * spread(data, row),
         });
     }
     let distributions: Vec<Normal<f64>> = sigmas

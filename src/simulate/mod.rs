@@ -6,7 +6,7 @@ mod instrument;
 mod trajectory;
 
 pub use draw::{InitialDistribution, Interval, draw};
-pub use instrument::{Noise, add_noise, consecutive_pairs, drop_samples};
+pub use instrument::{NoiseLevel, add_noise, consecutive_pairs, drop_samples};
 pub use trajectory::{
     EnergyConservation, IntegrationRecord, IntegratorChoice, Simulator, Trajectories,
 };

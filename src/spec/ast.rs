@@ -17,7 +17,7 @@ impl PartialEq for Site {
 
 /// A whole spec: its statements in the order of the text.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Spec {
+pub struct SyntaxTree {
     pub statements: Vec<Statement>,
     /// First words of statements that could not be read.
     pub lost: Vec<String>,

@@ -14,7 +14,7 @@ pub const MOST_CANDIDATES: usize = 200;
 /// The spec with every effect written out, candidates left aside.
 ///
 /// Statements that were made from an effect say so, and stand where it stands.
-pub fn expand(spec: &Spec, diagnostics: &mut Vec<Diagnostic>) -> Spec {
+pub fn expand(spec: &SyntaxTree, diagnostics: &mut Vec<Diagnostic>) -> SyntaxTree {
     let expands = |s: &&Statement| {
         matches!(s.kind, StatementKind::Effect { .. } | StatementKind::Candidates(_))
     };
@@ -36,7 +36,7 @@ pub fn expand(spec: &Spec, diagnostics: &mut Vec<Diagnostic>) -> Spec {
             list.iter().for_each(|candidate| expander.declare(candidate));
         }
     }
-    let mut out = Spec { statements: Vec::new(), lost: spec.lost.clone() };
+    let mut out = SyntaxTree { statements: Vec::new(), lost: spec.lost.clone() };
     for statement in &spec.statements {
         match &statement.kind {
             StatementKind::Effect { name, arguments, settings } => {

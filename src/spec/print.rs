@@ -15,7 +15,7 @@ fn list<T: Display>(f: &mut Formatter, parts: &[T], separator: &str) -> fmt::Res
     Ok(())
 }
 
-impl Display for Spec {
+impl Display for SyntaxTree {
     fn fmt(&self, f: &mut Formatter) -> fmt::Result {
         self.statements.iter().try_for_each(|statement| writeln!(f, "{statement}"))
     }

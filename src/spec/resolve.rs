@@ -108,7 +108,7 @@ pub struct Resolved<'a> {
 }
 
 /// Gives names their meaning, and says what is missing or doubled.
-pub fn resolve<'a>(spec: &'a Spec, diagnostics: &mut Vec<Diagnostic>) -> Resolved<'a> {
+pub fn resolve<'a>(spec: &'a SyntaxTree, diagnostics: &mut Vec<Diagnostic>) -> Resolved<'a> {
     let mut resolver = Resolver { out: Resolved::default(), diagnostics };
     let lost = |words: &[&str]| spec.lost.iter().any(|lost| words.contains(&lost.as_str()));
     let declaring =
@@ -139,7 +139,7 @@ impl<'a> Resolver<'a, '_> {
     }
 
     /// Whole-numbered constants come first: the range of a family may need them.
-    fn constants(&mut self, spec: &'a Spec) {
+    fn constants(&mut self, spec: &'a SyntaxTree) {
         for statement in &spec.statements {
             if let StatementKind::Constant { name, value } = &statement.kind {
                 let known = &self.out.integers;

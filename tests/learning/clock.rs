@@ -8,7 +8,7 @@ use leverrier::internals::data::{
 };
 use leverrier::internals::expr::build;
 use leverrier::internals::fit::{Model, Options, Silent, fit, fit_stream};
-use leverrier::internals::simulate::{Noise, Simulator, add_noise};
+use leverrier::internals::simulate::{NoiseLevel, Simulator, add_noise};
 
 const SWING: &str = "coordinates q\nmomenta p\nT = p^2/2\nV = -1.3*cos(q)\n";
 const SPACE: &str = "coordinates q\nmomenta p\nT = p^2/2\nV = span{ poly(q; 4), cos(q) }\n";
@@ -27,7 +27,7 @@ fn file(law: &str, origin: u64, sigma: f64) -> String {
     let simulator = Simulator::new(&law.system, &[], &[], &[]).expect("a simulator");
     let mut data = simulator.trajectories(&starts, &times).expect("bounded").dataset(&law.system);
     if sigma > 0.0 {
-        add_noise(&mut data, &[Noise::Absolute(sigma); 2], 5).expect("positive");
+        add_noise(&mut data, &[NoiseLevel::Absolute(sigma); 2], 5).expect("positive");
     }
     text(&data, |sample| format!("{}.{}", origin + sample as u64 / 10, sample % 10))
 }

@@ -8,7 +8,7 @@ use leverrier::internals::diagnose::diagnosis::{Diagnosis, diagnose};
 use leverrier::internals::error::Error;
 use leverrier::internals::expr::{Compiled, build};
 use leverrier::internals::fit::{Model, Options, Silent, fit};
-use leverrier::internals::simulate::{Interval, Noise, Simulator, add_noise};
+use leverrier::internals::simulate::{Interval, NoiseLevel, Simulator, add_noise};
 
 const VARIABLES: &str = "coordinates q\nmomenta p\n";
 const SPACE: &str = "T = p^2/2\nV = span{ cos(q) }\n";
@@ -27,7 +27,7 @@ fn runs(law: &str, starts: &[Vec<f64>], times: &[f64], seed: u64) -> Dataset {
     let truth = ok(build("truth", &format!("{VARIABLES}{law}")));
     let simulator = Simulator::known(&truth.system);
     let mut data = ok(simulator.trajectories(starts, times)).dataset(&truth.system);
-    ok(add_noise(&mut data, &[Noise::Absolute(NOISE); 2], seed));
+    ok(add_noise(&mut data, &[NoiseLevel::Absolute(NOISE); 2], seed));
     data
 }
 
@@ -167,8 +167,10 @@ fn the_expected_gain_is_the_mean_of_what_is_gained() {
     let window = before.model.evidence.window;
     let rivals = before.pair();
     let plan = ok(before.plan(&rivals, &Goal::Rivals, &lively()));
-    let noise: Vec<Noise> = (0..2)
-        .map(|row| Noise::Absolute(rivals.iter().map(|r| r.law.noise()[row]).fold(1.0, f64::min)))
+    let noise: Vec<NoiseLevel> = (0..2)
+        .map(|row| {
+            NoiseLevel::Absolute(rivals.iter().map(|r| r.law.noise()[row]).fold(1.0, f64::min))
+        })
         .collect();
     let difference = |data: &Dataset, truth: usize| {
         let standings = ok(standings(&rivals, data, window));

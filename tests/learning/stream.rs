@@ -16,7 +16,7 @@ use leverrier::internals::fit::stream::Stream;
 use leverrier::internals::fit::train::Training;
 use leverrier::internals::fit::{Model, Monitor, Options, Silent, fit, fit_stream};
 use leverrier::internals::simulate::{
-    Noise, Simulator, add_noise, consecutive_pairs, drop_samples,
+    NoiseLevel, Simulator, add_noise, consecutive_pairs, drop_samples,
 };
 use nalgebra::DMatrix;
 
@@ -45,7 +45,7 @@ fn trajectories(law: &str, samples: usize, dt: f64, sigma: f64) -> Dataset {
     let runs = simulator.trajectories(&starts, &times).expect("bounded motion");
     let mut data = runs.dataset(&law.system);
     if sigma > 0.0 {
-        add_noise(&mut data, &vec![Noise::Absolute(sigma); 2 * degrees], 1).expect("positive");
+        add_noise(&mut data, &vec![NoiseLevel::Absolute(sigma); 2 * degrees], 1).expect("positive");
     }
     data
 }
@@ -53,7 +53,7 @@ fn trajectories(law: &str, samples: usize, dt: f64, sigma: f64) -> Dataset {
 fn pairs(sigma: f64) -> Dataset {
     let mut data = consecutive_pairs(&trajectories(HENON_HEILES, 401, 0.1, 0.0));
     if sigma > 0.0 {
-        add_noise(&mut data, &[Noise::Absolute(sigma); 4], 1).expect("positive");
+        add_noise(&mut data, &[NoiseLevel::Absolute(sigma); 4], 1).expect("positive");
     }
     data
 }

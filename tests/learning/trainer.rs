@@ -8,7 +8,7 @@ use leverrier::internals::expr::{Compiled, build};
 use leverrier::internals::fit::{
     Loss, Model, Monitor, Options, Selection, Silent, StopReason, Trainer, first_order, fit,
 };
-use leverrier::internals::simulate::{Noise, Simulator, add_noise, consecutive_pairs};
+use leverrier::internals::simulate::{NoiseLevel, Simulator, add_noise, consecutive_pairs};
 
 const PENDULUM: &str = "coordinates q\nmomenta p\nT = p^2/2\nV = -1.3*cos(q)\n";
 const PENDULUM_SPACE: &str =
@@ -45,7 +45,7 @@ fn spiral(count: usize, degrees: usize, reach: f64) -> Vec<Vec<f64>> {
 }
 
 fn noisy(mut data: Dataset, sigma: f64, seed: u64) -> Dataset {
-    let noise = vec![Noise::Absolute(sigma); data.observables.len()];
+    let noise = vec![NoiseLevel::Absolute(sigma); data.observables.len()];
     add_noise(&mut data, &noise, seed).expect("a positive sigma");
     data
 }
@@ -534,7 +534,8 @@ fn units_do_not_matter() {
 #[test]
 fn noise_that_differs_by_a_thousand_between_columns() {
     let mut data = measure(DUFFING, &spiral(20, 1, 1.4), &even(60, 0.1));
-    add_noise(&mut data, &[Noise::Absolute(5e-5), Noise::Absolute(5e-2)], 4).expect("noise");
+    add_noise(&mut data, &[NoiseLevel::Absolute(5e-5), NoiseLevel::Absolute(5e-2)], 4)
+        .expect("noise");
     let model = learn(DUFFING_SPACE, &data, &Options::default());
     assert_within(&model, &DUFFING_TRUTH, 4.0);
     let sigma = |i: usize| model.noise[i].standard_deviation;

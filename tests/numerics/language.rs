@@ -300,7 +300,7 @@ proptest! {
 
     #[test]
     fn a_printed_spec_parses_back_to_itself(statements in prop::collection::vec(statement(), 0..5)) {
-        let tree = Spec { statements, ..Spec::default() };
+        let tree = SyntaxTree { statements, ..SyntaxTree::default() };
         let text = tree.to_string();
         let (read, diagnostics) = spec(&text);
         prop_assert!(diagnostics.is_empty(), "{}\n{:?}", text, diagnostics);

@@ -9,7 +9,7 @@ use leverrier::internals::expr::{
     Variable,
 };
 use leverrier::internals::fit::{Law, Stepping};
-use leverrier::internals::simplify::{Options, Simplified, StopReason, Style, simplify};
+use leverrier::internals::simplify::{SaturationEnd, Simplified, SimplifyOptions, Style, simplify};
 use nalgebra::DMatrix;
 use proptest::prelude::*;
 
@@ -132,7 +132,7 @@ impl Model {
         self.system.graph.apply(function, argument)
     }
 
-    fn simplify_with(&self, options: &Options) -> Simplified {
+    fn simplify_with(&self, options: &SimplifyOptions) -> Simplified {
         let errors: Vec<f64> =
             self.errors.iter().chain(&self.parameter_errors).map(|e| e * e).collect();
         let law = self.law().unwrap().with_covariance(DMatrix::from_diagonal(&errors.into()));
@@ -146,7 +146,7 @@ impl Model {
     }
 
     fn simplify(&self) -> Simplified {
-        self.simplify_with(&Options::default())
+        self.simplify_with(&SimplifyOptions::default())
     }
 
     fn text(&self) -> String {
@@ -378,7 +378,10 @@ fn the_pendulum_as_a_quintic_says_what_it_is() {
     model.t(0, 0.25, 1e-6);
     model.v(&[(0, 2)], 0.998, 1e-4);
     model.v(&[(0, 4)], -0.079, 1e-4);
-    for options in [Options::default(), Options { ranges: vec![1.4, 2.0], ..Options::default() }] {
+    for options in [
+        SimplifyOptions::default(),
+        SimplifyOptions { ranges: vec![1.4, 2.0], ..SimplifyOptions::default() },
+    ] {
         let simplified = model.simplify_with(&options);
         let shape = &simplified.parts[1].shape;
         assert_eq!(shape.len(), 1);
@@ -456,7 +459,7 @@ fn models_of_many_terms_are_lists() {
     }
     let simplified = model.simplify();
     assert_eq!(simplified.parts.len(), 1);
-    assert!(simplified.info.stop <= StopReason::TooLarge && simplified.info.rejected == 0);
+    assert!(simplified.info.stop <= SaturationEnd::TooLarge && simplified.info.rejected == 0);
 }
 
 #[test]

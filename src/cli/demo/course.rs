@@ -16,7 +16,7 @@ use crate::report::layout::{WIDTH, wrapped};
 use crate::report::{present, seconds};
 use crate::simplify::Style;
 use crate::simulate::{
-    InitialDistribution, Interval, Noise, Simulator, add_noise, consecutive_pairs, draw,
+    InitialDistribution, Interval, NoiseLevel, Simulator, add_noise, consecutive_pairs, draw,
 };
 
 /// One folder of the course.
@@ -103,7 +103,7 @@ pub fn walk(stage: &DemoRun, course: &Course) -> Result<Value> {
     if course.pairs {
         data = consecutive_pairs(&data);
     }
-    let noise = vec![Noise::Absolute(course.noise); course.starts.len()];
+    let noise = vec![NoiseLevel::Absolute(course.noise); course.starts.len()];
     add_noise(&mut data, &noise, 1)?;
     for name in &mut data.observables {
         name.retain(|c| !matches!(c, '[' | ']'));

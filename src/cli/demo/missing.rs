@@ -20,7 +20,7 @@ use crate::project::Spec;
 use crate::project::workspace::Workspace;
 use crate::report::layout::{WIDTH, table, wrapped};
 use crate::simplify::{significant, uncertain};
-use crate::simulate::{InitialDistribution, Interval, Noise, Simulator, add_noise, draw};
+use crate::simulate::{InitialDistribution, Interval, NoiseLevel, Simulator, add_noise, draw};
 
 const TRUTH: &str = r#"# The truth, from which the measurements are made.
 system "damped pendulum"
@@ -127,7 +127,7 @@ fn measure(stage: &DemoRun, runs: usize) -> Result<()> {
     let starts = draw(&nature, &sampling, runs, 0.0, 3)?;
     let times: Vec<f64> = (0..=120).map(|i| 0.1 * f64::from(i)).collect();
     let mut data = nature.trajectories(&starts, &times)?.dataset(&truth.system);
-    add_noise(&mut data, &[Noise::Relative(NOISE); 2], 3)?;
+    add_noise(&mut data, &[NoiseLevel::Relative(NOISE); 2], 3)?;
     write_csv(&stage.folder.join("swings.csv"), &data, &Layout::default())
 }
 

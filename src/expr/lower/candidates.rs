@@ -5,12 +5,12 @@ use std::collections::HashSet;
 use super::Lowering;
 use crate::diagnostic::{Diagnostic, Severity, Span};
 use crate::spec::MOST_CANDIDATES;
-use crate::spec::ast::{Spec, StatementKind};
+use crate::spec::ast::{StatementKind, SyntaxTree};
 use crate::spec::resolve::resolve;
 
 /// An effect that a spec declares with `candidates`; `effect NAME` adds it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Candidate {
+pub struct DeclaredCandidate {
     /// Its name in the spec.
     pub name: String,
     /// Its statements, as they were written.
@@ -20,7 +20,7 @@ pub struct Candidate {
 }
 
 /// The candidates of a spec, in the order of its text.
-pub(super) fn list(spec: &Spec, text: &str) -> Vec<Candidate> {
+pub(super) fn list(spec: &SyntaxTree, text: &str) -> Vec<DeclaredCandidate> {
     let lists = spec.statements.iter().filter_map(|statement| match &statement.kind {
         StatementKind::Candidates(list) => Some(list),
         _ => None,
@@ -28,7 +28,7 @@ pub(super) fn list(spec: &Spec, text: &str) -> Vec<Candidate> {
     let written = |span: Span| text.get(span.range()).unwrap_or_default().to_string();
     lists
         .flatten()
-        .map(|candidate| Candidate {
+        .map(|candidate| DeclaredCandidate {
             name: candidate.name.text.clone(),
             statements: candidate.statements.iter().map(|s| written(s.site.0)).collect(),
             span: candidate.site.0,
@@ -37,7 +37,7 @@ pub(super) fn list(spec: &Spec, text: &str) -> Vec<Candidate> {
 }
 
 /// What is wrong with candidates, each taken by itself with the declarations of the spec.
-pub(super) fn check(spec: &Spec) -> Vec<Diagnostic> {
+pub(super) fn check(spec: &SyntaxTree) -> Vec<Diagnostic> {
     let mut out = Vec::new();
     let mut seen = HashSet::new();
     let declarations: Vec<_> = (spec.statements.iter())
@@ -59,7 +59,8 @@ pub(super) fn check(spec: &Spec) -> Vec<Diagnostic> {
     });
     for list in lists {
         for candidate in list.iter().take(MOST_CANDIDATES) {
-            let mut alone = Spec { statements: declarations.clone(), lost: spec.lost.clone() };
+            let mut alone =
+                SyntaxTree { statements: declarations.clone(), lost: spec.lost.clone() };
             alone.statements.extend(candidate.statements.iter().cloned());
             for statement in &mut alone.statements[declarations.len()..] {
                 if let StatementKind::Energy { adds, .. } = &mut statement.kind {

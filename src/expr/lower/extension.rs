@@ -16,7 +16,7 @@ use crate::expr::graph::{Expr, Graph, Symbol};
 use crate::expr::identity::{Mark, ParameterId, TermId};
 use crate::expr::system::{Parameter, Place, System, Term};
 use crate::expr::unit::Unit;
-use crate::spec::ast::Spec;
+use crate::spec::ast::SyntaxTree;
 use crate::spec::resolve::{Resolved, resolve};
 
 /// What statements add to the system of a spec.
@@ -222,7 +222,11 @@ impl Scope {
 
     /// Lowers some statements from where the spec's own ended: what they change, the syntax tree
     /// of the whole, and what stands then.
-    fn lower(&self, standing: Standing, statements: &str) -> (Result<(Changes, Spec)>, Standing) {
+    fn lower(
+        &self,
+        standing: Standing,
+        statements: &str,
+    ) -> (Result<(Changes, SyntaxTree)>, Standing) {
         let (tree, mut diagnostics) = crate::spec::spec(statements);
         let mut spec = self.compiled.spec.clone();
         spec.statements.extend(tree.statements);

@@ -19,9 +19,9 @@ use super::unit::Unit;
 use crate::data::visible;
 use crate::diagnostic::{Diagnostic, Severity, Span};
 use crate::error::{Error, Result};
-use crate::spec::ast::{EnergyPart, ExpressionKind, Spec, UnitText};
+use crate::spec::ast::{EnergyPart, ExpressionKind, SyntaxTree, UnitText};
 use crate::spec::resolve::{Declared, Energy, Force, Resolved, Sensor, resolve};
-pub use candidates::Candidate;
+pub use candidates::DeclaredCandidate;
 pub use extension::{Extension, Scope};
 use terms::DraftTerm;
 use value::Value;
@@ -36,7 +36,7 @@ const MOST_STEPS: u64 = 5_000_000;
 #[derive(Debug, Clone)]
 pub struct Compiled {
     /// Its syntax tree.
-    pub spec: Spec,
+    pub spec: SyntaxTree,
     /// What it means.
     pub system: Arc<System>,
     /// Start values of each parameter, one or more; the first is also in the system.
@@ -48,7 +48,7 @@ pub struct Compiled {
     /// Where the measurements are, if the spec says so.
     pub data: Option<DataColumns>,
     /// The user's own effects, which are no part of the system until they are added.
-    pub candidates: Vec<candidates::Candidate>,
+    pub candidates: Vec<candidates::DeclaredCandidate>,
     /// Warnings and notes, in the order of the text.
     pub warnings: Vec<Diagnostic>,
 }

@@ -12,7 +12,7 @@ use std::iter::{Copied, Enumerate};
 use nom::error::{ErrorKind, ParseError};
 use nom::{IResult, Input, Needed};
 
-use super::ast::{Spec, Statement};
+use super::ast::{Statement, SyntaxTree};
 use crate::diagnostic::{Diagnostic, Span};
 pub use statement::may_name;
 use token::{Token, TokenKind};
@@ -149,10 +149,10 @@ impl Fault {
 /// spec = { statement , separator } ;
 ///
 /// What could be read, and everything that is wrong with the rest.
-pub fn spec(source: &str) -> (Spec, Vec<Diagnostic>) {
+pub fn spec(source: &str) -> (SyntaxTree, Vec<Diagnostic>) {
     let mut diagnostics = Vec::new();
     let tokens = token::tokens(source, &mut diagnostics);
-    let mut out = Spec::default();
+    let mut out = SyntaxTree::default();
     for tokens in token::statements(&tokens, &mut out.lost, &mut diagnostics) {
         let end = tokens.last().map_or(0, |token| token.span.end);
         let start = tokens.first().map_or(0, |token| token.span.start);

@@ -11,7 +11,8 @@ use leverrier::internals::data::Dataset;
 use leverrier::internals::expr::{Compiled, System, build};
 use leverrier::internals::fit::{self, Model, Options, Silent};
 use leverrier::internals::simulate::{
-    InitialDistribution, Interval as Side, Noise, Simulator, add_noise, consecutive_pairs, draw,
+    InitialDistribution, Interval as Side, NoiseLevel, Simulator, add_noise, consecutive_pairs,
+    draw,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -225,7 +226,7 @@ fn runs(
 
 fn noisy(data: &mut Dataset, sigma: f64, seed: u64) {
     if sigma > 0.0 {
-        let all = vec![Noise::Absolute(sigma); data.observables.len()];
+        let all = vec![NoiseLevel::Absolute(sigma); data.observables.len()];
         add_noise(data, &all, seed).expect("a positive width");
     }
 }
