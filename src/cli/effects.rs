@@ -52,14 +52,23 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
 
 /// Its statements for variables q, p (and r, s; observables o, u), inner parameters by name.
 fn formula(row: &EffectRow) -> String {
+    let names = |all: &[&str]| all.iter().map(|name| (*name).to_string()).collect();
     let scene = Scene {
-        coordinates: vec!["q".into(), "r".into()],
-        momenta: vec!["p".into(), "s".into()],
-        observables: vec!["o".into(), "u".into()],
+        coordinates: if row.on.is_of_bodies() {
+            names(&["x1", "y1", "x2", "y2"])
+        } else {
+            names(&["q", "r"])
+        },
+        momenta: if row.on.is_of_bodies() {
+            names(&["px1", "py1", "px2", "py2"])
+        } else {
+            names(&["p", "s"])
+        },
+        observables: names(&["o", "u"]),
         time: "t".into(),
+        ..Scene::default()
     };
-    let names = if row.on.observes() { &scene.observables } else { &scene.coordinates };
-    let arguments: Vec<String> = names.iter().take(row.on.count()).cloned().collect();
+    let arguments = arguments(row);
     let mut text = row.filled(&scene, &arguments).unwrap_or_default();
     for scan in row.parameters {
         text = text.replace(&row.parameter_name(scan.name, &arguments), scan.name);
@@ -68,15 +77,20 @@ fn formula(row: &EffectRow) -> String {
 }
 
 fn example(row: &EffectRow) -> Option<String> {
-    let names = match row.on {
-        ActsOn::Coordinate => ["q", ""],
-        ActsOn::Pair | ActsOn::OrderedPair => ["q", "r"],
-        ActsOn::Observable => ["o", ""],
-        ActsOn::ObservablePair => ["o", "u"],
+    row.detector.is_none().then(|| row.statement(&arguments(row), &[]))
+}
+
+/// Arguments for examples.
+fn arguments(row: &EffectRow) -> Vec<String> {
+    let names: &[&str] = match row.on {
+        ActsOn::Coordinate => &["q"],
+        ActsOn::Pair | ActsOn::OrderedPair => &["q", "r"],
+        ActsOn::Observable => &["o"],
+        ActsOn::ObservablePair => &["o", "u"],
+        ActsOn::Body => &["x1", "y1"],
+        ActsOn::BodyPair => &["(x1, y1)", "(x2, y2)"],
     };
-    let arguments: Vec<String> =
-        names.iter().take(row.on.count()).map(|name| (*name).to_string()).collect();
-    row.detector.is_none().then(|| row.statement(&arguments, &[]))
+    names.iter().map(|name| (*name).to_string()).collect()
 }
 
 fn explained(row: &EffectRow, width: usize) -> String {

@@ -252,6 +252,7 @@ fn is_at_bound(candidate: &Candidate, system: &System, values: &[f64]) -> bool {
     let shapes = [
         ScanBy::Rate,
         ScanBy::Exponent,
+        ScanBy::Power,
         ScanBy::Momentum,
         ScanBy::Frequency,
         ScanBy::WaveNumber,

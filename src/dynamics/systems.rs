@@ -43,6 +43,7 @@ pub fn known_system(
         graph,
         coordinates: (1..=degrees).map(|i| variable(format!("q{i}"))).collect(),
         momenta: (1..=degrees).map(|i| variable(format!("p{i}"))).collect(),
+        declared_bodies: Vec::new(),
         observed: Observed::Momenta,
         velocities: Vec::new(),
         time: variable("t".to_string()),

@@ -10,7 +10,10 @@ impl System {
         let names = |list: &[super::system::Variable]| -> Vec<String> {
             list.iter().map(|variable| variable.name.clone()).collect()
         };
+        let bodies = self.bodies();
         Scene {
+            groups: self.groups(&bodies),
+            bodies,
             coordinates: names(&self.coordinates),
             momenta: names(&self.momenta),
             observables: self.observables(),

@@ -1,5 +1,6 @@
 //! Expressions: one hash-consed graph, its derivatives, and the system that a spec describes.
 
+mod bodies;
 mod columns;
 mod derivative;
 mod effects;

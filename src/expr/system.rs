@@ -5,6 +5,7 @@ use super::identity::TermId;
 use super::print::Names;
 use super::unit::Unit;
 use crate::error::Result;
+use crate::spec::effects::Body;
 
 /// A coordinate or a momentum.
 #[derive(Debug, Clone, PartialEq)]
@@ -150,6 +151,8 @@ pub struct System {
     pub graph: Graph,
     /// Generalised coordinates q_1 .. q_n.
     pub coordinates: Vec<Variable>,
+    /// Bodies that the spec declares, by the names of their coordinates.
+    pub declared_bodies: Vec<Body>,
     /// Conjugate momenta, one for each coordinate.
     pub momenta: Vec<Variable>,
     /// What the second half of the observables is.

@@ -8,7 +8,8 @@ use crate::expr::System;
 use crate::expr::{Compiled, Scope};
 use crate::spec::ast::{Statement, StatementKind};
 use crate::spec::edit;
-use crate::spec::effects::{EffectRow, Scene, by_name, hint_for, instances};
+use crate::spec::effects::{EffectRow, Misfit, Scene, by_name, hint_for, instances};
+use crate::spec::scene_of;
 
 /// An effect on its arguments.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,7 +32,10 @@ pub fn effects_of(text: &str) -> Vec<String> {
 
 fn label_of(text: &str, statement: &Statement) -> String {
     let (name, arguments, _) = parts(text.get(statement.site.0.range()).unwrap_or(""));
-    by_name(&name).map_or(name, |row| row.label(&arguments))
+    let Some(row) = by_name(&name) else { return name };
+    let scene = scene_of(text);
+    let given: Vec<Vec<String>> = arguments.iter().map(|one| scene.members(one)).collect();
+    row.label(&scene.arguments(row.on, &given).unwrap_or(arguments))
 }
 
 /// `name(a, b; c = 1)` in its parts.
@@ -45,7 +49,7 @@ fn parts(text: &str) -> (String, Vec<String>, String) {
     let mut out: Vec<String> = vec![String::new()];
     let mut depth = 0;
     for c in arguments.chars().filter(|c| !c.is_whitespace()) {
-        depth += i32::from(c == '[') - i32::from(c == ']');
+        depth += i32::from(matches!(c, '[' | '(')) - i32::from(matches!(c, ']' | ')'));
         match (c, out.last_mut()) {
             (',', _) if depth == 0 => out.push(String::new()),
             (c, Some(last)) => last.push(c),
@@ -97,8 +101,11 @@ impl NamedEffect {
         }
         let arguments = if arguments.is_empty() { only(row, &scene)? } else { arguments };
         let names = if row.on.observes() { &scene.observables } else { &scene.coordinates };
-        if let Some(strange) = arguments.iter().find(|argument| !names.contains(argument)) {
-            let hint = match crate::spec::nearest(strange, names.iter().map(String::as_str)) {
+        let given: Vec<Vec<String>> = arguments.iter().map(|one| scene.members(one)).collect();
+        if let Some(strange) = given.iter().flatten().find(|name| !names.contains(name)) {
+            let bodies = scene.bodies.iter().filter_map(|body| body.name.as_deref());
+            let known = names.iter().map(String::as_str).chain(bodies);
+            let hint = match crate::spec::nearest(strange, known) {
                 Some(near) => format!("did you mean `{near}`?"),
                 None => format!("it acts on {}: {}", row.on.text(), names.join(", ")),
             };
@@ -108,13 +115,18 @@ impl NamedEffect {
                 hint,
             ));
         }
-        if arguments.len() != row.on.count() {
-            return Err(Error::new(
+        let arguments = scene.arguments(row.on, &given).map_err(|misfit| {
+            let has = match misfit {
+                Misfit::Count => format!("not on {}", arguments.len()),
+                Misfit::Twice(name) => format!("not on `{name}` twice"),
+                Misfit::NoBody(name) => format!("and `{name}` is none"),
+            };
+            Error::new(
                 ErrorKind::InvalidArgument,
-                format!("`{}` is on {}, not on {}", row.name, row.on.text(), arguments.len()),
+                format!("`{}` is on {}, {has}", row.name, row.on.text()),
                 format!("name {} in parentheses", row.on.text()),
-            ));
-        }
+            )
+        })?;
         let label = row.label(&arguments);
         let open = settings.is_empty() && !row.parameters.is_empty();
         let statement = if settings.is_empty() {

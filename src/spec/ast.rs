@@ -56,12 +56,41 @@ pub enum StatementKind {
     },
     /// `sensor theta += ... for i in 1..5`
     Sensor { observable: Expression, value: Expression, comprehension: Option<Comprehension> },
+    /// `body star = (x, y)`
+    Body { name: Word, coordinates: Vec<Expression> },
     /// `effect harmonic_drive(theta; frequency = 2)`
-    Effect { name: Word, arguments: Vec<Expression>, settings: Vec<Setting> },
+    Effect { name: Word, arguments: Vec<Argument>, settings: Vec<Setting> },
     /// `candidates { wall: V += span{ q^4 } }`
     Candidates(Vec<Candidate>),
     /// `constrain -1 <= k <= 5`: operands with a relation between each and the next.
     Constrain { first: Operand, rest: Vec<(Relation, Operand)> },
+}
+
+/// What an effect acts on.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Argument {
+    /// A coordinate, an observable or the name of a body.
+    Variable(Expression),
+    /// `(x, y)`, a body by its coordinates.
+    Body(Vec<Expression>, Site),
+}
+
+impl Argument {
+    /// Its variables.
+    pub fn variables(&self) -> &[Expression] {
+        match self {
+            Argument::Variable(one) => std::slice::from_ref(one),
+            Argument::Body(list, _) => list,
+        }
+    }
+
+    /// Where it stands.
+    pub fn span(&self) -> Span {
+        match self {
+            Argument::Variable(one) => one.site.0,
+            Argument::Body(_, site) => site.0,
+        }
+    }
 }
 
 /// `frequency = 2.5 [1/s]`

@@ -3,9 +3,10 @@
 use std::collections::HashMap;
 
 use super::ast::*;
-use super::effects::{self, ActsOn, EffectRow, Scene};
+use super::bodies::Named;
+use super::effects::{self, ActsOn, EffectRow, Misfit, Scene};
 use super::parse::template;
-use super::resolve::{Meaning, Resolved, integer, resolve};
+use super::resolve::{Resolved, resolve};
 use crate::diagnostic::{Diagnostic, Span};
 
 /// How many candidates a spec may have.
@@ -50,11 +51,17 @@ pub fn expand(spec: &SyntaxTree, diagnostics: &mut Vec<Diagnostic>) -> SyntaxTre
     out
 }
 
+/// The names that an effect meets in the text of a spec; what is wrong with it is left aside.
+pub fn scene_of(text: &str) -> Scene {
+    let (spec, _) = super::parse::spec(text);
+    resolve(&spec, &mut Vec::new()).scene()
+}
+
 /// An `effect` statement.
 #[derive(Clone, Copy)]
 struct EffectUse<'a> {
     name: &'a Word,
-    arguments: &'a [Expression],
+    arguments: &'a [Argument],
     settings: &'a [Setting],
     span: Span,
 }
@@ -193,114 +200,118 @@ impl<'a> Expander<'a, '_> {
     fn arguments(&mut self, row: &EffectRow, asked: EffectUse) -> Option<Vec<String>> {
         let there =
             if row.on.observes() { &self.scene.observables } else { &self.scene.coordinates };
-        let example: Vec<String> = there.iter().take(row.on.count()).cloned().collect();
-        let hint = format!("write for example `{}`", row.statement(&example, &[]));
-        if asked.arguments.len() != row.on.count() {
-            let label = match asked.arguments.len() {
-                0 => "none is given".to_string(),
-                1 => "one is given".to_string(),
-                n => format!("{n} are given"),
-            };
-            let message = format!("`{}` takes {}", row.name, row.on.text());
-            self.report(Diagnostic::error(asked.span, message).label(label).hint(hint));
-            return None;
-        }
-        let mut out: Vec<String> = Vec::new();
-        for argument in asked.arguments {
-            let span = argument.site.0;
-            let (name, partner) = self.variable(row.on, argument)?;
-            let Some(name) = name else {
-                let what = if row.on.observes() { "an observable" } else { "a coordinate" };
-                let hint = match partner {
-                    Some(partner) => format!("write `{partner}`, to which it belongs"),
-                    None => hint,
-                };
-                self.report(
-                    Diagnostic::error(span, format!("`{argument}` is not {what}"))
-                        .label(format!("`{}` takes {}", row.name, row.on.text()))
-                        .hint(hint),
-                );
-                return None;
-            };
-            if out.contains(&name) {
-                self.report(
-                    Diagnostic::error(
-                        span,
-                        format!("`{}` takes two different arguments", row.name),
-                    )
-                    .label(format!("`{name}` stands here again"))
-                    .hint(hint),
-                );
-                return None;
+        let example: Vec<String> = match row.on {
+            ActsOn::Body => there.iter().take(2).cloned().collect(),
+            ActsOn::BodyPair => {
+                there.chunks(2).take(2).map(|pair| format!("({})", pair.join(", "))).collect()
             }
-            out.push(name);
+            _ => there.iter().take(row.on.count()).cloned().collect(),
+        };
+        let hint = format!("write for example `{}`", row.statement(&example, &[]));
+        let mut given: Vec<Vec<String>> = Vec::new();
+        for argument in asked.arguments {
+            let mut names = Vec::new();
+            for variable in argument.variables() {
+                names.extend(self.variables(row, variable, &hint)?);
+            }
+            given.push(names);
         }
-        Some(out)
+        let misfit = match self.scene.arguments(row.on, &given) {
+            Ok(arguments) => return Some(arguments),
+            Err(misfit) => misfit,
+        };
+        let place = |name: &String| -> Span {
+            let holds = given.iter().rposition(|names| names.contains(name));
+            let argument = holds.and_then(|at| asked.arguments.get(at));
+            argument.map_or(asked.span, Argument::span)
+        };
+        let diagnostic = match misfit {
+            Misfit::Count => {
+                let count = match row.on.is_of_bodies() {
+                    true => given.len(),
+                    false => given.iter().map(Vec::len).sum(),
+                };
+                let label = match count {
+                    0 => "none is given".to_string(),
+                    1 => "one is given".to_string(),
+                    n => format!("{n} are given"),
+                };
+                let message = format!("`{}` takes {}", row.name, row.on.text());
+                Diagnostic::error(asked.span, message).label(label)
+            }
+            Misfit::Twice(name) => {
+                let message = match row.on {
+                    ActsOn::Coordinate | ActsOn::Body => {
+                        format!("`{}` takes each coordinate once", row.name)
+                    }
+                    _ => format!("`{}` takes two different arguments", row.name),
+                };
+                Diagnostic::error(place(&name), message)
+                    .label(format!("`{name}` stands here again"))
+            }
+            Misfit::NoBody(name) => Diagnostic::error(
+                place(&name),
+                format!("`{name}` is not a body"),
+            )
+            .label(format!("`{}` takes {}", row.name, row.on.text())),
+        };
+        self.report(diagnostic.hint(hint));
+        None
     }
 
-    /// The name of a coordinate or observable, where the expression is one; else what it
-    /// belongs to. `None` after a diagnostic.
-    fn variable(
+    /// The coordinates or observables that a variable among the arguments stands for; `None`
+    /// after a diagnostic.
+    fn variables(
         &mut self,
-        on: ActsOn,
-        expression: &Expression,
-    ) -> Option<(Option<String>, Option<String>)> {
-        let (name, index) = match &expression.kind {
-            ExpressionKind::Name(name) => (name, None),
-            ExpressionKind::Index { name, index } => (name, Some(index)),
-            _ => return Some((None, None)),
-        };
+        row: &EffectRow,
+        variable: &Expression,
+        hint: &str,
+    ) -> Option<Vec<String>> {
         let resolved = &self.resolved;
-        let Some(&(meaning, _)) = resolved.names.get(name) else {
-            let hint = resolved.hint_for(name, &[]);
-            self.report(
-                Diagnostic::error(expression.site.0, format!("unknown name `{name}`"))
-                    .label("nothing has this name")
-                    .hint(hint),
-            );
-            return None;
-        };
-        let known = |name: &str| resolved.integers.get(name).copied();
-        let (role, at) = match (meaning, index) {
-            (Meaning::Variable(role, at), None) => (role, at),
-            (Meaning::Family { role, first, start, count }, Some(index)) => {
-                let value = match integer(index, &known) {
-                    Ok(value) => value,
-                    Err(diagnostic) => {
-                        self.report(diagnostic);
-                        return None;
-                    }
-                };
-                let place = value.checked_sub(first).and_then(|i| usize::try_from(i).ok());
-                let Some(place) = place.filter(|&place| place < count) else {
-                    let last = first + count as i64 - 1;
-                    self.report(
-                        Diagnostic::error(
-                            expression.site.0,
-                            format!("the index {value} is out of range"),
-                        )
-                        .label(format!("`{name}[{value}]` does not exist"))
-                        .hint(format!("`{name}` has the indices {first}..{last}")),
-                    );
-                    return None;
-                };
-                (role, start + place)
+        let (role, at) = match resolved.named(variable) {
+            Err(diagnostic) => {
+                self.report(diagnostic);
+                return None;
             }
-            _ => return Some((None, None)),
+            Ok(Named::Variable(role, at)) => (Some(role), at),
+            Ok(Named::Body(at)) if !row.on.observes() => {
+                let body = resolved.bodies.get(at)?;
+                let names = body.coordinates.iter();
+                let names =
+                    names.filter_map(|&at| Some(resolved.coordinates.get(at)?.name.clone()));
+                let names: Vec<String> = names.collect();
+                // What is wrong with the body was said where it is declared.
+                return (!names.is_empty()).then_some(names);
+            }
+            Ok(_) => (None, 0),
         };
         let of = |role| match role {
             Role::Coordinates => resolved.coordinates.get(at),
             Role::Momenta => resolved.momenta.get(at),
             Role::Velocities => resolved.velocities.get(at),
         };
-        let name = of(role).map(|declared| declared.name.clone());
         let fits = match role {
-            Role::Coordinates => true,
-            Role::Momenta => on.observes() && resolved.velocities.is_empty(),
-            Role::Velocities => on.observes(),
+            Some(Role::Coordinates) => true,
+            Some(Role::Momenta) => row.on.observes() && resolved.velocities.is_empty(),
+            Some(Role::Velocities) => row.on.observes(),
+            None => false,
         };
-        let partner = of(Role::Coordinates).map(|declared| declared.name.clone());
-        Some(if fits { (name, None) } else { (None, partner) })
+        let name = role.and_then(of).map(|declared| declared.name.clone());
+        if let Some(name) = name.filter(|_| fits) {
+            return Some(vec![name]);
+        }
+        let what = if row.on.observes() { "an observable" } else { "a coordinate" };
+        let partner = role.and_then(|_| of(Role::Coordinates));
+        let hint = match partner {
+            Some(partner) => format!("write `{}`, to which it belongs", partner.name),
+            None => hint.to_string(),
+        };
+        self.report(
+            Diagnostic::error(variable.site.0, format!("`{variable}` is not {what}"))
+                .label(format!("`{}` takes {}", row.name, row.on.text()))
+                .hint(hint),
+        );
+        None
     }
 
     /// One `param` statement for each inner parameter.
@@ -310,7 +321,9 @@ impl<'a> Expander<'a, '_> {
         asked: EffectUse,
         arguments: &[String],
     ) -> Option<Vec<Statement>> {
-        let at = self.scene.coordinates.iter().position(|name| Some(name) == arguments.first());
+        let first =
+            arguments.first().and_then(|first| self.scene.members(first).into_iter().next());
+        let at = self.scene.coordinates.iter().position(|name| Some(name) == first.as_ref());
         let resolved = &self.resolved;
         let unit =
             |list: &[super::resolve::Declared]| Some(list.get(at?)?.unit.as_ref()?.text.clone());
@@ -343,6 +356,19 @@ impl<'a> Expander<'a, '_> {
             }
         }
         let mut out = Vec::new();
+        if let Some(name) = row.unit_name(arguments) {
+            let site = Site(asked.span);
+            let number = Expression { kind: ExpressionKind::Number(1.0), site };
+            let value = match q.clone() {
+                Some(text) => Expression {
+                    kind: ExpressionKind::Quantity(Box::new(number), Word { text, site }),
+                    site,
+                },
+                None => number,
+            };
+            let kind = StatementKind::Constant { name: Word { text: name, site }, value };
+            out.push(Statement { kind, site, effect: None });
+        }
         for scan in row.parameters {
             let Some(setting) = asked.settings.iter().find(|s| s.name.text == scan.name) else {
                 self.report(
@@ -440,6 +466,8 @@ impl Resolved<'_> {
             momenta: names(&self.momenta),
             observables: [names(&self.coordinates), names(second)].concat(),
             time: self.time_name(),
+            bodies: self.declared_bodies(),
+            groups: Vec::new(),
         }
     }
 }

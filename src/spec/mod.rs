@@ -1,6 +1,7 @@
 //! The mini-language: text to syntax tree and back.
 
 pub mod ast;
+mod bodies;
 pub mod edit;
 pub mod effects;
 mod expand;
@@ -9,7 +10,7 @@ mod parse;
 mod print;
 pub(crate) mod resolve;
 
-pub(crate) use expand::{MOST_CANDIDATES, expand};
+pub(crate) use expand::{MOST_CANDIDATES, expand, scene_of};
 pub use parse::{expression, may_name, spec};
 
 /// The candidate that a mistyped word is most likely to mean, if one is near.

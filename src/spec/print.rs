@@ -69,6 +69,11 @@ impl Display for Statement {
                 write!(f, "sensor {observable} += {value}")?;
                 comprehension.iter().try_for_each(|comprehension| write!(f, " {comprehension}"))
             }
+            StatementKind::Body { name, coordinates } => {
+                write!(f, "body {} = (", name.text)?;
+                list(f, coordinates, ", ")?;
+                f.write_str(")")
+            }
             StatementKind::Effect { name, arguments, settings } => {
                 f.write_str("effect ")?;
                 f.write_str(&name.text)?;
@@ -90,6 +95,19 @@ impl Display for Statement {
                 write!(f, "constrain {first}")?;
                 rest.iter()
                     .try_for_each(|(relation, operand)| write!(f, " {} {operand}", relation.sign()))
+            }
+        }
+    }
+}
+
+impl Display for Argument {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        match self {
+            Argument::Variable(variable) => variable.fmt(f),
+            Argument::Body(variables, _) => {
+                f.write_str("(")?;
+                list(f, variables, ", ")?;
+                f.write_str(")")
             }
         }
     }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use super::ast::*;
-use super::{may_name, nearest};
+use super::{bodies, may_name, nearest};
 use crate::diagnostic::{Diagnostic, Span};
 
 /// How many coordinates a spec may have.
@@ -33,6 +33,8 @@ pub enum Meaning {
     Time,
     Constant(usize),
     Parameter(usize),
+    /// The body at this place in the list.
+    Body(usize),
 }
 
 /// A statement `T = ...`.
@@ -81,6 +83,14 @@ pub struct Constraint<'a> {
     pub span: Span,
 }
 
+/// A statement `body star = (x, y)`.
+#[derive(Debug, Clone)]
+pub struct BodyOf<'a> {
+    pub name: &'a Word,
+    /// Places of its coordinates; empty where one of them is none.
+    pub coordinates: Vec<usize>,
+}
+
 /// A spec by the meaning of its statements.
 #[derive(Debug, Default)]
 pub struct Resolved<'a> {
@@ -100,6 +110,7 @@ pub struct Resolved<'a> {
     pub forces: Vec<Force<'a>>,
     pub sensors: Vec<Sensor<'a>>,
     pub constraints: Vec<Constraint<'a>>,
+    pub bodies: Vec<BodyOf<'a>>,
     pub names: HashMap<String, (Meaning, Span)>,
     /// Constants that are whole numbers: they may stand in indices.
     pub integers: HashMap<String, i64>,
@@ -111,8 +122,17 @@ pub struct Resolved<'a> {
 pub fn resolve<'a>(spec: &'a SyntaxTree, diagnostics: &mut Vec<Diagnostic>) -> Resolved<'a> {
     let mut resolver = Resolver { out: Resolved::default(), diagnostics };
     let lost = |words: &[&str]| spec.lost.iter().any(|lost| words.contains(&lost.as_str()));
-    let declaring =
-        ["coordinates", "momenta", "velocities", "time", "data", "constant", "let", "param"];
+    let declaring = [
+        "coordinates",
+        "momenta",
+        "velocities",
+        "time",
+        "data",
+        "constant",
+        "let",
+        "param",
+        "body",
+    ];
     // A misspelt first word may have been any of them.
     resolver.out.lost_names = lost(&declaring) || spec.lost.iter().any(|lost| may_name(lost));
     resolver.constants(spec);
@@ -122,6 +142,7 @@ pub fn resolve<'a>(spec: &'a SyntaxTree, diagnostics: &mut Vec<Diagnostic>) -> R
     }
     resolver.pair_up();
     resolver.name_time();
+    bodies::resolve(spec, &mut resolver.out, resolver.diagnostics);
     if !lost(&["T", "V", "H"]) && !resolver.out.lost_names {
         resolver.require_energy();
     }
@@ -211,6 +232,11 @@ impl<'a> Resolver<'a, '_> {
             StatementKind::Sensor { observable, value, comprehension } => {
                 let comprehension = comprehension.as_ref();
                 self.out.sensors.push(Sensor { observable, value, comprehension, effect });
+            }
+            StatementKind::Body { name, .. } => {
+                let meaning = Meaning::Body(self.out.bodies.len());
+                self.name(&name.text, meaning, name.site.0);
+                self.out.bodies.push(BodyOf { name, coordinates: Vec::new() });
             }
             // Their statements stand in their places where the spec was expanded.
             StatementKind::Effect { .. } | StatementKind::Candidates(_) => {}

@@ -97,6 +97,7 @@ impl Builder {
             graph,
             coordinates: coordinates.iter().map(|name| variable(name, Some("rad"))).collect(),
             momenta: momenta.iter().map(|name| variable(name, None)).collect(),
+            declared_bodies: Vec::new(),
             observed: Observed::Momenta,
             velocities: Vec::new(),
             time: variable("t", Some("s")),

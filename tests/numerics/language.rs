@@ -256,13 +256,16 @@ fn statement() -> impl Strategy<Value = Statement> {
     .prop_map(|kind| Statement { kind, site: site(), effect: None });
     let candidate = (plain_name(), prop::collection::vec(addition, 1..3))
         .prop_map(|(name, statements)| Candidate { name: word(name), statements, site: site() });
+    let argument = prop_oneof![
+        variable().prop_map(Argument::Variable),
+        prop::collection::vec(variable(), 1..3).prop_map(|list| Argument::Body(list, site())),
+    ];
     prop_oneof![
         sensor(),
-        (
-            plain_name(),
-            prop::collection::vec(variable(), 0..3),
-            prop::collection::vec(setting, 0..3)
-        )
+        (plain_name(), prop::collection::vec(variable(), 1..4)).prop_map(|(name, coordinates)| {
+            StatementKind::Body { name: word(name), coordinates }
+        }),
+        (plain_name(), prop::collection::vec(argument, 0..3), prop::collection::vec(setting, 0..3))
             .prop_map(|(name, arguments, settings)| StatementKind::Effect {
                 name: word(name),
                 arguments,

@@ -8,6 +8,7 @@
     reason = "a panic is how a test fails"
 )]
 
+mod bodies;
 mod derivatives;
 mod effects;
 mod elementary;

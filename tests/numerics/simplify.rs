@@ -30,6 +30,7 @@ fn system(degrees: usize) -> System {
         graph,
         coordinates: (0..degrees).map(|i| variable(name("q", i))).collect(),
         momenta: (0..degrees).map(|i| variable(name("p", i))).collect(),
+        declared_bodies: Vec::new(),
         observed: Observed::Momenta,
         velocities: Vec::new(),
         time: variable("t".into()),

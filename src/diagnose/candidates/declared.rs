@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::grid::every_choice;
-use super::{Candidate, Origin, terms_of};
+use super::{Candidate, Origin, one_of, terms_of};
 use crate::diagnose::tuning::TUNING;
 use crate::expr::{
     Bounds, Compiled, Expr, Extension, ParameterId, Place, Scope, Symbol, System, TermId,
@@ -44,9 +44,12 @@ pub(super) fn candidates(scope: &mut Scope) -> Vec<Candidate> {
         let on = acts_on(&base.system, &extension, &terms);
         let grid = every_choice(&axes);
         let origin = Origin::Spec;
-        Some(Candidate { origin, label, on, extension, terms, parameters, grid })
+        let (arguments, choice) = (Vec::new(), 0.0);
+        Some(Candidate { origin, label, on, arguments, extension, terms, parameters, grid, choice })
     };
-    labels.into_iter().filter_map(candidate).collect()
+    let mut all: Vec<Candidate> = labels.into_iter().filter_map(candidate).collect();
+    one_of(&mut all);
+    all
 }
 
 /// Where some terms of an extension stand, and what their coefficients multiply there.

@@ -9,7 +9,9 @@ use crate::fit::segments::{longest_run, typical_step};
 use crate::spec::effects::ScanBy;
 
 /// How far measurements reach, in space and time.
-pub(super) struct Reach {
+pub(super) struct Reach<'a> {
+    system: &'a System,
+    dataset: &'a Dataset,
     /// Smallest and largest value of each coordinate, and the largest size of its momentum, by the
     /// coordinate's name.
     ranges: HashMap<String, (f64, f64, f64)>,
@@ -21,12 +23,14 @@ pub(super) struct Reach {
     duration: f64,
 }
 
-impl Reach {
-    pub(super) fn of(system: &System, dataset: &Dataset) -> Reach {
+impl<'a> Reach<'a> {
+    pub(super) fn of(system: &'a System, dataset: &'a Dataset) -> Reach<'a> {
         let step = typical_step(dataset).max(f64::MIN_POSITIVE);
         let times = dataset.runs.iter().filter_map(Run::ends);
         let none = (f64::INFINITY, f64::NEG_INFINITY);
         Reach {
+            system,
+            dataset,
             ranges: ranges(system, dataset),
             step,
             times: times.fold(none, |(a, b), (start, end)| (a.min(start), b.max(end))),
@@ -37,8 +41,46 @@ impl Reach {
     /// Values of some inner parameters of an effect `on` a coordinate or observable, every choice
     /// of all of them together; one empty choice without any.
     pub(super) fn grid(&self, scans: &[ScanBy], on: &str) -> Vec<Vec<f64>> {
+        let range = self.ranges.get(on).copied().unwrap_or((-1.0, 1.0, 1.0));
+        self.grid_over(scans, range)
+    }
+
+    /// The same of an effect on bodies, each a list of coordinates: lengths are those of the
+    /// distance from the origin, or of two bodies.
+    pub(super) fn grid_of_bodies(&self, scans: &[ScanBy], bodies: &[Vec<String>]) -> Vec<Vec<f64>> {
+        let place = |name: &String| {
+            self.system.coordinates.iter().position(|variable| variable.name == *name)
+        };
+        let rows = |body: &Vec<String>| -> Vec<usize> { body.iter().filter_map(place).collect() };
+        let first = bodies.first().map(rows).unwrap_or_default();
+        let second = bodies.get(1).map(rows);
+        let mut range = (f64::INFINITY, 0.0_f64);
+        for run in &self.dataset.runs {
+            let at = |row: usize, k: usize| {
+                run.values.get(row).and_then(|cells| cells.get(k)).copied().unwrap_or(f64::NAN)
+            };
+            let count = run.values.first().map_or(0, Vec::len);
+            for k in 0..count {
+                let square = |(i, &row): (usize, &usize)| {
+                    let other = second.as_ref().and_then(|rows| rows.get(i));
+                    (at(row, k) - other.map_or(0.0, |&other| at(other, k))).powi(2)
+                };
+                let distance = first.iter().enumerate().map(square).sum::<f64>().sqrt();
+                if distance.is_finite() {
+                    range = (range.0.min(distance), range.1.max(distance));
+                }
+            }
+        }
+        if range.0 > range.1 {
+            range = (0.0, 1.0);
+        }
+        // A length is compared with the distance itself, not with how much that changes.
+        self.grid_over(scans, (0.0, range.1, range.1))
+    }
+
+    fn grid_over(&self, scans: &[ScanBy], range: (f64, f64, f64)) -> Vec<Vec<f64>> {
         let Reach { step, times: (start, end), duration, .. } = *self;
-        let (lower, upper, momentum) = self.ranges.get(on).copied().unwrap_or((-1.0, 1.0, 1.0));
+        let (lower, upper, momentum) = range;
         let spread = upper - lower;
         let turn = std::f64::consts::TAU;
         let most = if scans.len() > 1 {
@@ -70,6 +112,7 @@ impl Reach {
                 ScanBy::Instant => even(start + 0.05 * duration, end - 0.05 * duration, 16),
                 ScanBy::Duration => ratio(2.0 * step, duration, 6),
                 ScanBy::Exponent => vec![0.5, 1.5, 2.5],
+                ScanBy::Power => vec![-3.0, -1.5, -0.5, 0.5, 1.5, 3.0],
                 ScanBy::Momentum => ratio(0.1 * momentum, momentum, 4),
                 ScanBy::Rate => ratio(0.5 / duration, 0.5 / step, 6),
             })

@@ -12,7 +12,7 @@ pub use unnamed::unnamed;
 
 use crate::data::Dataset;
 use crate::expr::{Extension, Parameter, ParameterId, Scope, Symbol, System, Term, TermId};
-use crate::spec::effects::{EffectRow, ScanBy, instances};
+use crate::spec::effects::{ActsOn, EffectRow, ScanBy, instances};
 
 /// Something that may be missing, ready to be tried.
 pub struct Candidate {
@@ -22,6 +22,8 @@ pub struct Candidate {
     pub label: String,
     /// Names of the coordinates or observables that it is on.
     pub on: Vec<String>,
+    /// What stands between the parentheses of its label: names, or bodies.
+    pub arguments: Vec<String>,
     /// What it adds to the system, inner parameters as parameters.
     pub extension: Extension,
     /// Its terms in the system with it.
@@ -30,6 +32,10 @@ pub struct Candidate {
     pub parameters: Vec<ParameterId>,
     /// Values of the inner parameters that are tried; one empty choice without any.
     pub grid: Vec<Vec<f64>>,
+    /// What it costs to say which of its kind it is, in nats: the logarithm of how many candidates
+    /// of its kind (of the catalogue, of the spec, without a name, known numbers) were tried. Grid
+    /// points are not in it.
+    pub choice: f64,
 }
 
 /// Where a candidate comes from.
@@ -52,27 +58,55 @@ pub enum Origin {
 /// what the spec holds already.
 pub fn candidates(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
     let mut all = declared::candidates(scope);
-    let system = &scope.compiled().system;
+    let system = scope.compiled().system.clone();
     let held: BTreeSet<String> = system.terms.iter().filter_map(|t| t.effect.clone()).collect();
-    let reach = Reach::of(system, dataset);
+    let reach = Reach::of(&system, dataset);
     let standing = system.parameters.len();
-    let instances = instances(&system.scene()).into_iter();
+    let scene = system.scene();
+    let instances = instances(&scene).into_iter();
+    let first = all.len();
     all.extend(instances.filter(|instance| !held.contains(&instance.label())).filter_map(
         |instance| {
-            let (row, label, on) = (instance.effect, instance.label(), instance.arguments);
+            let (row, label, arguments) = (instance.effect, instance.label(), instance.arguments);
+            let on: Vec<String> = arguments.iter().flat_map(|one| scene.members(one)).collect();
             let extension = scope.extension(&instance.statement).ok()?;
             let terms = terms_of(&extension, |term| term.effect.as_ref() == Some(&label));
             let parameters = extension.parameters().map(|(id, ..)| id);
             let parameters = parameters.filter(|id| id.position() >= standing).collect();
-            let first = on.first().map_or("", String::as_str);
             let scans: Vec<ScanBy> = row.parameters.iter().map(|scan| scan.by).collect();
-            let grid = reach.grid(&scans, first);
+            let grid = if row.on.is_of_bodies() && !scans.is_empty() {
+                let bodies: Vec<Vec<String>> = match row.on {
+                    ActsOn::Body => vec![on.clone()],
+                    _ => arguments.iter().map(|one| scene.members(one)).collect(),
+                };
+                reach.grid_of_bodies(&scans, &bodies)
+            } else {
+                reach.grid(&scans, on.first().map_or("", String::as_str))
+            };
             let found = !terms.is_empty();
             let origin = Origin::Catalogue(row);
-            found.then_some(Candidate { origin, label, on, extension, terms, parameters, grid })
+            let choice = 0.0;
+            found.then_some(Candidate {
+                origin,
+                label,
+                on,
+                arguments,
+                extension,
+                terms,
+                parameters,
+                grid,
+                choice,
+            })
         },
     ));
+    one_of(&mut all[first..]);
     all
+}
+
+/// Says of candidates of one kind that each is one of them.
+fn one_of(kind: &mut [Candidate]) {
+    let choice = (kind.len().max(1) as f64).ln();
+    kind.iter_mut().for_each(|candidate| candidate.choice = choice);
 }
 
 /// The terms of an extension that are `wanted`.
@@ -97,7 +131,7 @@ impl Candidate {
     /// The statement that adds it, its inner parameters at some values.
     pub fn snippet(&self, values: &[f64]) -> String {
         match &self.origin {
-            Origin::Catalogue(row) => row.statement(&self.on, values),
+            Origin::Catalogue(row) => row.statement(&self.arguments, values),
             Origin::Spec => format!("effect {}", self.label),
             Origin::Unnamed { statement, parameters } => {
                 let fill = |text: String, (name, value): (&String, &f64)| {

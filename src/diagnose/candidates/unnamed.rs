@@ -1,7 +1,7 @@
 //! Terms without a name of their own: what to say when no named effect explains the misfit.
 
 use super::grid::Reach;
-use super::{Candidate, Origin, terms_of};
+use super::{Candidate, Origin, one_of, terms_of};
 use crate::data::Dataset;
 use crate::diagnose::tuning::TUNING;
 use crate::expr::Scope;
@@ -17,7 +17,7 @@ struct Draft {
 
 /// Bumps of the potential and forces that are products of powers, on every coordinate.
 pub fn unnamed(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
-    let system = &scope.compiled().system;
+    let system = scope.compiled().system.clone();
     let names = |list: &[crate::expr::Variable]| -> Vec<String> {
         list.iter().map(|variable| variable.name.clone()).collect()
     };
@@ -66,7 +66,7 @@ pub fn unnamed(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
             }
         }
     }
-    let reach = Reach::of(system, dataset);
+    let reach = Reach::of(&system, dataset);
     let standing = system.parameters.len();
     let candidate = |draft: Draft| {
         let mut statement = draft.statement.clone();
@@ -91,11 +91,15 @@ pub fn unnamed(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
             },
             label: draft.label,
             on: draft.on,
+            arguments: Vec::new(),
+            choice: 0.0,
             extension,
             terms,
             parameters,
             grid,
         })
     };
-    drafts.into_iter().filter_map(candidate).collect()
+    let mut all: Vec<Candidate> = drafts.into_iter().filter_map(candidate).collect();
+    one_of(&mut all);
+    all
 }

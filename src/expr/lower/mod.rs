@@ -228,6 +228,7 @@ impl<'a> Lowering<'a> {
         let parameters = self.define_parameters(0);
         let canonical = self.canonical_unit();
         self.check_velocities();
+        self.check_bodies();
         self.find_shared();
         self.motion(&self.resolved.energies, &self.resolved.forces);
         // What the instrument adds may depend on the whole motion.
@@ -313,6 +314,7 @@ impl<'a> Lowering<'a> {
             graph: std::mem::take(&mut self.graph),
             observed: if velocities.is_empty() { Observed::Momenta } else { Observed::Velocities },
             coordinates,
+            declared_bodies: resolved.declared_bodies(),
             momenta,
             velocities,
             time: Variable {
@@ -377,6 +379,33 @@ impl<'a> Lowering<'a> {
                     .hint("a velocity has the unit of its coordinate over that of time")
                     .related(coordinate.span, format!("`{}` is in [{q}]", coordinate.name));
                 self.report(diagnostic);
+            }
+        }
+    }
+
+    /// The coordinates of a body are in one unit, and so are their momenta.
+    fn check_bodies(&mut self) {
+        let resolved = self.resolved;
+        for body in &resolved.bodies {
+            for (declared, units) in [
+                (&resolved.coordinates, self.coordinates.clone()),
+                (&resolved.momenta, self.momenta.clone()),
+            ] {
+                let known = |&at: &usize| Some((units.get(at).copied()??, declared.get(at)?));
+                let known: Vec<(Unit, &Declared)> =
+                    body.coordinates.iter().filter_map(known).collect();
+                let Some(&(first, from)) = known.first() else { continue };
+                let other = known.iter().find(|(unit, _)| !first.agrees(*unit));
+                let Some(&(unit, other)) = other else { continue };
+                let name = &body.name.text;
+                let message = format!("units clash: the body `{name}` has [{first}] and [{unit}]");
+                let diagnostic = Diagnostic::error(body.name.site.0, message)
+                    .label("its axes cannot be turned")
+                    .hint("only coordinates of one unit make a body")
+                    .related(from.span, format!("`{}` is in [{first}]", from.name))
+                    .related(other.span, format!("`{}` is in [{unit}]", other.name));
+                self.report(diagnostic);
+                break;
             }
         }
     }

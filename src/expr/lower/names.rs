@@ -47,6 +47,14 @@ impl Lowering<'_> {
                 );
                 None
             }
+            Some(Meaning::Body(_)) => {
+                self.report(
+                    Diagnostic::error(span, format!("`{name}` is a body, not a quantity"))
+                        .label("it stands for all its coordinates")
+                        .hint("write one of its coordinates; only effects act on whole bodies"),
+                );
+                None
+            }
             Some(_) => {
                 self.report(
                     Diagnostic::error(span, format!("`{name}` is not a known number"))

@@ -205,6 +205,7 @@ impl Lowering<'_> {
             self.shared.insert(name.to_string(), Some(next));
             return true;
         };
+        self.same_as_shared(at, name, &part);
         let Some(draft) = self.drafts.get_mut(at) else { return true };
         if draft.place == part.place {
             draft.expr = self.graph.add(draft.expr, part.expr);
@@ -215,6 +216,29 @@ impl Lowering<'_> {
             draft.also.push(part);
         }
         false
+    }
+
+    /// What one coefficient multiplies in one place is added: it must have one unit.
+    fn same_as_shared(&mut self, at: usize, name: &str, part: &TermPart) {
+        let Some(draft) = self.drafts.get(at) else { return };
+        let own =
+            TermPart { place: draft.place, expr: draft.expr, unit: draft.unit, span: draft.span };
+        let mut others = std::iter::once(&own).chain(&draft.also);
+        let Some(other) = others.find(|other| other.place == part.place).copied() else { return };
+        let Some((unit, there)) = part.unit.zip(other.unit) else { return };
+        if !unit.agrees(there) {
+            self.report(
+                Diagnostic::error(
+                    part.span,
+                    format!(
+                        "units clash: the coefficient `{name}` multiplies [{there}] and [{unit}]"
+                    ),
+                )
+                .label(format!("in [{unit}] here"))
+                .hint("what has one coefficient in one place has one unit: give them two names")
+                .related(other.span, format!("in [{there}] here")),
+            );
+        }
     }
 
     /// The unit of a coefficient; all its places must agree on it.

@@ -5,7 +5,7 @@ use super::{ActsOn, EffectKind, EffectRow, ROW, Scan, ScanBy};
 const BASE: EffectRow = EffectRow { kind: EffectKind::Conservative, ..ROW };
 
 const BETWEEN: &str = "it couples one coordinate to another";
-const PLANE: &str = "its distance from a centre is that of a plane, which has two coordinates";
+const CENTRE: &str = "its distance from a centre is that of a plane or of space";
 
 pub(super) static ROWS: &[EffectRow] = &[
     EffectRow {
@@ -144,22 +144,20 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "central_inverse",
-        one_unit: true,
         aliases: &["kepler", "coulomb_potential"],
-        on: ActsOn::Pair,
-        template: "V += span{ {n}: -1/sqrt({q}^2 + {r}^2) }",
-        why_two: PLANE,
-        physics: "Gravity or an electric charge at the origin of a plane: a force like 1/r^2.",
+        on: ActsOn::Body,
+        template: "V += span{ {n}: -1/sqrt({qq}) }",
+        why_two: CENTRE,
+        physics: "Gravity or an electric charge at the origin: a force like 1/r^2.",
         telltale: "The residual force points to the origin and is largest near to it.",
         reference: "Landau and Lifshitz, Mechanics, section 15",
         ..BASE
     },
     EffectRow {
         name: "central_inverse_square",
-        one_unit: true,
-        on: ActsOn::Pair,
-        template: "V += span{ {n}: -1/({q}^2 + {r}^2) }",
-        why_two: PLANE,
+        on: ActsOn::Body,
+        template: "V += span{ {n}: -1/{qq} }",
+        why_two: CENTRE,
         physics: "A potential like 1/r^2 about the origin, as of a dipole; it turns the apsides of an orbit.",
         telltale: "Orbits precess at a steady rate; the residual force falls like 1/r^3.",
         reference: "I. Newton, Principia, book I, proposition 44; Landau and Lifshitz, Mechanics, section 15",
@@ -167,15 +165,26 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "softened_centre",
-        one_unit: true,
         aliases: &["plummer"],
-        on: ActsOn::Pair,
-        template: "V += span{ {n}: -1/sqrt({q}^2 + {r}^2 + {length}^2) }",
+        on: ActsOn::Body,
+        template: "V += span{ {n}: -1/sqrt({qq} + {length}^2) }",
         parameters: &[Scan { name: "length", by: ScanBy::Length, example: 0.5 }],
-        why_two: PLANE,
+        why_two: CENTRE,
         physics: "An attracting body of some extent at the origin: linear inside, like 1/r^2 outside.",
         telltale: "The residual force points to the origin, is largest at some distance and vanishes at the centre.",
         reference: "H. C. Plummer, Mon. Not. R. Astron. Soc. 71, 460 (1911)",
+        ..BASE
+    },
+    EffectRow {
+        name: "tidal_force",
+        one_unit: true,
+        aliases: &["gravity_gradient"],
+        on: ActsOn::OrderedPair,
+        template: "V += span{ {n}: -(2*{q}^2 - {r}^2)/2 }",
+        why_two: "it stretches along one direction and squeezes across it",
+        physics: "The tide of a distant body that lies along the first coordinate: a stretch along it, half as much of a squeeze across.",
+        telltale: "The residual force points outward along one axis and inward along the other, in proportion to the distance.",
+        reference: "G. W. Hill, Am. J. Math. 1, 5 (1878)",
         ..BASE
     },
     EffectRow {

@@ -3,13 +3,16 @@
 //! A row holds statements of the mini-language with placeholders. The statement
 //! `effect viscous_drag(theta)` stands for them, with the placeholders filled in.
 
+mod bodies;
 mod conservative;
 mod dissipative;
 mod driven;
 mod motion;
+mod scene;
 mod sensor;
 
 use super::nearest;
+pub use scene::{Body, Instance, Misfit, Scene, instances};
 
 /// What an effect does to the motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -55,7 +58,7 @@ impl EffectKind {
 /// What an effect acts on: its arguments.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ActsOn {
-    /// One coordinate.
+    /// One coordinate, or several that share its coefficients and inner parameters.
     Coordinate,
     /// Two coordinates; which comes first makes no difference.
     Pair,
@@ -65,15 +68,29 @@ pub enum ActsOn {
     Observable,
     /// Two measured columns: what is wrong, and where it comes from.
     ObservablePair,
+    /// One body: two or three coordinates that turn together when the axes are turned.
+    Body,
+    /// Two bodies with as many coordinates each; which comes first makes no difference.
+    BodyPair,
 }
 
 impl ActsOn {
-    /// How many arguments it takes.
+    /// How many arguments it takes, at least.
     pub fn count(self) -> usize {
         match self {
-            ActsOn::Coordinate | ActsOn::Observable => 1,
-            ActsOn::Pair | ActsOn::OrderedPair | ActsOn::ObservablePair => 2,
+            ActsOn::Coordinate | ActsOn::Observable | ActsOn::Body => 1,
+            ActsOn::Pair | ActsOn::OrderedPair | ActsOn::ObservablePair | ActsOn::BodyPair => 2,
         }
+    }
+
+    /// Whether it takes whole bodies.
+    pub fn is_of_bodies(self) -> bool {
+        matches!(self, ActsOn::Body | ActsOn::BodyPair)
+    }
+
+    /// How many coordinates or observables a system must have for it.
+    pub fn least(self) -> usize {
+        if self.is_of_bodies() { 2 * self.count() } else { self.count() }
     }
 
     /// Whether the arguments are measured columns, not coordinates.
@@ -84,10 +101,12 @@ impl ActsOn {
     /// In words, as what an effect takes.
     pub fn text(self) -> &'static str {
         match self {
-            ActsOn::Coordinate => "one coordinate",
+            ActsOn::Coordinate => "one or more coordinates",
             ActsOn::Pair | ActsOn::OrderedPair => "two coordinates",
             ActsOn::Observable => "one observable",
             ActsOn::ObservablePair => "two observables",
+            ActsOn::Body => "one body",
+            ActsOn::BodyPair => "two bodies",
         }
     }
 }
@@ -109,6 +128,8 @@ pub enum ScanBy {
     Duration,
     /// A pure number, as a power.
     Exponent,
+    /// A pure number, as the power of a distance in a potential.
+    Power,
     /// A size of the momentum, over fractions of the range of the data.
     Momentum,
     /// The inverse of a stretch of time.
@@ -121,7 +142,7 @@ impl ScanBy {
         match self {
             ScanBy::Length | ScanBy::WaveNumber | ScanBy::Duration | ScanBy::Momentum => true,
             ScanBy::Frequency | ScanBy::Position | ScanBy::Instant => false,
-            ScanBy::Exponent | ScanBy::Rate => false,
+            ScanBy::Exponent | ScanBy::Power | ScanBy::Rate => false,
         }
     }
 
@@ -133,7 +154,7 @@ impl ScanBy {
             ScanBy::Position | ScanBy::Length => "{q}",
             ScanBy::WaveNumber => "1/{q}",
             ScanBy::Instant | ScanBy::Duration => "{t}",
-            ScanBy::Exponent => "",
+            ScanBy::Exponent | ScanBy::Power => "",
             ScanBy::Momentum => "{p}",
         }
     }
@@ -183,7 +204,10 @@ pub struct EffectRow {
     pub on: ActsOn,
     /// Statements with placeholders: {q} {p} the first argument's coordinate and momentum,
     /// {r} {s} those of the second, {o} {u} the observables, {t} time, {n} a name made of the
-    /// effect and its arguments, and the inner parameters by their names.
+    /// effect and its arguments, and the inner parameters by their names. On bodies, {qq} is the
+    /// sum of the squares of the first one's coordinates, {pp} that of its momenta, {dd} the
+    /// square of the distance to the second, and {one} a length of 1 in the coordinates' unit; a
+    /// statement with {q} in it stands once for every coordinate, one without it stands once.
     /// Empty where no statement describes it; then `detector` says what finds it.
     pub template: &'static str,
     /// Its inner parameters, and how they are looked for.
@@ -222,8 +246,8 @@ const ROW: EffectRow = EffectRow {
 };
 
 /// The tables of rows, by kind. A new effect is one row in one of them.
-static TABLES: [&[EffectRow]; 5] =
-    [dissipative::ROWS, conservative::ROWS, motion::ROWS, driven::ROWS, sensor::ROWS];
+static TABLES: [&[EffectRow]; 6] =
+    [dissipative::ROWS, conservative::ROWS, motion::ROWS, bodies::ROWS, driven::ROWS, sensor::ROWS];
 
 /// Every effect of the catalogue.
 pub fn catalogue() -> impl Iterator<Item = &'static EffectRow> {
@@ -256,153 +280,6 @@ pub fn hint_for(name: &str, more: &[&str]) -> String {
     }
 }
 
-/// The names that an effect meets in a spec.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Scene {
-    /// Names of the coordinates.
-    pub coordinates: Vec<String>,
-    /// As many as coordinates.
-    pub momenta: Vec<String>,
-    /// Coordinates, then what is measured with them.
-    pub observables: Vec<String>,
-    /// Name of time.
-    pub time: String,
-}
-
-/// An effect on its arguments.
-#[derive(Debug, Clone)]
-pub struct Instance {
-    /// Its row of the catalogue.
-    pub effect: &'static EffectRow,
-    /// Names of coordinates or observables.
-    pub arguments: Vec<String>,
-    /// The statement that adds it, inner parameters at their example values.
-    pub statement: String,
-}
-
-impl Instance {
-    /// `viscous_drag(theta)`.
-    pub fn label(&self) -> String {
-        self.effect.label(&self.arguments)
-    }
-
-    /// The statement that adds it, with these inner parameters in the order of the row.
-    pub fn statement_with(&self, values: &[f64]) -> String {
-        self.effect.statement(&self.arguments, values)
-    }
-}
-
-impl EffectRow {
-    /// `viscous_drag(theta)`; arguments in the order of the text, sorted where order means nothing.
-    pub fn label(&self, arguments: &[String]) -> String {
-        let mut arguments = arguments.to_vec();
-        if self.on == ActsOn::Pair {
-            arguments.sort();
-        }
-        format!("{}({})", self.name, arguments.join(", "))
-    }
-
-    /// What terms of it are called: `viscous_drag_theta`, `coupling_spring_q1_q2`.
-    pub fn term_name(&self, arguments: &[String]) -> String {
-        let mut out = self.name.to_string();
-        for argument in arguments {
-            out.push('_');
-            out.extend(argument.chars().filter_map(|c| match c {
-                '-' => Some('m'),
-                c => (c.is_alphanumeric() || c == '_').then_some(c),
-            }));
-        }
-        out
-    }
-
-    /// What an inner parameter is called in the model: `frequency_harmonic_drive_theta`.
-    pub fn parameter_name(&self, parameter: &str, arguments: &[String]) -> String {
-        format!("{parameter}_{}", self.term_name(arguments))
-    }
-
-    /// `effect harmonic_drive(theta; frequency = 2.5)`; values that are missing are examples.
-    pub fn statement(&self, arguments: &[String], values: &[f64]) -> String {
-        let settings: Vec<String> = (self.parameters.iter().enumerate())
-            .map(|(i, scan)| {
-                let value = values.get(i).copied().filter(|value| value.is_finite());
-                format!("{} = {}", scan.name, value.unwrap_or(scan.example))
-            })
-            .collect();
-        let gap = if settings.is_empty() { "" } else { "; " };
-        format!("effect {}({}{gap}{})", self.name, arguments.join(", "), settings.join(", "))
-    }
-
-    /// The template filled in for arguments of a scene; `None` where one is none of its names.
-    pub fn filled(&self, scene: &Scene, arguments: &[String]) -> Option<String> {
-        let mut text = self.template.replace("{n}", &self.term_name(arguments));
-        for scan in self.parameters {
-            let name = self.parameter_name(scan.name, arguments);
-            text = text.replace(&format!("{{{}}}", scan.name), &name);
-        }
-        for (i, argument) in arguments.iter().enumerate() {
-            let [variable, momentum] = if i == 0 { ["{q}", "{p}"] } else { ["{r}", "{s}"] };
-            if self.on.observes() {
-                text = text.replace(if i == 0 { "{o}" } else { "{u}" }, argument);
-            } else {
-                let at = scene.coordinates.iter().position(|name| name == argument)?;
-                text = text.replace(variable, argument).replace(momentum, scene.momenta.get(at)?);
-            }
-        }
-        Some(text.replace("{t}", &scene.time))
-    }
-
-    /// Why it cannot act in a scene, whatever its arguments; `None` where it can.
-    pub fn cannot(&self, scene: &Scene) -> Option<String> {
-        if let Some(detector) = self.detector {
-            return Some(format!("it is no term of a model; {detector}"));
-        }
-        let there = if self.on.observes() { &scene.observables } else { &scene.coordinates };
-        if there.len() >= self.on.count() {
-            return None;
-        }
-        let what = if self.on.observes() { "observable" } else { "coordinate" };
-        let because = if self.why_two.is_empty() { "" } else { ": " };
-        Some(format!(
-            "it needs two {what}s, and the system has {}{because}{}",
-            match there.len() {
-                0 => "none".to_string(),
-                n => format!("only {n}"),
-            },
-            self.why_two
-        ))
-    }
-
-    /// Every choice of arguments in a scene.
-    fn choices(&self, scene: &Scene) -> Vec<Vec<String>> {
-        let names = if self.on.observes() { &scene.observables } else { &scene.coordinates };
-        let mut out = Vec::new();
-        for (i, first) in names.iter().enumerate() {
-            if self.on.count() == 1 {
-                out.push(vec![first.clone()]);
-                continue;
-            }
-            for (j, second) in names.iter().enumerate() {
-                if i < j || (i > j && self.on != ActsOn::Pair) {
-                    out.push(vec![first.clone(), second.clone()]);
-                }
-            }
-        }
-        out
-    }
-}
-
-/// Every effect with a template, on every choice of arguments that a scene allows.
-pub fn instances(scene: &Scene) -> Vec<Instance> {
-    let rows = catalogue().filter(|row| row.cannot(scene).is_none());
-    rows.flat_map(|effect| {
-        effect.choices(scene).into_iter().map(move |arguments| {
-            let statement = effect.statement(&arguments, &[]);
-            Instance { effect, arguments, statement }
-        })
-    })
-    .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use std::collections::HashSet;
@@ -424,7 +301,10 @@ mod tests {
             for scan in row.parameters {
                 assert!(row.template.contains(&format!("{{{}}}", scan.name)), "{}", row.name);
             }
-            let pairs = matches!(row.on, ActsOn::Pair | ActsOn::OrderedPair);
+            let pairs = matches!(
+                row.on,
+                ActsOn::Pair | ActsOn::OrderedPair | ActsOn::Body | ActsOn::BodyPair
+            );
             assert_eq!(pairs, !row.why_two.is_empty(), "{}", row.name);
         }
         assert!(catalogue().count() >= 36);
@@ -439,6 +319,7 @@ mod tests {
             momenta: names("p"),
             observables: [names("q"), names("p")].concat(),
             time: "t".into(),
+            ..Scene::default()
         };
         let count = |name: &str| {
             instances(&scene).iter().filter(|instance| instance.effect.name == name).count()

@@ -71,6 +71,16 @@ pub(super) static ROWS: &[EffectRow] = &[
         ..GYROSCOPIC
     },
     EffectRow {
+        name: "lift_force",
+        one_unit: true,
+        template: "force {q} += span{ {n}: sqrt({p}^2 + {s}^2)*{s} }; force {r} += span{ {n}: -sqrt({p}^2 + {s}^2)*{p} }",
+        why_two: ACROSS,
+        physics: "A force across the velocity in proportion to the square of the speed: the lift of a wing or of a ball that spins with its speed.",
+        telltale: "Paths curl the same way round everywhere, tighter where the motion is fast.",
+        reference: "Batchelor, An Introduction to Fluid Dynamics, section 6.7",
+        ..GYROSCOPIC
+    },
+    EffectRow {
         name: "rotating_frame",
         one_unit: true,
         template: "H += span{ {n}: {r}*{p} - {q}*{s} }",

@@ -16,7 +16,7 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::spec::ast::*;
 
 /// Every word that begins a statement.
-pub const STATEMENTS: [&str; 17] = [
+pub const STATEMENTS: [&str; 18] = [
     "system",
     "coordinates",
     "momenta",
@@ -31,13 +31,14 @@ pub const STATEMENTS: [&str; 17] = [
     "H",
     "force",
     "sensor",
+    "body",
     "effect",
     "candidates",
     "constrain",
 ];
 
 /// statement = system | variables | time | data | constant | parameter | energy | force
-///           | sensor | effect | candidates | constrain ;
+///           | sensor | body | effect | candidates | constrain ;
 pub fn statement(input: Tokens) -> Parsed<Statement> {
     let Some(first) = input.first() else { return Err(Fault::expected(input, "a statement")) };
     let (rest, kind) = match first.text {
@@ -50,6 +51,7 @@ pub fn statement(input: Tokens) -> Parsed<Statement> {
         "T" | "V" | "H" => cut(energy).parse(input)?,
         "force" => cut(force).parse(input)?,
         "sensor" => cut(sensor).parse(input)?,
+        "body" => cut(body).parse(input)?,
         "effect" => cut(effect).parse(input)?,
         "candidates" => cut(candidates).parse(input)?,
         "constrain" => cut(constrain).parse(input)?,
@@ -254,7 +256,29 @@ fn sensor(input: Tokens) -> Parsed<StatementKind> {
     Ok((rest, StatementKind::Sensor { observable, value, comprehension }))
 }
 
-/// effect = "effect" , name , [ "(" , [ variable , { "," , variable } ] ,
+/// body = "body" , name , "=" , coordinates_of_body ;
+fn body(input: Tokens) -> Parsed<StatementKind> {
+    let (rest, (name, ())) = preceded(keyword("body"), (name, mark("="))).parse(input)?;
+    let (rest, coordinates) = coordinates_of_body(rest)?;
+    Ok((rest, StatementKind::Body { name, coordinates }))
+}
+
+/// coordinates_of_body = "(" , variable , { "," , variable } , ")" ;
+fn coordinates_of_body(input: Tokens) -> Parsed<Vec<Expression>> {
+    delimited(mark("("), separated_list1(mark(","), variable), mark(")")).parse(input)
+}
+
+/// argument = variable | coordinates_of_body ;
+fn argument(input: Tokens) -> Parsed<Argument> {
+    if mark("(")(input).is_err() {
+        return variable.map(Argument::Variable).parse(input);
+    }
+    let (rest, list) = cut(coordinates_of_body).parse(input)?;
+    let site = Site(Span::new(input.place().start, rest.taken));
+    Ok((rest, Argument::Body(list, site)))
+}
+
+/// effect = "effect" , name , [ "(" , [ argument , { "," , argument } ] ,
 ///          [ ";" , [ setting , { "," , setting } ] ] , ")" ] ;
 fn effect(input: Tokens) -> Parsed<StatementKind> {
     let (rest, name) = preceded(keyword("effect"), name).parse(input)?;
@@ -262,7 +286,7 @@ fn effect(input: Tokens) -> Parsed<StatementKind> {
         let (arguments, settings) = (Vec::new(), Vec::new());
         return Ok((rest, StatementKind::Effect { name, arguments, settings }));
     };
-    let (rest, arguments) = separated_list0(mark(","), variable).parse(rest)?;
+    let (rest, arguments) = separated_list0(mark(","), argument).parse(rest)?;
     let (rest, settings) =
         opt(preceded(mark(";"), separated_list0(mark(","), setting))).parse(rest)?;
     let (rest, ()) = mark(")")(rest)?;

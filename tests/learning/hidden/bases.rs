@@ -18,7 +18,7 @@ pub struct Base {
     pub hidden: &'static [(&'static str, &'static [&'static str])],
 }
 
-/// The six systems of the benchmark.
+/// The systems of the benchmark.
 pub static BASES: &[Base] = &[
     Base {
         name: "pendulum",
@@ -93,6 +93,14 @@ pub static BASES: &[Base] = &[
             ("magnetic_gradient", &["x", "y"]),
             ("quadratic_drag", &["y"]),
             ("sensor_cross_talk", &["x", "y"]),
+            ("drag_along_velocity", &["x", "y"]),
+            ("cubic_drag_along_velocity", &["x", "y"]),
+            ("friction_along_velocity", &["x", "y"]),
+            ("lift_force", &["x", "y"]),
+            ("central_linear", &["x", "y"]),
+            ("central_quartic", &["x", "y"]),
+            ("central_sextic", &["x", "y"]),
+            ("central_logarithm", &["x", "y"]),
         ],
     },
     Base {
@@ -106,10 +114,44 @@ pub static BASES: &[Base] = &[
             ("central_inverse_square", &["x", "y"]),
             ("rotating_frame", &["x", "y"]),
             ("centrifugal_force", &["x", "y"]),
+            ("central_power", &["x", "y"]),
+            ("central_yukawa", &["x", "y"]),
+            ("tidal_force", &["x", "y"]),
             ("magnetic_force", &["x", "y"]),
             ("viscous_drag", &["x"]),
             ("pendulum", &["x"]),
             ("constant_force", &["x"]),
+        ],
+    },
+    Base {
+        name: "two bodies",
+        variables: "coordinates x1, y1, x2, y2\nmomenta px1, py1, px2, py2\n",
+        law: "T = (px1^2 + py1^2)/2 + (px2^2 + py2^2)/2\n\
+              V = (x1^2 + y1^2)/2 + 0.6*(x2^2 + y2^2)\n",
+        space: "T = (px1^2 + py1^2)/2 + (px2^2 + py2^2)/2\n\
+                V = span{ x1^2 + y1^2, x2^2 + y2^2 }\n",
+        starts: &[
+            (0.8, 1.2),
+            (-0.3, 0.3),
+            (-1.1, -0.7),
+            (-0.3, 0.3),
+            (-0.3, 0.3),
+            (0.6, 1.0),
+            (-0.3, 0.3),
+            (0.6, 1.0),
+        ],
+        step: 0.1,
+        hidden: &[
+            ("gravity_between", &["(x1, y1)", "(x2, y2)"]),
+            ("softened_gravity", &["(x1, y1)", "(x2, y2)"]),
+            ("inverse_square_between", &["(x1, y1)", "(x2, y2)"]),
+            ("spring_between", &["(x1, y1)", "(x2, y2)"]),
+            ("elastic_rod_between", &["(x1, y1)", "(x2, y2)"]),
+            ("logarithm_between", &["(x1, y1)", "(x2, y2)"]),
+            ("power_law_between", &["(x1, y1)", "(x2, y2)"]),
+            ("yukawa_between", &["(x1, y1)", "(x2, y2)"]),
+            ("damping_between", &["(x1, y1)", "(x2, y2)"]),
+            ("viscous_drag", &["x1", "y1", "x2", "y2"]),
         ],
     },
     Base {
