@@ -16,6 +16,8 @@ pub struct Tuning {
     pub states: States,
     /// Which candidates are tried, and where.
     pub candidates: Candidates,
+    /// The search for composed terms.
+    pub composed: Composed,
     /// Scores of all candidates.
     pub scan: Scan,
     /// Refits of the significant ones, and their ranking.
@@ -86,6 +88,42 @@ pub struct Candidates {
     /// Systems of more coordinates are not asked for bumps of two variables: their number grows
     /// with the square.
     pub bump_coordinates: usize,
+}
+
+/// The search for composed terms.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Composed {
+    /// Systems of more coordinates are not asked: what two coordinates do together is then one
+    /// of too many things.
+    pub coordinates: usize,
+    /// Distinct expressions, about.
+    pub expressions: usize,
+    /// Candidates that the search hands on, at most.
+    pub candidates: usize,
+    /// Expressions of the first look that the second one sees.
+    pub kept: usize,
+    /// Forms whose inner numbers are refined.
+    pub refined: usize,
+    /// Forms that are joined with others.
+    pub joined: usize,
+    /// Terms that the motion is followed by between two looks, at most.
+    pub together: usize,
+    /// Looks around a motion that follows the data.
+    pub rounds: usize,
+    /// Samples of the shortest segment of the first look,
+    pub shortest: usize,
+    /// of the longest one,
+    pub window: usize,
+    /// and of the longest of the later looks.
+    pub followed: usize,
+    /// Part of the spread by which the model may stray over such a segment: of the square of it,
+    /// first-order effects are wrong.
+    pub strays: f64,
+    /// Radians of the fastest motion from node to node in the first look: cubics between nodes
+    /// then keep a fourth harmonic to a few per cent.
+    pub first_spacing: f64,
+    /// The same in later looks: a fourth harmonic to a thousandth.
+    pub second_spacing: f64,
 }
 
 /// Scores of all candidates over their grids.
@@ -269,6 +307,22 @@ pub const TUNING: Tuning = Tuning {
         declared_points_together: 64,
         unnamed_degree: 4,
         bump_coordinates: 3,
+    },
+    composed: Composed {
+        coordinates: 6,
+        expressions: 150_000,
+        candidates: 12,
+        kept: 3_000,
+        refined: 200,
+        joined: 600,
+        together: 4,
+        rounds: 3,
+        shortest: 4,
+        window: 32,
+        followed: 48,
+        strays: 0.03,
+        first_spacing: 0.3,
+        second_spacing: 0.12,
     },
     scan: Scan {
         columns_together: 240,

@@ -1,6 +1,7 @@
 //! Effects that may be missing, ready to be tried: each lowered once onto the system that stands,
 //! its inner parameters on a grid.
 
+pub mod composed;
 mod declared;
 mod grid;
 mod unnamed;
@@ -137,7 +138,9 @@ impl Candidate {
                 let fill = |text: String, (name, value): (&String, &f64)| {
                     text.replace(&format!("{{{name}}}"), &format!("{value:.6}"))
                 };
-                parameters.iter().zip(values).fold(statement.clone(), fill)
+                // An inner number may be negative.
+                let filled = parameters.iter().zip(values).fold(statement.clone(), fill);
+                filled.replace("- -", "+ ")
             }
         }
     }

@@ -1,0 +1,135 @@
+//! A model that follows its data by the help of some composed terms.
+
+use super::expression::Composed;
+use super::leaves::Leaves;
+use super::search::Search;
+use super::statements::candidate_of;
+use crate::diagnose::candidates::Candidate;
+use crate::diagnose::context::{Context, Settled};
+use crate::diagnose::refit::{Precision, Refit, Start, refit_whole};
+use crate::diagnose::scan::Scored;
+use crate::diagnose::score_test::Score;
+use crate::diagnose::tuning::TUNING;
+use crate::diagnose::window::followed;
+use crate::error::Result;
+use crate::expr::Scope;
+
+/// The longest segments of at most `TUNING.composed.window` samples over which the model strays
+/// from the data by a small part of their spread: there its misfit is linear in what causes it.
+pub(super) fn linear<'a>(context: &Context<'a>) -> Settled<'a> {
+    let spread = spreads(context);
+    let mut window = TUNING.composed.shortest;
+    let mut best = context.with_window(window).settled();
+    while window < TUNING.composed.window {
+        window *= 2;
+        let longer = context.with_window(window).settled();
+        let strays = longer.sums.diverged > best.sums.diverged;
+        if strays || strayed(&longer, &spread) > TUNING.composed.strays {
+            break;
+        }
+        best = longer;
+    }
+    best
+}
+
+/// Standard deviation of what was measured of each observable.
+fn spreads(context: &Context) -> Vec<f64> {
+    let of = |observable: usize| {
+        let all = context.measured.column(observable).iter().filter(|x| x.is_finite());
+        let count = all.clone().count().max(1) as f64;
+        let mean = all.clone().sum::<f64>() / count;
+        (all.map(|x| (x - mean).powi(2)).sum::<f64>() / count).sqrt()
+    };
+    (0..context.law.noise().len()).map(of).collect()
+}
+
+/// Root mean square of what predictions are off by beside noise, in parts of the spread of the
+/// observable where that is most.
+fn strayed(settled: &Settled, spread: &[f64]) -> f64 {
+    let sums = &settled.sums;
+    let noise = settled.context.law.noise();
+    let of = |i: usize| {
+        let excess = (sums.squares[i] / sums.freedom[i].max(1.0) - 1.0).max(0.0);
+        if spread[i] > 0.0 { excess.sqrt() * noise[i] / spread[i] } else { 0.0 }
+    };
+    (0..noise.len().min(spread.len())).map(of).fold(0.0, f64::max)
+}
+
+/// A model with some composed terms in it, fitted in full.
+pub(super) struct Around<'a> {
+    /// The model before the longest segments that it follows.
+    pub(super) settled: Settled<'a>,
+    /// Coefficients of the composed terms.
+    coefficients: Vec<f64>,
+    /// Places in theta of the unknowns that the model had before.
+    kept: Vec<usize>,
+}
+
+impl<'a> Around<'a> {
+    /// Fits a model with some terms, first over the segments of `settled`, then over longer ones.
+    /// `None` where that brings nothing.
+    ///
+    /// # Errors
+    ///
+    /// When a term is not of its own system.
+    pub(super) fn of(
+        scope: &mut Scope,
+        leaves: &Leaves,
+        settled: &Settled<'a>,
+        terms: &[(Composed, f64)],
+    ) -> Result<Option<Around<'a>>> {
+        // Inner numbers stay as they are: the terms need not be what is missing.
+        let fixed: Vec<Composed> = terms.iter().map(|(term, _)| term.clone()).collect();
+        let Some(candidate) = candidate_of(scope, leaves, &fixed, true) else { return Ok(None) };
+        let coefficients: Vec<f64> = terms.iter().map(|(_, c)| *c).collect();
+        if candidate.terms.len() != coefficients.len() {
+            return Ok(None);
+        }
+        let scored = scored(coefficients);
+        let start = Start::scored(&settled.context, &candidate, &scored)?;
+        let Some(mut refit) = refit_whole(settled, &candidate, start, Precision::Ranking) else {
+            return Ok(None);
+        };
+        let window = followed(&refit, settled).min(TUNING.composed.followed);
+        if window > settled.context.law.window() {
+            let longer = settled.context.with_window(window).settled();
+            let again = refit_whole(&longer, &candidate, refit.into(), Precision::Ranking);
+            let Some(again) = again else { return Ok(None) };
+            refit = again;
+        }
+        Ok(Some(Around::from(&refit, &candidate, &settled.context, window)))
+    }
+
+    fn from(refit: &Refit, candidate: &Candidate, like: &Context<'a>, window: usize) -> Around<'a> {
+        let window = window.max(like.law.window());
+        let settled = refit.context(like).with_window(window).settled();
+        let law = &settled.context.law;
+        let dynamics = law.dynamics();
+        let active = dynamics.active().iter().enumerate();
+        let kept = active.filter(|(_, id)| !candidate.terms.contains(id)).map(|(place, _)| place);
+        let count = dynamics.active().len();
+        let inner = dynamics.parameters().iter().enumerate();
+        let inner = inner.filter(|(_, id)| !candidate.parameters.contains(id));
+        let kept: Vec<usize> = kept.chain(inner.map(|(place, _)| count + place)).collect();
+        let of = |id| law.coefficient(id).unwrap_or(0.0);
+        let coefficients = candidate.terms.iter().map(|&id| of(id)).collect();
+        Around { settled, coefficients, kept }
+    }
+
+    /// Scores around this motion, for which what its composed terms do is to be explained again.
+    pub(super) fn search(&self, leaves: &Leaves, terms: &[(Composed, f64)]) -> Search {
+        let fitted = terms.iter().zip(&self.coefficients);
+        let restored: Vec<(Composed, f64)> =
+            fitted.map(|((term, _), &coefficient)| (term.clone(), coefficient)).collect();
+        let spacing = TUNING.composed.second_spacing;
+        Search::of(&self.settled, leaves, &self.kept, spacing, &restored)
+    }
+}
+
+/// Coefficients as a score would have them.
+fn scored(coefficients: Vec<f64>) -> Scored {
+    let degrees = coefficients.len();
+    let standard_errors = vec![f64::INFINITY; degrees];
+    let score = Score { deviance: 0.0, degrees, coefficients, standard_errors, p_value: 1.0 };
+    Scored { candidate: 0, values: Vec::new(), score, p_value: 1.0, merit: 0.0 }
+}

@@ -1,0 +1,142 @@
+//! Composed terms: expressions over coordinates, momenta and the spec's own subexpressions that
+//! explain what a model misses, found by symbolic search.
+//!
+//! 1. `leaves`: what expressions begin from; `shapes`: functions of one leaf; `library`: both
+//!    together, evaluated at states of the model's own trajectories.
+//! 2. `responses`: what any force would do to all predictions, from one pass over the data.
+//! 3. `enumerate`: products of the library's parts in V, T, H, every force and every sensor, in
+//!    the order of their description length; each distinct one is scored.
+//! 4. `refine`: the inner numbers of the leaders.
+//! 5. `front`: one or two terms, price against what is left.
+//!
+//! The scores are of first order, and a large misfit is not linear in what causes it. So leaders
+//! are first fitted in full, together, until the model follows the data; around that motion, what
+//! they do is added to the residuals again and every term is asked to do it alone. What is left of
+//! the error of linearisation is then of second order in noise.
+
+mod around;
+mod course;
+mod enumerate;
+mod expression;
+mod front;
+mod leaves;
+mod library;
+mod refine;
+mod responses;
+mod search;
+mod shapes;
+mod statements;
+mod states;
+
+use self::around::{Around, linear};
+use self::enumerate::enumerate;
+use self::front::{Choice, together};
+use self::leaves::Leaves;
+use self::library::Library;
+use self::search::Search;
+use self::statements::candidate_of;
+use super::Candidate;
+use crate::diagnose::context::Context;
+use crate::diagnose::tuning::TUNING;
+use crate::error::Result;
+use crate::expr::Scope;
+use crate::fit::Monitor;
+
+/// How much a search for composed terms may look at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Budget {
+    /// Distinct expressions, about.
+    pub expressions: usize,
+    /// Candidates that it hands on, at most.
+    pub candidates: usize,
+}
+
+impl Default for Budget {
+    fn default() -> Budget {
+        let tuning = &TUNING.composed;
+        Budget { expressions: tuning.expressions, candidates: tuning.candidates }
+    }
+}
+
+/// What a search for composed terms found.
+pub struct Composition {
+    /// The front of price against what is left, the best place of it first.
+    pub candidates: Vec<Candidate>,
+    /// Distinct expressions that were scored.
+    pub distinct: usize,
+}
+
+/// The composed terms that explain best what a model misses, as candidates for the ranking: the
+/// front of price against what is left, the best place of it first.
+///
+/// # Errors
+///
+/// When a leader's terms are not of its own system.
+pub fn composed(
+    scope: &mut Scope,
+    context: &Context,
+    budget: Budget,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Candidate>> {
+    Ok(composition(scope, context, budget, monitor)?.candidates)
+}
+
+/// The same, with how many expressions were looked at.
+///
+/// # Errors
+///
+/// As for [`composed`].
+pub fn composition(
+    scope: &mut Scope,
+    context: &Context,
+    budget: Budget,
+    monitor: &dyn Monitor,
+) -> Result<Composition> {
+    let tuning = &TUNING.composed;
+    let nothing = Composition { candidates: Vec::new(), distinct: 0 };
+    if context.system().degrees() > tuning.coordinates {
+        return Ok(nothing);
+    }
+    monitor.stage("terms composed from the variables", 0.0);
+    let context = &context.thinned(context.most.min(TUNING.scan.samples));
+    let settled = linear(context);
+    let leaves = Leaves::of(context.system());
+    let kept: Vec<usize> = (0..settled.context.law.dynamics().unknowns()).collect();
+    let first = Search::of(&settled, &leaves, &kept, tuning.first_spacing, &[]);
+    if first.responses.rows == 0 {
+        return Ok(nothing);
+    }
+    let library = Library::of(&leaves, &first.jets);
+    let variance = first.variance(first.responses.squares);
+    let seen =
+        enumerate(&library, &first.responses, (budget.expressions, tuning.kept), variance, monitor);
+    let distinct = seen.distinct;
+    let mut terms = first.refined(seen.found);
+    let mut chosen = first.chosen(&terms);
+    let few = &terms[..terms.len().min(tuning.joined)];
+    let variance = first.best_variance(few);
+    let mut leaders = together(few, &first.jets, &first.responses, variance, tuning.together);
+    for _ in 0..tuning.rounds {
+        if monitor.stopped() || leaders.is_empty() {
+            break;
+        }
+        monitor.stage("leaders among composed terms", 0.8);
+        let Some(around) = Around::of(scope, &leaves, &settled, &leaders)? else { break };
+        let search = around.search(&leaves, &leaders);
+        let again = terms.into_iter().map(|(term, _)| term).collect();
+        terms = search.refined(search.scored(again));
+        chosen = search.chosen(&terms);
+        let best = chosen.first().map_or(Vec::new(), Choice::with_coefficients);
+        let same = best.len() == leaders.len()
+            && best.iter().all(|(term, _)| leaders.iter().any(|(l, _)| l.has_form_of(term)));
+        leaders = best;
+        if same {
+            break;
+        }
+    }
+    let candidates = chosen
+        .iter()
+        .take(budget.candidates)
+        .filter_map(|choice| candidate_of(scope, &leaves, &choice.terms, false));
+    Ok(Composition { candidates: candidates.collect(), distinct })
+}

@@ -1,0 +1,468 @@
+//! What any force would do to all predictions, to first order, prepared once.
+//!
+//! A term with coefficient c changes the rate of the state by c u(z). To first order predictions
+//! at time t change by c times the integral of Phi(t, s) u(z(s)) ds along the model's own
+//! trajectory, Phi being the derivative of the state at t by that at s: linear in the values of u.
+//! So each segment has a matrix that takes the values of u at a few *nodes* of the trajectory to
+//! changes of its residuals; the initial state and the model's unknowns are eliminated from it.
+//! The score of a term is then a quotient of two forms in these values, and costs no pass over the
+//! data. Between nodes u is interpolated by cubics; products with Phi are integrated by Simpson's
+//! rule over finer points.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::course::{Course, courses, frequency};
+use super::states::PhasePoints;
+use crate::diagnose::context::Context;
+use crate::expr::Observed;
+use crate::fit::segments::Segments;
+use crate::fit::states::States;
+
+/// Channels that a term acts on: rates of the momenta (kicks), rates of the coordinates (drifts),
+/// and what the instrument adds to each observable.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Channels {
+    /// Degrees of freedom.
+    pub(super) degrees: usize,
+}
+
+impl Channels {
+    pub(super) fn kick(self, coordinate: usize) -> usize {
+        coordinate
+    }
+
+    pub(super) fn drift(self, coordinate: usize) -> usize {
+        self.degrees + coordinate
+    }
+
+    pub(super) fn sensor(self, observable: usize) -> usize {
+        2 * self.degrees + observable
+    }
+
+    fn moving(self) -> usize {
+        2 * self.degrees
+    }
+
+    fn count(self) -> usize {
+        4 * self.degrees
+    }
+}
+
+/// Terms that are scored side by side.
+pub(super) const TOGETHER: usize = 8;
+
+/// A column that keeps less than this part of its squares beside the model is spanned by it.
+const SPANNED: f64 = 1e-7;
+
+/// One segment.
+struct Segment {
+    /// Its first node among all.
+    first: usize,
+    nodes: usize,
+    /// Residuals by values at nodes, `[row][channel, node]`, initial state eliminated.
+    design: DMatrix<f64>,
+    /// Residuals, initial state eliminated.
+    target: DVector<f64>,
+    /// Residuals by the model's unknowns: first as they are, then an orthonormal basis.
+    base: DMatrix<f64>,
+    /// design' target, the unknowns eliminated from the latter.
+    gain: DVector<f64>,
+    /// design' base.
+    shadow: DMatrix<f64>,
+    /// design' design for kicks and drifts.
+    information: DMatrix<f64>,
+    /// The same for each sensor by itself.
+    of_sensors: Vec<DMatrix<f64>>,
+}
+
+/// What any force would do to all predictions.
+pub(super) struct Responses {
+    /// Nodes of all segments.
+    pub(super) points: PhasePoints,
+    /// Channels of the system.
+    pub(super) channels: Channels,
+    /// Squares of the residuals with the model's unknowns free.
+    pub(super) squares: f64,
+    /// Independent residuals beside the model's unknowns.
+    pub(super) rows: usize,
+    segments: Vec<Segment>,
+    unknowns: usize,
+}
+
+/// A term's values at all nodes, channel after channel.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Action {
+    /// Channels that it acts on.
+    pub(super) channels: Vec<usize>,
+    /// `[channel of the list][node]`.
+    pub(super) values: Vec<f64>,
+}
+
+/// Points from sample to sample, at least: Simpson's rule takes them in twos.
+const PANEL: usize = 2;
+
+/// Angle of the fastest motion, in radians, that a panel of Simpson's rule may span.
+const PANEL_ANGLE: f64 = 0.6;
+
+impl Responses {
+    /// From the model before some segments, nodes `spacing` radians of the fastest motion apart.
+    ///
+    /// `kept` are the model's unknowns that are eliminated, by their places in theta.
+    pub(super) fn of(
+        context: &Context,
+        segments: &Segments,
+        states: &States,
+        kept: &[usize],
+        spacing: f64,
+    ) -> Responses {
+        let mut found = courses(context, segments, states, PANEL);
+        let turning = frequency(&found);
+        let span = context.measured.typical_step();
+        let panels = (turning * span / PANEL_ANGLE).ceil().clamp(1.0, 4.0) as usize;
+        if panels > 1 {
+            found = courses(context, segments, states, PANEL * panels);
+        }
+        let between = PANEL * panels;
+        let channels = Channels { degrees: context.system().degrees() };
+        let velocities = context.system().observed == Observed::Velocities;
+        let apart = spacing / turning.max(f64::MIN_POSITIVE);
+        let built: Vec<(Segment, Vec<Vec<f64>>)> = found
+            .par_iter()
+            .map(|course| segment(course, channels, between, apart, kept, velocities))
+            .collect();
+        let mut nodes = Vec::new();
+        let mut list = Vec::with_capacity(built.len());
+        for (mut segment, states) in built {
+            segment.first = nodes.len();
+            nodes.extend(states);
+            list.push(segment);
+        }
+        let size = channels.moving();
+        let measured =
+            |course: &Course| course.weights.iter().flatten().filter(|w| **w > 0.0).count();
+        let rows: usize = found.iter().map(|c| measured(c).saturating_sub(size)).sum();
+        let mut responses = Responses {
+            points: PhasePoints::of(&nodes),
+            channels,
+            squares: 0.0,
+            rows,
+            segments: list,
+            unknowns: kept.len(),
+        };
+        responses.orthonormalise();
+        responses.rows = responses.rows.saturating_sub(responses.unknowns);
+        responses.finish();
+        responses
+    }
+
+    /// Adds what some actions do to the residuals: what the model explains by them is asked for
+    /// anew.
+    pub(super) fn restore(&mut self, actions: &[(f64, Action)]) {
+        for (coefficient, action) in actions {
+            for segment in &mut self.segments {
+                let column = segment.column(action);
+                segment.target.axpy(*coefficient, &column, 1.0);
+            }
+        }
+        self.finish();
+    }
+
+    /// An orthonormal basis of the unknowns' columns over all segments (modified Gram-Schmidt,
+    /// each column twice); columns that others span are left out.
+    fn orthonormalise(&mut self) {
+        let dot = |segments: &[Segment], a: usize, b: usize| -> f64 {
+            segments.iter().map(|s| s.base.column(a).dot(&s.base.column(b))).sum()
+        };
+        let mut count = 0;
+        for column in 0..self.unknowns {
+            let whole = dot(&self.segments, column, column);
+            for _ in 0..2 {
+                for earlier in 0..count {
+                    let shadow = dot(&self.segments, earlier, column);
+                    for segment in &mut self.segments {
+                        let basis = segment.base.column(earlier).clone_owned();
+                        segment.base.column_mut(column).axpy(-shadow, &basis, 1.0);
+                    }
+                }
+            }
+            let left = dot(&self.segments, column, column);
+            if left > 1e-12 * whole && left > 0.0 {
+                let scale = left.sqrt().recip();
+                for segment in &mut self.segments {
+                    let basis = segment.base.column(column) * scale;
+                    segment.base.set_column(count, &basis);
+                }
+                count += 1;
+            }
+        }
+        for segment in &mut self.segments {
+            segment.base = segment.base.columns(0, count).clone_owned();
+        }
+        self.unknowns = count;
+    }
+
+    /// The forms that scores are quotients of.
+    fn finish(&mut self) {
+        let mut heights = DVector::zeros(self.unknowns);
+        for segment in &self.segments {
+            heights += segment.base.tr_mul(&segment.target);
+        }
+        let channels = self.channels;
+        self.segments.par_iter_mut().for_each(|segment| {
+            let nodes = segment.nodes;
+            segment.target -= &segment.base * &heights;
+            segment.gain = segment.design.tr_mul(&segment.target);
+            segment.shadow = segment.design.tr_mul(&segment.base);
+            let moving = segment.design.columns(0, channels.moving() * nodes);
+            segment.information = moving.tr_mul(&moving);
+            let of = |observable: usize| {
+                let first = channels.sensor(observable) * nodes;
+                let columns = segment.design.columns(first, nodes);
+                columns.tr_mul(&columns)
+            };
+            segment.of_sensors = (0..2 * channels.degrees).map(of).collect();
+        });
+        self.squares = self.segments.iter().map(|segment| segment.target.norm_squared()).sum();
+    }
+
+    /// By how much the squares fall with each of up to [`TOGETHER`] actions on the same channels;
+    /// zero for those that the model spans.
+    pub(super) fn falls(&self, actions: &[Action]) -> [f64; TOGETHER] {
+        let Some(first) = actions.first() else { return [0.0; TOGETHER] };
+        let (channels, count) = (&first.channels, self.points.count);
+        let mut gain = [0.0; TOGETHER];
+        let mut whole = [0.0; TOGETHER];
+        let mut shadows = vec![[0.0; TOGETHER]; self.unknowns];
+        let mut values: Vec<[f64; TOGETHER]> = Vec::new();
+        let mut places = Vec::new();
+        for segment in &self.segments {
+            values.clear();
+            places.clear();
+            for (at, channel) in channels.iter().enumerate() {
+                for node in 0..segment.nodes {
+                    let place = at * count + segment.first + node;
+                    let mut row = [0.0; TOGETHER];
+                    for (x, action) in row.iter_mut().zip(actions) {
+                        *x = action.values[place];
+                    }
+                    values.push(row);
+                    places.push(channel * segment.nodes + node);
+                }
+            }
+            for (u, &place) in values.iter().zip(&places) {
+                add(&mut gain, segment.gain[place], u);
+                for (column, shadow) in shadows.iter_mut().enumerate() {
+                    add(shadow, segment.shadow[(place, column)], u);
+                }
+            }
+            segment.add_information(self.channels, &values, &places, &mut whole);
+        }
+        let mut falls = [0.0; TOGETHER];
+        for lane in 0..TOGETHER {
+            let spanned: f64 = shadows.iter().map(|shadow| shadow[lane].powi(2)).sum();
+            let own = whole[lane] - spanned;
+            let seen = own > SPANNED * whole[lane] && own.is_finite();
+            falls[lane] = if seen { gain[lane].powi(2) / own } else { 0.0 };
+        }
+        falls
+    }
+
+    /// The fall of the squares with one action.
+    pub(super) fn fall(&self, action: &Action) -> f64 {
+        self.falls(std::slice::from_ref(action))[0]
+    }
+
+    /// What an action does to all residuals with the model's unknowns free.
+    pub(super) fn column(&self, action: &Action) -> DVector<f64> {
+        let parts: Vec<DVector<f64>> =
+            self.segments.iter().map(|segment| segment.column(action)).collect();
+        let mut heights = DVector::zeros(self.unknowns);
+        for (segment, part) in self.segments.iter().zip(&parts) {
+            heights += segment.base.tr_mul(part);
+        }
+        let size = parts.iter().map(|part| part.len()).sum();
+        let mut column = Vec::with_capacity(size);
+        for (segment, part) in self.segments.iter().zip(parts) {
+            column.extend_from_slice((part - &segment.base * &heights).as_slice());
+        }
+        DVector::from_vec(column)
+    }
+
+    /// Residuals with the model's unknowns free, in the order of [`Responses::column`].
+    pub(super) fn target(&self) -> DVector<f64> {
+        let all = self.segments.iter().flat_map(|segment| segment.target.iter().copied());
+        DVector::from_vec(all.collect())
+    }
+}
+
+fn add(sums: &mut [f64; TOGETHER], factor: f64, values: &[f64; TOGETHER]) {
+    for (sum, value) in sums.iter_mut().zip(values) {
+        *sum += factor * value;
+    }
+}
+
+impl Segment {
+    fn column(&self, action: &Action) -> DVector<f64> {
+        let count = action.values.len() / action.channels.len().max(1);
+        let mut column = DVector::zeros(self.target.len());
+        for (at, channel) in action.channels.iter().enumerate() {
+            for node in 0..self.nodes {
+                let value = action.values[at * count + self.first + node];
+                column.axpy(value, &self.design.column(channel * self.nodes + node), 1.0);
+            }
+        }
+        column
+    }
+
+    /// Adds u' M u of each lane.
+    fn add_information(
+        &self,
+        channels: Channels,
+        values: &[[f64; TOGETHER]],
+        places: &[usize],
+        whole: &mut [f64; TOGETHER],
+    ) {
+        let moving = channels.moving() * self.nodes;
+        let (matrix, shift) = match places.first() {
+            Some(&first) if first >= moving => {
+                let observable = first / self.nodes - channels.moving();
+                (&self.of_sensors[observable], channels.sensor(observable) * self.nodes)
+            }
+            _ => (&self.information, 0),
+        };
+        for (i, (u, &place)) in values.iter().zip(places).enumerate() {
+            // The matrix is symmetric: half of its diagonal, and what stands after it.
+            let column = matrix.column(place - shift);
+            let mut row = [0.0; TOGETHER];
+            add(&mut row, 0.5 * column[place - shift], u);
+            for (v, &other) in values[i + 1..].iter().zip(&places[i + 1..]) {
+                add(&mut row, column[other - shift], v);
+            }
+            for ((sum, x), y) in whole.iter_mut().zip(u).zip(&row) {
+                *sum += 2.0 * x * y;
+            }
+        }
+    }
+}
+
+/// Weights of up to four neighbouring nodes in the cubic through them.
+fn interpolation(nodes: &[f64], time: f64) -> Vec<(usize, f64)> {
+    let after = nodes.partition_point(|&node| node < time);
+    let width = nodes.len().min(4);
+    let first = after.saturating_sub(2).min(nodes.len() - width);
+    let among = first..first + width;
+    let weight = |k: usize| {
+        let others = among.clone().filter(|&other| other != k);
+        others.map(|o| (time - nodes[o]) / (nodes[k] - nodes[o])).product::<f64>()
+    };
+    among.clone().map(|k| (k, weight(k))).collect()
+}
+
+/// The matrices of a segment, and the states at its nodes.
+fn segment(
+    course: &Course,
+    channels: Channels,
+    between: usize,
+    apart: f64,
+    kept: &[usize],
+    velocities: bool,
+) -> (Segment, Vec<Vec<f64>>) {
+    let (size, n) = (channels.moving(), channels.degrees);
+    let last = course.times.len() - 1;
+    let duration = course.times[last];
+    let wanted = (duration / apart).ceil().max(0.0);
+    let intervals =
+        if wanted < last as f64 { (wanted as usize).clamp(3.min(last), last) } else { last };
+    let places: Vec<usize> = (0..=intervals).map(|k| k * last / intervals.max(1)).collect();
+    let times: Vec<f64> = places.iter().map(|&place| course.times[place]).collect();
+    let nodes = times.len();
+    let observables = course.weights.first().map_or(0, Vec::len);
+    let rows = course.residuals.len() * observables;
+    let mut design = DMatrix::zeros(rows, channels.count() * nodes);
+    // The integral of Phi(s, 0)^-1 u(z(s)) ds so far, by the values of u at the nodes.
+    let mut integral = DMatrix::<f64>::zeros(size, size * nodes);
+    let weights: Vec<Vec<(usize, f64)>> =
+        course.times.iter().map(|&time| interpolation(&times, time)).collect();
+    for (sample, tangent) in course.tangents.iter().enumerate() {
+        let end = sample * between;
+        let start = end.saturating_sub(between);
+        for panel in (start..end).step_by(PANEL) {
+            let third = (course.times[panel + PANEL] - course.times[panel]) / 6.0;
+            for (point, part) in (panel..).zip([1.0, 4.0, 1.0]) {
+                let inverse = &course.inverses[point];
+                for &(node, weight) in &weights[point] {
+                    let factor = third * part * weight;
+                    for channel in 0..size {
+                        // A kick acts on a momentum, a drift on a coordinate.
+                        let acted = if channel < n { n + channel } else { channel - n };
+                        let mut column = integral.column_mut(channel * nodes + node);
+                        column.axpy(factor, &inverse.column(acted), 1.0);
+                    }
+                }
+            }
+        }
+        let by_state = tangent.columns(0, size);
+        let moved = by_state * &integral;
+        design.view_mut((sample * observables, 0), (observables, size * nodes)).copy_from(&moved);
+        for observable in 0..observables {
+            let row = sample * observables + observable;
+            for &(node, weight) in &weights[end] {
+                let shown = weight * course.weights[sample][observable];
+                design[(row, channels.sensor(observable) * nodes + node)] += shown;
+                if velocities && observable >= n {
+                    design[(row, channels.drift(observable - n) * nodes + node)] += shown;
+                }
+            }
+        }
+    }
+    let stack = |columns: &dyn Fn(&DMatrix<f64>, usize, usize) -> f64, count: usize| {
+        DMatrix::from_fn(rows, count, |row, column| {
+            columns(&course.tangents[row / observables], row % observables, column)
+        })
+    };
+    let states = stack(&|tangent, row, column| tangent[(row, column)], size);
+    let mut base = stack(&|tangent, row, column| tangent[(row, size + kept[column])], kept.len());
+    let mut target =
+        DVector::from_fn(rows, |row, _| course.residuals[row / observables][row % observables]);
+    // A state that the rows do not determine has a direction that is rounding: it is left out.
+    let basis = orthonormal(states);
+    design -= &basis * basis.tr_mul(&design);
+    base -= &basis * basis.tr_mul(&base);
+    target -= &basis * basis.tr_mul(&target);
+    let nothing = DMatrix::zeros(0, 0);
+    let segment = Segment {
+        first: 0,
+        nodes,
+        design,
+        target,
+        base,
+        gain: DVector::zeros(0),
+        shadow: nothing.clone(),
+        information: nothing,
+        of_sensors: Vec::new(),
+    };
+    (segment, places.iter().map(|&place| course.states[place].clone()).collect())
+}
+
+/// An orthonormal basis of some columns, those left out that others span.
+fn orthonormal(mut columns: DMatrix<f64>) -> DMatrix<f64> {
+    let mut count = 0;
+    for column in 0..columns.ncols() {
+        let mut rest = columns.column(column).clone_owned();
+        let whole = rest.norm();
+        for _ in 0..2 {
+            for earlier in 0..count {
+                let basis = columns.column(earlier);
+                let shadow = basis.dot(&rest);
+                rest.axpy(-shadow, &basis, 1.0);
+            }
+        }
+        let left = rest.norm();
+        if left > 1e-9 * whole && left > 0.0 {
+            columns.set_column(count, &(rest / left));
+            count += 1;
+        }
+    }
+    columns.columns(0, count).clone_owned()
+}

@@ -1,0 +1,103 @@
+//! Terms scored around one motion of the model: many at once, then the leaders with care.
+
+use rayon::prelude::*;
+
+use super::enumerate::Found;
+use super::expression::{Composed, LeafJets};
+use super::front::{Choice, choices, pareto};
+use super::leaves::Leaves;
+use super::refine::refined;
+use super::responses::{Action, Responses};
+use crate::diagnose::context::Settled;
+use crate::diagnose::tuning::TUNING;
+
+/// What scores are made of around one motion.
+pub(super) struct Search {
+    pub(super) jets: LeafJets,
+    pub(super) responses: Responses,
+}
+
+impl Search {
+    /// Around the motion of a model; `kept` are those of its unknowns, by their places in theta,
+    /// that stay free, and nodes are `spacing` radians of the fastest motion apart. What the
+    /// `restored` terms do, each times a coefficient, is to be explained besides.
+    pub(super) fn of(
+        settled: &Settled,
+        leaves: &Leaves,
+        kept: &[usize],
+        spacing: f64,
+        restored: &[(Composed, f64)],
+    ) -> Search {
+        let Settled { context, segments, states, .. } = settled;
+        let mut responses = Responses::of(context, segments, states, kept, spacing);
+        let jets = LeafJets::of(leaves, context.law.parameters(), &responses.points);
+        let actions: Vec<(f64, Action)> = restored
+            .iter()
+            .map(|(term, c)| (*c, term.action(&jets.nodes, responses.channels)))
+            .collect();
+        responses.restore(&actions);
+        Search { jets, responses }
+    }
+
+    /// Variance of the weighted residuals when so many squares are left.
+    pub(super) fn variance(&self, left: f64) -> f64 {
+        (left / self.responses.rows.max(1) as f64).max(TUNING.scan.least_variance)
+    }
+
+    /// The variance when the best of some terms is in the model.
+    pub(super) fn best_variance(&self, terms: &[(Composed, f64)]) -> f64 {
+        let most = terms.iter().map(|(_, fall)| *fall).fold(0.0, f64::max);
+        self.variance(self.responses.squares - most)
+    }
+
+    /// Scores of some terms at the numbers that they have; what is not finite here is left out.
+    pub(super) fn scored(&self, terms: Vec<Composed>) -> Vec<Found> {
+        let of = |composed: Composed| {
+            let action = composed.action(&self.jets.nodes, self.responses.channels);
+            let finite = action.values.iter().all(|x| x.is_finite());
+            finite.then(|| Found { fall: self.responses.fall(&action), composed })
+        };
+        terms.into_par_iter().filter_map(of).collect()
+    }
+
+    /// The best of each form, the inner numbers of the leaders refined; best first.
+    pub(super) fn refined(&self, found: Vec<Found>) -> Vec<(Composed, f64)> {
+        let most = found.iter().map(|one| one.fall).fold(0.0, f64::max);
+        let variance = self.variance(self.responses.squares - most);
+        let merit = |composed: &Composed, fall: f64| {
+            let numbers = 0.5 * (self.responses.rows.max(2) as f64).ln();
+            0.5 * fall / variance - composed.price - numbers * composed.inner().len() as f64
+        };
+        let mut found = found;
+        found.sort_by(|a, b| merit(&b.composed, b.fall).total_cmp(&merit(&a.composed, a.fall)));
+        let mut forms: Vec<Found> = Vec::new();
+        for one in found {
+            if !forms.iter().any(|form| form.composed.has_form_of(&one.composed)) {
+                forms.push(one);
+            }
+        }
+        let leaders = forms.len().min(TUNING.composed.refined);
+        let mut refined_terms: Vec<(Composed, f64)> = forms[..leaders]
+            .par_iter()
+            .map(|one| refined(&one.composed, one.fall, &self.jets, &self.responses))
+            .collect();
+        let others = forms.drain(leaders..).map(|one| (one.composed, one.fall));
+        refined_terms.extend(others);
+        refined_terms.sort_by(|a, b| merit(&b.0, b.1).total_cmp(&merit(&a.0, a.1)));
+        refined_terms
+    }
+
+    /// The front of price against what is left; the best place of it first, then the others by
+    /// how much worse they are.
+    pub(super) fn chosen(&self, terms: &[(Composed, f64)]) -> Vec<Choice> {
+        let rows = self.responses.rows;
+        let few = &terms[..terms.len().min(TUNING.composed.joined)];
+        let variance = self.best_variance(few);
+        let all = choices(few, &self.jets, &self.responses, variance);
+        let least = all.iter().map(|choice| choice.left).fold(f64::INFINITY, f64::min);
+        let variance = self.variance(least);
+        let mut front = pareto(all, rows);
+        front.sort_by(|a, b| a.whole(variance, rows).total_cmp(&b.whole(variance, rows)));
+        front
+    }
+}
