@@ -22,16 +22,22 @@ pub struct Span {
 
 impl Span {
     /// The bytes `start .. end`.
-    pub fn new(start: usize, end: usize) -> Self {
+    pub(crate) fn new(start: usize, end: usize) -> Self {
         Span { start, end }
     }
 
     /// The smallest span that holds both.
-    pub fn join(self, other: Span) -> Span {
+    pub(crate) fn join(self, other: Span) -> Span {
         Span::new(self.start.min(other.start), self.end.max(other.end))
     }
 
     /// The same bytes as a range to index a text with.
+    ///
+    /// ```
+    /// let text = "coordinates q; momenta p\nT = p^2/2\nV = foo";
+    /// let error = leverrier::Spec::parse(text).unwrap_err();
+    /// assert_eq!(text.get(error.diagnostics()[0].span.range()), Some("foo"));
+    /// ```
     pub fn range(self) -> Range<usize> {
         self.start..self.end
     }
@@ -80,7 +86,7 @@ pub struct Diagnostic {
 
 impl Diagnostic {
     /// A message without label, hint or related places.
-    pub fn new(severity: Severity, span: Span, message: impl Into<String>) -> Self {
+    pub(crate) fn new(severity: Severity, span: Span, message: impl Into<String>) -> Self {
         Diagnostic {
             severity,
             message: message.into(),
@@ -92,34 +98,40 @@ impl Diagnostic {
     }
 
     /// An error: [`Diagnostic::new`] with [`Severity::Error`].
-    pub fn error(span: Span, message: impl Into<String>) -> Self {
+    pub(crate) fn error(span: Span, message: impl Into<String>) -> Self {
         Self::new(Severity::Error, span, message)
     }
 
     /// A warning: [`Diagnostic::new`] with [`Severity::Warning`].
-    pub fn warning(span: Span, message: impl Into<String>) -> Self {
+    pub(crate) fn warning(span: Span, message: impl Into<String>) -> Self {
         Self::new(Severity::Warning, span, message)
     }
 
     /// Says what stands at the place.
-    pub fn label(mut self, label: impl Into<String>) -> Self {
+    pub(crate) fn label(mut self, label: impl Into<String>) -> Self {
         self.label = label.into();
         self
     }
 
     /// Says what to do about it.
-    pub fn hint(mut self, hint: impl Into<String>) -> Self {
+    pub(crate) fn hint(mut self, hint: impl Into<String>) -> Self {
         self.hint = Some(hint.into());
         self
     }
 
     /// Adds another place that matters, with what stands there.
-    pub fn related(mut self, span: Span, label: impl Into<String>) -> Self {
+    pub(crate) fn related(mut self, span: Span, label: impl Into<String>) -> Self {
         self.related.push((span, label.into()));
         self
     }
 
     /// Line and column of its place in `text`, both counted from 1; columns in characters.
+    ///
+    /// ```
+    /// let text = "coordinates q; momenta p\nT = p^2/2\nV = foo";
+    /// let error = leverrier::Spec::parse(text).unwrap_err();
+    /// assert_eq!(error.diagnostics()[0].place(text), (3, 5));
+    /// ```
     pub fn place(&self, text: &str) -> (usize, usize) {
         let before = text.get(..self.span.start).unwrap_or("");
         let line = before.matches('\n').count() + 1;

@@ -7,6 +7,15 @@ use std::path::{Path, PathBuf};
 use crate::diagnostic::Diagnostic;
 
 /// What a function of this crate returns that can fail.
+///
+/// ```
+/// fn terms(text: &str) -> leverrier::Result<usize> {
+///     Ok(leverrier::Spec::parse(text)?.terms().len())
+/// }
+///
+/// assert_eq!(terms("coordinates q; momenta p\nT = p^2/2\nV = span{ q^2, q^4 }")?, 2);
+/// # Ok::<(), leverrier::Error>(())
+/// ```
 pub type Result<T> = std::result::Result<T, Error>;
 
 /// Whatever can go wrong between a user's files and a result.
@@ -144,22 +153,36 @@ pub enum ErrorKind {
 
 impl Error {
     /// The operating system refused `action` ("read", "write", "create") on `path`.
-    pub fn file(action: &'static str, path: &Path, source: std::io::Error) -> Self {
+    pub(crate) fn file(action: &'static str, path: &Path, source: std::io::Error) -> Self {
         Error::File { action, path: path.to_path_buf(), source }
     }
 
     /// What was asked for cannot be done: what is wrong, and what to do.
+    ///
+    /// ```
+    /// use leverrier::{Error, ErrorKind};
+    ///
+    /// let error = Error::new(ErrorKind::InvalidArgument, "the mass is negative", "give 0.2");
+    /// assert_eq!(error.to_string(), "the mass is negative; give 0.2");
+    /// ```
     pub fn new(kind: ErrorKind, message: impl Into<String>, hint: impl Into<String>) -> Self {
         Error::Refused { kind, path: None, message: message.into(), hint: hint.into() }
     }
 
     /// A model or ledger cannot be used: its path, what is wrong, and what to do.
-    pub fn model(path: &Path, message: impl Into<String>, hint: impl Into<String>) -> Self {
+    pub(crate) fn model(path: &Path, message: impl Into<String>, hint: impl Into<String>) -> Self {
         let (message, hint) = (message.into(), hint.into());
         Error::Refused { kind: ErrorKind::Model, path: Some(path.to_path_buf()), message, hint }
     }
 
     /// What went wrong, for programs.
+    ///
+    /// ```
+    /// use leverrier::{ErrorKind, Spec};
+    ///
+    /// assert_eq!(Spec::open("nowhere.ham").unwrap_err().kind(), ErrorKind::File);
+    /// assert_eq!(Spec::parse("V = foo").unwrap_err().kind(), ErrorKind::Spec);
+    /// ```
     pub fn kind(&self) -> ErrorKind {
         match self {
             Error::Spec { .. } => ErrorKind::Spec,
@@ -171,6 +194,13 @@ impl Error {
     }
 
     /// What to do about it, where that stands apart from what is wrong.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = q^2")?;
+    /// let error = spec.without("viscous_drag(q)").unwrap_err();
+    /// assert!(error.hint().is_some_and(|hint| hint.starts_with("name one of its")));
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
     pub fn hint(&self) -> Option<&str> {
         match self {
             Error::Data(error) => Some(&error.hint),
@@ -181,6 +211,13 @@ impl Error {
     }
 
     /// The messages about a spec, in the order of its text; none for other errors.
+    ///
+    /// ```
+    /// use leverrier::Spec;
+    ///
+    /// assert!(!Spec::parse("V = foo").unwrap_err().diagnostics().is_empty());
+    /// assert!(Spec::open("nowhere.ham").unwrap_err().diagnostics().is_empty());
+    /// ```
     pub fn diagnostics(&self) -> &[Diagnostic] {
         match self {
             Error::Spec { diagnostics, .. } => diagnostics,

@@ -163,32 +163,89 @@ fn files_can_be_read_in_one_sitting() {
     assert!(paths.len() > 100 && long.is_empty(), "{}", long.join("\n"));
 }
 
-/// Types and functions of the façade, and what else stands at the crate's root, each with an
-/// example that runs as a test.
-#[test]
-fn what_is_public_has_an_example() {
-    let mut wanting = Vec::new();
-    let mut seen = 0;
-    for source in sources().iter().filter(|source| source.layer == "facade") {
-        let mut documentation = String::new();
-        for (line, text) in source.text.lines().map(str::trim).enumerate() {
-            if text.starts_with("///") {
-                documentation.push_str(text);
-            } else if !text.starts_with("#[") {
-                let item = ["pub fn ", "pub struct ", "pub enum ", "pub trait "];
-                let internal = source.name.starts_with("facade/model_file")
-                    || ["checked", "effect", "measured"].iter().any(|n| source.name.contains(n));
-                if item.iter().any(|start| text.starts_with(start)) && !internal {
-                    seen += 1;
-                    if !documentation.contains("```") {
-                        wanting.push(format!("{}:{}: {text}", source.name, line + 1));
-                    }
-                }
-                documentation.clear();
+/// Names that the crate's root shows, each with the layer that it comes from: `pub use` of
+/// `src/lib.rs`, a module with all that is public in it.
+fn shown(sources: &[Source]) -> Vec<(String, String)> {
+    let root = sources.iter().find(|source| source.name == "lib.rs").expect("src/lib.rs");
+    let mut found = Vec::new();
+    for line in root.text.lines().filter_map(|line| line.strip_prefix("pub use ")) {
+        let (path, names) = line.trim_end_matches(';').rsplit_once("::").expect("a path");
+        let layer = path.split("::").next().expect("a layer");
+        for name in names.trim_matches(['{', '}']).split(',').map(str::trim) {
+            let module = format!("{layer}/{name}.rs");
+            match sources.iter().find(|source| source.name == module) {
+                Some(module) => found.extend(
+                    (module.text.lines())
+                        .filter_map(|line| line.strip_prefix("pub struct "))
+                        .map(|rest| (layer.to_string(), word(rest))),
+                ),
+                None => found.push((layer.to_string(), name.to_string())),
             }
         }
     }
-    assert!(seen > 50 && wanting.is_empty(), "without an example:\n{}", wanting.join("\n"));
+    found
+}
+
+fn word(text: &str) -> String {
+    text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
+}
+
+/// The type that the block which a line opens is of, if it opens one: `impl Law {`.
+fn opens(line: &str) -> Option<String> {
+    let rest = line.strip_prefix("impl")?.strip_suffix('{')?;
+    let rest = if rest.starts_with('<') { rest.split_once("> ")?.1 } else { rest };
+    (!rest.contains(" for ")).then(|| word(rest.trim()))
+}
+
+/// Every type and function at the crate's root, whichever layer it comes from, has an example that
+/// runs as a test.
+#[test]
+fn what_is_public_has_an_example() {
+    let sources = sources();
+    let shown = shown(&sources);
+    let mut wanting = Vec::new();
+    let (mut types, mut functions) = (Vec::new(), 0);
+    for source in &sources {
+        let is_shown =
+            |name: &str| shown.iter().any(|(layer, shown)| *layer == source.layer && shown == name);
+        let (mut documentation, mut hidden, mut of) = (String::new(), false, None);
+        for (line, text) in source.text.lines().enumerate() {
+            if text == "#[cfg(test)]" {
+                break;
+            }
+            if text.starts_with("impl") {
+                of = opens(text);
+            }
+            if text == "}" {
+                of = None;
+            }
+            let text = text.trim();
+            if text.starts_with("///") {
+                documentation.push_str(text);
+                continue;
+            }
+            if text.starts_with("#[") {
+                hidden |= text == "#[doc(hidden)]";
+                continue;
+            }
+            let item = ["struct ", "enum ", "trait ", "type "]
+                .iter()
+                .find_map(|kind| text.strip_prefix("pub ")?.strip_prefix(kind).map(word))
+                .filter(|name| is_shown(name));
+            let function = of.as_deref().is_some_and(is_shown)
+                && ["pub fn ", "pub const fn "].iter().any(|start| text.starts_with(start));
+            if (item.is_some() || function && !hidden) && !documentation.contains("```") {
+                wanting.push(format!("{}:{}: {text}", source.name, line + 1));
+            }
+            functions += usize::from(function && !hidden);
+            types.extend(item);
+            (documentation, hidden) = (String::new(), false);
+        }
+    }
+    let lost: Vec<_> = shown.iter().filter(|(_, name)| !types.contains(name)).collect();
+    assert!(lost.is_empty(), "where are {lost:?}?");
+    assert!(functions > 50 && types.len() > 30, "{functions} functions, {} types", types.len());
+    assert!(wanting.is_empty(), "without an example:\n{}", wanting.join("\n"));
 }
 
 /// Pages that say where things are.

@@ -68,11 +68,25 @@ impl Tableau {
 
 /// An integration method: a row of [`METHODS`].
 /// The default is the first row.
+///
+/// ```
+/// use leverrier::{Method, Options};
+///
+/// let options = Options { method: Method::by_name("leapfrog"), ..Options::default() };
+/// assert!(options.method.is_some());
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
 pub struct Method(u8);
 
 impl Method {
     /// Looks a name of the table up.
+    ///
+    /// ```
+    /// use leverrier::Method;
+    ///
+    /// assert!(Method::by_name("gauss-legendre-4").is_some());
+    /// assert_eq!(Method::by_name("euler"), None);
+    /// ```
     pub fn by_name(name: &str) -> Option<Method> {
         METHODS.iter().position(|row| row.name == name).map(|i| Method(i as u8))
     }

@@ -26,8 +26,12 @@ pub struct Data {
 
 impl Data {
     /// Reads a file of measurements, CSV and its like or Parquet, whole into memory. Its columns
-    /// are found as the spec's `data` block says, or else by the names of the variables; columns
-    /// of momenta (or velocities) may be left out.
+    /// are found as the spec's `data` block says, or else by the names of the variables. Every
+    /// coordinate needs one. Momenta (or velocities) may all go without; where the file has a
+    /// column for one of them, or the spec names one, each of the others needs one too, unless the
+    /// `data` block says `p not measured`.
+    ///
+    /// A file larger than memory is not read part by part here, as the program's `fit` does.
     ///
     /// # Errors
     /// The file cannot be read ([`ErrorKind::File`]), or is damaged or lacks a column

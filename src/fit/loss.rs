@@ -28,6 +28,13 @@ impl Loss {
     pub const SQUARES: Loss = Loss(0);
 
     /// The row of that name.
+    ///
+    /// ```
+    /// use leverrier::Loss;
+    ///
+    /// assert_eq!(Loss::by_name("squares"), Some(Loss::SQUARES));
+    /// assert_eq!(Loss::by_name("cubes"), None);
+    /// ```
     pub fn by_name(name: &str) -> Option<Loss> {
         LOSSES.iter().position(|row| row.name == name).map(|i| Loss(i as u8))
     }
