@@ -96,7 +96,8 @@ pub use dynamics::Method;
 pub use error::{DataError, Error, ErrorKind, Result};
 pub use facade::{Comparison, Data, Diagnosis, Effect, Horizon, Law, Spec, Trajectory, Verdict};
 pub use fit::model::{LearnedParameter, LearnedTerm, Noise};
-pub use fit::{Flag, Loss, Monitor, Options, Selection, Silent, Trainer};
+pub use fit::tuning;
+pub use fit::{Flag, Loss, Monitor, Options, Selection, Silent, Trainer, Tuning};
 
 /// The README's examples, run as tests.
 #[cfg(all(doctest, feature = "export"))]

@@ -80,8 +80,11 @@ fn cost(spec: &str, size: usize, degrees: usize, pairs_of: usize, factorised: bo
                 costs: vec![2.0 * (terms as f64).ln(); terms],
             };
             let criterion = leverrier::internals::fit::criterion::Criterion { floor: 1e-6 };
+            let tuning = &options.tuning.support;
+            let problem =
+                support::SearchProblem { factor: &factor, columns: &columns, criterion, tuning };
             search = Some(seconds(|| {
-                support::quick_search(&factor, &columns, criterion);
+                support::quick_search(problem);
             }));
         }
     }

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use leverrier::internals::data::{FileSource, Mapping, ObservableMap, survey_file};
 use leverrier::internals::expr::build;
-use leverrier::internals::fit::tuning::TUNING;
+use leverrier::internals::fit::Tuning;
 use leverrier::internals::fit::{Monitor, Options, fit_stream};
 
 /// Seconds of the stages of a fit, and what it took.
@@ -110,7 +110,8 @@ pub fn measure(file: &Path, threads: usize) -> Stages {
         observables: ["q1", "q2", "p1", "p2"].map(ObservableMap::plain).to_vec(),
     };
     let source = FileSource::new(file, &mapping, false).expect("a file of transitions");
-    let found = survey_file(&source, TUNING.course.sampled, 0, &|_| true).expect("a sound file");
+    let found =
+        survey_file(&source, Tuning::default().course.sampled, 0, &|_| true).expect("a sound file");
     let survey = clock.elapsed().as_secs_f64();
     let space = build("space", SPACE).expect("a sound spec");
     let passes = Passes::default();

@@ -118,11 +118,11 @@ impl Arguments {
             method: self.method.as_deref().and_then(Method::by_name),
             longest_step: self.step,
             window: self.window,
-            parameter_starts: Vec::new(),
             starts: self.starts,
             sparse: !self.dense,
             seed: self.seed,
             memory: Some(memory::allowed(self.memory)?),
+            ..Options::default()
         })
     }
 }
@@ -145,7 +145,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         &spec,
         arguments.data.as_deref(),
         options.memory.unwrap_or(u64::MAX),
-        options.seed,
+        &options,
         &progress,
         |what| console.message(what),
     )?;

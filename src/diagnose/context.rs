@@ -11,6 +11,7 @@ use crate::fit::pass::{Problem, Sums, residuals, settle};
 use crate::fit::segments::{Segments, cut, packed};
 use crate::fit::states::States;
 use crate::fit::train::Training;
+use crate::fit::tuning::TUNING as FIT;
 use crate::fit::{Law, Loss, Model, Options, Silent};
 
 /// The model belongs to another spec than it was brought with.
@@ -94,6 +95,7 @@ impl<'a> Context<'a> {
             floor: 1e-3,
             stream: None,
             window: self.law.window(),
+            tuning: &FIT,
         }
     }
 

@@ -4,6 +4,7 @@ use nalgebra::DVector;
 
 use super::column::Column;
 use super::factor::Factor;
+use super::rounding::{NO_SLOPE, SPANNED};
 use crate::expr::Bounds;
 
 /// Least squares within bounds.
@@ -49,7 +50,7 @@ pub fn solve_bounded(factor: &Factor, bounds: impl Fn(Column) -> Bounds) -> Boun
                 Some(_) => -slope[k],
                 None => return false,
             };
-            bounds(k).lower < bounds(k).upper && inward > 1e-12 * slope.amax()
+            bounds(k).lower < bounds(k).upper && inward > NO_SLOPE * slope.amax()
         });
         match release {
             Some(k) => fixed[k] = None,
@@ -70,7 +71,7 @@ pub fn solve_triangle(factor: &Factor) -> DVector<f64> {
     for k in (0..size).rev() {
         let column = &triangle.column(k);
         let pivot = column[k];
-        if pivot == 0.0 || pivot.abs() <= 1e-14 * column.rows(0, k + 1).norm() {
+        if pivot == 0.0 || pivot.abs() <= SPANNED * column.rows(0, k + 1).norm() {
             continue;
         }
         let value = left[k] / pivot;

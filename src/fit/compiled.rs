@@ -3,10 +3,10 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use super::blocking::BLOCKING;
 use super::law::Law;
 use super::options::Options;
 use super::stepping;
-use super::tuning::TUNING;
 use crate::dynamics::Dynamics;
 use crate::eval::Backend;
 use crate::expr::{System, TermId};
@@ -36,7 +36,7 @@ impl Compiled {
 
     fn by(&self, system: &System, terms: Vec<TermId>) -> Arc<Dynamics> {
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if known.len() > TUNING.passes.dynamics {
+        if known.len() > BLOCKING.dynamics {
             known.retain(|terms, _| terms.len() == system.terms.len());
         }
         let compile = || {

@@ -9,13 +9,14 @@ use super::model::{
 use super::options::Selection;
 use super::support::{SupportFit, alternatives, front};
 use super::train::{Round, Training};
-use super::tuning::TUNING;
+use super::tuning::ConclusionTuning;
 use super::uncertainty::{Unlearnable, covariance, inclusion, unlearnable};
 use crate::expr::{ParameterId, System, Term, TermId};
 
 /// Sums a finished training up.
 pub fn conclude(training: &Training, round: &Round) -> Model {
     let (system, law) = (training.system(), training.law());
+    let tuning = &training.options.tuning.conclusion;
     let refit = &round.refit;
     let learned = refit.theta.len();
     let residuals = refit.sums().rows;
@@ -27,13 +28,13 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
     let error = |k: usize| spread[(k, k)].sqrt();
 
     let candidates = &round.search.candidates;
-    let Round { folds, merged, columns, criterion, .. } = round;
+    let Round { folds, merged, .. } = round;
+    let search = round.search_problem(training.options);
     let (frequency, (alternatives, unlearnable)) = rayon::join(
-        || inclusion(folds, columns, *criterion, candidates, training.options.seed),
+        || inclusion(folds, search, candidates, (tuning, training.options.seed)),
         || {
-            let near =
-                alternatives(merged, columns, *criterion, &law.columns(), TUNING.conclusion.close);
-            (near, open_questions(system, merged))
+            let near = alternatives(search, &law.columns(), tuning.close);
+            (near, open_questions(system, merged, tuning))
         },
     );
     let learned_term = |(i, (id, term, coefficient)): (usize, (TermId, &Term, f64))| LearnedTerm {
@@ -103,7 +104,7 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
             seed: training.options.seed,
         },
         front: front_points(system, candidates, residuals, &law.columns()),
-        runners_up: runners_up(system, round, chosen, &law.columns()),
+        runners_up: runners_up(training, round, chosen),
         alternatives: alternatives
             .into_iter()
             .map(|a| Exchange {
@@ -165,10 +166,11 @@ fn front_points(
         .collect()
 }
 
-fn runners_up(system: &System, round: &Round, chosen: f64, support: &[Column]) -> Vec<RunnerUp> {
+fn runners_up(training: &Training, round: &Round, chosen: f64) -> Vec<RunnerUp> {
+    let (system, support) = (training.system(), training.law().columns());
     (round.search.candidates.iter())
         .filter(|c| c.support != support)
-        .take(TUNING.conclusion.runners_up)
+        .take(training.options.tuning.conclusion.runners_up)
         .map(|c| RunnerUp {
             terms: c
                 .values
@@ -200,7 +202,7 @@ fn path_entries(training: &Training, round: &Round) -> Vec<PathEntry> {
 }
 
 /// What these data cannot tell, in sentences.
-fn open_questions(system: &System, factor: &Factor) -> Vec<String> {
+fn open_questions(system: &System, factor: &Factor, tuning: &ConclusionTuning) -> Vec<String> {
     let (unknowns, residuals) = (factor.columns(), factor.rows());
     let mut sentences = Vec::new();
     if unknowns > residuals {
@@ -208,14 +210,14 @@ fn open_questions(system: &System, factor: &Factor) -> Vec<String> {
             "{residuals} independent residuals cannot settle the {unknowns} unknowns of the \
              function space: measure more, or write a smaller space"
         ));
-    } else if unknowns <= TUNING.conclusion.dependence {
-        let found = unlearnable(factor);
-        sentences.extend(found.iter().filter_map(|u| sentence(system, u)));
+    } else if unknowns <= tuning.dependence {
+        let found = unlearnable(factor, tuning);
+        sentences.extend(found.iter().filter_map(|u| sentence(system, u, tuning.spelled_out)));
     }
     sentences
 }
 
-fn sentence(system: &System, found: &Unlearnable) -> Option<String> {
+fn sentence(system: &System, found: &Unlearnable, spelled_out: usize) -> Option<String> {
     let name =
         |column: Column| (column.position() < system.terms.len()).then(|| label(system, column));
     match found {
@@ -228,7 +230,7 @@ fn sentence(system: &System, found: &Unlearnable) -> Option<String> {
             let parts: Vec<String> =
                 on.iter().filter_map(|&(c, x)| Some(format!("{x:.4} * {}", name(c)?))).collect();
             Some(match parts.len() {
-                count if count == 0 || count >= TUNING.conclusion.spelled_out => format!(
+                count if count == 0 || count >= spelled_out => format!(
                     "on these data `{term}` is a linear combination of other terms, to rounding: its coefficient is not identifiable"
                 ),
                 _ => format!(

@@ -6,7 +6,6 @@ use super::law::Law;
 use super::monitor::Monitor;
 use super::options::Options;
 use super::train::{Extent, Round, Training};
-use super::tuning::TUNING;
 use std::sync::Arc;
 
 use crate::data::Dataset;
@@ -31,7 +30,7 @@ pub fn train<'a>(
 /// take all of them and search the whole space once more, but need not come from far.
 fn come_near(training: &mut Training, monitor: &dyn Monitor) -> Result<()> {
     let unknowns = training.system().terms.len() + training.system().parameters.len();
-    let part = TUNING.course.first_segments.max(2 * unknowns);
+    let part = training.options.tuning.course.first_segments.max(2 * unknowns);
     if training.stream.is_some() || training.segments.list.len() < 2 * part {
         return Ok(());
     }
@@ -89,7 +88,7 @@ fn grow<'a>(
     mut round: Round,
     monitor: &dyn Monitor,
 ) -> Result<(Training<'a>, Round)> {
-    let longest = training.measured.longest_run().min(TUNING.course.longest);
+    let longest = training.measured.longest_run().min(training.options.tuning.course.longest);
     while training.law().window() < longest && round.refit.stop != StopReason::Interrupted {
         if monitor.stopped() {
             round.refit.stop = StopReason::Interrupted;
@@ -104,7 +103,8 @@ fn grow<'a>(
         let follows = (longer.law().noise().iter())
             .zip(training.law().noise().iter().zip(&longer.accuracy.resolution))
             .all(|(new, (old, floor))| {
-                *new <= TUNING.course.follows * old.max(TUNING.course.above_resolution * floor)
+                *new <= training.options.tuning.course.follows
+                    * old.max(training.options.tuning.course.above_resolution * floor)
             });
         if !follows || next.refit.sums().diverged > round.refit.sums().diverged {
             break;
@@ -131,7 +131,7 @@ fn best_start<'a>(first: Training<'a>, monitor: &dyn Monitor) -> Result<Training
         let mut trial = first.clone();
         let values: Vec<(ParameterId, f64)> = ids.iter().copied().zip(start.clone()).collect();
         trial.law.set_parameters(&values);
-        trial.thin(TUNING.course.start_segments);
+        trial.thin(first.options.tuning.course.start_segments);
         let Ok(round) = trial.rounds(monitor) else { continue };
         let unknowns = round.refit.theta.len();
         let choice = trial.law.columns().into_iter().map(|k| round.columns.costs[k]).sum();

@@ -1,6 +1,5 @@
 //! How supports are compared: fit against description length.
 
-use super::tuning::TUNING;
 use std::collections::BTreeMap;
 
 use crate::expr::{Expr, Graph, Node, Symbol};
@@ -26,11 +25,10 @@ impl Criterion {
     }
 
     /// Whether two sums of squares are the same to the criterion: they differ by less than any
-    /// term costs, or both are below the floor.
-    pub fn agree(&self, a: f64, b: f64, rows: usize) -> bool {
+    /// term costs, a deviance of `same`, or both are below the floor.
+    pub fn agree(&self, a: f64, b: f64, rows: usize, same: f64) -> bool {
         let value = |squares: f64| self.value(squares, rows, 0, 0.0);
-        (value(a) - value(b)).abs() < TUNING.support.same_loss
-            || a.max(b) <= rows as f64 * self.floor.powi(2)
+        (value(a) - value(b)).abs() < same || a.max(b) <= rows as f64 * self.floor.powi(2)
     }
 }
 

@@ -3,9 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::column::Column;
-use super::factor::Factor;
-use super::support::Columns;
-use super::tuning::TUNING;
+use super::support::{Columns, SearchProblem};
 
 /// Backward elimination: the inverse of the triangle is all that is kept.
 ///
@@ -30,20 +28,20 @@ pub struct Elimination {
 
 impl Elimination {
     /// Starts from all terms of `support`; columns that are zero are left out at once.
-    pub fn new(factor: &Factor, columns: &Columns, support: Vec<Column>) -> Self {
+    pub fn new(problem: SearchProblem, support: Vec<Column>) -> Self {
+        let SearchProblem { factor, columns, tuning, .. } = problem;
         let norms = factor.norms();
         let chosen: Vec<Column> =
             columns.of(&support).into_iter().filter(|&k| norms[k] > 0.0).collect();
         let mut selected = factor.select(&chosen);
         // A trace of ridge keeps dependent columns apart; it is far below what is looked at.
         let norms = selected.norms();
-        let alone = |(k, norm): (usize, &f64)| {
-            selected.triangle()[(k, k)].abs() > TUNING.support.alone * norm
-        };
+        let alone =
+            |(k, norm): (usize, &f64)| selected.triangle()[(k, k)].abs() > tuning.alone * norm;
         if !norms.iter().enumerate().all(alone) {
             let mut ridge = DMatrix::zeros(chosen.len(), chosen.len() + 1);
             for (k, norm) in norms.iter().enumerate() {
-                ridge[(k, k)] = TUNING.support.ridge * norm;
+                ridge[(k, k)] = tuning.ridge * norm;
             }
             selected.push(&ridge, 0);
         }
@@ -128,6 +126,9 @@ impl Elimination {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit::criterion::Criterion;
+    use crate::fit::factor::Factor;
+    use crate::fit::tuning::SupportTuning;
 
     #[test]
     fn squares_are_those_of_a_fit_without_what_left() {
@@ -135,7 +136,9 @@ mod tests {
         let mut factor = Factor::new(6);
         factor.push(&rows, 40);
         let columns = Columns::plain(6);
-        let mut elimination = Elimination::new(&factor, &columns, columns.of_terms().collect());
+        let (criterion, tuning) = (Criterion { floor: 0.0 }, &SupportTuning::default());
+        let problem = SearchProblem { factor: &factor, columns: &columns, criterion, tuning };
+        let mut elimination = Elimination::new(problem, columns.of_terms().collect());
         for left in (0..6).rev() {
             let before = elimination.squares;
             let loss_without = |k: Column| {

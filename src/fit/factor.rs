@@ -7,9 +7,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::blocking::BLOCKING;
 use super::column::Column;
 use super::rectangle::Rectangle;
-use super::tuning::TUNING;
 use crate::eval::{GROUP, InstructionSet, Reflections, multiply, product, reflect};
 
 /// R of `[A b]`: `columns` + 1 square, upper triangular, b last.
@@ -60,7 +60,7 @@ impl Factor {
         if filled == 0 {
             return;
         }
-        let panel = if width <= TUNING.passes.one_panel { width } else { TUNING.passes.panel };
+        let panel = if width <= BLOCKING.one_panel { width } else { BLOCKING.panel };
         for start in (0..width).step_by(panel) {
             let size = panel.min(width - start);
             // Below the last row that is not zero nothing happens: triangles cost a third.
@@ -172,7 +172,7 @@ impl Factor {
     pub fn together<'a>(columns: usize, parts: impl Iterator<Item = (&'a Factor, u32)>) -> Factor {
         let parts: Vec<(&Factor, u32)> = parts.filter(|(_, times)| *times > 0).collect();
         let width = columns + 1;
-        if width > 4 * TUNING.passes.panel {
+        if width > 4 * BLOCKING.panel {
             // Memory counts more than the many small products.
             let mut all = Factor::new(columns);
             parts.iter().for_each(|(part, times)| all.merge(&part.repeated(*times)));
@@ -276,7 +276,7 @@ impl Factor {
     }
 }
 
-/// DesignRows of each of some columns up to the last that is not zero.
+/// Rows of each of some columns up to the last that is not zero.
 fn heights(rows: &Rectangle, filled: usize, columns: std::ops::Range<usize>) -> Vec<usize> {
     let last =
         |k: usize| rows.column(k)[..filled].iter().rposition(|x| *x != 0.0).map_or(0, |at| at + 1);

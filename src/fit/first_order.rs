@@ -18,11 +18,11 @@ use super::monitor::Monitor;
 use super::options::Options;
 use super::pass::Stepping;
 use super::path::soft_threshold;
+use super::rounding::NOT_ZERO;
 use super::scales::scales;
-use super::segments::{Segment, cut, packed};
+use super::segments::{Segment, cut_by, packed_by};
 use super::states::States;
 use super::stepping;
-use super::tuning::TUNING;
 use crate::data::{Dataset, Packed};
 use crate::dynamics::{
     Batch, Dynamics, Method, Recording, Scratch, advance, observe, pull_back_observed,
@@ -57,6 +57,7 @@ pub fn screen(
     options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Screening> {
+    let tuning = &options.tuning.first_order;
     let mut trainer = ProximalDescent::new(system, dataset, options)?;
     let everything = trainer.dynamics.active().len();
     let mut theta = trainer.start(system);
@@ -65,17 +66,15 @@ pub fn screen(
     let mut best: Option<(f64, Vec<f64>)> = None;
     let mut history = Vec::new();
     let mut interrupted = false;
-    for (i, share) in TUNING.first_order.penalties.into_iter().enumerate() {
-        monitor
-            .stage("first-order screening", i as f64 / TUNING.first_order.penalties.len() as f64);
+    for (i, share) in tuning.penalties.into_iter().enumerate() {
+        monitor.stage("first-order screening", i as f64 / tuning.penalties.len() as f64);
         let lambda = share * largest;
         interrupted = trainer.descend(&mut theta, lambda, monitor);
         let held_back = trainer.loss_on(&trainer.held_back.clone(), &theta);
         let survivors = theta[..everything].iter().filter(|x| **x != 0.0).count();
         history.push((lambda, held_back, survivors));
-        let worse =
-            best.as_ref().is_some_and(|(least, _)| held_back > TUNING.first_order.worse * least);
-        if best.as_ref().is_none_or(|(least, _)| held_back < TUNING.first_order.better * least) {
+        let worse = best.as_ref().is_some_and(|(least, _)| held_back > tuning.worse * least);
+        if best.as_ref().is_none_or(|(least, _)| held_back < tuning.better * least) {
             best = Some((held_back, theta.clone()));
         }
         if worse || interrupted {
@@ -91,7 +90,7 @@ pub fn screen(
     let terms = trainer.dynamics.active().iter().copied().zip(theta[..everything].iter().copied());
     let survivors = terms.filter(|(_, value)| *value != 0.0).collect();
     let stepping = Stepping { method: trainer.method, longest: trainer.longest };
-    let known = (stepping, options.window.unwrap_or(TUNING.first_order.window));
+    let known = (stepping, options.window.unwrap_or(tuning.window));
     Ok(Screening {
         law: Law::new(system.clone(), survivors, parameters, Vec::new(), known)?,
         history,
@@ -147,18 +146,21 @@ struct ProximalDescent<'a> {
 
 impl<'a> ProximalDescent<'a> {
     fn new(system: &'a System, dataset: &Dataset, options: &'a Options) -> Result<Self> {
+        let tuning = &options.tuning.first_order;
         let dynamics = Dynamics::whole(system, Backend::default());
-        let measured = packed(dataset);
+        let measured = packed_by(dataset, &options.tuning.segments);
         let typical = measured.typical_step();
         let scales = scales(&measured, 2 * system.degrees());
         let rounding: Vec<f64> = scales.iter().map(|scale| scale.rounding).collect();
         let separable = dynamics.separable();
         let integrator = stepping::coarse(system, options, separable, typical, &rounding)?;
-        let segments = cut(&measured, options.window.unwrap_or(TUNING.first_order.window)).list;
-        let (held_back, training): (Vec<_>, Vec<_>) =
-            segments.into_iter().enumerate().partition(|(i, _)| {
-                i % TUNING.first_order.held_back == TUNING.first_order.held_back - 1
-            });
+        let segments =
+            cut_by(&measured, options.window.unwrap_or(tuning.window), &options.tuning.segments)
+                .list;
+        let (held_back, training): (Vec<_>, Vec<_>) = segments
+            .into_iter()
+            .enumerate()
+            .partition(|(i, _)| i % tuning.held_back == tuning.held_back - 1);
         let strip = |list: Vec<(usize, Segment)>| list.into_iter().map(|(_, s)| s).collect();
         let (training, held_back): (Vec<Segment>, Vec<Segment>) =
             (strip(training), strip(held_back));
@@ -331,7 +333,8 @@ impl<'a> ProximalDescent<'a> {
 
     /// Root mean square effect of each unknown on the weighted predictions, on a few segments.
     fn measure_columns(&mut self, theta: &[f64]) {
-        let stride = self.training.len().div_ceil(TUNING.first_order.norm_segments).max(1);
+        let stride =
+            self.training.len().div_ceil(self.options.tuning.first_order.norm_segments).max(1);
         let few: Vec<Segment> = self.training.iter().copied().step_by(stride).collect();
         let unknowns = self.dynamics.unknowns();
         let mut batch = self.load(&few, Some(unknowns));
@@ -363,7 +366,7 @@ impl<'a> ProximalDescent<'a> {
 
     fn full_gradient(&mut self, segments: &[Segment], theta: &[f64]) -> Vec<f64> {
         let mut total = vec![0.0; theta.len()];
-        let chunks = segments.chunks(TUNING.first_order.batch);
+        let chunks = segments.chunks(self.options.tuning.first_order.batch);
         let count = chunks.len().max(1) as f64;
         for chunk in chunks {
             for (t, g) in total.iter_mut().zip(self.gradient(chunk, theta).1) {
@@ -374,7 +377,7 @@ impl<'a> ProximalDescent<'a> {
     }
 
     fn loss_on(&mut self, segments: &[Segment], theta: &[f64]) -> f64 {
-        let chunks = segments.chunks(TUNING.first_order.batch);
+        let chunks = segments.chunks(self.options.tuning.first_order.batch);
         let count = chunks.len().max(1) as f64;
         chunks.map(|chunk| self.gradient(chunk, theta).0 / count).sum()
     }
@@ -394,19 +397,20 @@ impl<'a> ProximalDescent<'a> {
             .collect();
         self.moments.0.fill(0.0);
         self.moments.1.fill(0.0);
-        let batches = self.training.len().div_ceil(TUNING.first_order.batch);
-        let total = TUNING.first_order.epochs * batches;
+        let tuning = &self.options.tuning.first_order;
+        let batches = self.training.len().div_ceil(tuning.batch);
+        let total = tuning.epochs * batches;
         for step in 0..total {
             if step % batches == 0 {
                 for i in (1..self.training.len()).rev() {
                     self.training.swap(i, self.generator.random_range(0..=i));
                 }
             }
-            let start = step % batches * TUNING.first_order.batch;
-            let end = (start + TUNING.first_order.batch).min(self.training.len());
+            let start = step % batches * tuning.batch;
+            let end = (start + tuning.batch).min(self.training.len());
             let chunk = self.training[start..end].to_vec();
             let (_, gradient) = self.gradient(&chunk, theta);
-            let rate = TUNING.first_order.rate * 1e-3f64.powf(step as f64 / total as f64);
+            let rate = tuning.rate * tuning.last_rate.powf(step as f64 / total as f64);
             let correction =
                 (1.0 - FIRST.powi(step as i32 + 1), 1.0 - SECOND.powi(step as i32 + 1));
             for k in 0..theta.len() {
@@ -419,7 +423,8 @@ impl<'a> ProximalDescent<'a> {
                 *second = SECOND * *second + (1.0 - SECOND) * slope * slope;
                 // The proximal step has to be as long as the gradient's, or it would not pull
                 // towards the same optimum.
-                let length = rate / ((*second / correction.1).sqrt() + 1e-3 * lambda + 1e-12);
+                let length = rate
+                    / ((*second / correction.1).sqrt() + tuning.least_moment * lambda + NOT_ZERO);
                 let moved = theta[k] * self.norms[k] - length * *first / correction.0;
                 let shrunk = if k < terms { soft_threshold(moved, length * lambda) } else { moved };
                 theta[k] = bounds[k].clamp(shrunk / self.norms[k]);

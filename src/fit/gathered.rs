@@ -1,10 +1,10 @@
-//! DesignRows on their way into a factor.
+//! Rows on their way into a factor.
 
 use super::factor::Factor;
 use super::rectangle::Rectangle;
 use super::rows::DesignRows;
 
-/// DesignRows on their way into a factor, gathered until a product of matrices pays.
+/// Rows on their way into a factor, gathered until a product of matrices pays.
 #[derive(Clone)]
 pub(super) struct Gathered {
     /// Gathered rows, then what is left of rows that went into the factor before.
@@ -59,7 +59,7 @@ impl Gathered {
     }
 }
 
-/// DesignRows that are worth a product, and few enough for the nearest cache where columns are few.
+/// Rows that are worth a product, and few enough for the nearest cache where columns are few.
 fn enough(width: usize) -> usize {
     (4 * width).max(128)
 }

@@ -9,7 +9,6 @@ use super::factor::Factor;
 use super::monitor::Monitor;
 use super::pass::{Linearised, Problem, Sums, settle_linearise_and_respond};
 use super::states::States;
-use super::tuning::TUNING;
 use crate::dynamics::Dynamics;
 use crate::expr::Bounds;
 
@@ -78,6 +77,7 @@ pub fn refit(
     promise: f64,
     monitor: &dyn Monitor,
 ) -> Refit {
+    let tuning = &problem.tuning.refit;
     let minimisation = Minimisation { problem, dynamics };
     let theta: Vec<f64> = start.iter().zip(bounds).map(|(&x, bound)| bound.clamp(x)).collect();
     let mut here = minimisation.first(theta, states);
@@ -86,7 +86,7 @@ pub fn refit(
     let mut iterations = 0;
     loop {
         let stopped = monitor.stopped();
-        if stopped || iterations == TUNING.refit.iterations || here.theta.is_empty() {
+        if stopped || iterations == tuning.iterations || here.theta.is_empty() {
             let stop = match (stopped, here.theta.is_empty()) {
                 (true, _) => StopReason::Interrupted,
                 (_, true) => StopReason::Converged,
@@ -105,7 +105,12 @@ pub fn refit(
                 })
                 .collect();
             let step = step(&factor, theta, &near, damping);
-            if invisible(step.promise, promise, &here.linearised.sums, problem.floor) {
+            if invisible(
+                step.promise,
+                promise,
+                &here.linearised.sums,
+                (problem.floor, tuning.rounding),
+            ) {
                 if here.is_rough() {
                     here = minimisation.settled(here);
                     factor = here.linearised.merged();
@@ -119,8 +124,8 @@ pub fn refit(
             let fewer = trial_sums.diverged < sums.diverged;
             if sane && (fewer || trial_sums.loss < sums.loss) {
                 here = next;
-                damping = if damping > TUNING.refit.least_damping {
-                    damping * TUNING.refit.less_damping
+                damping = if damping > tuning.least_damping {
+                    damping * tuning.less_damping
                 } else {
                     0.0
                 };
@@ -129,8 +134,8 @@ pub fn refit(
             if monitor.stopped() {
                 break Some(StopReason::Interrupted);
             }
-            damping = (damping * TUNING.refit.more_damping).max(TUNING.refit.first_damping);
-            if damping > TUNING.refit.most_damping {
+            damping = (damping * tuning.more_damping).max(tuning.first_damping);
+            if damping > tuning.most_damping {
                 break Some(StopReason::NoProgress);
             }
         };
@@ -207,9 +212,14 @@ impl Minimisation<'_> {
 }
 
 /// Whether the data cannot see a step that promises to lower the loss by so much: it is less than
-/// the part `promise` of it, or less than rounding.
-pub(super) fn invisible(fall: f64, promise: f64, sums: &Sums, floor: f64) -> bool {
-    fall <= promise * sums.loss + TUNING.refit.rounding * floor.powi(2) * sums.rows as f64
+/// the part `promise` of it, or than the part `rounding` of the squares of the floor.
+pub(super) fn invisible(
+    fall: f64,
+    promise: f64,
+    sums: &Sums,
+    (floor, rounding): (f64, f64),
+) -> bool {
+    fall <= promise * sums.loss + rounding * floor.powi(2) * sums.rows as f64
 }
 
 struct Step {

@@ -3,7 +3,7 @@
 use super::bounded::solve_bounded;
 use super::factor::Factor;
 use super::support::{Columns, SupportFit};
-use super::tuning::TUNING;
+use super::tuning::SupportTuning;
 
 /// Puts the candidate first that predicts held-out folds best: the smallest support whose error
 /// is within one standard error of the least (Breiman, Friedman, Olshen and Stone,
@@ -11,11 +11,16 @@ use super::tuning::TUNING;
 ///
 /// `folds` are factors of disjoint parts of the data, unknowns absolute. With a single fold
 /// the order is left alone.
-pub fn prefer_held_out(candidates: &mut [SupportFit], folds: &[Factor], columns: &Columns) {
+pub fn prefer_held_out(
+    candidates: &mut [SupportFit],
+    folds: &[Factor],
+    columns: &Columns,
+    tuning: &SupportTuning,
+) {
     if folds.len() < 2 {
         return;
     }
-    let compared = candidates.len().min(TUNING.support.compared_held_out);
+    let compared = candidates.len().min(tuning.compared_held_out);
     let errors: Vec<(f64, f64)> =
         candidates[..compared].iter().map(|c| held_out_error(c, folds, columns)).collect();
     let Some(&(least, spread)) = errors.iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { return };

@@ -6,12 +6,17 @@ use nalgebra::DMatrix;
 
 use super::column::Column;
 use super::pass::Stepping;
-use super::tuning::TUNING;
+use super::segments::SHORTEST;
 use crate::dynamics::{Dynamics, Method};
 use crate::error::{Error, ErrorKind, Result};
 use crate::eval::Backend;
 use crate::expr::{Bounds, ParameterId, System, Term, TermId};
 use crate::simulate::Simulator;
+
+/// Longest step of a law that is known from the start, in the spec's unit of time: nothing tells how
+/// accurate it must be. At a frequency omega a method of order eight errs by about
+/// (0.01 omega)^9 of the motion in a step, which is below rounding up to omega = 2.
+const KNOWN_STEP: f64 = 0.01;
 
 /// A system with a number for everything in it: learned, or known from the start.
 ///
@@ -84,10 +89,10 @@ impl Law {
                 "report this",
             )
         })?;
-        let stepping = Stepping { method, longest: TUNING.stepping.known_step };
+        let stepping = Stepping { method, longest: KNOWN_STEP };
         let parameters: Vec<f64> = system.parameters.iter().map(|p| p.start).collect();
         let covariance = DMatrix::zeros(parameters.len(), parameters.len());
-        Law::new(system, Vec::new(), parameters, Vec::new(), (stepping, TUNING.course.shortest))?
+        Law::new(system, Vec::new(), parameters, Vec::new(), (stepping, SHORTEST))?
             .with_covariance(covariance)
     }
 

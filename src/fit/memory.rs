@@ -1,16 +1,17 @@
 //! What a function space takes in memory, asked before it is taken.
 
+use super::blocking::BLOCKING;
 use super::options::{Options, Trainer};
 use super::pass::shares;
-use super::tuning::TUNING;
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
 
-/// Bytes that the triangular factors of a function space take while it is searched.
-pub fn factors(unknowns: usize) -> u64 {
-    let triangles = TUNING.segments.folds * shares(unknowns)
-        + TUNING.memory.copies
-        + TUNING.memory.gathered * rayon::current_num_threads();
+/// Bytes that the triangular factors of a function space take while it is searched, its data in
+/// so many folds.
+pub fn factors(unknowns: usize, folds: usize) -> u64 {
+    let triangles = folds * shares(unknowns)
+        + BLOCKING.copies
+        + BLOCKING.gathered * rayon::current_num_threads();
     let side = unknowns as u64 + 1;
     8u64.saturating_mul(side.saturating_mul(side)).saturating_mul(triangles as u64)
 }
@@ -21,13 +22,13 @@ pub fn factors(unknowns: usize) -> u64 {
 ///
 /// Says the size, and the trainer that can do it.
 pub fn check(system: &System, options: &Options) -> Result<()> {
-    let terms = system.terms.len();
-    let by_parts = terms > TUNING.course.largest_factor && options.sparse;
+    let (terms, tuning) = (system.terms.len(), &options.tuning);
+    let by_parts = terms > tuning.course.largest_factor && options.sparse;
     let Some(allowed) = options.memory else { return Ok(()) };
     if by_parts || options.trainer == Trainer::FirstOrder {
         return Ok(());
     }
-    let needed = factors(terms + system.parameters.len());
+    let needed = factors(terms + system.parameters.len(), tuning.segments.folds);
     if needed <= allowed {
         return Ok(());
     }

@@ -6,6 +6,7 @@
 //! ([`path`], [`support`]) and refitted ([`gauss_newton`]); rounds of this are [`train`].
 
 mod block;
+mod blocking;
 pub mod bounded;
 pub mod column;
 mod compiled;
@@ -31,6 +32,7 @@ pub mod path;
 mod prune;
 pub mod rectangle;
 pub mod resume;
+mod rounding;
 mod rows;
 pub mod scales;
 pub mod screening;
@@ -45,6 +47,7 @@ mod streamed;
 pub mod support;
 pub mod train;
 pub mod tuning;
+mod tuning_check;
 pub mod uncertainty;
 
 pub use gauss_newton::StopReason;
@@ -55,10 +58,11 @@ pub use monitor::{Flag, Monitor, Silent};
 pub use options::{Options, Selection, Trainer};
 pub use pass::Stepping;
 pub use resume::resume;
+pub use tuning::Tuning;
 
 use std::sync::Arc;
 
-use self::tuning::TUNING;
+use self::blocking::BLOCKING;
 use crate::data::{Dataset, InMemory, Source, Survey, survey};
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
@@ -82,6 +86,7 @@ pub fn fit(
     options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Model> {
+    options.tuning.check()?;
     settled(system, dataset, |system| learn(system, dataset, options, monitor))
 }
 
@@ -101,6 +106,7 @@ pub fn fit_stream(
     options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Model> {
+    options.tuning.check()?;
     settled(system, &survey.sample, |system| {
         memory::check(system, options)?;
         streamed::learn(system, source, survey, options, monitor)
@@ -138,13 +144,13 @@ fn learn(
     if options.trainer == Trainer::FirstOrder {
         return screening::first_order(system, dataset, options, monitor);
     }
-    if system.terms.len() > TUNING.course.largest_factor && options.sparse {
+    if system.terms.len() > options.tuning.course.largest_factor && options.sparse {
         return screening::working_set(system, dataset, options, monitor);
     }
-    if dataset.samples() > TUNING.course.all_at_once {
+    if dataset.samples() > options.tuning.course.all_at_once {
         // The early rounds on a sample, the last ones on all data.
-        let source = InMemory::new(dataset, TUNING.passes.chunk);
-        let survey = survey(&source, TUNING.course.sampled, options.seed, &|_| true)?;
+        let source = InMemory::new(dataset, BLOCKING.chunk);
+        let survey = survey(&source, options.tuning.course.sampled, options.seed, &|_| true)?;
         return streamed::learn(system, &source, &survey, options, monitor);
     }
     let (training, round) = course::train(system, dataset, options, monitor)?;

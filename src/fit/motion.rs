@@ -7,7 +7,7 @@
 
 use super::block::Block;
 use super::pass::Problem;
-use super::tuning::TUNING;
+use super::rounding::WHOLE_STEPS;
 use crate::dynamics::{Batch, Dynamics, Method, MethodKind, Scratch, advance};
 
 /// Equations of motion with the theta that they move by.
@@ -51,9 +51,9 @@ impl<'a> Motion<'a> {
         scratch: &mut Scratch,
     ) -> Motion<'a> {
         let (lanes, intervals) = (block.lanes(), block.samples.max(2) - 1);
-        let row = problem.stepping.method.row();
+        let (row, tuning) = (problem.stepping.method.row(), &problem.tuning.tangents);
         let high_order =
-            matches!(row.kind, MethodKind::Splitting(_)) && row.order > TUNING.tangents.above_order;
+            matches!(row.kind, MethodKind::Splitting(_)) && row.order > tuning.above_order;
         Motion {
             batch: Batch::with_tangents_in(
                 scratch,
@@ -66,8 +66,7 @@ impl<'a> Motion<'a> {
             cheaper: Method::by_name("forest-ruth")
                 .filter(|_| high_order)
                 .map(|method| Cheaper { method, steps: 1 }),
-            apart: (TUNING.tangents.deviation / intervals as f64)
-                .max(TUNING.tangents.least_deviation),
+            apart: (tuning.deviation / intervals as f64).max(tuning.least_deviation),
         }
     }
 
@@ -85,7 +84,7 @@ impl<'a> Motion<'a> {
     pub(super) fn advance(&mut self, span: &[f64], scratch: &mut Scratch) {
         let stepping = self.problem.stepping;
         let longest = span.iter().fold(0.0f64, |m, s| m.max(s.abs()));
-        let steps = (longest / stepping.longest * (1.0 - 1e-9)).ceil().max(1.0) as usize;
+        let steps = (longest / stepping.longest * (1.0 - WHOLE_STEPS)).ceil().max(1.0) as usize;
         // The states go by the present model alone, which has fewer terms.
         let (present, held) = self.propagation.present;
         let (dynamics, theta) = self.propagation.by.unwrap_or(self.propagation.present);
@@ -108,7 +107,8 @@ impl<'a> Motion<'a> {
                 return;
             }
             let next = Cheaper { method, steps: fewer + fewer.div_ceil(2) };
-            self.cheaper = Some(next).filter(|next| next.steps <= TUNING.tangents.steps * steps);
+            self.cheaper =
+                Some(next).filter(|next| next.steps <= self.problem.tuning.tangents.steps * steps);
         }
         advance(dynamics, stepping.method, &mut self.batch, span, steps, theta, scratch);
     }

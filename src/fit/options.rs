@@ -1,6 +1,7 @@
 //! What may be chosen about a fit. The defaults serve every system.
 
 use super::loss::Loss;
+use super::tuning::Tuning;
 use crate::dynamics::Method;
 
 /// How the support is chosen.
@@ -75,6 +76,8 @@ pub struct Options {
     pub seed: u64,
     /// Bytes that the factors of the function space may take; `None`: as many as there are.
     pub memory: Option<u64>,
+    /// The numbers that a fit goes by.
+    pub tuning: Tuning,
 }
 
 impl Default for Options {
@@ -91,6 +94,7 @@ impl Default for Options {
             sparse: true,
             seed: 0,
             memory: None,
+            tuning: Tuning::default(),
         }
     }
 }

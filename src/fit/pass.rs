@@ -11,16 +11,18 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::block::Block;
+use super::blocking::BLOCKING;
 use super::factor::Factor;
 use super::gathered::Gathered;
 use super::loss::Loss;
 use super::motion::{Equations, Propagation};
+use super::rounding::ABSORBED;
 use super::rows::DesignRows;
 use super::segments::{Segment, Segments, blocks};
 use super::settling::{Responses, TangentRequest, expected_steps, settled, steps_of_few};
 use super::states::States;
 use super::stream::Stream;
-use super::tuning::TUNING;
+use super::tuning::Tuning;
 use crate::data::Packed;
 use crate::dynamics::{Dynamics, KeptScratch, Method, Scratch};
 use crate::expr::Observed;
@@ -55,6 +57,8 @@ pub struct Problem<'a> {
     pub stream: Option<&'a Stream<'a>>,
     /// Samples of a segment, at most, that the data are cut into.
     pub window: usize,
+    /// The numbers that passes go by.
+    pub tuning: &'a Tuning,
 }
 
 /// Sums over all segments at the best states for a theta.
@@ -255,7 +259,7 @@ pub fn settle_linearise_and_respond(
     }
     let steps = expected_steps(problem, law, dynamics, states);
     let (unknowns, size) = (dynamics.unknowns(), 2 * dynamics.degrees());
-    let responses = (problem.segments.longest() > TUNING.passes.responses_above)
+    let responses = (problem.segments.longest() > BLOCKING.responses_above)
         .then(|| Responses::of(states.len(), size, unknowns))
         .flatten();
     let part = FoldPass::new(unknowns, problem.weights.len());
@@ -312,7 +316,7 @@ struct Parts {
 
 /// Parts of a fold that threads take one after the other, at most.
 pub(super) fn shares(unknowns: usize) -> usize {
-    if unknowns <= TUNING.passes.parts_up_to { TUNING.passes.parts_of_a_fold } else { 1 }
+    if unknowns <= BLOCKING.parts_up_to { BLOCKING.parts_of_a_fold } else { 1 }
 }
 
 impl Parts {
@@ -320,7 +324,7 @@ impl Parts {
         let (size, unknowns) = (2 * dynamics.degrees(), dynamics.unknowns());
         let width = width(problem, size + unknowns + 1);
         let rows_each = (problem.segments.longest() * problem.weights.len()).max(1);
-        let least = TUNING.passes.part_rows.div_ceil(rows_each);
+        let least = BLOCKING.part_rows.div_ceil(rows_each);
         let folds = problem.segments.folds.iter().enumerate();
         let parts = folds.flat_map(|(fold, range)| {
             let each = range.len().div_ceil(shares(unknowns)).max(least).next_multiple_of(width);
@@ -458,7 +462,7 @@ impl FoldPass {
     pub(super) fn finish(mut self) -> FoldResult {
         self.flush();
         let FoldPass { mut factor, sums, responses, touched, .. } = self;
-        factor.zero_columns(|k, norm| norm <= TUNING.passes.absorbed * touched[k].sqrt());
+        factor.zero_columns(|k, norm| norm <= ABSORBED * touched[k].sqrt());
         FoldResult { factor, sums, responses }
     }
 }
@@ -503,10 +507,10 @@ fn width(problem: &Problem, columns: usize) -> usize {
 /// Segments of at most `samples` samples that are worked on side by side.
 pub(super) fn block_width(problem: &Problem, samples: usize, columns: usize) -> usize {
     let lane_bytes = samples * problem.weights.len() * columns * 8;
-    let most = if 2 * TUNING.segments.lanes * lane_bytes <= TUNING.passes.small_block_bytes {
-        2 * TUNING.segments.lanes
+    let most = if 2 * BLOCKING.lanes * lane_bytes <= BLOCKING.small_block_bytes {
+        2 * BLOCKING.lanes
     } else {
-        TUNING.segments.lanes
+        BLOCKING.lanes
     };
-    (TUNING.passes.block_bytes / lane_bytes.max(1)).clamp(4, most) / 4 * 4
+    (BLOCKING.block_bytes / lane_bytes.max(1)).clamp(4, most) / 4 * 4
 }

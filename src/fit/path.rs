@@ -9,36 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::column::Column;
 use super::factor::Factor;
-use super::tuning::TUNING;
+use super::tuning::SupportTuning;
 use crate::expr::Bounds;
-
-/// How the path is walked.
-#[derive(Debug, Clone, Copy)]
-pub struct PathOptions {
-    /// Penalties, evenly spaced on a logarithmic scale.
-    pub points: usize,
-    /// Smallest penalty over the largest.
-    pub ratio: f64,
-    /// Smallest penalty over the noise of one residual: a smaller one holds nothing back that
-    /// noise has let in.
-    pub noise: f64,
-    /// Sweeps at one penalty before the next is taken anyway.
-    pub sweeps: usize,
-    /// The path ends when this many terms have entered.
-    pub most_terms: usize,
-}
-
-impl Default for PathOptions {
-    fn default() -> Self {
-        PathOptions {
-            points: TUNING.support.path_points,
-            ratio: TUNING.support.path_ratio,
-            noise: TUNING.support.path_noise,
-            sweeps: TUNING.support.path_sweeps,
-            most_terms: TUNING.support.largest,
-        }
-    }
-}
 
 /// The solution at one penalty.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -63,33 +35,33 @@ pub fn soft_threshold(x: f64, threshold: f64) -> f64 {
 
 /// Solutions of `min 1/2 |A x - b|^2 + lambda * sum_k norm_k |x_k|` over decreasing lambda.
 ///
-/// `penalised[k]` is false for unknowns that are free of the penalty. Each solution starts
+/// `tuning` says how the path is walked. `penalised[k]` is false for unknowns that are free of the penalty. Each solution starts
 /// from the one before. Columns are brought to unit norm, so that units do not matter.
 pub fn path(
     factor: &Factor,
     penalised: &[bool],
     bounds: &[Bounds],
-    settings: &PathOptions,
+    tuning: &SupportTuning,
 ) -> Vec<PathPoint> {
     let mut descent = Descent::new(factor, penalised, bounds);
     // Unpenalised unknowns are settled before the first penalty is set.
-    descent.solve(f64::INFINITY, settings.sweeps);
+    descent.solve(f64::INFINITY, tuning);
     let largest = descent.largest_correlation();
-    if largest <= 0.0 || !largest.is_finite() || settings.points == 0 {
+    if largest <= 0.0 || !largest.is_finite() || tuning.path_points == 0 {
         return Vec::new();
     }
-    let step = settings.ratio.powf(1.0 / (settings.points.max(2) - 1) as f64);
+    let step = tuning.path_ratio.powf(1.0 / (tuning.path_points.max(2) - 1) as f64);
     let freedom = factor.rows().saturating_sub(factor.columns()).max(1) as f64;
-    let least = settings.noise * (factor.least() / freedom).sqrt();
+    let least = tuning.path_noise * (factor.least() / freedom).sqrt();
     let mut points = Vec::new();
     let mut lambda = largest;
-    for _ in 0..settings.points {
+    for _ in 0..tuning.path_points {
         if lambda < least && !points.is_empty() {
             break;
         }
-        descent.solve(lambda, settings.sweeps);
+        descent.solve(lambda, tuning);
         let point = PathPoint { lambda, coefficients: descent.coefficients() };
-        let full = point.coefficients.len() > settings.most_terms;
+        let full = point.coefficients.len() > tuning.largest;
         points.push(point);
         if full {
             break;
@@ -159,27 +131,29 @@ impl<'a> Descent<'a> {
     }
 
     /// Descends to convergence, or until the sweeps are used up.
-    fn solve(&mut self, lambda: f64, sweeps: usize) {
+    fn solve(&mut self, lambda: f64, tuning: &SupportTuning) {
         self.correlate();
         let all: Vec<Column> =
             Column::all(self.norms.len()).filter(|&k| self.norms[k] > 0.0).collect();
-        let mut left = sweeps;
+        let still = tuning.path_still;
+        let mut left = tuning.path_sweeps;
         while left > 0 {
-            let moved = self.sweep(&all, lambda);
+            let moved = self.sweep(&all, lambda, still);
             left -= 1;
             if !moved {
                 return;
             }
             let active: Vec<Column> =
                 all.iter().copied().filter(|&k| self.solution[k] != 0.0).collect();
-            while left > 0 && self.sweep(&active, lambda) {
+            while left > 0 && self.sweep(&active, lambda, still) {
                 left -= 1;
             }
         }
     }
 
-    /// One pass over the unknowns; whether any of them moved noticeably.
-    fn sweep(&mut self, unknowns: &[Column], lambda: f64) -> bool {
+    /// One pass over the unknowns; whether any of them moved by more than a part `still` of the
+    /// largest.
+    fn sweep(&mut self, unknowns: &[Column], lambda: f64, still: f64) -> bool {
         let size = self.solution.iter().fold(0.0f64, |m, x| m.max(x.abs()));
         let mut largest = 0.0f64;
         for &k in unknowns {
@@ -198,7 +172,7 @@ impl<'a> Descent<'a> {
                 largest = largest.max(change.abs());
             }
         }
-        largest > 1e-9 * size
+        largest > still * size
     }
 
     fn coefficients(&self) -> Vec<(Column, f64)> {
@@ -230,8 +204,9 @@ mod tests {
         );
         let mut factor = Factor::new(3);
         factor.push(&rows, 3);
-        let settings = PathOptions { points: 2, ratio: 1.0 / 3.0, ..PathOptions::default() };
-        let points = path(&factor, &[true; 3], &[Bounds::FREE; 3], &settings);
+        let tuning =
+            SupportTuning { path_points: 2, path_ratio: 1.0 / 3.0, ..SupportTuning::default() };
+        let points = path(&factor, &[true; 3], &[Bounds::FREE; 3], &tuning);
         assert!(points[0].coefficients.iter().all(|(_, x)| x.abs() < 1e-12));
         let last = &points[1];
         assert_eq!(last.support(), [0, 2].map(Column::new));
@@ -245,9 +220,9 @@ mod tests {
         let rows = DMatrix::from_fn(30, 6, |i, j| ((i * 7 + j * 13) as f64 * 0.37).sin());
         let mut factor = Factor::new(5);
         factor.push(&rows, 30);
-        let settings = PathOptions { sweeps: 5000, ..PathOptions::default() };
+        let tuning = SupportTuning { path_sweeps: 5000, ..SupportTuning::default() };
         let norms = factor.norms();
-        for point in path(&factor, &[true; 5], &[Bounds::FREE; 5], &settings) {
+        for point in path(&factor, &[true; 5], &[Bounds::FREE; 5], &tuning) {
             let mut x = DVector::zeros(5);
             for &(k, value) in &point.coefficients {
                 x[k] = value;

@@ -1,4 +1,4 @@
-//! DesignRows on their way into a factor, as its arithmetic wants them.
+//! Rows on their way into a factor, as its arithmetic wants them.
 
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, Dyn, U1};
 

@@ -4,7 +4,6 @@ use super::law::Law;
 use super::model::Model;
 use super::monitor::Monitor;
 use super::options::{Options, Trainer};
-use super::tuning::TUNING;
 use super::{conclude, course, fit, gauge};
 use crate::data::Dataset;
 use crate::error::Result;
@@ -22,10 +21,11 @@ pub fn resume(
     options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Model> {
+    options.tuning.check()?;
     let system = start.system();
     let fits = start.noise().len() == 2 * system.degrees();
-    let large =
-        system.terms.len() > TUNING.course.largest_factor || options.trainer == Trainer::FirstOrder;
+    let large = system.terms.len() > options.tuning.course.largest_factor
+        || options.trainer == Trainer::FirstOrder;
     if large || !fits {
         return fit(system, dataset, options, monitor);
     }

@@ -1,12 +1,12 @@
-//! DesignRows of a linearised block: weighted residuals and their derivatives, with the states eliminated.
+//! Rows of a linearised block: weighted residuals and their derivatives, with the states eliminated.
 
 use std::ops::Range;
 
 use super::block::Block;
+use super::blocking::BLOCKING;
 use super::loss::Loss;
 use super::motion::{Motion, Propagation};
 use super::pass::{Problem, Sums};
-use super::tuning::TUNING;
 use crate::dynamics::{Scratch, observe};
 use crate::eval::{
     Aligned, Compared, InstructionSet, LaneReflections, REGISTER, add_products, add_squares,
@@ -15,7 +15,7 @@ use crate::eval::{
 
 /// Weighted residuals and derivatives of a block of segments, `[row][column][lane]`.
 ///
-/// DesignRows are (sample, observable); columns are the initial state, then theta, then the
+/// Rows are (sample, observable); columns are the initial state, then theta, then the
 /// residual "measured - predicted". What was not measured is a row of zeros.
 pub(super) struct DesignRows {
     pub(super) values: Aligned,
@@ -205,7 +205,7 @@ impl DesignRows {
         // So many lanes at a time that all their rows stay in the cache.
         let lane_bytes = self.rows * columns * size_of::<f64>();
         let part =
-            (TUNING.passes.elimination_bytes / lane_bytes.max(1)).max(1).next_multiple_of(REGISTER);
+            (BLOCKING.elimination_bytes / lane_bytes.max(1)).max(1).next_multiple_of(REGISTER);
         for from in (0..lanes).step_by(part) {
             self.eliminate_among(from..(from + part).min(lanes), first, responses);
         }

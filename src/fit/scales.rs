@@ -1,6 +1,6 @@
 //! The size of what was measured: spread, rounding, how much there is.
 
-use super::tuning::TUNING;
+use super::blocking::BLOCKING;
 use rayon::prelude::*;
 
 use super::states::States;
@@ -95,7 +95,7 @@ fn over(
         }
         eight.into_iter().fold(0.0, &with)
     };
-    let parts: Vec<f64> = cells.par_chunks(TUNING.passes.samples_together).map(of_part).collect();
+    let parts: Vec<f64> = cells.par_chunks(BLOCKING.samples_together).map(of_part).collect();
     parts.into_iter().fold(0.0, &with)
 }
 

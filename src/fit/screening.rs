@@ -13,7 +13,6 @@ use super::law::Law;
 use super::model::{Model, fingerprint};
 use super::monitor::Monitor;
 use super::options::{Options, Trainer};
-use super::tuning::TUNING;
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::expr::{System, TermId};
@@ -29,11 +28,12 @@ pub fn first_order(
     options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Model> {
+    let tuning = &options.tuning.screening;
     let screening = screen(system, dataset, options, monitor)?;
     let mut survivors: Vec<(TermId, f64)> =
         screening.law.terms().map(|(id, _, value)| (id, value.abs())).collect();
     survivors.sort_by(|a, b| b.1.total_cmp(&a.1));
-    survivors.truncate(TUNING.screening.together);
+    survivors.truncate(tuning.together);
     let survivors: Vec<TermId> = survivors.into_iter().map(|(id, _)| id).collect();
     let mut started = System::clone(system);
     for (parameter, &value) in started.parameters.iter_mut().zip(screening.law.parameters()) {
@@ -56,26 +56,26 @@ pub fn working_set(
     options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Model> {
+    let tuning = &options.tuning.screening;
     let all = system.terms.len();
     let ids = system.term_ids();
     let mut working = ids.clone();
     let level: Vec<u32> = system.terms.iter().map(|t| complexity(&system.graph, t.expr)).collect();
     working.sort_by_key(|id| level[id.position()]);
-    working.truncate(TUNING.screening.simplest);
+    working.truncate(tuning.simplest);
     let mut law: Option<Law> = None;
     let mut best: Option<Model> = None;
-    for round in 0..TUNING.screening.rounds {
-        monitor
-            .stage("screening the function space", round as f64 / TUNING.screening.rounds as f64);
+    for round in 0..tuning.rounds {
+        monitor.stage("screening the function space", round as f64 / tuning.rounds as f64);
         let correlation = first_order::correlations(system, law.as_ref(), dataset, options)?;
         let stands_out = |id: &TermId| correlation[id.position()];
         let mut outside: Vec<TermId> =
             ids.iter().copied().filter(|id| !working.contains(id)).collect();
         outside.sort_by(|a, b| stands_out(b).total_cmp(&stands_out(a)).then(a.cmp(b)));
         working.extend(outside.into_iter().take(if round == 0 {
-            TUNING.screening.first
+            tuning.first
         } else {
-            TUNING.screening.each
+            tuning.each
         }));
         let how = format!("the {} whose gradients stand out", working.len());
         let model = train_on(system, working.clone(), &how, dataset, options, monitor)?;
@@ -88,7 +88,7 @@ pub fn working_set(
             break;
         }
         // What was not chosen makes room, once the set is full.
-        if working.len() + TUNING.screening.each > TUNING.screening.together {
+        if working.len() + tuning.each > tuning.together {
             working.retain(|id| support.contains(id));
         }
     }

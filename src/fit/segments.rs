@@ -1,6 +1,7 @@
 //! Segments: the stretches of measurement whose initial state is one unknown.
 
-use super::tuning::TUNING;
+use super::blocking::BLOCKING;
+use super::tuning::{SegmentTuning, TUNING};
 use std::iter::StepBy;
 use std::ops::Range;
 
@@ -66,7 +67,7 @@ impl Segments {
             thin.list.extend_from_slice(&self.list[fold.start..end]);
             thin.folds.push(start..thin.list.len());
         }
-        thin.joined(TUNING.segments.lanes)
+        thin.joined(BLOCKING.lanes)
     }
 
     /// The same segments, neighbouring folds put together until each has about `least` of them.
@@ -85,7 +86,7 @@ impl Segments {
     pub fn shortened(&self, samples: usize) -> Segments {
         let mut short = self.clone();
         for segment in &mut short.list {
-            segment.last = segment.last.min(segment.first + samples.max(2) - 1);
+            segment.last = segment.last.min(segment.first + samples.max(SHORTEST) - 1);
         }
         short
     }
@@ -101,13 +102,26 @@ impl Segments {
             spread.list.extend(self.list[fold.clone()].iter().step_by(stride));
             spread.folds.push(start..spread.list.len());
         }
-        spread.joined(TUNING.segments.lanes / 2)
+        spread.joined(BLOCKING.lanes / 2)
     }
 }
 
-/// A data set as it is worked on: runs of one fold lie next to each other.
+/// Samples of the shortest segment: one transition.
+pub const SHORTEST: usize = 2;
+
+/// A data set as it is worked on, by the usual numbers: runs of one fold lie next to each other.
 pub fn packed(dataset: &Dataset) -> Packed {
-    Packed::of(dataset, TUNING.segments.folds)
+    packed_by(dataset, &TUNING.segments)
+}
+
+/// The same with other numbers.
+pub fn packed_by(dataset: &Dataset, tuning: &SegmentTuning) -> Packed {
+    Packed::of(dataset, tuning.folds)
+}
+
+/// Cuts every run into segments as [`cut_by`] does, by the usual numbers.
+pub fn cut(measured: &Packed, window: usize) -> Segments {
+    cut_by(measured, window, &TUNING.segments)
 }
 
 /// Cuts every run into segments of at most `window` samples that share no sample.
@@ -115,27 +129,27 @@ pub fn packed(dataset: &Dataset) -> Packed {
 /// A hole ends a segment, and so does twice the usual duration of a window. What is left over
 /// at the end of a run joins the segment before it if it is a single sample. Within a fold
 /// segments are sorted by length, so that blocks of them are nearly rectangular.
-pub fn cut(measured: &Packed, window: usize) -> Segments {
+pub fn cut_by(measured: &Packed, window: usize, tuning: &SegmentTuning) -> Segments {
     let runs = measured.runs();
     let typical = measured.typical_step();
     let of = |runs: StepBy<Range<usize>>| {
         let mut segments = Vec::with_capacity(runs.len());
         for run in runs {
             let times = measured.times_of(run);
-            cut_run(times, window, typical, times.len() == 2, true, |first, last| {
+            cut_run(times, (window, typical, tuning), times.len() == 2, true, |first, last| {
                 segments.push(Segment { run, first, last });
             });
         }
         segments
     };
-    let folds = if runs >= TUNING.segments.folds {
-        (0..TUNING.segments.folds)
+    let folds = if runs >= tuning.folds {
+        (0..tuning.folds)
             .into_par_iter()
-            .map(|fold| of((fold..runs).step_by(TUNING.segments.folds)))
+            .map(|fold| of((fold..runs).step_by(tuning.folds)))
             .collect()
     } else {
         let all = of((0..runs).step_by(1));
-        let count = TUNING.segments.folds.min(all.len());
+        let count = tuning.folds.min(all.len());
         let start = |fold: usize| (fold * all.len()).div_ceil(count);
         (0..count).map(|fold| all[start(fold)..start(fold + 1)].to_vec()).collect()
     };
@@ -149,20 +163,19 @@ pub fn cut(measured: &Packed, window: usize) -> Segments {
 /// A `pair` is never cut, however far apart its samples are.
 pub(super) fn cut_run(
     times: &[f64],
-    window: usize,
-    typical: f64,
+    (window, typical, tuning): (usize, f64, &SegmentTuning),
     pair: bool,
     complete: bool,
     mut take: impl FnMut(usize, usize),
 ) -> usize {
-    let window = window.max(2);
-    let longest = TUNING.segments.slack * typical * (window - 1) as f64;
+    let window = window.max(SHORTEST);
+    let longest = tuning.slack * typical * (window - 1) as f64;
     let mut first = 0;
     // What comes may still join a segment that reaches the last two samples.
     while first + 1 < times.len() && (complete || first + window + 2 <= times.len()) {
         let mut last = first;
         while last + 1 < times.len() && last + 1 - first < window {
-            let hole = times[last + 1] - times[last] > TUNING.segments.hole * typical;
+            let hole = times[last + 1] - times[last] > tuning.hole * typical;
             let long = last > first && times[last + 1] - times[first] > longest;
             if (hole || long) && !pair {
                 break;
@@ -186,7 +199,9 @@ pub(super) fn cut_run(
 pub fn stretches(times: &[f64], window: usize, typical: f64) -> Vec<(usize, usize)> {
     let mut found = Vec::new();
     let pair = times.len() == 2;
-    cut_run(times, window, typical, pair, true, |first, last| found.push((first, last)));
+    cut_run(times, (window, typical, &TUNING.segments), pair, true, |first, last| {
+        found.push((first, last))
+    });
     found
 }
 

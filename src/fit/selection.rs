@@ -3,23 +3,22 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::column::Column;
-use super::criterion::Criterion;
 use super::elimination::Elimination;
-use super::factor::Factor;
-use super::support::Columns;
-use super::tuning::TUNING;
+use super::rounding::NOTHING_LEFT;
+use super::support::SearchProblem;
 
 /// A support with the value of the criterion; smaller is better.
 pub type Judged = (f64, Vec<Column>);
 
 /// The supports that backward elimination of the whole space goes through, for free bounds.
-pub fn backward(factor: &Factor, columns: &Columns, criterion: Criterion) -> Vec<Judged> {
-    let mut elimination = Elimination::new(factor, columns, columns.of_terms().collect());
+pub fn backward(problem: SearchProblem) -> Vec<Judged> {
+    let SearchProblem { columns, tuning, .. } = problem;
+    let mut elimination = Elimination::new(problem, columns.of_terms().collect());
     let mut found = Vec::new();
     while !elimination.support.is_empty() {
-        if elimination.support.len() <= TUNING.support.largest {
+        if elimination.support.len() <= tuning.largest {
             let support = elimination.support.clone();
-            let value = value(&support, elimination.squares, factor, columns, criterion);
+            let value = problem.value(&support, elimination.squares);
             found.push((value, support));
         }
         elimination.remove_weakest(columns);
@@ -31,17 +30,14 @@ pub fn backward(factor: &Factor, columns: &Columns, criterion: Criterion) -> Vec
 ///
 /// `judge` gets a support and the squares that it leaves where no bound holds; what it gives
 /// back is the support as it ended, and its criterion.
-pub fn forward(
-    factor: &Factor,
-    columns: &Columns,
-    mut judge: impl FnMut(Vec<Column>, f64) -> Judged,
-) {
+pub fn forward(problem: SearchProblem, mut judge: impl FnMut(Vec<Column>, f64) -> Judged) {
+    let SearchProblem { factor, columns, tuning, .. } = problem;
     let mut forward = Forward::new(factor.design(), factor.target());
     columns.of(&[]).into_iter().for_each(|column| forward.take(column));
     let least = factor.least();
     let (mut best, mut current) = judge(Vec::new(), forward.squares() + least);
     let mut idle = 0;
-    while idle < TUNING.support.idle && current.len() < TUNING.support.largest.min(columns.terms) {
+    while idle < tuning.idle && current.len() < tuning.largest.min(columns.terms) {
         let Some(add) = forward.best(columns.terms) else { return };
         let mut support = current.clone();
         support.push(add);
@@ -58,10 +54,10 @@ pub fn forward(
 }
 
 /// The better of backward elimination and forward selection, for free bounds.
-pub fn quickest(factor: &Factor, columns: &Columns, criterion: Criterion) -> Vec<Column> {
-    let mut found = backward(factor, columns, criterion);
-    forward(factor, columns, |support, squares| {
-        let judged = (value(&support, squares, factor, columns, criterion), support);
+pub fn quickest(problem: SearchProblem) -> Vec<Column> {
+    let mut found = backward(problem);
+    forward(problem, |support, squares| {
+        let judged = (problem.value(&support, squares), support);
         found.push(judged.clone());
         judged
     });
@@ -72,17 +68,6 @@ pub fn quickest(factor: &Factor, columns: &Columns, criterion: Criterion) -> Vec
 /// The order of supports: ties are broken by the support itself.
 pub fn better(a: &Judged, b: &Judged) -> std::cmp::Ordering {
     a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1))
-}
-
-fn value(
-    support: &[Column],
-    squares: f64,
-    factor: &Factor,
-    columns: &Columns,
-    criterion: Criterion,
-) -> f64 {
-    let choice = support.iter().map(|&k| columns.costs[k]).sum();
-    criterion.value(squares, factor.rows(), columns.of(support).len(), choice)
 }
 
 /// Columns and target, with what a growing set of the columns spans projected out.
@@ -112,7 +97,7 @@ impl Forward {
     /// What is left of a column; below rounding nothing is.
     fn left(&self, column: Column) -> f64 {
         let left = self.columns.column(column.position()).norm_squared();
-        if left > 1e-22 * self.norms[column] { left } else { 0.0 }
+        if left > NOTHING_LEFT * self.norms[column] { left } else { 0.0 }
     }
 
     /// Takes a column into the basis, once.
@@ -154,6 +139,10 @@ impl Forward {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit::criterion::Criterion;
+    use crate::fit::factor::Factor;
+    use crate::fit::support::Columns;
+    use crate::fit::tuning::SupportTuning;
 
     #[test]
     fn the_squares_of_every_support_are_those_of_a_fit() {
@@ -162,7 +151,9 @@ mod tests {
         factor.push(&rows, 40);
         let columns = Columns::plain(6);
         let mut sizes = Vec::new();
-        forward(&factor, &columns, |support, squares| {
+        let (criterion, tuning) = (Criterion { floor: 0.0 }, &SupportTuning::default());
+        let problem = SearchProblem { factor: &factor, columns: &columns, criterion, tuning };
+        forward(problem, |support, squares| {
             let fitted = factor.select(&support).least();
             assert!((squares - fitted).abs() < 1e-12 * fitted, "{support:?}");
             sizes.push(support.len());

@@ -1,11 +1,11 @@
 //! The initial states of a block's segments, improved until they are settled.
 
 use super::block::Block;
+use super::blocking::BLOCKING;
 use super::motion::{Equations, Propagation};
 use super::pass::Problem;
 use super::rows::DesignRows;
 use super::states::States;
-use super::tuning::TUNING;
 use crate::dynamics::{Dynamics, KeptScratch, Scratch};
 
 /// What it took to settle the states of a block.
@@ -33,10 +33,10 @@ pub(super) struct TangentRequest<'a> {
     pub(super) nearly: bool,
 }
 
-/// DesignRows of a block at settled states, with these eliminated: without columns for theta, or with
+/// Rows of a block at settled states, with these eliminated: without columns for theta, or with
 /// those of `by`.
 ///
-/// DesignRows by theta are costly. They are computed where `by` expects the states to be settled; if that
+/// Rows by theta are costly. They are computed where `by` expects the states to be settled; if that
 /// was too soon, once more at the end.
 pub(super) fn settled(
     problem: &Problem,
@@ -46,6 +46,7 @@ pub(super) fn settled(
     states: &mut [f64],
     scratch: &mut Scratch,
 ) -> (DesignRows, Settlement) {
+    let tuning = &problem.tuning.settling;
     let size = 2 * present.0.degrees();
     let lanes = block.lanes();
     if let Some(by) = by
@@ -62,7 +63,7 @@ pub(super) fn settled(
     let mut settled = vec![false; lanes];
     let mut lower = vec![false; lanes];
     let mut taken = 0;
-    while taken < TUNING.settling.steps {
+    while taken < tuning.steps {
         let here = by.filter(|by| by.expected == Some(taken));
         let propagation = Propagation { present, by: here.map(|by| by.law) };
         let mut rows = DesignRows::integrate(problem, propagation, block, &trial, scratch);
@@ -72,7 +73,7 @@ pub(super) fn settled(
         for lane in 0..lanes {
             let loss = rows.losses[lane];
             let still = is_still(problem, &rows, &promised, lane);
-            let equal = still && loss <= best[lane] * (1.0 + TUNING.settling.equal_loss);
+            let equal = still && loss <= best[lane] * (1.0 + tuning.equal_loss);
             lower[lane] = loss < best[lane] || equal || settled[lane];
             if lower[lane] {
                 best[lane] = loss;
@@ -80,8 +81,8 @@ pub(super) fn settled(
                 settled[lane] = still;
             } else {
                 // The last step overshot: a quarter of it.
-                length[lane] *= TUNING.settling.shorter;
-                settled[lane] = !best[lane].is_finite() || length[lane] < TUNING.settling.shortest;
+                length[lane] *= tuning.shorter;
+                settled[lane] = !best[lane].is_finite() || length[lane] < tuning.shortest;
             }
         }
         for (step, new) in step.chunks_exact_mut(lanes).zip(steps.chunks_exact(lanes)) {
@@ -109,7 +110,8 @@ pub(super) fn settled(
             rows.recycle(scratch);
             break;
         }
-        let enough = |lane: usize| settled[lane] || is_nearly_still(&rows, &promised, lane);
+        let enough =
+            |lane: usize| settled[lane] || is_nearly_still(problem, &rows, &promised, lane);
         if here.is_some_and(|by| by.nearly) && improved && (0..lanes).all(enough) {
             let taken = left_to_take(&promised, taken, |lane| settled[lane]);
             return (rows, taken);
@@ -126,13 +128,13 @@ pub(super) fn settled(
 
 /// Whether the state of a lane is settled.
 fn is_still(problem: &Problem, rows: &DesignRows, promised: &[f64], lane: usize) -> bool {
+    let tuning = &problem.tuning.settling;
     let rounding = problem.floor.powi(2) * rows.measured[lane] as f64;
-    promised[lane]
-        <= TUNING.settling.settled * rows.losses[lane] + TUNING.settling.rounding * rounding
+    promised[lane] <= tuning.settled * rows.losses[lane] + tuning.rounding * rounding
 }
 
-fn is_nearly_still(rows: &DesignRows, promised: &[f64], lane: usize) -> bool {
-    promised[lane] <= TUNING.settling.nearly_settled * rows.losses[lane]
+fn is_nearly_still(problem: &Problem, rows: &DesignRows, promised: &[f64], lane: usize) -> bool {
+    promised[lane] <= problem.tuning.settling.nearly_settled * rows.losses[lane]
 }
 
 /// What is taken where all that is left is a last step of the lanes that are not settled.
@@ -142,7 +144,7 @@ fn left_to_take(promised: &[f64], steps: usize, settled: impl Fn(usize) -> bool)
     Settlement { steps, unsettled: moving().count(), promised }
 }
 
-/// DesignRows where the states were extrapolated, if they are settled there, or nearly where that will do.
+/// Rows where the states were extrapolated, if they are settled there, or nearly where that will do.
 ///
 /// Otherwise they were extrapolated too far for what is linear. Over many periods the misfit has many
 /// minima, and from there a state may find another one than it had.
@@ -165,7 +167,8 @@ fn at_once(
     let promised = rows.promised();
     let finite = |lane: usize| rows.losses[lane].is_finite();
     let still = |lane: usize| finite(lane) && is_still(problem, &rows, &promised, lane);
-    let near = |lane: usize| by.nearly && finite(lane) && is_nearly_still(&rows, &promised, lane);
+    let near =
+        |lane: usize| by.nearly && finite(lane) && is_nearly_still(problem, &rows, &promised, lane);
     if (0..rows.lanes).all(|lane| still(lane) || near(lane)) {
         let taken = left_to_take(&promised, 0, still);
         return Some((rows, taken));
@@ -187,8 +190,9 @@ pub(super) fn expected_steps(
     by: &Dynamics,
     states: &States,
 ) -> Option<usize> {
+    let tuning = &problem.tuning.settling;
     let known = steps_of_few(by);
-    let few = (states.len() / TUNING.settling.expected_part).min(TUNING.settling.expected_from);
+    let few = (states.len() / tuning.expected_part).min(tuning.expected_from);
     if known.is_some() || few == 0 {
         return known;
     }
@@ -214,7 +218,7 @@ impl Responses {
     pub(super) fn of(segments: usize, size: usize, unknowns: usize) -> Option<Responses> {
         let numbers = segments.saturating_mul(size * (unknowns + 1));
         let values = Vec::new();
-        (numbers <= TUNING.passes.response_bytes / size_of::<f64>()).then_some(Responses {
+        (numbers <= BLOCKING.response_bytes / size_of::<f64>()).then_some(Responses {
             size,
             unknowns,
             values,

@@ -4,7 +4,6 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use super::options::Options;
-use super::tuning::TUNING;
 use crate::expr::System;
 
 /// Starts to try: every combination of those that the spec lists, the first of each first; then
@@ -20,7 +19,7 @@ pub fn starts(system: &System, options: &Options) -> Vec<Vec<f64>> {
     let count = options.starts;
     let mut columns: Vec<Vec<f64>> = Vec::new();
     for parameter in &system.parameters {
-        let reach = TUNING.course.reach * parameter.start.abs().max(1.0);
+        let reach = options.tuning.course.reach * parameter.start.abs().max(1.0);
         let lower = parameter.bounds.lower.max(parameter.start - reach);
         let upper = parameter.bounds.upper.min(parameter.start + reach);
         let mut strata: Vec<usize> = (0..count).collect();
@@ -53,7 +52,7 @@ fn own(system: &System, options: &Options) -> Vec<Vec<f64>> {
                 longer
             })
         });
-        all = extended.take(TUNING.course.combinations).collect();
+        all = extended.take(options.tuning.course.combinations).collect();
     }
     all
 }

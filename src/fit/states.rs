@@ -5,8 +5,8 @@ use std::slice::ChunksExact;
 
 use rayon::prelude::*;
 
+use super::blocking::BLOCKING;
 use super::segments::Segment;
-use super::tuning::TUNING;
 use crate::data::Packed;
 
 /// The initial state of every segment, in the order of the segments: 2n numbers each, side by
@@ -26,14 +26,12 @@ impl States {
     pub fn measured(measured: &Packed, segments: &[Segment], degrees: usize) -> States {
         let size = 2 * degrees;
         let mut values = vec![0.0; size * segments.len()];
-        let chunks = values.par_chunks_mut((size * TUNING.passes.states_together).max(1));
-        chunks.zip(segments.par_chunks(TUNING.passes.states_together)).for_each(
-            |(values, segments)| {
-                for (state, &segment) in values.chunks_exact_mut(size).zip(segments) {
-                    first_state(measured, segment, state);
-                }
-            },
-        );
+        let chunks = values.par_chunks_mut((size * BLOCKING.states_together).max(1));
+        chunks.zip(segments.par_chunks(BLOCKING.states_together)).for_each(|(values, segments)| {
+            for (state, &segment) in values.chunks_exact_mut(size).zip(segments) {
+                first_state(measured, segment, state);
+            }
+        });
         States { size, values }
     }
 

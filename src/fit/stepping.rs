@@ -2,10 +2,10 @@
 
 use super::options::Options;
 use super::pass::Stepping;
+use super::rounding::WHOLE_STEPS;
 use super::segments::Segment;
 use super::states::States;
 use super::train::Training;
-use super::tuning::TUNING;
 use crate::dynamics::{Batch, Dynamics, Method, Scratch, choose_steps};
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
@@ -81,24 +81,24 @@ pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64], keep: boo
     let (batch, span) = sample(training);
     let longest_span = span.iter().fold(0.0f64, |m, s| m.max(s.abs()));
     let options = training.options;
+    let tuning = &options.tuning.stepping;
     let limited = noise.iter().zip(&training.spread).zip(&training.accuracy.error).any(
         |((s, spread), error)| {
-            error.is_finite() && *s < TUNING.stepping.suspect * error
-                || *s < TUNING.stepping.finest * spread
+            error.is_finite() && *s < tuning.suspect * error || *s < tuning.finest * spread
         },
     );
     // Errors of consecutive intervals add up along a segment.
     let intervals = window.saturating_sub(1).max(1) as f64;
     let residuals = (training.samples() * noise.len() / 2).max(1) as f64;
-    let most = TUNING.stepping.part_of_noise.min(TUNING.stepping.part_of_mean / residuals.sqrt());
+    let most = tuning.part_of_noise.min(tuning.part_of_mean / residuals.sqrt());
     let share = if limited { 0.0 } else { most / intervals };
     let tolerance: Vec<f64> = noise.iter().map(|s| share * s).collect();
     let mut scratch = Scratch::new();
     let mut choice = choose_steps(dynamics, theta, &batch, &span, &tolerance, keep, &mut scratch);
-    if share > 0.0 && (!choice.reached || choice.cost > TUNING.stepping.evaluations) {
+    if share > 0.0 && (!choice.reached || choice.cost > tuning.evaluations) {
         // Across a jump every method is of the first order: hundreds of steps an interval would
         // go to errors that the noise hides.
-        let tolerance: Vec<f64> = noise.iter().map(|s| TUNING.stepping.hidden * s).collect();
+        let tolerance: Vec<f64> = noise.iter().map(|s| tuning.hidden * s).collect();
         let rough = choose_steps(dynamics, theta, &batch, &span, &tolerance, keep, &mut scratch);
         if rough.reached && rough.cost < choice.cost {
             choice = rough;
@@ -106,7 +106,7 @@ pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64], keep: boo
     }
     let mut stepping = Stepping {
         method: choice.method,
-        longest: longest_span / choice.steps as f64 * (1.0 + 1e-9),
+        longest: longest_span / choice.steps as f64 * (1.0 + WHOLE_STEPS),
     };
     let mut reason = choice.reason;
     let mut error = choice.error;
@@ -125,9 +125,7 @@ pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64], keep: boo
     let resolution = rounding
         .iter()
         .zip(&error)
-        .map(
-            |(r, e)| if e.is_finite() { r.max(TUNING.stepping.margin * intervals * e) } else { *r },
-        )
+        .map(|(r, e)| if e.is_finite() { r.max(tuning.margin * intervals * e) } else { *r })
         .collect();
     Choice { stepping, accuracy: Accuracy { error, resolution, reason } }
 }
@@ -139,7 +137,7 @@ pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64], keep: boo
 fn sample(training: &Training) -> (Batch, Vec<f64>) {
     let segments = &training.segments.list;
     let intervals: usize = segments.iter().map(|segment| segment.samples() - 1).sum();
-    let stride = intervals.div_ceil(TUNING.stepping.transitions).max(1);
+    let stride = intervals.div_ceil(training.options.tuning.stepping.transitions).max(1);
     let mut picked: Vec<(usize, usize)> = Vec::new();
     let mut before = 0usize;
     for (i, segment) in segments.iter().enumerate() {

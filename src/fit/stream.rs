@@ -15,7 +15,7 @@ use super::monitor::Monitor;
 use super::pass::{FoldPass, FoldResult, Linearised, Problem, block_width, shares};
 use super::segments::{Segment, Segments, blocks, cut_run};
 use super::states::States;
-use super::tuning::TUNING;
+use super::tuning::SegmentTuning;
 use crate::data::{Chunk, Clock, Packed, Source, Survey};
 use crate::dynamics::{Dynamics, KeptScratch, Scratch};
 use crate::error::{Error, Result};
@@ -114,16 +114,18 @@ impl<'a> Stream<'a> {
         };
         // What is left over at the end of a run may make a segment one longer.
         let window = problem.window + 1;
+        let folds = problem.tuning.segments.folds;
         let mut cutter = Cutter {
             window: problem.window,
             typical: self.typical,
-            by_runs: self.runs >= TUNING.segments.folds as u64,
+            by_runs: self.runs >= folds as u64,
+            tuning: &problem.tuning.segments,
             tail: Chunk::default(),
             before: 0,
         };
         let (unknowns, observables) = (by.0.unknowns(), problem.weights.len());
         let shares = shares(unknowns);
-        let mut parts = vec![FoldPass::new(unknowns, observables); TUNING.segments.folds * shares];
+        let mut parts = vec![FoldPass::new(unknowns, observables); folds * shares];
         let (mut segments, mut transitions) = (0, 0);
         self.monitor.stage(&format!("pass {number} over all data"), 0.0);
         let mut pass = self.source.pass()?;
@@ -156,8 +158,8 @@ impl<'a> Stream<'a> {
             self.monitor.stage(&what, pass.fraction());
         }
         let mut left = parts.into_iter().map(FoldPass::finish);
-        let folds = (0..TUNING.segments.folds)
-            .filter_map(|_| FoldResult::together(left.by_ref().take(shares).collect()));
+        let folds =
+            (0..folds).filter_map(|_| FoldResult::together(left.by_ref().take(shares).collect()));
         self.kept().segments = segments;
         Ok(Some((Linearised::of(folds, observables), transitions)))
     }
@@ -190,7 +192,8 @@ fn work(
 }
 
 /// Cuts chunk after chunk into the segments that the whole data would be cut into.
-struct Cutter {
+struct Cutter<'a> {
+    tuning: &'a SegmentTuning,
     window: usize,
     typical: f64,
     /// Whether whole runs go into one fold, or stretches of time.
@@ -201,7 +204,7 @@ struct Cutter {
     before: u64,
 }
 
-impl Cutter {
+impl Cutter<'_> {
     fn cut(&mut self, mut chunk: Chunk) -> (Packed, Segments) {
         let carried = self.tail.times.len();
         if carried > 0 {
@@ -215,27 +218,31 @@ impl Cutter {
                 piece.samples.end += carried;
             }
         }
-        let each = chunk.times.len() / 2 / TUNING.segments.folds;
+        let each = chunk.times.len() / 2 / self.tuning.folds;
         let mut folds: Vec<Vec<Segment>> =
-            (0..TUNING.segments.folds).map(|_| Vec::with_capacity(each)).collect();
+            (0..self.tuning.folds).map(|_| Vec::with_capacity(each)).collect();
         let mut left = chunk.times.len();
         let far = chunk.pieces.iter().any(|piece| piece.clock != Clock::default());
         for (at, piece) in chunk.pieces.iter().enumerate() {
             let times = &chunk.times[piece.samples.clone()];
             let pair = piece.begins && piece.ends && times.len() == 2;
-            let next =
-                cut_run(times, self.window, self.typical, pair, piece.ends, |first, last| {
+            let next = cut_run(
+                times,
+                (self.window, self.typical, self.tuning),
+                pair,
+                piece.ends,
+                |first, last| {
                     let start = piece.samples.start;
                     let place = self.before + (start + first).saturating_sub(carried) as u64;
-                    let fold =
-                        if self.by_runs { piece.run } else { place / TUNING.segments.stretch };
+                    let fold = if self.by_runs { piece.run } else { place / self.tuning.stretch };
                     let segment = Segment {
                         run: if far { at } else { 0 },
                         first: start + first,
                         last: start + last,
                     };
-                    folds[(fold % TUNING.segments.folds as u64) as usize].push(segment);
-                });
+                    folds[(fold % self.tuning.folds as u64) as usize].push(segment);
+                },
+            );
             if !piece.ends {
                 left = piece.samples.start + next;
             }

@@ -12,7 +12,6 @@ use super::monitor::Monitor;
 use super::options::{Options, Trainer};
 use super::segments::typical_step;
 use super::stream::Stream;
-use super::tuning::TUNING;
 use super::{prune, screening};
 use std::sync::Arc;
 
@@ -32,7 +31,9 @@ pub(super) fn learn(
     options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Model> {
-    if options.trainer == Trainer::FirstOrder || system.terms.len() > TUNING.course.largest_factor {
+    if options.trainer == Trainer::FirstOrder
+        || system.terms.len() > options.tuning.course.largest_factor
+    {
         // Screening works on the sample; what it leaves is small enough for all data.
         return screening::among_survivors(system, &survey.sample, options, monitor, |narrowed| {
             on_all(narrowed, source, survey, options, monitor)

@@ -14,9 +14,10 @@ use super::column::Column;
 use super::criterion::Criterion;
 use super::elimination::Elimination;
 use super::factor::Factor;
-use super::path::{PathOptions, PathPoint, path};
+use super::path::{PathPoint, path};
+use super::rounding::{FEW_DIGITS_LEFT, NOTHING_LEFT};
 use super::selection;
-use super::tuning::TUNING;
+use super::tuning::SupportTuning;
 use crate::expr::Bounds;
 
 /// What the columns of a factor mean to the search.
@@ -93,6 +94,28 @@ impl Columns {
     }
 }
 
+/// What a support is searched for on, and how.
+#[derive(Debug, Clone, Copy)]
+pub struct SearchProblem<'a> {
+    /// The factor, its unknowns absolute (not increments).
+    pub factor: &'a Factor,
+    /// What its columns mean.
+    pub columns: &'a Columns,
+    /// What supports are compared by.
+    pub criterion: Criterion,
+    /// How far the search looks.
+    pub tuning: &'a SupportTuning,
+}
+
+impl SearchProblem<'_> {
+    /// The criterion of a support that leaves a sum of `squares`.
+    pub fn value(&self, support: &[Column], squares: f64) -> f64 {
+        let choice = support.iter().map(|&k| self.columns.costs[k]).sum();
+        let unknowns = self.columns.of(support).len();
+        self.criterion.value(squares, self.factor.rows(), unknowns, choice)
+    }
+}
+
 /// A support with its unpenalised solution on the factor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SupportFit {
@@ -117,17 +140,17 @@ pub struct SupportSearch {
     pub supports_tried: usize,
 }
 
-/// Searches the supports of a factor whose unknowns are absolute (not increments).
-pub fn search(factor: &Factor, columns: &Columns, criterion: Criterion) -> SupportSearch {
-    let mut supports = EvaluatedSupports::new(factor, columns, criterion);
-    let mut nested = EvaluatedSupports::new(factor, columns, criterion);
+/// Searches the supports of a factor.
+pub fn search(problem: SearchProblem) -> SupportSearch {
+    let mut supports = EvaluatedSupports::new(problem);
+    let mut nested = EvaluatedSupports::new(problem);
     supports.try_support(Vec::new());
     let (path, ()) = rayon::join(|| supports.follow_path(), || nested.eliminate_levels());
     nested.evaluated.into_iter().for_each(|(support, candidate)| {
         supports.evaluated.entry(support).or_insert(candidate);
     });
     supports.grow();
-    for candidate in supports.best(TUNING.support.polished) {
+    for candidate in supports.best(problem.tuning.polished) {
         supports.polish(candidate);
     }
     let supports_tried = supports.evaluated.len();
@@ -135,8 +158,8 @@ pub fn search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Suppo
 }
 
 /// Backward elimination of the whole space and forward selection, the best of them polished.
-pub fn rough(factor: &Factor, columns: &Columns, criterion: Criterion) -> SupportSearch {
-    let mut supports = EvaluatedSupports::new(factor, columns, criterion);
+pub fn rough(problem: SearchProblem) -> SupportSearch {
+    let mut supports = EvaluatedSupports::new(problem);
     supports.try_support(Vec::new());
     supports.eliminate_quickly();
     supports.grow();
@@ -148,17 +171,12 @@ pub fn rough(factor: &Factor, columns: &Columns, criterion: Criterion) -> Suppor
 }
 
 /// Searches around a support: its own sub-supports, then additions, removals and exchanges.
-pub fn near(
-    factor: &Factor,
-    columns: &Columns,
-    criterion: Criterion,
-    support: &[Column],
-) -> SupportSearch {
-    let mut supports = EvaluatedSupports::new(factor, columns, criterion);
+pub fn near(problem: SearchProblem, support: &[Column]) -> SupportSearch {
+    let mut supports = EvaluatedSupports::new(problem);
     supports.try_support(Vec::new());
     supports.try_support(support.to_vec());
     supports.eliminate(support.to_vec());
-    for candidate in supports.best(TUNING.support.polished) {
+    for candidate in supports.best(problem.tuning.polished) {
         supports.polish(candidate);
     }
     let supports_tried = supports.evaluated.len();
@@ -166,15 +184,13 @@ pub fn near(
 }
 
 /// Complexities up to which nested spaces are taken, the largest last.
-fn levels(complexity: &[u32]) -> Vec<u32> {
+fn levels(complexity: &[u32], most: usize) -> Vec<u32> {
     let mut levels = complexity.to_vec();
     levels.sort_unstable();
     levels.dedup();
-    if levels.len() > TUNING.support.nested {
+    if levels.len() > most {
         let last = levels.len() - 1;
-        let spread = (0..TUNING.support.nested)
-            .map(|i| levels[i * last / (TUNING.support.nested - 1)])
-            .collect();
+        let spread = (0..most).map(|i| levels[i * last / (most - 1)]).collect();
         levels = spread;
     }
     levels
@@ -182,11 +198,11 @@ fn levels(complexity: &[u32]) -> Vec<u32> {
 
 /// The best support of backward elimination and forward selection alone: for resampling, where
 /// speed counts.
-pub fn quick_search(factor: &Factor, columns: &Columns, criterion: Criterion) -> Vec<Column> {
-    if columns.all_free() {
-        return selection::quickest(factor, columns, criterion);
+pub fn quick_search(problem: SearchProblem) -> Vec<Column> {
+    if problem.columns.all_free() {
+        return selection::quickest(problem);
     }
-    let mut supports = EvaluatedSupports::new(factor, columns, criterion);
+    let mut supports = EvaluatedSupports::new(problem);
     supports.try_support(Vec::new());
     supports.eliminate_quickly();
     supports.grow();
@@ -205,20 +221,14 @@ pub struct Alternative {
 }
 
 /// Exchanges of one term that cost the criterion less than `within`, cheapest first.
-pub fn alternatives(
-    factor: &Factor,
-    columns: &Columns,
-    criterion: Criterion,
-    support: &[Column],
-    within: f64,
-) -> Vec<Alternative> {
-    let mut supports = EvaluatedSupports::new(factor, columns, criterion);
+pub fn alternatives(problem: SearchProblem, support: &[Column], within: f64) -> Vec<Alternative> {
+    let mut supports = EvaluatedSupports::new(problem);
     let best = supports.try_support(support.to_vec()).criterion;
     let mut found = Vec::new();
     let moves = supports.moves(support);
     for (&term, exchanges) in support.iter().zip(&moves.exchanges) {
         let rest: Vec<Column> = support.iter().copied().filter(|&k| k != term).collect();
-        for &(instead, _) in exchanges.iter().take(TUNING.support.exchanges) {
+        for &(instead, _) in exchanges.iter().take(problem.tuning.exchanges) {
             let mut exchanged = rest.clone();
             exchanged.push(instead);
             let difference = supports.try_support(exchanged).criterion - best;
@@ -232,9 +242,9 @@ pub fn alternatives(
 }
 
 /// The whole function space as the only candidate: a fit without sparsity.
-pub fn whole(factor: &Factor, columns: &Columns, criterion: Criterion) -> SupportSearch {
-    let mut supports = EvaluatedSupports::new(factor, columns, criterion);
-    supports.try_support(columns.of_terms().collect());
+pub fn whole(problem: SearchProblem) -> SupportSearch {
+    let mut supports = EvaluatedSupports::new(problem);
+    supports.try_support(problem.columns.of_terms().collect());
     SupportSearch { candidates: supports.best(usize::MAX), path: Vec::new(), supports_tried: 1 }
 }
 
@@ -275,9 +285,7 @@ impl Reduced {
 }
 
 struct EvaluatedSupports<'a> {
-    factor: &'a Factor,
-    columns: &'a Columns,
-    criterion: Criterion,
+    problem: SearchProblem<'a>,
     evaluated: HashMap<Vec<Column>, SupportFit>,
     design: DMatrix<f64>,
     target: DVector<f64>,
@@ -285,11 +293,10 @@ struct EvaluatedSupports<'a> {
 }
 
 impl<'a> EvaluatedSupports<'a> {
-    fn new(factor: &'a Factor, columns: &'a Columns, criterion: Criterion) -> Self {
+    fn new(problem: SearchProblem<'a>) -> Self {
+        let factor = problem.factor;
         EvaluatedSupports {
-            factor,
-            columns,
-            criterion,
+            problem,
             evaluated: HashMap::new(),
             design: factor.design(),
             target: factor.target(),
@@ -308,8 +315,8 @@ impl<'a> EvaluatedSupports<'a> {
         let mut union: Vec<Column> = supports.iter().flatten().copied().collect();
         union.sort_unstable();
         union.dedup();
-        let columns = self.columns.of(&union);
-        let reduced = Reduced { factor: self.factor.select(&columns), columns };
+        let columns = self.problem.columns.of(&union);
+        let reduced = Reduced { factor: self.problem.factor.select(&columns), columns };
         for support in supports {
             self.try_on(Some(&reduced), support.clone());
         }
@@ -321,24 +328,24 @@ impl<'a> EvaluatedSupports<'a> {
         if let Some(known) = self.evaluated.get(&support) {
             return known.clone();
         }
-        let columns = self.columns.of(&support);
+        let columns = self.problem.columns.of(&support);
         let selected = match reduced {
             Some(reduced) => reduced.select(&columns),
-            None => self.factor.select(&columns),
+            None => self.problem.factor.select(&columns),
         };
-        let solution = solve_bounded(&selected, |i| self.columns.bounds[columns[i]]);
+        let solution = solve_bounded(&selected, |i| self.problem.columns.bounds[columns[i]]);
         let values: Vec<(Column, f64)> =
             columns.iter().copied().zip(solution.values.iter().copied()).collect();
         let stuck = |k: Column| {
-            values.iter().any(|&(c, x)| c == k && x == 0.0 && !self.columns.bounds[k].is_free())
+            values
+                .iter()
+                .any(|&(c, x)| c == k && x == 0.0 && !self.problem.columns.bounds[k].is_free())
         };
         if support.iter().any(|&k| stuck(k)) {
             let smaller = support.iter().copied().filter(|&k| !stuck(k)).collect();
             return self.try_on(reduced, smaller);
         }
-        let choice = support.iter().map(|&k| self.columns.costs[k]).sum();
-        let rows = self.factor.rows();
-        let criterion = self.criterion.value(solution.squares, rows, columns.len(), choice);
+        let criterion = self.problem.value(&support, solution.squares);
         let candidate =
             SupportFit { support: support.clone(), values, squares: solution.squares, criterion };
         self.evaluated.insert(support, candidate.clone());
@@ -357,16 +364,21 @@ impl<'a> EvaluatedSupports<'a> {
 
     /// Tries the supports of the L1 path, and those of backward elimination from its end.
     fn follow_path(&mut self) -> Vec<PathPoint> {
-        let penalised: Vec<bool> =
-            Column::all(self.factor.columns()).map(|k| self.columns.is_term(k)).collect();
-        let settings = PathOptions { most_terms: TUNING.support.largest, ..PathOptions::default() };
-        let path = path(self.factor, &penalised, &self.columns.bounds, &settings);
+        let penalised: Vec<bool> = Column::all(self.problem.factor.columns())
+            .map(|k| self.problem.columns.is_term(k))
+            .collect();
+        let path = path(
+            self.problem.factor,
+            &penalised,
+            &self.problem.columns.bounds,
+            self.problem.tuning,
+        );
         let support = |point: &PathPoint| -> Vec<Column> {
-            point.support().into_iter().filter(|&k| self.columns.is_term(k)).collect()
+            point.support().into_iter().filter(|&k| self.problem.columns.is_term(k)).collect()
         };
         let mut along: Vec<Vec<Column>> = path.iter().map(support).collect();
         let widest = along.last().cloned();
-        along.retain(|support| support.len() <= TUNING.support.largest);
+        along.retain(|support| support.len() <= self.problem.tuning.largest);
         self.try_all(&along);
         if let Some(widest) = widest {
             self.eliminate(widest);
@@ -376,43 +388,45 @@ impl<'a> EvaluatedSupports<'a> {
 
     /// Backward elimination of the nested spaces of the simplest terms.
     fn eliminate_levels(&mut self) {
-        let complexity = &self.columns.complexity;
-        for level in levels(complexity) {
-            self.eliminate(self.columns.of_terms().filter(|&k| complexity[k] <= level).collect());
+        let complexity = &self.problem.columns.complexity;
+        for level in levels(complexity, self.problem.tuning.nested) {
+            self.eliminate(
+                self.problem.columns.of_terms().filter(|&k| complexity[k] <= level).collect(),
+            );
         }
     }
 
     /// Removes the least useful term again and again; keeps the small supports on the way.
     fn eliminate(&mut self, start: Vec<Column>) {
-        let mut elimination = Elimination::new(self.factor, self.columns, start);
+        let mut elimination = Elimination::new(self.problem, start);
         let mut small = Vec::new();
         loop {
-            if elimination.support.len() <= TUNING.support.largest {
+            if elimination.support.len() <= self.problem.tuning.largest {
                 small.push(elimination.support.clone());
             }
             if elimination.support.is_empty() {
                 break;
             }
-            elimination.remove_weakest(self.columns);
+            elimination.remove_weakest(self.problem.columns);
         }
         self.try_all(&small);
     }
 
     /// The same from the whole space; looks closely only at the best of the supports on the way.
     fn eliminate_quickly(&mut self) {
-        if !self.columns.all_free() {
-            return self.eliminate(self.columns.of_terms().collect());
+        if !self.problem.columns.all_free() {
+            return self.eliminate(self.problem.columns.of_terms().collect());
         }
-        let mut found = selection::backward(self.factor, self.columns, self.criterion);
+        let mut found = selection::backward(self.problem);
         found.sort_by(selection::better);
-        for (_, support) in found.into_iter().take(TUNING.support.closely) {
+        for (_, support) in found.into_iter().take(self.problem.tuning.closely) {
             self.try_support(support);
         }
     }
 
     /// Adds the most useful term again and again, until three in a row do not pay.
     fn grow(&mut self) {
-        selection::forward(self.factor, self.columns, |support, _| {
+        selection::forward(self.problem, |support, _| {
             let SupportFit { criterion, support, .. } = self.try_support(support);
             (criterion, support)
         });
@@ -420,12 +434,12 @@ impl<'a> EvaluatedSupports<'a> {
 
     /// What additions to a support and exchanges of one of its terms would do to the squares.
     fn moves(&self, support: &[Column]) -> Moves {
-        let columns = self.columns.of(support);
+        let columns = self.problem.columns.of(support);
         let chosen = selected(&self.design, &columns);
         let (basis, duals) = basis_and_duals(&chosen);
         let residual = &self.target - &basis * basis.tr_mul(&self.target);
         let terms: Vec<Column> =
-            self.columns.of_terms().filter(|k| support.binary_search(k).is_err()).collect();
+            self.problem.columns.of_terms().filter(|k| support.binary_search(k).is_err()).collect();
         let outside = selected(&self.design, &terms);
         let shadows = basis.transpose() * &outside;
         let along = duals.transpose() * &outside;
@@ -438,12 +452,12 @@ impl<'a> EvaluatedSupports<'a> {
             .map(|(c, &k)| {
                 let norm = self.norms[k] * self.norms[k];
                 let left = norm - shadows.column(c).norm_squared();
-                if left > 1e-8 * norm {
+                if left > FEW_DIGITS_LEFT * norm {
                     return left;
                 }
                 let deflated = outside.column(c) - &basis * shadows.column(c);
                 let left = deflated.norm_squared();
-                if left > 1e-22 * norm { left } else { 0.0 }
+                if left > NOTHING_LEFT * norm { left } else { 0.0 }
             })
             .collect();
         let mut additions: Vec<(Column, f64)> = terms
@@ -476,10 +490,10 @@ impl<'a> EvaluatedSupports<'a> {
     /// Additions, removals and exchanges until none of them pays.
     fn polish(&mut self, start: SupportFit) {
         let mut current = start;
-        for _ in 0..TUNING.support.rounds {
+        for _ in 0..self.problem.tuning.rounds {
             let moves = self.moves(&current.support);
             let mut neighbours = Vec::new();
-            for &(add, _) in moves.additions.iter().take(TUNING.support.additions) {
+            for &(add, _) in moves.additions.iter().take(self.problem.tuning.additions) {
                 let mut support = current.support.clone();
                 support.push(add);
                 neighbours.push(support);
@@ -487,7 +501,7 @@ impl<'a> EvaluatedSupports<'a> {
             for (out, exchanges) in moves.exchanges.iter().enumerate() {
                 let mut rest = current.support.clone();
                 rest.remove(out);
-                for &(add, _) in exchanges.iter().take(TUNING.support.replacements) {
+                for &(add, _) in exchanges.iter().take(self.problem.tuning.replacements) {
                     let mut support = rest.clone();
                     support.push(add);
                     neighbours.push(support);

@@ -18,13 +18,14 @@ use super::law::Law;
 use super::monitor::Monitor;
 use super::options::Options;
 use super::pass::{Linearised, Problem, Sums, settle, settle_and_linearise};
+use super::rounding::NO_FREEDOM;
 use super::scales::{fewest_samples, scales, spreads};
-use super::segments::{Segment, Segments, cut, packed};
+use super::segments::{Segment, Segments, cut_by, packed_by};
 use super::states::States;
 use super::stepping::{self, Accuracy, Choice};
 use super::stream::Stream;
-use super::support::{self, Columns, SupportFit, SupportSearch};
-use super::tuning::TUNING;
+use super::support::{self, Columns, SearchProblem, SupportFit, SupportSearch};
+use super::tuning::RefitTuning;
 use crate::data::{Dataset, Packed};
 use crate::dynamics::Dynamics;
 use crate::error::{Error, ErrorKind, Result};
@@ -96,6 +97,19 @@ pub struct Round {
     pub noise: Vec<f64>,
 }
 
+impl Round {
+    /// What its support was searched for on.
+    pub(super) fn search_problem<'a>(&'a self, options: &'a Options) -> SearchProblem<'a> {
+        let Round { merged, columns, criterion, .. } = self;
+        SearchProblem {
+            factor: merged,
+            columns,
+            criterion: *criterion,
+            tuning: &options.tuning.support,
+        }
+    }
+}
+
 /// Segments, if there are any.
 fn not_empty(segments: Segments) -> Result<Segments> {
     if segments.list.is_empty() {
@@ -116,7 +130,8 @@ impl<'a> Training<'a> {
     /// When no coordinate is measured, or no two samples are near enough in time.
     pub fn new(system: &Arc<System>, dataset: &Dataset, options: &'a Options) -> Result<Self> {
         let compile = || Compiled::whole(system, options);
-        let (measured, compiled) = rayon::join(|| packed(dataset), compile);
+        let (measured, compiled) =
+            rayon::join(|| packed_by(dataset, &options.tuning.segments), compile);
         Training::begin(system, Arc::new(measured), options, compiled)
     }
 
@@ -159,7 +174,7 @@ impl<'a> Training<'a> {
         let window = options.window.unwrap_or(shortest).clamp(2, longest.max(2));
         let rounding: Vec<f64> = scales.iter().map(|scale| scale.rounding).collect();
         let (segments, separable) = rayon::join(
-            || not_empty(cut(&measured, window)),
+            || not_empty(cut_by(&measured, window, &options.tuning.segments)),
             || compiled.of_all(system).separable(),
         );
         let segments = segments?;
@@ -204,7 +219,7 @@ impl<'a> Training<'a> {
 
     /// Cuts the data anew; every segment starts from its own measurements.
     pub fn recut(&mut self, window: usize) -> Result<()> {
-        let segments = not_empty(cut(&self.measured, window))?;
+        let segments = not_empty(cut_by(&self.measured, window, &self.options.tuning.segments))?;
         let before = std::mem::replace(&mut self.segments, segments);
         self.law.set_window(window);
         // Over many periods the misfit has many minima: what a state was before is a nearer start
@@ -260,6 +275,7 @@ impl<'a> Training<'a> {
             floor: self.floor(),
             stream: self.stream,
             window: self.law.window(),
+            tuning: &self.options.tuning,
         }
     }
 
@@ -320,14 +336,26 @@ impl<'a> Training<'a> {
             })
             .collect();
         let merged = Factor::together(theta.len(), folds.iter().map(|fold| (fold, 1)));
+        let tuning = &self.options.tuning;
+        let problem = SearchProblem {
+            factor: &merged,
+            columns: &columns,
+            criterion,
+            tuning: &tuning.support,
+        };
         let mut search = match self.extent {
-            _ if !self.options.sparse => support::whole(&merged, &columns, criterion),
-            Extent::Whole => support::search(&merged, &columns, criterion),
-            Extent::Rough => support::rough(&merged, &columns, criterion),
-            Extent::Near => support::near(&merged, &columns, criterion, &self.law.columns()),
+            _ if !self.options.sparse => support::whole(problem),
+            Extent::Whole => support::search(problem),
+            Extent::Rough => support::rough(problem),
+            Extent::Near => support::near(problem, &self.law.columns()),
         };
         if self.options.selection == super::options::Selection::HeldOut {
-            super::held_out::prefer_held_out(&mut search.candidates, &folds, &columns);
+            super::held_out::prefer_held_out(
+                &mut search.candidates,
+                &folds,
+                &columns,
+                &tuning.support,
+            );
         }
         let best = search.candidates.first().cloned().ok_or_else(|| {
             Error::new(
@@ -341,7 +369,12 @@ impl<'a> Training<'a> {
             false => self.adopt(&best, &whole, monitor),
         };
         self.rounds += 1;
-        let predicted = criterion.agree(best.squares, refit.sums().loss, refit.sums().rows);
+        let predicted = criterion.agree(
+            best.squares,
+            refit.sums().loss,
+            refit.sums().rows,
+            tuning.support.same_loss,
+        );
         Ok(Round { search, refit, folds, merged, columns, criterion, predicted, noise })
     }
 
@@ -354,7 +387,7 @@ impl<'a> Training<'a> {
         let mut change = -nalgebra::DVector::from_vec(self.law.coefficient_of_each_term());
         candidate.values.iter().for_each(|&(column, value)| change[column] += value);
         let moved = (merged.design() * change).norm_squared();
-        invisible(moved, self.promise(), sums, self.floor())
+        invisible(moved, self.promise(), sums, (self.floor(), self.options.tuning.refit.rounding))
     }
 
     /// Takes the coefficients of a candidate that is confirmed: what a refit would find is known.
@@ -394,7 +427,8 @@ impl<'a> Training<'a> {
 
     /// A step that promises less than this part of the loss ends a refit.
     fn promise(&self) -> f64 {
-        if self.extent == Extent::Rough { TUNING.refit.rough } else { TUNING.refit.converged }
+        let RefitTuning { rough, converged, .. } = self.options.tuning.refit;
+        if self.extent == Extent::Rough { rough } else { converged }
     }
 
     /// Makes a candidate the present model and refits it.
@@ -445,7 +479,7 @@ impl<'a> Training<'a> {
     /// The noise at the present model as many segments from all over the data show it.
     fn noise_of_a_part(&self, dynamics: &Dynamics, theta: &[f64]) -> Vec<f64> {
         let mean = self.samples() / self.segments.list.len().max(1);
-        let segments = self.segments.spread(TUNING.rounds.noise_segments * mean);
+        let segments = self.segments.spread(self.options.tuning.rounds.noise_segments * mean);
         let degrees = self.system().degrees();
         let mut states = States::measured(&self.measured, &segments.list, degrees);
         let weights = self.weights();
@@ -464,7 +498,7 @@ impl<'a> Training<'a> {
             .zip(&self.accuracy.resolution)
             .zip(sums.squares.iter().zip(&sums.freedom))
             .map(|((&old, &floor), (&squares, &freedom))| {
-                if freedom <= 1e-9 || !squares.is_finite() {
+                if freedom <= NO_FREEDOM || !squares.is_finite() {
                     return old;
                 }
                 (old.max(floor) * (squares / (freedom * share)).sqrt()).max(floor)
@@ -508,6 +542,7 @@ impl<'a> Training<'a> {
 
     /// Rounds until the support and the noise stand still.
     pub fn rounds(&mut self, monitor: &dyn Monitor) -> Result<Round> {
+        let tuning = &self.options.tuning.rounds;
         let mut seen: Vec<Vec<TermId>> = Vec::new();
         loop {
             let before = self.law.support().to_vec();
@@ -515,8 +550,7 @@ impl<'a> Training<'a> {
             let mut round = self.round(monitor)?;
             let same = self.law.support() == before;
             let known = same || round.predicted;
-            let steady =
-                |(a, b): (&f64, &f64)| (a / b).ln().abs() < TUNING.rounds.noise_steady.ln();
+            let steady = |(a, b): (&f64, &f64)| (a / b).ln().abs() < tuning.noise_steady.ln();
             let chosen = self.accuracy.error.iter().all(|error| error.is_finite());
             let still = same && self.law.noise().iter().zip(&round.noise).all(steady);
             if !(chosen && still) {
@@ -526,11 +560,11 @@ impl<'a> Training<'a> {
                 .zip(&round.noise)
                 .zip(&self.accuracy.resolution)
                 .all(|((a, b), floor)| {
-                    let least = TUNING.rounds.above_resolution * floor;
-                    a.max(least) < TUNING.rounds.noise_steady * b.max(least)
+                    let least = tuning.above_resolution * floor;
+                    a.max(least) < tuning.noise_steady * b.max(least)
                 });
             // A support that comes back in a circle is settled by the criterion of the round.
-            let circling = seen.len() + 1 >= TUNING.rounds.most
+            let circling = seen.len() + 1 >= tuning.most
                 || (!same && seen.iter().any(|support| support == self.law.support()));
             // Rounds that others follow need not confirm what they found.
             let known = known || self.extent == Extent::Rough;

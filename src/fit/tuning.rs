@@ -1,18 +1,31 @@
 //! Every number of the fit that somebody chose, in one place.
 //!
 //! A field says what its number is, in what unit, and what fixes it: a derivation where there is
-//! one, else the benchmark, the page of figures or the test that shows when it is wrong. Numbers of
-//! mathematics (a published tuning constant, a tableau, what rounding does to a double) stand where
-//! they are used, with their source.
+//! one, else the benchmark, the page of figures or the test that shows when it is wrong.
+//!
+//! Not here: sizes that change cost alone (`blocking.rs`), what rounding leaves (`rounding.rs`), and
+//! numbers of mathematics (a published constant of a loss, a tableau), which stand where they are
+//! used, with their source.
 
-/// The numbers of the fit, phase by phase.
+/// The numbers of the fit, phase by phase: the field `tuning` of [`Options`](crate::Options).
+///
+/// The usual ones serve every system of the documentation. They are no promise: fields may come and
+/// go, and numbers change, in any version.
+///
+/// ```
+/// let mut options = leverrier::Options::default();
+/// // Segments of up to 1024 samples, for a slow motion that is sampled densely.
+/// options.tuning.course.longest = 1024;
+/// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+/// let law = spec.fit_with(&spec.data()?, &options)?;
+/// assert!(!law.terms().is_empty());
+/// # Ok::<(), leverrier::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Tuning {
     /// How runs are cut into segments, and kept in folds.
     pub segments: SegmentTuning,
-    /// How a pass over the segments is shared out. All of it is speed and memory, none of
-    /// it accuracy: `benches/fit.rs` and docs/growth.md.
-    pub passes: PassTuning,
     /// When derivatives of trajectories are integrated by a cheaper method than the
     /// trajectories. Their error slows Gauss-Newton and does not move where it ends;
     /// `benches/fit.rs` and `learning::recovery`.
@@ -40,81 +53,47 @@ pub struct Tuning {
     pub first_order: FirstOrderTuning,
     /// What is said of a finished fit.
     pub conclusion: ConclusionTuning,
-    /// What a search of the whole space holds in memory beside its folds, as
-    /// `memory::factors` counts it.
-    pub memory: MemoryTuning,
 }
 
 /// How runs are cut into segments, and kept in folds.
+///
+/// ```
+/// let mut options = leverrier::Options::default();
+/// options.tuning.segments.folds = 32;
+/// assert_ne!(options, leverrier::Options::default());
+/// ```
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct SegmentTuning {
-    /// Segments side by side in one block, at most. Speed alone: a pass of
-    /// `benches/fit.rs`.
-    pub lanes: usize,
     /// Folds that the data are kept in: what is resampled, and what candidates are held out
-    /// from. More take memory in proportion (`memory::factors`), fewer make standard errors
-    /// of the held-out error rough. The test `learning::recovery`.
+    /// from. More take memory in proportion (`memory::factors`); of 16, a standard error is
+    /// itself known to 1 / sqrt(2 * 15), 18 percent. The test `learning::recovery`.
     pub folds: usize,
-    /// An interval this many times the typical one is a hole that no segment bridges.
-    /// `learning::data`.
+    /// An interval this many times the typical one is a hole that no segment bridges: nine
+    /// samples in a row were lost. `learning::data`.
     pub hole: f64,
     /// Samples of a long run that go into the same fold of a stream, at least: neighbours
     /// in time are alike, and a fold must be new to the others. `learning::stream`.
     pub stretch: u64,
     /// A segment may last this many times as long as its samples would take at the typical
-    /// interval.
+    /// interval: half of them may be lost.
     pub slack: f64,
-}
-
-/// How a pass over the segments is shared out. All of it is speed and memory, none of it
-/// accuracy: `benches/fit.rs` and docs/growth.md.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PassTuning {
-    /// Bytes that the rows of one block may take.
-    pub block_bytes: usize,
-    /// DesignRows of short segments by few columns that take no more bytes than this: such blocks
-    /// may be twice as wide.
-    pub small_block_bytes: usize,
-    /// Bytes that the rows of the lanes may take whose states are eliminated together: the
-    /// nearest cache.
-    pub elimination_bytes: usize,
-    /// DesignRows of a part, at least: fewer are done before another thread could take them over.
-    pub part_rows: usize,
-    /// Parts of a fold, at most, each with a factor of its own.
-    pub parts_of_a_fold: usize,
-    /// Unknowns up to which a fold is taken in parts: with more, factors take memory and
-    /// time.
-    pub parts_up_to: usize,
-    /// Samples of a segment up to which it is settled sooner than it is known how its state
-    /// responds to theta.
-    pub responses_above: usize,
-    /// Bytes that the responses of all states may take.
-    pub response_bytes: usize,
-    /// Columns that one block reflector eliminates; the rest of the work is matrix
-    /// products.
-    pub panel: usize,
-    /// Columns up to which those products would cost more than they save: all is one panel.
-    pub one_panel: usize,
-    /// Samples that one thread looks at in a row.
-    pub samples_together: usize,
-    /// Segments whose first states one thread looks up at a time.
-    pub states_together: usize,
-    /// Samples of a chunk of data that are held in memory.
-    pub chunk: usize,
-    /// Compiled dynamics that a training keeps, beside that of the whole function space.
-    pub dynamics: usize,
-    /// A column that keeps less than this part of its norm when the initial states are
-    /// eliminated is what the states do: rounding of a double times the length of a column.
-    /// `learning::settling`.
-    pub absorbed: f64,
 }
 
 /// When derivatives of trajectories are integrated by a cheaper method than the trajectories.
 /// Their error slows Gauss-Newton and does not move where it ends; `benches/fit.rs` and
 /// `learning::recovery`.
+///
+/// ```
+/// let mut options = leverrier::Options::default();
+/// options.tuning.tangents.deviation = 1e-6;
+/// assert_ne!(options, leverrier::Options::default());
+/// ```
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct TangentTuning {
-    /// The cheaper trajectory may differ by this part of the motion from end to end,
+    /// The cheaper trajectory may differ by this part of the motion from end to end: with
+    /// derivatives that are wrong by it, every step of Gauss-Newton leaves that part of the way,
     pub deviation: f64,
     /// and by no less than this part from sample to sample.
     pub least_deviation: f64,
@@ -126,19 +105,28 @@ pub struct TangentTuning {
 
 /// The search for the initial state of every segment at a given theta. `learning::settling`;
 /// its speed is that of a pass of `benches/fit.rs`.
+///
+/// ```
+/// let mut options = leverrier::Options::default();
+/// options.tuning.settling.steps = 12;
+/// assert_ne!(options, leverrier::Options::default());
+/// ```
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct SettlingTuning {
     /// Gauss-Newton steps, at most.
     pub steps: usize,
-    /// States are settled when the next step promises less than this part of the loss,
+    /// States are settled when the next step promises less than this part of the loss: over n
+    /// residuals they are then within sqrt(1e-7 n) of their standard errors, 0.003 for 100,
     pub settled: f64,
     /// or less than this part of what rounding makes of the loss.
     pub rounding: f64,
-    /// They are nearly settled when it promises less than this part: enough where theta
-    /// moves too.
+    /// They are nearly settled when it promises less than this part (0.3 standard errors for
+    /// 100 residuals): enough where theta moves too.
     pub nearly_settled: f64,
     /// Derivatives are approximate ([`TangentTuning::deviation`]): where the next step
-    /// promises nothing, the loss may be this part above the least that was seen.
+    /// promises nothing, the loss may be this part above the least that was seen, a hundredth
+    /// of a deviance for 100 residuals.
     pub equal_loss: f64,
     /// Segments that the number of steps of all others is expected from, at most,
     pub expected_from: usize,
@@ -152,7 +140,14 @@ pub struct SettlingTuning {
 
 /// How accurately trajectories are integrated. `learning::recovery` and the errors of
 /// docs/paper-table.md show where it is too rough, `benches/fit.rs` what it costs.
+///
+/// ```
+/// let mut options = leverrier::Options::default();
+/// options.tuning.stepping.part_of_noise = 0.005;
+/// assert_ne!(options, leverrier::Options::default());
+/// ```
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct SteppingTuning {
     /// Transitions of the data that the error is estimated on.
     pub transitions: usize,
@@ -167,20 +162,26 @@ pub struct SteppingTuning {
     pub evaluations: usize,
     /// the integrator may err by this part of the noise between two samples.
     pub hidden: f64,
-    /// Residuals up to this many times the error of the integrator may be the integrator.
+    /// Residuals up to this many times the error of the integrator may be the integrator: one
+    /// that was chosen for its noise errs by [`part_of_noise`](Self::part_of_noise), a fiftieth.
     pub suspect: f64,
-    /// No instrument resolves this part of the spread of a column: such residuals are the
-    /// integrator.
+    /// No instrument resolves this part of the spread of a column, for 16 bits are 1.5e-5:
+    /// such residuals are the integrator.
     pub finest: f64,
-    /// The error estimate is a maximum over a sample; others may be worse by this factor.
+    /// The error estimate is the largest of [`transitions`](Self::transitions): one in 97 others
+    /// is expected to be larger, for which this factor is the allowance.
     pub margin: f64,
-    /// Longest step of a law that is known from the start, in the unit of time of the spec:
-    /// nothing tells how accurate it must be.
-    pub known_step: f64,
 }
 
 /// Gauss-Newton on a support.
+///
+/// ```
+/// let mut options = leverrier::Options::default();
+/// options.tuning.refit.iterations = 100;
+/// assert_ne!(options, leverrier::Options::default());
+/// ```
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct RefitTuning {
     /// Iterations, at most; `learning::trainer`.
     pub iterations: usize,
@@ -188,12 +189,12 @@ pub struct RefitTuning {
     /// change of sqrt(1e-9 N) standard errors.
     pub converged: f64,
     /// In a round that others follow, a refit ends when a step promises less than this
-    /// part; `benches/fit.rs`.
+    /// part: sqrt(1e-3 N) standard errors; `benches/fit.rs`.
     pub rough: f64,
     /// Damping after the first step that does not pay, in parts of the squared norm of each
     /// column (Levenberg);
     pub first_damping: f64,
-    /// it grows by this factor with every step that does not pay,
+    /// it grows by this factor with every step that does not pay (Marquardt, J. SIAM 11, 1963),
     pub more_damping: f64,
     /// shrinks by this one with every step that does,
     pub less_damping: f64,
@@ -207,9 +208,16 @@ pub struct RefitTuning {
 }
 
 /// Rounds of search and refit at one length of segments. `learning::recovery`, docs/paper-table.md.
+///
+/// ```
+/// let mut options = leverrier::Options::default();
+/// options.tuning.rounds.most = 12;
+/// assert_ne!(options, leverrier::Options::default());
+/// ```
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct RoundTuning {
-    /// Rounds, at most.
+    /// Rounds, at most: a support that neither stands still nor comes back must end, too.
     pub most: usize,
     /// The noise stands still when it changes by less than this factor: weights that are
     /// wrong by a part x cost the estimate a part x^2 / 4 of its efficiency.
@@ -223,15 +231,20 @@ pub struct RoundTuning {
 }
 
 /// The course of a training.
+///
+/// ```
+/// let mut options = leverrier::Options::default();
+/// options.tuning.course.sampled = 1 << 18;
+/// assert_ne!(options, leverrier::Options::default());
+/// ```
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct CourseTuning {
     /// Segments may grow while what is left, in a training the noise estimate, grows by
     /// less than this factor. docs/hidden-effects.md, `learning::diagnosis`.
     pub follows: f64,
     /// Longest segment, in samples. docs/hidden-effects.md.
     pub longest: usize,
-    /// Shortest segment, in samples: one transition.
-    pub shortest: usize,
     /// Segments that different starts of the inner parameters are tried on;
     /// `learning::recovery` (the pendulum).
     pub start_segments: usize,
@@ -258,7 +271,14 @@ pub struct CourseTuning {
 
 /// The search for the support on a factor. `learning::recovery`, docs/paper-table.md; its time is in
 /// docs/growth.md.
+///
+/// ```
+/// let mut options = leverrier::Options::default();
+/// options.tuning.support.largest = 120;
+/// assert_ne!(options, leverrier::Options::default());
+/// ```
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct SupportTuning {
     /// Terms of the largest support that is looked at closely.
     pub largest: usize,
@@ -297,10 +317,21 @@ pub struct SupportTuning {
     pub path_noise: f64,
     /// Sweeps at one penalty before the next is taken anyway.
     pub path_sweeps: usize,
+    /// The solution at one penalty stands still when a sweep moves no coefficient by more than
+    /// this part of the largest, both times the norms of their columns. It changes the loss by a
+    /// part 1e-18, less than rounding; and the path only proposes supports, which are refitted.
+    pub path_still: f64,
 }
 
 /// Function spaces that are too large for one factor. docs/growth.md, `learning::trainer`.
+///
+/// ```
+/// let mut options = leverrier::Options::default();
+/// options.tuning.screening.rounds = 8;
+/// assert_ne!(options, leverrier::Options::default());
+/// ```
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct ScreeningTuning {
     /// Terms that Gauss-Newton takes on at once, at most.
     pub together: usize,
@@ -316,7 +347,14 @@ pub struct ScreeningTuning {
 }
 
 /// The first-order trainer. `learning::trainer`, docs/growth.md.
+///
+/// ```
+/// let mut options = leverrier::Options::default();
+/// options.tuning.first_order.epochs = 30;
+/// assert_ne!(options, leverrier::Options::default());
+/// ```
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct FirstOrderTuning {
     /// Segments of one mini-batch.
     pub batch: usize,
@@ -324,9 +362,15 @@ pub struct FirstOrderTuning {
     pub epochs: usize,
     /// Penalties over the one that empties the model, in the order in which they are taken.
     pub penalties: [f64; 6],
-    /// First step length, in units in which every column has norm one; it decays to a
-    /// thousandth.
+    /// First step length, in units in which every column has norm one;
     pub rate: f64,
+    /// the last is this part of it: mini-batches make coefficients jitter by about a step
+    /// length, which is then far below the least penalty's threshold.
+    pub last_rate: f64,
+    /// Adam divides by the root of a gradient's second moment and, beside it, this part of the
+    /// penalty: a gradient a thousand times weaker than the penalty leaves a coefficient at zero
+    /// in any case, and must not make its step long.
+    pub least_moment: f64,
     /// One segment of so many is held back to choose the penalty by.
     pub held_back: usize,
     /// Samples of a segment where nothing else is asked for: predictions are from one to
@@ -341,7 +385,14 @@ pub struct FirstOrderTuning {
 }
 
 /// What is said of a finished fit.
+///
+/// ```
+/// let mut options = leverrier::Options::default();
+/// options.tuning.conclusion.draws = 200;
+/// assert_ne!(options, leverrier::Options::default());
+/// ```
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct ConclusionTuning {
     /// Runners-up that are kept.
     pub runners_up: usize,
@@ -366,38 +417,14 @@ pub struct ConclusionTuning {
     pub dependent: f64,
     /// Dependences that are taken apart; the rest are only named.
     pub made_of: usize,
+    /// Part of a dependent column, in units of its norm, below which another column is not
+    /// named: parts are printed to four decimals.
+    pub no_part: f64,
 }
 
-/// What a search of the whole space holds in memory beside its folds, as `memory::factors`
-/// counts it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct MemoryTuning {
-    /// Triangles: merged ones, and copies that the search works on.
-    pub copies: usize,
-    /// Triangles of rows that each thread gathers before they go into a factor.
-    pub gathered: usize,
-}
-
-/// The numbers that every fit goes by.
-pub const TUNING: Tuning = Tuning {
-    segments: SegmentTuning { lanes: 64, folds: 16, hole: 10.0, stretch: 8192, slack: 2.0 },
-    passes: PassTuning {
-        block_bytes: 12 << 20,
-        small_block_bytes: 128 << 10,
-        elimination_bytes: 512 << 10,
-        part_rows: 8192,
-        parts_of_a_fold: 4,
-        parts_up_to: 200,
-        responses_above: 4,
-        response_bytes: 32 << 20,
-        panel: 32,
-        one_panel: 128,
-        samples_together: 1 << 14,
-        states_together: 1024,
-        chunk: 1 << 17,
-        dynamics: 8,
-        absorbed: 1e-12,
-    },
+/// The usual numbers.
+pub(crate) const TUNING: Tuning = Tuning {
+    segments: SegmentTuning { folds: 16, hole: 10.0, stretch: 8192, slack: 2.0 },
     tangents: TangentTuning { deviation: 1e-4, least_deviation: 1e-5, above_order: 4, steps: 2 },
     settling: SettlingTuning {
         steps: 8,
@@ -419,7 +446,6 @@ pub const TUNING: Tuning = Tuning {
         suspect: 20.0,
         finest: 1e-5,
         margin: 3.0,
-        known_step: 0.01,
     },
     refit: RefitTuning {
         iterations: 40,
@@ -441,7 +467,6 @@ pub const TUNING: Tuning = Tuning {
     course: CourseTuning {
         follows: 1.5,
         longest: 256,
-        shortest: 2,
         start_segments: 400,
         first_segments: 256,
         sampled: 1 << 16,
@@ -469,6 +494,7 @@ pub const TUNING: Tuning = Tuning {
         path_ratio: 1e-7,
         path_noise: 0.1,
         path_sweeps: 60,
+        path_still: 1e-9,
     },
     screening: ScreeningTuning { together: 600, first: 300, each: 150, simplest: 100, rounds: 5 },
     first_order: FirstOrderTuning {
@@ -476,6 +502,8 @@ pub const TUNING: Tuning = Tuning {
         epochs: 12,
         penalties: [0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3],
         rate: 0.02,
+        last_rate: 1e-3,
+        least_moment: 1e-3,
         held_back: 5,
         window: 2,
         norm_segments: 32,
@@ -493,6 +521,38 @@ pub const TUNING: Tuning = Tuning {
         apart: 1e-6,
         dependent: 1e-12,
         made_of: 4,
+        no_part: 1e-7,
     },
-    memory: MemoryTuning { copies: 6, gathered: 4 },
 };
+
+macro_rules! usual {
+    ($($name:ident: $field:ident,)*) => {
+        $(impl Default for $name {
+            /// The usual numbers.
+            fn default() -> Self {
+                TUNING.$field
+            }
+        })*
+    };
+}
+
+usual! {
+    SegmentTuning: segments,
+    TangentTuning: tangents,
+    SettlingTuning: settling,
+    SteppingTuning: stepping,
+    RefitTuning: refit,
+    RoundTuning: rounds,
+    CourseTuning: course,
+    SupportTuning: support,
+    ScreeningTuning: screening,
+    FirstOrderTuning: first_order,
+    ConclusionTuning: conclusion,
+}
+
+impl Default for Tuning {
+    /// The usual numbers.
+    fn default() -> Self {
+        TUNING
+    }
+}

@@ -7,16 +7,16 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 use super::column::Column;
-use super::criterion::Criterion;
 use super::factor::Factor;
-use super::support::{Columns, SupportFit, quick_search};
-use super::tuning::TUNING;
+use super::rounding::UNDETERMINED;
+use super::support::{SearchProblem, SupportFit, quick_search};
+use super::tuning::ConclusionTuning;
 
 /// Unknowns that the data do not determine beside those before them.
 pub fn undetermined(factor: &Factor) -> Vec<Column> {
     let (triangle, norms) = (factor.design(), factor.norms());
     let pivot = |k: Column| triangle[(k.position(), k.position())].abs();
-    let open = |&k: &Column| pivot(k) <= 1e-13 * norms[k] || norms[k] == 0.0;
+    let open = |&k: &Column| pivot(k) <= UNDETERMINED * norms[k] || norms[k] == 0.0;
     Column::all(factor.columns()).filter(open).collect()
 }
 
@@ -49,17 +49,17 @@ pub fn covariance(factor: &Factor, variance: f64) -> DMatrix<f64> {
 /// anew among the terms of the leading candidates.
 pub fn inclusion(
     folds: &[Factor],
-    columns: &Columns,
-    criterion: Criterion,
+    search: SearchProblem,
     candidates: &[SupportFit],
-    seed: u64,
+    (tuning, seed): (&ConclusionTuning, u64),
 ) -> Vec<f64> {
+    let columns = search.columns;
     let mut frequency = vec![0.0; columns.terms];
     let mut pool: Vec<Column> = Vec::new();
     let best = candidates.first().map_or(f64::NAN, |c| c.criterion);
-    let leading = candidates.iter().take_while(|c| c.criterion - best < TUNING.conclusion.leading);
+    let leading = candidates.iter().take_while(|c| c.criterion - best < tuning.leading);
     for &term in leading.flat_map(|c| &c.support) {
-        if pool.len() < TUNING.conclusion.pool && !pool.contains(&term) {
+        if pool.len() < tuning.pool && !pool.contains(&term) {
             pool.push(term);
         }
     }
@@ -78,19 +78,19 @@ pub fn inclusion(
         }
         times
     };
-    let draws: Vec<Vec<u32>> = (0..TUNING.conclusion.draws).map(|_| draw()).collect();
-    let whitened = Whitened::new(&folds);
-    let search = |times: &Vec<u32>| {
+    let draws: Vec<Vec<u32>> = (0..tuning.draws).map(|_| draw()).collect();
+    let whitened = Whitened::new(&folds, tuning.apart);
+    let searched = |times: &Vec<u32>| {
         let drawn = whitened.as_ref().and_then(|folds| folds.drawn(times)).unwrap_or_else(|| {
             Factor::together(chosen.len(), folds.iter().zip(times.iter().copied()))
         });
-        quick_search(&drawn, &narrowed, criterion)
+        quick_search(SearchProblem { factor: &drawn, columns: &narrowed, ..search })
     };
-    let supports: Vec<Vec<Column>> = draws.par_iter().map(search).collect();
+    let supports: Vec<Vec<Column>> = draws.par_iter().map(searched).collect();
     for k in supports.into_iter().flatten() {
         frequency[pool[k]] += 1.0;
     }
-    frequency.iter_mut().for_each(|count| *count /= TUNING.conclusion.draws as f64);
+    frequency.iter_mut().for_each(|count| *count /= tuning.draws as f64);
     frequency
 }
 
@@ -106,13 +106,13 @@ struct Whitened {
 }
 
 impl Whitened {
-    /// `None` where the columns are too much alike.
-    fn new(folds: &[Factor]) -> Option<Whitened> {
+    /// `None` where a column keeps no more than a part `apart` of itself beside the others.
+    fn new(folds: &[Factor], apart: f64) -> Option<Whitened> {
         let unknowns = folds.first()?.columns();
         let mut whole = Factor::together(unknowns, folds.iter().map(|fold| (fold, 1)));
         let norms = whole.norms();
-        let apart = |k: usize| whole.triangle()[(k, k)].abs() > TUNING.conclusion.apart * norms[k];
-        if !(0..unknowns).all(apart) || whole.least() == 0.0 {
+        let stands_apart = |k: usize| whole.triangle()[(k, k)].abs() > apart * norms[k];
+        if !(0..unknowns).all(stands_apart) || whole.least() == 0.0 {
             return None;
         }
         let solution = super::bounded::solve_triangle(&whole);
@@ -162,7 +162,7 @@ pub enum Unlearnable {
 }
 
 /// Columns that are zero, or a combination of the others to rounding.
-pub fn unlearnable(factor: &Factor) -> Vec<Unlearnable> {
+pub fn unlearnable(factor: &Factor, tuning: &ConclusionTuning) -> Vec<Unlearnable> {
     let mut made_of = 0;
     let norms = factor.norms();
     let mut found: Vec<Unlearnable> = Column::all(norms.len())
@@ -187,12 +187,12 @@ pub fn unlearnable(factor: &Factor) -> Vec<Unlearnable> {
             }
         }
         let left = rest.norm();
-        if left > TUNING.conclusion.dependent {
+        if left > tuning.dependent {
             basis.push(rest / left);
             independent.push(k);
             continue;
         }
-        if made_of == TUNING.conclusion.made_of {
+        if made_of == tuning.made_of {
             found.push(Unlearnable::Dependent { column: k, on: Vec::new() });
             continue;
         }
@@ -205,7 +205,7 @@ pub fn unlearnable(factor: &Factor) -> Vec<Unlearnable> {
         let on = independent
             .iter()
             .zip(mix.iter())
-            .filter(|(j, x)| (*x * norms[**j]).abs() > 1e-7 * norms[k])
+            .filter(|(j, x)| (*x * norms[**j]).abs() > tuning.no_part * norms[k])
             .map(|(&j, &x)| (j, x))
             .collect();
         found.push(Unlearnable::Dependent { column: k, on });
@@ -256,7 +256,7 @@ mod tests {
         };
         let folds: Vec<Factor> = (0..4).map(of_fold).collect();
         let times = [2, 0, 1, 1];
-        let drawn = Whitened::new(&folds).and_then(|folds| folds.drawn(&times)).unwrap();
+        let drawn = Whitened::new(&folds, 1e-6).and_then(|folds| folds.drawn(&times)).unwrap();
         let together = Factor::together(3, folds.iter().zip(times));
         assert_eq!(drawn.rows(), together.rows());
         assert!((drawn.least() / together.least() - 1.0).abs() < 1e-5);
@@ -272,7 +272,7 @@ mod tests {
             3 => 2.0 * base(i, 0) - base(i, 1),
             _ => base(i, j),
         });
-        let found = unlearnable(&of);
+        let found = unlearnable(&of, &ConclusionTuning::default());
         assert_eq!(found[0], Unlearnable::Untouched { column: Column::new(2) });
         let Unlearnable::Dependent { column, on } = &found[1] else { panic!("{found:?}") };
         assert_eq!(*column, Column::new(3));

@@ -9,7 +9,6 @@ use crate::data::{self, DataReport, Dataset, FileSource, Survey};
 use crate::error::Result;
 use crate::expr::System;
 use crate::fit::memory::size;
-use crate::fit::tuning::TUNING;
 use crate::fit::{Model, Monitor, Options, fit_stream};
 
 /// Samples that other commands look at, when the data are too large for them.
@@ -34,7 +33,7 @@ impl Measurements {
         spec: &Spec,
         asked: Option<&Path>,
         allowed: u64,
-        seed: u64,
+        options: &Options,
         monitor: &dyn Monitor,
         say: impl Fn(&str),
     ) -> Result<Measurements> {
@@ -48,10 +47,11 @@ impl Measurements {
             size(allowed)
         ));
         let source = spec.source(asked)?;
-        let survey = data::survey_file(&source, TUNING.course.sampled, seed, &|fraction| {
-            monitor.stage("surveying the data", 0.1 * fraction);
-            !monitor.stopped()
-        })?;
+        let survey =
+            data::survey_file(&source, options.tuning.course.sampled, options.seed, &|fraction| {
+                monitor.stage("surveying the data", 0.1 * fraction);
+                !monitor.stopped()
+            })?;
         Ok(Measurements::Streamed(Box::new(source), Box::new(survey)))
     }
 

@@ -218,7 +218,7 @@ impl Engine {
         let parameter_starts = spec.compiled().starts.clone();
         let memory = memory::usual();
         let options = Options { parameter_starts, memory: Some(memory), ..Options::default() };
-        let measured = Measurements::read(spec, None, memory, options.seed, progress, |_| {})?;
+        let measured = Measurements::read(spec, None, memory, &options, progress, |_| {})?;
         let model = measured.learn(spec.system(), &options, None, progress)?;
         if progress.stopped() || model.stop.reason == StopReason::Interrupted {
             return Err(Error::Interrupted);

@@ -553,6 +553,18 @@ fn pairs_and_trajectories_agree() {
     assert!(long.evidence.window > 8, "{:?}", long.evidence);
 }
 
+#[test]
+fn one_number_of_the_tuning_is_what_the_fit_goes_by() {
+    let data = noisy(measure(DUFFING, &spiral(5, 1, 1.4), &even(60, 0.1)), 1e-3, 2);
+    let mut options = Options::default();
+    options.tuning.course.longest = 8;
+    let short = learn(DUFFING_SPACE, &data, &options);
+    assert!(short.evidence.window <= 8, "{:?}", short.evidence);
+    options.tuning.segments.folds = 0;
+    let refused = fit(&spec(DUFFING_SPACE).system, &data, &options, &Silent);
+    assert!(refused.is_err_and(|error| error.to_string().contains("segments.folds")));
+}
+
 /// Positions alone, as a camera in pixels or in metres has them.
 #[test]
 fn positions_alone_give_the_same_law_in_other_units() {

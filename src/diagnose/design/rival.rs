@@ -245,5 +245,6 @@ fn problem<'b>(
         floor: FLOOR,
         stream: None,
         window: segments.longest(),
+        tuning: &FIT,
     }
 }
