@@ -32,6 +32,7 @@ pub mod path;
 mod prune;
 pub mod rectangle;
 pub mod resume;
+pub mod round;
 mod rounding;
 mod rows;
 pub mod scales;

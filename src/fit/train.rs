@@ -24,12 +24,14 @@ use super::segments::{Segment, Segments, cut_by, packed_by};
 use super::states::States;
 use super::stepping::{self, Accuracy, Choice};
 use super::stream::Stream;
-use super::support::{self, Columns, SearchProblem, SupportFit, SupportSearch};
+use super::support::{self, Columns, SearchProblem, SupportFit};
 use super::tuning::RefitTuning;
 use crate::data::{Dataset, Packed};
 use crate::dynamics::Dynamics;
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::{Bounds, ParameterId, Symbol, System, TermId};
+
+pub use super::round::{Extent, Round};
 
 /// A model under training, with everything that the next round starts from.
 #[derive(Clone)]
@@ -62,52 +64,6 @@ pub struct Training<'a> {
     /// What rounding does to each observable.
     pub(super) rounding: Vec<f64>,
     compiled: Compiled,
-}
-
-/// How far the search for a support looks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Extent {
-    /// Everywhere.
-    Whole,
-    /// Where the best support is most likely, in rounds that others follow.
-    Rough,
-    /// Around the present support, no further than it must.
-    Near,
-}
-
-/// What a round ended with.
-pub struct Round {
-    /// The supports that the round found.
-    pub search: SupportSearch,
-    /// The model, refitted on its support.
-    pub refit: Refit,
-    /// The factor of the whole space at the model before the round; coefficients absolute,
-    /// parameters as increments.
-    pub folds: Vec<Factor>,
-    /// All folds together.
-    pub merged: Factor,
-    /// What the columns of the factors mean.
-    pub columns: Columns,
-    /// What the search chose by.
-    pub criterion: Criterion,
-    /// Whether the refit found what the factor had predicted of its best support: the search was
-    /// then not misled by where it was linearised.
-    pub predicted: bool,
-    /// Standard deviation of the noise of each observable that the residuals were weighed by.
-    pub noise: Vec<f64>,
-}
-
-impl Round {
-    /// What its support was searched for on.
-    pub(super) fn search_problem<'a>(&'a self, options: &'a Options) -> SearchProblem<'a> {
-        let Round { merged, columns, criterion, .. } = self;
-        SearchProblem {
-            factor: merged,
-            columns,
-            criterion: *criterion,
-            tuning: &options.tuning.support,
-        }
-    }
 }
 
 /// Segments, if there are any.
