@@ -3,15 +3,15 @@
 use super::column::Column;
 use super::factor::Factor;
 use super::model::{
-    Evidence, Exchange, FORMAT, FrontPoint, IntegratorRecord, LearnedParameter, LearnedTerm, Model,
-    Noise, PathEntry, RunnerUp, Stop, fingerprint, place_name,
+    Evidence, Exchange, FORMAT, FrontPoint, Model, Noise, PathEntry, RunnerUp, Stop, fingerprint,
+    place_name,
 };
 use super::options::Selection;
 use super::support::{SupportFit, alternatives, front};
 use super::train::{Round, Training};
 use super::tuning::ConclusionTuning;
 use super::uncertainty::{Unlearnable, covariance, inclusion, unlearnable};
-use crate::expr::{ParameterId, System, Term, TermId};
+use crate::expr::System;
 
 /// Sums a finished training up.
 pub fn conclude(training: &Training, round: &Round) -> Model {
@@ -24,9 +24,8 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
     let final_factor = refit.linearised.merged();
     // The weights are those of the round before; what is left of them is the last correction.
     let variance = refit.sums().loss / freedom as f64;
-    let spread = covariance(&final_factor, variance);
-    let error = |k: usize| spread[(k, k)].sqrt();
-
+    let used = law.dynamics().parameters().to_vec();
+    let law = &law.clone().with_covariance_of(&used, &covariance(&final_factor, variance));
     let candidates = &round.search.candidates;
     let Round { folds, merged, .. } = round;
     let search = round.search_problem(training.options);
@@ -37,28 +36,6 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
             (near, open_questions(system, merged, tuning))
         },
     );
-    let learned_term = |(i, (id, term, coefficient)): (usize, (TermId, &Term, f64))| LearnedTerm {
-        place: place_name(system, term.place),
-        term: term.label.clone(),
-        name: term.name.clone(),
-        coefficient,
-        standard_error: error(i),
-        inclusion: frequency[Column::from(id)],
-        unit: term.unit_text.clone(),
-    };
-    let terms = law.terms().enumerate().map(learned_term).collect();
-    let used = law.dynamics().parameters().to_vec();
-    let first = law.support().len();
-    let learned_parameter = |(i, id): (usize, ParameterId)| {
-        let parameter = &system.parameters[id.position()];
-        LearnedParameter {
-            name: parameter.name.clone(),
-            value: law.parameters()[id.position()],
-            standard_error: error(first + i),
-            unit: parameter.unit_text.clone(),
-        }
-    };
-    let parameters = used.into_iter().enumerate().map(learned_parameter).collect();
     let (runs, samples, segments) = match training.stream {
         Some(stream) => stream.counts(),
         None => {
@@ -72,15 +49,11 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
         version: env!("CARGO_PKG_VERSION").to_string(),
         system: system.name.clone(),
         fingerprint: fingerprint(system),
-        terms,
-        parameters,
-        covariance: (0..learned).map(|a| (0..learned).map(|b| spread[(a, b)]).collect()).collect(),
+        terms: law.recorded_terms(&frequency),
+        parameters: law.recorded_parameters(&used),
+        covariance: law.recorded_covariance(&used),
         noise: noise(training),
-        integrator: IntegratorRecord {
-            method: law.stepping().method.row().name.to_string(),
-            longest_step: law.stepping().longest,
-            reason: training.accuracy.reason.clone(),
-        },
+        integrator: law.recorded_integrator(&training.accuracy.reason),
         evidence: Evidence {
             runs,
             samples,

@@ -115,6 +115,27 @@ impl Law {
         Ok(self)
     }
 
+    /// The same with the covariance of its coefficients, then of the inner parameters that are
+    /// `used`; the others have none.
+    pub(super) fn with_covariance_of(
+        mut self,
+        used: &[ParameterId],
+        covariance: &DMatrix<f64>,
+    ) -> Law {
+        let terms = self.support.len();
+        let size = terms + self.parameters.len();
+        let places: Vec<usize> =
+            (0..terms).chain(used.iter().map(|id| terms + id.position())).collect();
+        let mut all = DMatrix::zeros(size, size);
+        for (a, &row) in places.iter().enumerate() {
+            for (b, &column) in places.iter().enumerate() {
+                all[(row, column)] = covariance[(a, b)];
+            }
+        }
+        self.covariance = Some(all);
+        self
+    }
+
     /// What it is of.
     pub fn system(&self) -> &Arc<System> {
         &self.system

@@ -6,11 +6,12 @@ use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use super::column::Column;
 use super::gauss_newton::StopReason;
 use super::law::Law;
 use super::pass::Stepping;
 use crate::dynamics::Method;
-use crate::expr::{Place, System, Term};
+use crate::expr::{ParameterId, Place, System, Term, TermId};
 
 /// Version of the model file's layout.
 pub const FORMAT: &str = "leverrier.model/2";
@@ -229,6 +230,59 @@ pub struct Stop {
     pub iterations: usize,
 }
 
+/// What a law says, as a model's record holds it; [`Model::law`] reads it back.
+impl Law {
+    /// Its terms, each with how often it is chosen; `inclusion` is of every column of the function
+    /// space.
+    pub(super) fn recorded_terms(&self, inclusion: &[f64]) -> Vec<LearnedTerm> {
+        let recorded =
+            |((id, term, coefficient), standard_error): ((TermId, &Term, f64), f64)| LearnedTerm {
+                place: place_name(self.system(), term.place),
+                term: term.label.clone(),
+                name: term.name.clone(),
+                coefficient,
+                standard_error,
+                inclusion: inclusion[Column::from(id)],
+                unit: term.unit_text.clone(),
+            };
+        self.terms().zip(self.standard_errors()).map(recorded).collect()
+    }
+
+    /// The inner parameters that are `used`.
+    pub(super) fn recorded_parameters(&self, used: &[ParameterId]) -> Vec<LearnedParameter> {
+        let errors = self.standard_errors().split_off(self.support().len());
+        let recorded = |id: &ParameterId| {
+            let parameter = &self.system().parameters[id.position()];
+            LearnedParameter {
+                name: parameter.name.clone(),
+                value: self.parameters()[id.position()],
+                standard_error: errors[id.position()],
+                unit: parameter.unit_text.clone(),
+            }
+        };
+        used.iter().map(recorded).collect()
+    }
+
+    /// Covariance of its coefficients, then of the inner parameters that are `used`, row by row;
+    /// infinite where it is not known.
+    pub(super) fn recorded_covariance(&self, used: &[ParameterId]) -> Vec<Vec<f64>> {
+        let terms = self.support().len();
+        let places: Vec<usize> =
+            (0..terms).chain(used.iter().map(|id| terms + id.position())).collect();
+        let entry = |a: usize, b: usize| self.covariance().map_or(f64::INFINITY, |all| all[(a, b)]);
+        places.iter().map(|&a| places.iter().map(|&b| entry(a, b)).collect()).collect()
+    }
+
+    /// How its trajectories are integrated, and why.
+    pub(super) fn recorded_integrator(&self, reason: &str) -> IntegratorRecord {
+        IntegratorRecord {
+            method: self.stepping().method.row().name.to_string(),
+            longest_step: self.stepping().longest,
+            reason: reason.to_string(),
+        }
+    }
+}
+
 impl Model {
     /// The law that the record is of.
     ///
@@ -365,5 +419,58 @@ mod finite_or_null {
             .into_iter()
             .map(|row| row.into_iter().map(|x| x.unwrap_or(f64::INFINITY)).collect())
             .collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::expr::build;
+
+    #[test]
+    fn a_record_is_read_back_as_the_law_that_it_was_written_from() {
+        let text = "coordinates q\nmomenta p\nT = p^2/2\nparam a = 1\nparam b = 2\n\
+                    V = span{ q^2, q^4, cos(a*q), cos(b*q) }";
+        let system = build("spec", text).unwrap_or_else(|error| panic!("{error}")).system;
+        let (ids, inner) = (system.term_ids(), system.parameter_ids());
+        let method = Method::by_name("leapfrog").expect("a method");
+        let known = (Stepping { method, longest: 0.05 }, 9);
+        let terms = vec![(ids[0], 0.5), (ids[2], -0.25)];
+        let law = Law::new(system.clone(), terms, vec![1.25, 2.0], vec![0.01, 0.02], known);
+        let used = [inner[0]];
+        let spread = DMatrix::from_fn(3, 3, |a, b| if a == b { 4.0 } else { 0.1 });
+        let law = law.expect("its own terms").with_covariance_of(&used, &spread);
+        let covariance = law.recorded_covariance(&used);
+        assert_eq!(covariance[2], [0.1, 0.1, 4.0]);
+        let model: Model = serde_json::from_value(serde_json::json!({
+            "format": FORMAT, "version": "", "system": "spec",
+            "fingerprint": fingerprint(&system),
+            "terms": law.recorded_terms(&[0.9, 0.1, 0.8, 0.0]),
+            "parameters": law.recorded_parameters(&used),
+            "covariance": covariance,
+            "noise": [
+                { "observable": "q", "standard_deviation": 0.01, "resolution": 1e-9 },
+                { "observable": "p", "standard_deviation": 0.02, "resolution": 1e-9 },
+            ],
+            "integrator": law.recorded_integrator("asked for"),
+            "evidence": {
+                "runs": 1, "samples": 9, "segments": 1, "window": 9, "residuals": 14,
+                "exploded": 0, "error": 1.0, "function_space": 4, "learned": 3,
+                "criterion": 0.0, "selection": "", "loss": "squares", "supports_tried": 1,
+                "seed": 0,
+            },
+            "front": [], "runners_up": [], "alternatives": [], "unlearnable": [], "path": [],
+            "stop": { "reason": "converged", "sentence": "", "rounds": 1, "iterations": 1 },
+        }))
+        .expect("a record");
+        assert_eq!((model.terms[1].standard_error, model.terms[1].inclusion), (2.0, 0.8));
+        let read = model.law(&system).expect("of its own system");
+        assert_eq!(
+            read.terms().map(|(id, _, x)| (id, x)).collect::<Vec<_>>(),
+            [(ids[0], 0.5), (ids[2], -0.25)]
+        );
+        assert_eq!((read.parameters(), read.noise()), (law.parameters(), law.noise()));
+        assert_eq!((read.stepping(), read.window()), (law.stepping(), law.window()));
+        assert_eq!(read.covariance(), law.covariance());
     }
 }

@@ -149,9 +149,9 @@ impl Display for Limits {
 }
 
 /// A column's name, in quotes so that any name can stand there.
-struct Column<'a>(&'a Word);
+struct ColumnName<'a>(&'a Word);
 
-impl Display for Column<'_> {
+impl Display for ColumnName<'_> {
     fn fmt(&self, f: &mut Formatter) -> fmt::Result {
         write!(f, "\"{}\"", self.0.text)
     }
@@ -161,13 +161,13 @@ impl Display for DataItem {
     fn fmt(&self, f: &mut Formatter) -> fmt::Result {
         match &self.kind {
             DataItemKind::Time { column, unit } => {
-                write!(f, "time {}", Column(column))?;
+                write!(f, "time {}", ColumnName(column))?;
                 bracket(f, unit)
             }
-            DataItemKind::Run(column) => write!(f, "run {}", Column(column)),
+            DataItemKind::Run(column) => write!(f, "run {}", ColumnName(column)),
             DataItemKind::Pairs => f.write_str("pairs"),
             DataItemKind::Column { variable, column, unit } => {
-                write!(f, "{variable} = {}", Column(column))?;
+                write!(f, "{variable} = {}", ColumnName(column))?;
                 bracket(f, unit)
             }
             DataItemKind::NotMeasured(variable) => write!(f, "{variable} not measured"),

@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn wishes_are_read() {
+    fn requests_are_read() {
         let read = |text| serde_json::from_str::<JobRequest>(text).expect("a request");
         assert_eq!(read(r#"{"do":"learn"}"#), JobRequest::Learn);
         assert_eq!(read(r#"{"do":"undo","force":true}"#), JobRequest::Undo { force: true });
