@@ -3,6 +3,7 @@
 
 use super::context::Settled;
 use super::score_test::Scores;
+use super::tuning::TUNING;
 use crate::dynamics::Dynamics;
 use crate::error::{Error, ErrorKind, Result};
 use crate::eval::Backend;
@@ -76,5 +77,5 @@ fn noise_variance(factor: &Factor, base: usize) -> f64 {
         let left = factor.target().rows(base, size).norm_squared() + factor.least();
         left / rows.saturating_sub(base).max(1) as f64
     };
-    variance.max(1e-12)
+    variance.max(TUNING.ranking.least_variance)
 }

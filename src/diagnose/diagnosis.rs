@@ -9,22 +9,22 @@
 //!    would do to the predictions, `score_test` the statistics of them);
 //! 4. `refit`: the significant ones fitted with everything that the model has;
 //! 5. `evidence` and `ranking`: what each is worth on training and on held-out runs;
-//! 6. `chain`: effects that explain the misfit together;
-//! 7. `verdict`: whether that explains it, or something without a name does.
+//! 6. `search`: stories, which are sets of changes that are judged as one (`story`);
+//! 7. `verdict`: whether one holds over whole runs, seen and unseen.
 
 use serde::Serialize;
 
 use super::candidates::candidates;
-use super::chain::{Question, best_chain};
 use super::comparison::ResidualMap;
 use super::context::Context;
-use super::evidence::Judged;
 use super::noise_floor::noise_floor;
 use super::ranking::{Ranking, ranking};
 pub use super::refit::RankedEffect;
+use super::search::stories;
+use super::story::Question;
 use super::sufficiency::lacking_beside;
 use super::tuning::TUNING;
-use super::verdict::{explained, unexplained};
+use super::verdict::judge;
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::expr::{Compiled, Scope};
@@ -41,7 +41,9 @@ pub struct Diagnosis {
     pub ranking: Vec<RankedEffect>,
     /// Labels of leaders that these data cannot tell from the first; empty when it stands alone.
     pub indistinguishable: Vec<String>,
-    /// What would have to be added after the first, by its own merits, to explain the rest.
+    /// The changes that together explain the data over whole runs; empty where none do.
+    pub story: Vec<RankedEffect>,
+    /// The members of the story after the first.
     pub further: Vec<RankedEffect>,
     /// The best term without a name, where the verdict is that something unnamed is missing.
     pub unnamed: Option<RankedEffect>,
@@ -74,19 +76,25 @@ pub enum Verdict {
 }
 
 impl Diagnosis {
-    /// Puts the leader first that a chain begins with.
-    fn begin_with(&mut self, link: Option<&Judged>) {
-        let Some(link) = link else { return };
-        let effect = link.refit.effect.effect.as_str();
-        let Some(place) = self.ranking.iter().position(|leader| leader.effect == effect) else {
-            return;
-        };
-        if place > self.indistinguishable.len() {
-            self.indistinguishable.clear();
-        } else if place > 0 {
-            self.indistinguishable[place - 1] = self.ranking[0].effect.clone();
+    /// Puts the leader first that a story begins with.
+    pub(super) fn begin_with(&mut self, member: &RankedEffect) {
+        match self.ranking.iter().position(|leader| leader.effect == member.effect) {
+            Some(place) => {
+                if place > self.indistinguishable.len() {
+                    self.indistinguishable.clear();
+                } else if place > 0 {
+                    self.indistinguishable[place - 1] = self.ranking[0].effect.clone();
+                }
+                self.ranking[..=place].rotate_right(1);
+                if let Some(leader) = self.ranking.first_mut() {
+                    leader.clone_from(member);
+                }
+            }
+            None => {
+                self.indistinguishable.clear();
+                self.ranking.insert(0, member.clone());
+            }
         }
-        self.ranking[..=place].rotate_right(1);
     }
 
     /// What a ranking of so many candidates says, nothing being missing until it is judged.
@@ -115,6 +123,7 @@ impl Diagnosis {
             reason,
             ranking: Vec::new(),
             indistinguishable: Vec::new(),
+            story: Vec::new(),
             further: Vec::new(),
             unnamed: None,
             unnamed_explains_more: false,
@@ -152,15 +161,8 @@ pub fn diagnose(
     let all = candidates(&mut scope, training);
     let first = ranking(&context, held_out, &all, TUNING.ranking.first_refits, monitor)?;
     let mut diagnosis = Diagnosis::of(&first, all.len(), context.law.noise());
-    monitor.stage("what is left", 0.8);
     let question = Question { scope: &scope, context: &context, held_out, monitor };
-    let window = first.window;
-    match best_chain(&question, first)? {
-        Some(chain) => {
-            diagnosis.begin_with(chain.links.first());
-            explained(&question, &mut diagnosis, chain)?;
-        }
-        None => unexplained(&question, &mut diagnosis, model, window)?,
-    }
+    let stories = stories(&question, &first)?;
+    judge(&question, &mut diagnosis, model, stories)?;
     Ok(diagnosis)
 }

@@ -1,17 +1,14 @@
 //! The loop: ask what is missing, add it, fit again, until nothing pays on held-out runs.
 
-use std::sync::Arc;
-
 use serde::Serialize;
 
-use super::candidates::candidates;
 use super::context::Context;
 use super::diagnosis::{Diagnosis, RankedEffect, Verdict, diagnose};
-use super::ranking::ranking;
 use super::tuning::TUNING;
 use crate::data::Dataset;
 use crate::error::Result;
-use crate::expr::{Compiled, Scope, System, build};
+use crate::expr::{Compiled, build};
+use crate::fit::segments::longest_run;
 use crate::fit::{Law, Model, Monitor, Options, fit, resume};
 use crate::spec::edit;
 
@@ -30,7 +27,8 @@ pub struct Discovery {
     pub text: String,
     /// The model of that spec, fitted to the training runs.
     pub model: Model,
-    /// Error on held-out runs at the start and at the end, in units of the last noise estimate.
+    /// Error on held-out runs over their whole length at the start and at the end, in units of the
+    /// last noise estimate.
     pub held_out_error: (f64, f64),
 }
 
@@ -55,7 +53,8 @@ pub struct Step {
     pub indistinguishable: Vec<String>,
 }
 
-/// Adds named effects to a spec until what is left is noise, or nothing of the catalogue helps.
+/// Adds the story of a diagnosis to a spec, and asks again until what is left is noise, or no story
+/// holds: then nothing more is added.
 ///
 /// # Errors
 ///
@@ -72,98 +71,49 @@ pub fn discover(
     let mut compiled = build(name, &text)?;
     let mut model = fit(&compiled.system, training, options, monitor)?;
     let mut steps: Vec<Step> = Vec::new();
-    // What else each step might have been.
-    let mut rivals: Vec<Vec<RankedEffect>> = Vec::new();
     let start = text.clone();
     let first = (compiled.clone(), model.clone());
     let mut interrupted = false;
     let (stop, verdict) = loop {
-        monitor.stage(&format!("what is missing, round {}", steps.len() + 1), 0.1);
+        let round = steps.len() + 1;
+        monitor.stage(&format!("what is missing, round {round}"), 0.1);
         let diagnosis = diagnose(&compiled, &model, training, held_out, monitor)?;
         // An interrupted diagnosis did not look everywhere: its verdict says nothing.
         if monitor.stopped() {
             interrupted = true;
-            break interruption(&diagnosis, steps.len() + 1);
+            break interruption(&diagnosis, round);
         }
-        if !goes_on(&diagnosis) {
+        if diagnosis.verdict != Verdict::Missing {
             break (diagnosis.reason, diagnosis.verdict);
         }
-        if steps.len() == TUNING.discovery.additions {
+        if steps.len() >= TUNING.discovery.additions {
             let sentence = format!(
                 "stopped after {} additions; more would lower the error on held-out runs",
-                TUNING.discovery.additions
+                steps.len()
             );
             break (sentence, Verdict::Missing);
         }
-        let context = Context::new(&compiled.system, &model, held_out)?;
-        let (_, _, sums) = context.settle(context.law.window());
-        let partial = diagnosis.verdict == Verdict::Unexplained;
-        let pays = |leader: &&RankedEffect| {
-            let before = leader.held_out_error_before.powi(2);
-            let after = leader.held_out_error_after.powi(2);
-            (before - after) * sums.rows as f64 > TUNING.discovery.deviance * after
-                && (!partial || before - after > TUNING.discovery.part * (before - 1.0))
+        let law = Context::new(&compiled.system, &model, training)?.law;
+        let Some((longer, next, fitted)) =
+            with_story(name, &text, &law, &diagnosis.story, training, options, monitor)?
+        else {
+            let names: Vec<&str> =
+                diagnosis.story.iter().map(|member| member.effect.as_str()).collect();
+            let sentence =
+                format!("{} looked missing, but a full fit does not select it", names.join(", "));
+            break (sentence, Verdict::Unexplained);
         };
-        let mut kept = None;
-        let mut lost = None;
-        for leader in diagnosis.ranking.iter().filter(pays) {
-            let longer = edit::insert(&text, &leader.snippet);
-            let next = build(name, &longer)?;
-            let start = start_with(&context.law, &next.system, &leader.effect)?;
-            // Where not even a fit succeeds, the next leader may.
-            let fitted = resume(&start, training, options, monitor).ok();
-            let has = |model: &Model| {
-                model.terms.iter().any(|term| belongs(&next.system, term, &leader.effect))
-            };
-            if let Some(fitted) = fitted.filter(has) {
-                kept = Some((step(&diagnosis, leader), longer, next, fitted));
-                break;
-            }
-            lost.get_or_insert(&leader.effect);
+        for (at, member) in diagnosis.story.iter().enumerate() {
+            let others = if at == 0 { diagnosis.indistinguishable.as_slice() } else { &[] };
+            steps.push(step(member, others));
         }
-        let Some((step, longer, next, fitted)) = kept else {
-            let sentence = match lost {
-                Some(effect) => {
-                    format!("{effect} looked missing, but a full fit does not select it")
-                }
-                None if partial => {
-                    "what is left is no effect of the catalogue, and none takes away \
-                                    a quarter of it on held-out runs"
-                        .to_string()
-                }
-                None => "what looks missing does not lower the error on held-out runs".to_string(),
-            };
-            let verdict = match diagnosis.verdict {
-                Verdict::Unexplained => Verdict::Unexplained,
-                _ => Verdict::NothingMissing,
-            };
-            break (sentence, verdict);
-        };
-        steps.push(step);
-        rivals.push(diagnosis.ranking);
         (text, compiled, model) = (longer, next, fitted);
     };
-    if steps.len() > 1 {
-        for (step, rivals) in steps.iter_mut().zip(&rivals) {
-            let found = Discovered { name, text: &text, compiled: &compiled, model: &model };
-            let mut alike = found.alike(step, rivals, training, held_out, monitor)?;
-            // One that now explains more takes the step's place, and so does a simpler one.
-            let beaten = !alike.iter().any(|leader| leader.effect == step.effect);
-            let simpler = |rival: &&RankedEffect| rival.coefficient.len() < step.coefficient.len();
-            if let Some(rival) = alike.first().filter(|rival| beaten || simpler(rival)).cloned()
-                && let Some(swapped) = found.swapped(step, &rival, training, options, monitor)
-            {
-                step.replace(&rival);
-                (text, compiled, model) = swapped;
-            }
-            alike.retain(|leader| leader.effect != step.effect);
-            step.indistinguishable = alike.into_iter().map(|leader| leader.effect).collect();
-        }
-    }
     let noise: Vec<f64> = model.noise.iter().map(|n| n.standard_deviation).collect();
     let held_out_error = |compiled: &crate::expr::Compiled, of: &Model| -> Result<f64> {
         let context = Context::new(&compiled.system, of, held_out)?.with_noise(noise.clone());
-        Ok(super::misfit::error(&context, model.evidence.window).0)
+        let whole = longest_run(held_out).min(TUNING.states.longest);
+        Ok(super::misfit::error(&context, whole).0)
     };
     let before = if start == text {
         held_out_error(&compiled, &model)?
@@ -205,91 +155,40 @@ fn interruption(diagnosis: &Diagnosis, round: usize) -> (String, Verdict) {
     }
 }
 
-/// Whether the best named effect may be added: always when it explains the misfit; as a part of
-/// a larger whole only when no single term without a name explains more.
-fn goes_on(diagnosis: &Diagnosis) -> bool {
-    match diagnosis.verdict {
-        Verdict::Missing => true,
-        Verdict::Unexplained => !diagnosis.ranking.is_empty() && !diagnosis.unnamed_explains_more,
-        Verdict::NothingMissing | Verdict::TooLittleData => false,
+/// Spec and model with all members of a story; `None` where a fit does not keep them all.
+fn with_story(
+    name: &str,
+    text: &str,
+    law: &Law,
+    story: &[RankedEffect],
+    training: &Dataset,
+    options: &Options,
+    monitor: &dyn Monitor,
+) -> Result<Option<(String, Compiled, Model)>> {
+    let longer =
+        story.iter().fold(text.to_string(), |text, member| edit::insert(&text, &member.snippet));
+    let next = build(name, &longer)?;
+    let mut start = law.on(&next.system);
+    for member in story {
+        start = start_with(start, member)?;
     }
+    // Where not even a fit succeeds, nothing is added.
+    let Ok(fitted) = resume(&start, training, options, monitor) else { return Ok(None) };
+    let has = |member: &RankedEffect| {
+        let mut all = next.system.terms.iter();
+        let unnamed = !all.any(|term| term.effect.as_deref() == Some(member.effect.as_str()));
+        let learned = |term| belongs(&next.system, term, &member.effect);
+        unnamed || fitted.terms.iter().any(learned)
+    };
+    Ok(story.iter().all(has).then_some((longer, next, fitted)))
 }
 
-/// A law as the start of a fit of a system with an effect, whose coefficients are to be found.
-fn start_with(law: &Law, system: &Arc<System>, effect: &str) -> Result<Law> {
-    let mut start = law.on(system);
-    for id in system.terms_where(|term| term.effect.as_deref() == Some(effect)) {
-        if !start.support().contains(&id) {
-            start = start.with_term(id, 0.0)?;
-        }
-    }
-    Ok(start)
-}
-
-/// A spec with everything that was found, and its model.
-struct Discovered<'a> {
-    name: &'a str,
-    text: &'a str,
-    compiled: &'a Compiled,
-    model: &'a Model,
-}
-
-impl Discovered<'_> {
-    /// The step's own effect and those of its rivals that explain as much now that the other
-    /// effects are there, the one with the fewest unknowns first: while the others were missing,
-    /// a more flexible effect may have stood in for them too.
-    fn alike(
-        &self,
-        step: &Step,
-        rivals: &[RankedEffect],
-        training: &Dataset,
-        held_out: &Dataset,
-        monitor: &dyn Monitor,
-    ) -> Result<Vec<RankedEffect>> {
-        let Some(place) = edit::place_of(self.text, &step.snippet) else { return Ok(Vec::new()) };
-        let base = build(self.name, &edit::remove(self.text, place))?;
-        let own = Context::new(&self.compiled.system, self.model, training)?;
-        let context = own.with_law(own.law.on(&base.system));
-        // What the effect stood for, the other terms take over as well as they can.
-        let Some(context) = context.refitted() else { return Ok(Vec::new()) };
-        let asked =
-            |label: &str| label == step.effect || rivals.iter().any(|rival| rival.effect == label);
-        let mut all = candidates(&mut Scope::of(&base), training);
-        all.retain(|candidate| asked(&candidate.label));
-        let found = ranking(&context, held_out, &all, all.len(), monitor)?;
-        Ok(found.effects.into_iter().take(found.close).map(|one| one.refit.effect).collect())
-    }
-
-    /// Spec and model with a rival in the place of a step; `None` where a fit does not keep it.
-    fn swapped(
-        &self,
-        step: &Step,
-        rival: &RankedEffect,
-        training: &Dataset,
-        options: &Options,
-        monitor: &dyn Monitor,
-    ) -> Option<(String, Compiled, Model)> {
-        let place = edit::place_of(self.text, &step.snippet)?;
-        let text = edit::replace(self.text, place, &rival.snippet);
-        // The effect may have been added by another step.
-        let next = build(self.name, &text).ok()?;
-        let known = self.model.law(&self.compiled.system)?;
-        let start = start_with(&known, &next.system, &rival.effect).ok()?;
-        let fitted = resume(&start, training, options, monitor).ok()?;
-        let kept = fitted.terms.iter().any(|term| belongs(&next.system, term, &rival.effect));
-        kept.then_some((text, next, fitted))
-    }
-}
-
-impl Step {
-    fn replace(&mut self, rival: &RankedEffect) {
-        self.effect.clone_from(&rival.effect);
-        self.snippet.clone_from(&rival.snippet);
-        self.coefficient.clone_from(&rival.coefficient);
-        self.standard_error.clone_from(&rival.standard_error);
-        self.p_value = rival.p_value;
-        self.held_out_error_after = rival.held_out_error_after;
-    }
+/// A law as the start of a fit of a system with an effect, its coefficients as they were found.
+fn start_with(law: Law, member: &RankedEffect) -> Result<Law> {
+    let system = law.system().clone();
+    let terms = system.terms_where(|term| term.effect.as_deref() == Some(member.effect.as_str()));
+    let numbers = member.coefficient.iter().copied().chain(std::iter::repeat(0.0));
+    terms.into_iter().zip(numbers).try_fold(law, |law, (id, value)| law.with_term(id, value))
 }
 
 /// Whether a learned term came with an effect.
@@ -305,17 +204,15 @@ fn belongs(
     })
 }
 
-fn step(diagnosis: &Diagnosis, leader: &RankedEffect) -> Step {
-    let mut others: Vec<String> = diagnosis.indistinguishable.clone();
-    others.retain(|name| *name != leader.effect);
+fn step(member: &RankedEffect, others: &[String]) -> Step {
     Step {
-        effect: leader.effect.clone(),
-        snippet: leader.snippet.clone(),
-        coefficient: leader.coefficient.clone(),
-        standard_error: leader.standard_error.clone(),
-        p_value: leader.p_value,
-        held_out_error_before: leader.held_out_error_before,
-        held_out_error_after: leader.held_out_error_after,
-        indistinguishable: others,
+        effect: member.effect.clone(),
+        snippet: member.snippet.clone(),
+        coefficient: member.coefficient.clone(),
+        standard_error: member.standard_error.clone(),
+        p_value: member.p_value,
+        held_out_error_before: member.held_out_error_before,
+        held_out_error_after: member.held_out_error_after,
+        indistinguishable: others.iter().filter(|name| **name != member.effect).cloned().collect(),
     }
 }

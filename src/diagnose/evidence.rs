@@ -3,6 +3,7 @@
 use super::context::{Parts, Settled};
 use super::misfit::error_of;
 use super::refit::Refit;
+use super::tuning::TUNING;
 
 /// A refit with the evidence for it.
 pub struct Judged {
@@ -43,7 +44,7 @@ impl Judged {
         refit.effect.held_out_error_after = if more > lost { f64::INFINITY } else { after };
         Judged {
             fall: data.sums.loss - left.loss,
-            variance: (left.loss / left.rows.max(1) as f64).max(1e-12),
+            variance: (left.loss / left.rows.max(1) as f64).max(TUNING.ranking.least_variance),
             price: price(&refit, left.rows),
             held_out_fall: if fall.is_finite() && more <= lost { fall } else { 0.0 },
             refit,

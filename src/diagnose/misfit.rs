@@ -28,9 +28,3 @@ pub(super) fn excess(sums: &Sums) -> f64 {
     let excess = sums.loss / rows - 1.0;
     if excess < TUNING.verdict.at_noise * (2.0 / rows).sqrt() { 0.0 } else { excess }
 }
-
-/// Weighted squares over segments of a length, and their mean.
-pub(super) fn squares(context: &Context, window: usize) -> (f64, f64) {
-    let (_, _, sums) = context.settle(window);
-    (sums.loss, (sums.loss / sums.rows.max(1) as f64).max(f64::MIN_POSITIVE))
-}

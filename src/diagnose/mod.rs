@@ -5,7 +5,6 @@
 //! the next run to `design`; numbers to tune stand in `tuning`.
 
 pub mod candidates;
-mod chain;
 mod columns;
 pub mod comparison;
 pub mod context;
@@ -20,6 +19,8 @@ mod ranking;
 mod refit;
 pub mod scan;
 mod score_test;
+mod search;
+mod story;
 pub mod sufficiency;
 pub mod tuning;
 mod verdict;

@@ -18,8 +18,6 @@ pub struct Ranking {
     pub effects: Vec<Judged>,
     /// How many of them, the first included, explain equally well.
     pub close: usize,
-    /// Variance of the weighted residuals where the most is explained: the yardstick of merits.
-    pub variance: f64,
     /// Samples of a segment when they were ranked.
     pub window: usize,
     /// Error of the model before held-out runs, over such segments.
@@ -183,5 +181,5 @@ fn rank(refitted: Refitted, scored: f64, tests: usize) -> Ranking {
     });
     let effects = effects.into_iter().map(|(_, one)| one).collect();
     let window = data.all.context.law.window();
-    Ranking { effects, close, variance, window, before, tests }
+    Ranking { effects, close, window, before, tests }
 }

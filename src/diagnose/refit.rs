@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use nalgebra::DVector;
 use serde::Serialize;
 
 use super::candidates::{Candidate, Origin};
@@ -10,7 +11,8 @@ use super::context::{Context, Parts, Settled};
 use super::scan::Scored;
 use super::tuning::TUNING;
 use crate::error::Result;
-use crate::expr::{Bounds, System};
+use crate::expr::{Bounds, System, TermId};
+use crate::fit::factor::Factor;
 use crate::fit::pass::Sums;
 use crate::fit::segments::cut;
 use crate::fit::train::{Extent, Training};
@@ -47,6 +49,10 @@ pub struct Refit {
     pub effect: RankedEffect,
     /// The model with the effect: a law of the system with the candidate.
     pub law: Law,
+    /// Whether the candidate has a name: an effect of the catalogue, or of the spec.
+    pub named: bool,
+    /// The candidate's terms in it.
+    pub terms: Vec<TermId>,
     /// Fall of the weighted squares on the segments that it was fitted to.
     pub fall: f64,
     /// What is left of them for each independent residual.
@@ -58,6 +64,8 @@ pub struct Refit {
     segments: Option<(usize, usize)>,
     /// What the choice among the grid's points costs, as in the trainer's criterion.
     pub choice: f64,
+    /// What it costs to say which of its kind the candidate is, in nats.
+    pub candidate_choice: f64,
     /// Whether it was fitted to all the data.
     pub whole: bool,
     /// Whether a rate, an exponent or the like ran into the end of what is looked through: the
@@ -113,7 +121,7 @@ pub enum Precision {
 /// all of them. `None` where the candidate cannot be fitted.
 pub fn refit(data: &Parts, candidate: &Candidate, start: Start) -> Option<Refit> {
     match &data.part {
-        Some(part) => gauss_newton(part, candidate, start, Precision::Rough),
+        Some(part) => with_candidate(part, candidate, start, Precision::Rough),
         None => refit_whole(&data.all, candidate, start, Precision::Full),
     }
 }
@@ -125,7 +133,7 @@ pub fn refit_whole(
     start: Start,
     precision: Precision,
 ) -> Option<Refit> {
-    let refit = gauss_newton(settled, candidate, start, precision)?;
+    let refit = with_candidate(settled, candidate, start, precision)?;
     Some(Refit { whole: true, ..refit })
 }
 
@@ -182,16 +190,45 @@ fn gained(sums: &Sums, settled: &Settled) -> bool {
     sums.loss < settled.sums.loss && sums.diverged <= settled.sums.diverged
 }
 
-/// Gauss-Newton on the segments of a context.
-fn gauss_newton(
-    settled: &Settled,
-    candidate: &Candidate,
-    start: Start,
-    precision: Precision,
-) -> Option<Refit> {
+/// A law whose numbers were fitted together.
+pub struct Fitted {
+    /// With the covariance of its numbers.
+    pub law: Law,
+    /// What is left of the segments that it was fitted to.
+    pub sums: Sums,
+    /// Whether the noise is not below what the integrator resolves.
+    pub resolved: bool,
+    /// The columns of all numbers in units of the noise, initial states eliminated: those of the
+    /// law's coefficients first.
+    factor: Factor,
+}
+
+impl Fitted {
+    /// How much larger than all together the largest of some groups of terms is, in what they do to
+    /// predictions; 1 for a single group. Groups that cancel each other stand in for something
+    /// else.
+    pub fn cancellation(&self, groups: &[Vec<TermId>]) -> f64 {
+        let design = self.factor.design();
+        let does = |group: &Vec<TermId>| {
+            let terms = self.law.terms().enumerate();
+            let own = terms.filter(|(_, (id, ..))| group.contains(id));
+            own.fold(DVector::zeros(design.nrows()), |sum, (at, (_, _, coefficient))| {
+                sum + design.column(at) * coefficient
+            })
+        };
+        let each: Vec<DVector<f64>> = groups.iter().map(does).collect();
+        let together: DVector<f64> = each.iter().fold(DVector::zeros(design.nrows()), |a, b| a + b);
+        let largest = each.iter().map(|one| one.norm()).fold(0.0, f64::max);
+        if largest > 0.0 { largest / together.norm().max(f64::MIN_POSITIVE) } else { 1.0 }
+    }
+}
+
+/// Fits all numbers of a law to the segments of a context, by Gauss-Newton from where they are.
+/// `None` where it cannot be fitted.
+pub fn fitted(settled: &Settled, law: &Law, precision: Precision) -> Option<Fitted> {
     let context = &settled.context;
     let options = Options { window: Some(context.law.window()), ..Options::default() };
-    let law = start.law.with_noise(context.law.noise().to_vec());
+    let law = law.clone().with_noise(context.law.noise().to_vec());
     let mut training = Training::from_law(&law, context.measured.clone(), &options).ok()?;
     training.segments.clone_from(&settled.segments);
     training.states.clone_from(&settled.states);
@@ -204,23 +241,38 @@ fn gauss_newton(
             .refit_until(TUNING.ranking.deviance_left / settled.sums.rows.max(1) as f64, &Silent),
         Precision::Rough | Precision::Full => training.refit(&Silent),
     };
-    let count = law.support().len();
-    let rows = refit.sums().rows.max(1) as f64;
-    let fall = settled.sums.loss - refit.sums().loss;
-    let variance = (refit.sums().loss / rows).max(1e-12);
-    let covariance = covariance(&refit.linearised.merged(), variance.min(1.0));
-    let inner = refit.theta.len() - candidate.parameters.len().min(refit.theta.len() - count);
-    let terms = candidate.terms.iter().filter_map(|id| law.support().binary_search(id).ok());
-    let own = terms.chain(inner..refit.theta.len());
-    let (coefficient, standard_error): (Vec<f64>, Vec<f64>) =
-        own.map(|i| (refit.theta[i], covariance[(i, i)].sqrt())).unzip();
+    let sums = refit.sums().clone();
+    let factor = refit.linearised.merged();
+    let covariance = covariance(&factor, variance_of(&sums).min(1.0));
     training.take(&mut refit);
-    let law = training.law().clone();
+    // The noise is that of the context, whatever this fit leaves.
+    let law = training.law().clone().with_noise(context.law.noise().to_vec());
+    let law = law.with_window(context.law.window());
+    let law = law.clone().with_covariance_of(&law.dynamics(), &covariance);
+    let mut noise = training.accuracy.resolution.iter().zip(context.law.noise());
+    Some(Fitted { law, sums, resolved: noise.all(|(least, s)| least <= s), factor })
+}
+
+/// What is left for each independent residual.
+fn variance_of(sums: &Sums) -> f64 {
+    (sums.loss / sums.rows.max(1) as f64).max(TUNING.ranking.least_variance)
+}
+
+/// The model with a candidate, fitted.
+fn with_candidate(
+    settled: &Settled,
+    candidate: &Candidate,
+    start: Start,
+    precision: Precision,
+) -> Option<Refit> {
+    let Fitted { law, sums, resolved, .. } = fitted(settled, &start.law, precision)?;
+    let terms = candidate.terms.iter().filter_map(|&id| law.coefficient_with_error(id));
+    let inner = candidate.parameters.iter().filter_map(|&id| law.parameter_with_error(id));
+    let (coefficient, standard_error): (Vec<f64>, Vec<f64>) = terms.chain(inner).unzip();
     let values = candidate.parameters.iter().filter_map(|&id| law.parameter(id));
     let values: Vec<f64> = values.collect();
-    let noise = training.accuracy.resolution.iter().zip(context.law.noise());
-    let resolved = noise.into_iter().all(|(least, s)| least <= s);
     let at_bound = is_at_bound(candidate, law.system(), &values);
+    let segments = (settled.context.law.window(), settled.segments.list.len());
     Some(Refit {
         effect: RankedEffect {
             effect: candidate.label.clone(),
@@ -233,13 +285,15 @@ fn gauss_newton(
             held_out_error_before: f64::NAN,
             held_out_error_after: f64::NAN,
         },
+        fall: settled.sums.loss - sums.loss,
+        variance: variance_of(&sums),
+        segments: (resolved && gained(&sums, settled)).then_some(segments),
+        left: sums,
         law,
-        fall,
-        variance,
-        left: refit.sums().clone(),
-        segments: (resolved && gained(refit.sums(), settled))
-            .then_some((context.law.window(), settled.segments.list.len())),
+        named: !matches!(candidate.origin, Origin::Unnamed { .. }),
+        terms: candidate.terms.clone(),
         choice: 2.0 * (candidate.grid.len().max(1) as f64).ln(),
+        candidate_choice: candidate.choice,
         whole: false,
         at_bound,
     })

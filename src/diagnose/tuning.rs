@@ -70,6 +70,8 @@ pub struct States {
     pub retries: usize,
     /// States are settled when the loss falls by less than this part.
     pub settled: f64,
+    /// Samples of the longest segments that a model is held against.
+    pub longest: usize,
 }
 
 /// Grids of inner parameters, and terms without a name.
@@ -77,6 +79,9 @@ pub struct States {
 pub struct Candidates {
     /// Points of one inner parameter of an effect of the catalogue, at most.
     pub points: usize,
+    /// Points of a frequency, at most: between neighbours a drive gets half a turn out of step over
+    /// a run, and what is further off is not seen.
+    pub frequencies: usize,
     /// Points of several of them together, at most.
     pub points_together: usize,
     /// Points of one bounded inner parameter of a candidate of the spec, at most.
@@ -174,24 +179,32 @@ pub struct Ranking {
     pub refitted_part: f64,
     /// Error in units of the noise at which a model is no first approximation any more.
     pub strays: f64,
+    /// Variance of the weighted residuals that is taken for none: its root is a millionth of the
+    /// noise, far below what any column's digits resolve.
+    pub least_variance: f64,
 }
 
 /// Effects that explain a misfit together, and the verdict.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Verdict {
-    /// Effects together that may explain a misfit.
+    /// Changes of a story, at most.
     pub effects: usize,
-    /// Ranked effects that such a chain may begin with.
+    /// Ranked effects that a story may begin with.
     pub beginnings: usize,
+    /// Stories that are extended.
+    pub beam: usize,
+    /// Changes that each of them is extended by.
+    pub branches: usize,
+    /// Standard errors that every coefficient of a story is away from zero, at least: of a
+    /// thousand candidates, noise brings one to 3.3 of them.
+    pub standard_errors: f64,
+    /// What a member does to predictions is at most this many times what all of them do: effects
+    /// that cancel each other are an expansion of something else.
+    pub cancellation: f64,
     /// Standard errors of the noise's variance that a model at the noise may be above it.
     pub at_noise: f64,
-    /// Named effects explain a misfit when they leave less than this part of it,
-    pub leaves: f64,
-    /// and bring the error to less than this times the noise.
+    /// A story that holds brings the error on held-out runs to less than this times the noise.
     pub reaches: f64,
-    /// What is less than this part of the misfit is left to a next question: a single effect that
-    /// explains clean data down to their last digits is not unexplained for the last of them.
-    pub negligible: f64,
     /// p-value below which a residual force without a name is there, all maps counted.
     pub unmistakable: f64,
     /// Residuals this many times the resolution of the integrator are the measurements' own.
@@ -203,12 +216,6 @@ pub struct Verdict {
 pub struct Discovery {
     /// Additions, at most.
     pub additions: usize,
-    /// An addition pays when the held-out deviance falls by more than this: odds of 1,000 to 1,
-    /// for twice the logarithm of 1,000 is 14.
-    pub deviance: f64,
-    /// Where the catalogue does not explain the misfit, each effect of it a little of what another
-    /// law does: an addition then takes away at least this part of the squares above the noise.
-    pub part: f64,
 }
 
 /// Faults of the instrument.
@@ -299,9 +306,10 @@ pub struct Design {
 pub const TUNING: Tuning = Tuning {
     sufficiency: Sufficiency { residuals: 20, held_out_residuals: 8 },
     noise_floor: NoiseFloor { rounds: 6, residuals: 20.0, below: 3.0, strays: 100.0 },
-    states: States { first_samples: 8, growth: 4, retries: 6, settled: 1e-4 },
+    states: States { first_samples: 8, growth: 4, retries: 6, settled: 1e-4, longest: 20_000 },
     candidates: Candidates {
         points: 48,
+        frequencies: 600,
         points_together: 60,
         declared_points: 24,
         declared_points_together: 64,
@@ -345,18 +353,21 @@ pub const TUNING: Tuning = Tuning {
         finished: 4,
         refitted_part: 0.75,
         strays: 10.0,
+        least_variance: 1e-12,
     },
     verdict: Verdict {
-        effects: 3,
+        effects: 4,
         beginnings: 3,
+        beam: 3,
+        branches: 2,
+        standard_errors: 4.0,
+        cancellation: 4.0,
         at_noise: 4.0,
-        leaves: 0.1,
         reaches: 1.1,
-        negligible: 1e-6,
         unmistakable: 1e-6,
         resolved: 10.0,
     },
-    discovery: Discovery { additions: 8, deviance: 14.0, part: 0.25 },
+    discovery: Discovery { additions: 8 },
     instrument: Instrument {
         shortest: 6,
         longest: 12,

@@ -1,27 +1,122 @@
-//! The answer: what a chain of effects explains, and whether something without a name explains more.
+//! The answer: whether a story holds over whole runs, seen and unseen, and what is said where
+//! none does.
 
 use std::fmt::Write as _;
 
-use super::candidates::unnamed;
-use super::chain::{Chain, Question};
 use super::comparison::strongest_map;
 use super::diagnosis::{Diagnosis, Verdict};
-use super::misfit::squares;
-use super::ranking::ranking;
+use super::misfit::{error_of, excess};
 use super::refit::RankedEffect;
+use super::story::{Question, Story, description_lengths};
 use super::tuning::TUNING;
 use crate::error::Result;
 use crate::fit::Model;
+use crate::fit::pass::Sums;
+use crate::fit::segments::longest_run;
 
-/// The verdict when named effects explain something.
+/// What held-out runs say of a model, over their whole length.
+struct Unseen {
+    /// In units of the noise.
+    error: f64,
+    /// Whether that is the noise.
+    at_noise: bool,
+}
+
+/// Judges stories, the best first, the model as it is among them, and writes the answer.
 ///
 /// # Errors
 ///
-/// When the data do not suffice to ask for terms without a name.
-pub fn explained(question: &Question, diagnosis: &mut Diagnosis, chain: Chain) -> Result<()> {
-    let effects: Vec<&RankedEffect> = chain.links.iter().map(|link| &link.refit.effect).collect();
-    let Some((first, then)) = effects.split_first() else { return Ok(()) };
+/// When the data do not suffice to ask for a residual force.
+pub fn judge<'a>(
+    question: &Question<'a, '_>,
+    diagnosis: &mut Diagnosis,
+    model: &Model,
+    mut stories: Vec<Story<'a>>,
+) -> Result<()> {
+    let Some(place) = stories.iter().position(|story| story.members.is_empty()) else {
+        return Ok(());
+    };
+    let mut bare = stories.remove(place);
+    bare.grow(question.monitor);
+    let before = unseen(question, &bare);
+    let enough = bare.explains && before.at_noise;
+    let mut fault = None;
+    for story in &mut stories {
+        story.conclude();
+        let after = unseen(question, story);
+        let found = fault_of(story, &after, &before, enough.then_some(&bare));
+        let Some(found) = found else {
+            told(diagnosis, story, &before, &after);
+            return Ok(());
+        };
+        fault.get_or_insert((found, after));
+    }
+    diagnosis.held_out_error = before.error;
+    if enough {
+        diagnosis.verdict = Verdict::NothingMissing;
+        return Ok(());
+    }
+    unexplained(question, diagnosis, model, (&bare, &before), &stories, fault)
+}
+
+/// Why a story is not told; `None` where it holds. `enough` is the model as it is, where that
+/// explains the data already.
+fn fault_of(
+    story: &Story,
+    after: &Unseen,
+    before: &Unseen,
+    enough: Option<&Story>,
+) -> Option<&'static str> {
+    if !story.explains {
+        Some("it leaves more than noise on the runs that it was fitted to")
+    } else if !after.at_noise {
+        Some("it leaves more than noise on held-out runs")
+    } else if !(after.error < before.error || before.error.is_nan()) {
+        Some("held-out runs are explained as well without it")
+    } else if !story.stands() {
+        Some("not all of its coefficients are clearly different from zero")
+    } else if story.cancellation > TUNING.verdict.cancellation {
+        Some("its members nearly cancel each other, as expansions of something else do")
+    } else if enough.is_some_and(|bare| !pays(story, bare)) {
+        Some("the model explains the data as well without it")
+    } else {
+        None
+    }
+}
+
+/// Whether a story has a shorter description than another over segments that both follow.
+fn pays(story: &Story, than: &Story) -> bool {
+    let both = description_lengths(&[story, than]);
+    both.first() < both.last()
+}
+
+/// The error of a story on held-out runs, over all of their length.
+fn unseen(question: &Question, story: &Story) -> Unseen {
+    let context = story.context.with_data(question.held_out);
+    let sums = context.settle(longest_run(question.held_out).min(TUNING.states.longest)).2;
+    let error = error_of(&sums).0;
+    let at_noise = sums.diverged == 0 && is_noise(&sums, error);
+    Unseen { error, at_noise }
+}
+
+/// Whether squares are the noise's, to a tenth of its size or as well as so many can tell.
+fn is_noise(sums: &Sums, error: f64) -> bool {
+    error <= TUNING.verdict.reaches || excess(sums) == 0.0
+}
+
+/// A story that holds.
+fn told(diagnosis: &mut Diagnosis, story: &Story, before: &Unseen, after: &Unseen) {
+    let mut members: Vec<RankedEffect> =
+        story.members.iter().map(|member| member.effect.clone()).collect();
+    if let Some(first) = members.first_mut() {
+        first.held_out_error_before = before.error;
+    }
+    if let Some(last) = members.last_mut() {
+        last.held_out_error_after = after.error;
+    }
+    let Some((first, then)) = members.split_first() else { return };
     diagnosis.verdict = Verdict::Missing;
+    diagnosis.held_out_error = before.error;
     diagnosis.reason = format!(
         "{} takes the error on held-out runs from {:.2} to {:.2} times the noise",
         first.effect, first.held_out_error_before, first.held_out_error_after
@@ -33,77 +128,52 @@ pub fn explained(question: &Question, diagnosis: &mut Diagnosis, chain: Chain) -
             next.effect, next.held_out_error_after
         );
     }
-    diagnosis.further = then.iter().map(|&next| next.clone()).collect();
-    if chain.left == 0.0 && chain.links.len() == 1 {
-        return Ok(());
-    }
-    let tuning = &TUNING.verdict;
-    question.monitor.stage("terms without a name", 0.9);
-    let unnamed = best_unnamed(question, &chain)?;
-    let better = unnamed.as_ref().is_some_and(|(_, more)| *more > TUNING.ranking.indistinguishable);
-    let short = chain.error > tuning.reaches && chain.left > tuning.negligible;
-    let endless = chain.open && chain.links.len() == tuning.effects;
-    if better || endless || chain.left > tuning.leaves || short {
-        diagnosis.verdict = Verdict::Unexplained;
-        diagnosis.reason = match &unnamed {
-            Some((best, _)) if better => {
-                format!("`{}` explains it better than any effect of the catalogue", best.snippet)
-            }
-            _ => format!(
-                "the best effects of the catalogue ({}) leave {:.0} % of the misfit, {:.2} times \
-                 the noise",
-                effects.iter().map(|one| one.effect.as_str()).collect::<Vec<_>>().join(", "),
-                100.0 * chain.left,
-                chain.error
-            ),
-        };
-        diagnosis.unnamed_explains_more = better;
-        diagnosis.unnamed = unnamed.map(|(best, _)| best);
-    }
-    diagnosis.shape = chain.shape;
-    Ok(())
+    diagnosis.begin_with(first);
+    diagnosis.further = then.to_vec();
+    diagnosis.story = members;
 }
 
-/// The best term without a name, and by how much it explains more than a chain, prices paid.
-fn best_unnamed(question: &Question, chain: &Chain) -> Result<Option<(RankedEffect, f64)>> {
-    let &Question { scope, context, held_out, monitor } = question;
-    let all = unnamed(&mut scope.clone(), context.dataset);
-    let Ok(found) = ranking(context, held_out, &all, TUNING.ranking.later_refits, monitor) else {
-        return Ok(None);
-    };
-    let Some(best) = found.effects.into_iter().next() else { return Ok(None) };
-    let window = found.window.min(chain.window);
-    let (of_best, least) = squares(&best.refit.context(context), window);
-    let last = chain.links.last().map(|last| last.refit.context(context));
-    let (of_chain, other) =
-        last.as_ref().map_or((f64::INFINITY, least), |last| squares(last, window));
-    let more = (of_chain - of_best) / least.min(other) + chain.price() - best.price;
-    Ok(Some((best.refit.effect, more)))
-}
-
-/// The verdict when no candidate explains anything, asked over segments of `window` samples.
-///
-/// # Errors
-///
-/// When the data do not suffice to ask for a residual force.
-pub fn unexplained(
+/// Nothing that holds: what can be said all the same.
+fn unexplained(
     question: &Question,
     diagnosis: &mut Diagnosis,
     model: &Model,
-    window: usize,
+    (bare, before): (&Story, &Unseen),
+    stories: &[Story],
+    fault: Option<(&str, Unseen)>,
 ) -> Result<()> {
-    if !resolved(question, model) {
+    if stories.is_empty() && !resolved(question, model) {
+        diagnosis.verdict = Verdict::NothingMissing;
         diagnosis.reason = "what is left is at the limit of what the integrator and the digits of \
                             the data resolve"
             .to_string();
-    } else if let Some(shape) = strongest_map(&question.context.with_window(window))? {
-        diagnosis.verdict = Verdict::Unexplained;
-        diagnosis.reason = format!(
+        return Ok(());
+    }
+    diagnosis.verdict = Verdict::Unexplained;
+    let last = stories.first().unwrap_or(bare);
+    diagnosis.shape = if excess(&last.sums) > 0.0 { strongest_map(&last.context)? } else { None };
+    let unnamed = |story: &Story| story.members.iter().find(|one| !one.named).cloned();
+    let lead = stories.iter().find_map(unnamed);
+    diagnosis.unnamed = lead.map(|member| member.effect);
+    diagnosis.unnamed_explains_more = stories.first().and_then(unnamed).is_some();
+    diagnosis.reason = match (stories.first(), fault, &diagnosis.shape) {
+        (Some(best), Some((fault, after)), _) => format!(
+            "the best explanation that was found is none ({}, which takes the error of held-out \
+             runs over their whole length from {:.2} to {:.2} times the noise): {fault}",
+            best.labels().join(", "),
+            before.error,
+            after.error
+        ),
+        (_, _, Some(shape)) => format!(
             "the force on {} depends on {} in a way that no effect of the catalogue has",
             shape.on, shape.against
-        );
-        diagnosis.shape = Some(shape);
-    }
+        ),
+        _ => format!(
+            "over whole runs the error is {:.2} times the noise, and nothing that was tried takes \
+             it away",
+            before.error
+        ),
+    };
     Ok(())
 }
 

@@ -11,7 +11,7 @@ use crate::fit::tuning::TUNING as FIT;
 /// there are none.
 pub fn longer(context: &Context) -> Option<usize> {
     let window =
-        (2 * context.law.window()).min(longest_run(context.dataset).min(FIT.course.longest));
+        (2 * context.law.window()).min(longest_run(context.dataset).min(TUNING.states.longest));
     if window <= context.law.window() {
         return None;
     }
@@ -24,7 +24,7 @@ pub fn longer(context: &Context) -> Option<usize> {
 /// as long.
 pub fn followed(refit: &Refit, settled: &Settled) -> usize {
     let context = refit.context(&settled.context);
-    let longest = longest_run(context.dataset).min(FIT.course.longest);
+    let longest = longest_run(context.dataset).min(TUNING.states.longest);
     let mut window = context.law.window();
     if window >= longest {
         return window;

@@ -117,7 +117,7 @@ impl Law {
 
     /// The same with the covariance of its coefficients, then of the inner parameters that are
     /// `used`; the others have none.
-    pub(super) fn with_covariance_of(
+    pub fn with_covariance_of(
         mut self,
         used: &[ParameterId],
         covariance: &DMatrix<f64>,
@@ -198,6 +198,23 @@ impl Law {
             Some(covariance) => covariance.diagonal().iter().map(|x| x.sqrt()).collect(),
             None => vec![f64::INFINITY; size],
         }
+    }
+
+    /// A coefficient with its standard error; `None` outside the support.
+    pub fn coefficient_with_error(&self, id: TermId) -> Option<(f64, f64)> {
+        let at = self.support.binary_search(&id).ok()?;
+        Some((self.coefficients[at], self.error_at(at)))
+    }
+
+    /// An inner parameter with its standard error; `None` for one of another system.
+    pub fn parameter_with_error(&self, id: ParameterId) -> Option<(f64, f64)> {
+        let value = self.parameter(id)?;
+        Some((value, self.error_at(self.support.len() + id.position())))
+    }
+
+    fn error_at(&self, at: usize) -> f64 {
+        let covariance = self.covariance.as_ref();
+        covariance.map_or(f64::INFINITY, |covariance| covariance[(at, at)].sqrt())
     }
 
     /// Standard deviation of the noise of each observable, in its unit; empty where not known.

@@ -88,10 +88,7 @@ impl<'a> Reach<'a> {
         } else {
             TUNING.candidates.points
         };
-        let even = |a: f64, b: f64, count: usize| -> Vec<f64> {
-            let count = count.min(most).max(2);
-            (0..count).map(|i| a + (b - a) * i as f64 / (count - 1) as f64).collect()
-        };
+        let even = |a: f64, b: f64, count: usize| evenly(a, b, count.min(most).max(2));
         let ratio = |a: f64, b: f64, count: usize| -> Vec<f64> {
             let count = count.min(most).max(2);
             (0..count).map(|i| a * (b / a).powf(i as f64 / (count - 1) as f64)).collect()
@@ -104,7 +101,9 @@ impl<'a> Reach<'a> {
                     // mechanical data show, a quarter of the sampling rate, nothing is looked for.
                     let finest = std::f64::consts::PI / duration;
                     let highest = 0.25 * turn / step;
-                    even(2.0 * finest, highest.max(3.0 * finest), (highest / finest) as usize)
+                    let count = (highest / finest) as usize;
+                    let most = if scans.len() > 1 { most } else { TUNING.candidates.frequencies };
+                    evenly(2.0 * finest, highest.max(3.0 * finest), count.clamp(2, most))
                 }
                 ScanBy::Position => even(lower + 0.1 * spread, upper - 0.1 * spread, 9),
                 ScanBy::Length => ratio(0.1 * spread, spread, 4),
@@ -119,6 +118,11 @@ impl<'a> Reach<'a> {
             .collect();
         every_choice(&axes)
     }
+}
+
+/// So many values from one to another, two at least.
+fn evenly(a: f64, b: f64, count: usize) -> Vec<f64> {
+    (0..count).map(|i| a + (b - a) * i as f64 / (count - 1) as f64).collect()
 }
 
 /// All combinations of one value from each axis.

@@ -46,9 +46,9 @@ pub enum Origin {
     Catalogue(&'static EffectRow),
     /// The `candidates` of the spec.
     Spec,
-    /// A term without a name of its own: a statement, its inner parameters between braces.
+    /// A term without a name of its own.
     Unnamed {
-        /// The statement.
+        /// The statement; its inner parameters may stand between braces.
         statement: String,
         /// Names of the inner parameters, in their order.
         parameters: Vec<String>,
@@ -135,12 +135,10 @@ impl Candidate {
             Origin::Catalogue(row) => row.statement(&self.arguments, values),
             Origin::Spec => format!("effect {}", self.label),
             Origin::Unnamed { statement, parameters } => {
-                let fill = |text: String, (name, value): (&String, &f64)| {
-                    text.replace(&format!("{{{name}}}"), &format!("{value:.6}"))
-                };
-                // An inner number may be negative.
-                let filled = parameters.iter().zip(values).fold(statement.clone(), fill);
-                filled.replace("- -", "+ ")
+                let declared = |(name, value): (&String, &f64)| format!("param {name} = {value}; ");
+                let declared: String = parameters.iter().zip(values).map(declared).collect();
+                let bare = |text: String, name: &String| text.replace(&format!("{{{name}}}"), name);
+                format!("{declared}{}", parameters.iter().fold(statement.clone(), bare))
             }
         }
     }

@@ -68,34 +68,35 @@ pub fn unnamed(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
     }
     let reach = Reach::of(&system, dataset);
     let standing = system.parameters.len();
+    // A spec may have such terms already.
+    let held = system.terms.iter().filter_map(|term| term.name.as_deref());
+    let held = held.filter(|name| name.starts_with("unnamed")).count();
+    let name = if held == 0 { "unnamed".to_string() } else { format!("unnamed_{}", held + 1) };
     let candidate = |draft: Draft| {
-        let mut statement = draft.statement.clone();
-        let mut lines = Vec::new();
+        let mut statement = draft.statement.replace("unnamed:", &format!("{name}:"));
+        let mut parameters = Vec::new();
         for (parameter, _) in &draft.scans {
-            let name = format!("{parameter}_of_unnamed");
-            statement = statement.replace(&format!("{{{parameter}}}"), &name);
-            lines.push(format!("param {name} = 1"));
+            let own = format!("{parameter}_of_{name}");
+            statement = statement.replace(&format!("{{{parameter}}}"), &own);
+            parameters.push(own);
         }
-        lines.push(statement);
-        let extension = scope.extension(&lines.join("\n")).ok()?;
-        let terms = terms_of(&extension, |term| term.name.as_deref() == Some("unnamed"));
-        let parameters = extension.parameters().map(|(id, ..)| id);
-        let parameters = parameters.filter(|id| id.position() >= standing).collect();
+        let lines: Vec<String> = parameters.iter().map(|own| format!("param {own} = 1")).collect();
+        let extension = scope.extension(&format!("{}\n{statement}", lines.join("\n"))).ok()?;
+        let terms = terms_of(&extension, |term| term.name.as_deref() == Some(name.as_str()));
+        let ids = extension.parameters().map(|(id, ..)| id);
+        let ids = ids.filter(|id| id.position() >= standing).collect();
         let scans: Vec<ScanBy> = draft.scans.iter().map(|(_, by)| *by).collect();
         let first = draft.on.first().map_or("", String::as_str);
         let grid = reach.grid(&scans, first);
         (!terms.is_empty()).then(|| Candidate {
-            origin: Origin::Unnamed {
-                statement: draft.statement,
-                parameters: draft.scans.iter().map(|(name, _)| name.to_string()).collect(),
-            },
+            origin: Origin::Unnamed { statement, parameters },
             label: draft.label,
             on: draft.on,
             arguments: Vec::new(),
             choice: 0.0,
             extension,
             terms,
-            parameters,
+            parameters: ids,
             grid,
         })
     };

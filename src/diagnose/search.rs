@@ -1,0 +1,148 @@
+//! The search over stories: a beam of sets of changes, extended, exchanged and shortened.
+
+use super::candidates::composed::{Budget, composed};
+use super::candidates::{Candidate, candidates, unnamed};
+use super::ranking::{Ranking, ranking};
+use super::story::{Question, Story, sort_by_description_length};
+use super::tuning::TUNING;
+use crate::error::Result;
+
+/// Stories, the best first: at least that without a change.
+///
+/// `first` is what asking all named candidates of the bare model found. The search goes on as long
+/// as the best story does not explain the data over whole runs: each of the leading stories is
+/// extended by the changes that pay most beside it. When it has ended, each member of the best is
+/// taken out and looked for again among all candidates: while others were missing, a more
+/// flexible change may have stood in for them.
+///
+/// # Errors
+///
+/// When a change does not fit the spec.
+pub fn stories<'a>(question: &Question<'a, '_>, first: &Ranking) -> Result<Vec<Story<'a>>> {
+    let tuning = &TUNING.verdict;
+    let monitor = question.monitor;
+    let bare = Story::bare(question);
+    let mut ended: Vec<Story> = Vec::new();
+    let mut beam: Vec<Story> = Vec::new();
+    for judged in first.effects.iter().take(tuning.beginnings) {
+        let story = bare.with(judged, first.window, monitor)?;
+        let enough = holds(&story);
+        beam.push(story);
+        if enough || monitor.stopped() {
+            break;
+        }
+    }
+    if !beam.iter().any(holds) && !monitor.stopped() {
+        monitor.stage("terms without a name", 0.7);
+        beam.extend(with_unnamed(question, &bare)?);
+    }
+    sort_by_description_length(&mut beam);
+    for depth in 1..tuning.effects {
+        beam.truncate(tuning.beam);
+        if beam.first().is_none_or(holds) || monitor.stopped() {
+            break;
+        }
+        monitor.stage("what else is missing", 0.75 + 0.05 * depth as f64);
+        let mut next: Vec<Story> = Vec::new();
+        for story in std::mem::take(&mut beam) {
+            if story.explains || monitor.stopped() {
+                ended.push(story);
+                continue;
+            }
+            let longer = extended(question, &story)?;
+            if longer.is_empty() {
+                ended.push(story);
+                continue;
+            }
+            for one in longer {
+                if !next.iter().any(|other| other.labels() == one.labels()) {
+                    next.push(one);
+                }
+            }
+        }
+        sort_by_description_length(&mut next);
+        beam = next;
+    }
+    ended.append(&mut beam);
+    sort_by_description_length(&mut ended);
+    // A story that holds is told before one that is shorter and explains less.
+    ended.sort_by_key(|story| !holds(story));
+    if let Some(best) = ended.first().filter(|best| holds(best) && best.members.len() > 1) {
+        let best = exchanged(question, best.clone())?;
+        ended.retain(|story| story.labels() != best.labels());
+        ended.insert(0, best);
+    }
+    ended.push(bare);
+    Ok(ended)
+}
+
+/// Whether a story may be told: it explains the data over whole runs, with nothing to spare.
+fn holds(story: &Story) -> bool {
+    story.explains && story.stands()
+}
+
+/// The story with each of the changes that pay most beside it.
+fn extended<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Result<Vec<Story<'a>>> {
+    let mut scope = story.scope.clone();
+    let all = candidates(&mut scope, story.context.dataset);
+    added(question, story, &all)
+}
+
+/// The same with terms that have no name.
+fn with_unnamed<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Result<Vec<Story<'a>>> {
+    let mut scope = story.scope.clone();
+    let budget = Budget::default();
+    let mut all = composed(&mut scope, &story.context, budget, question.monitor)?;
+    all.extend(unnamed(&mut scope, story.context.dataset));
+    added(question, story, &all)
+}
+
+fn added<'a>(
+    question: &Question<'a, '_>,
+    story: &Story<'a>,
+    all: &[Candidate],
+) -> Result<Vec<Story<'a>>> {
+    let (held_out, monitor) = (question.held_out, question.monitor);
+    let most = TUNING.ranking.later_refits;
+    // A model that loses the motion answers no further question.
+    let Ok(ranking) = ranking(&story.context, held_out, all, most, monitor) else {
+        return Ok(Vec::new());
+    };
+    let best = ranking.effects.iter().take(TUNING.verdict.branches);
+    best.map(|judged| story.with(judged, ranking.window, monitor)).collect()
+}
+
+/// The story with members taken out that do not pay, and exchanged for what explains more, or as
+/// much with less.
+fn exchanged<'a>(question: &Question<'a, '_>, story: Story<'a>) -> Result<Story<'a>> {
+    let mut best = story;
+    for _ in 0..TUNING.verdict.effects {
+        let mut better = None;
+        for place in 0..best.members.len() {
+            if question.monitor.stopped() {
+                return Ok(best);
+            }
+            let Some(without) = best.without(question, place)? else { continue };
+            let mut rivals = extended(question, &without)?;
+            rivals.retain(|rival| holds(rival) && rival.labels() != best.labels());
+            if holds(&without) {
+                rivals.push(without);
+            }
+            if rivals.is_empty() {
+                continue;
+            }
+            rivals.push(best.clone());
+            sort_by_description_length(&mut rivals);
+            let first = rivals.swap_remove(0);
+            if first.labels() != best.labels() {
+                better = Some(first);
+                break;
+            }
+        }
+        match better {
+            Some(story) => best = story,
+            None => break,
+        }
+    }
+    Ok(best)
+}

@@ -1,0 +1,265 @@
+//! A story: changes to a model that are judged as one.
+
+use super::context::Context;
+use super::evidence::Judged;
+use super::misfit::excess;
+use super::refit::{Precision, RankedEffect, fitted};
+use super::tuning::TUNING;
+use super::window::longer;
+use crate::data::Dataset;
+use crate::error::Result;
+use crate::expr::{ParameterId, Scope, TermId};
+use crate::fit::Monitor;
+use crate::fit::pass::Sums;
+use crate::fit::segments::longest_run;
+
+/// What is asked: what a model before its data misses.
+pub struct Question<'a, 'b> {
+    /// The spec of the model.
+    pub scope: &'b Scope,
+    /// The model before the runs that it was fitted to, residuals weighed by the noise floor.
+    pub context: &'b Context<'a>,
+    /// Other runs.
+    pub held_out: &'a Dataset,
+    /// Told how far it is.
+    pub monitor: &'b dyn Monitor,
+}
+
+/// One change of a story.
+#[derive(Clone)]
+pub struct Member {
+    /// What it is, with its numbers when it was found; its errors are those of the story up to it.
+    pub effect: RankedEffect,
+    /// Its terms in the story's system.
+    terms: Vec<TermId>,
+    /// Its inner parameters there.
+    parameters: Vec<ParameterId>,
+    /// What its unknowns cost, and what it takes to say which candidate it is: twice the nats.
+    price: f64,
+    /// Whether it has a name: an effect of the catalogue, or of the spec.
+    pub named: bool,
+}
+
+/// A model with changes to it, the changes and what they cost.
+#[derive(Clone)]
+pub struct Story<'a> {
+    /// The changes, in the order in which they were found.
+    pub members: Vec<Member>,
+    /// The spec with all of them.
+    pub scope: Scope,
+    /// The model with all of them before the training runs. Its window is the longest that it was
+    /// held against.
+    pub context: Context<'a>,
+    /// What it leaves of segments of that length.
+    pub sums: Sums,
+    /// Whether that is noise, over whole runs.
+    pub explains: bool,
+    /// How much larger than all members together the largest of them is, in what they do to
+    /// predictions; known when the story is concluded.
+    pub cancellation: f64,
+}
+
+impl<'a> Story<'a> {
+    /// The story without a change: the model as it is.
+    pub fn bare(question: &Question<'a, '_>) -> Story<'a> {
+        let context = question.context.clone();
+        let sums = context.settle(context.law.window()).2;
+        let scope = question.scope.clone();
+        Story { members: Vec::new(), scope, context, sums, explains: false, cancellation: 1.0 }
+    }
+
+    /// The story with one more change, held against longer and longer segments as long as it
+    /// leaves noise. It was fitted over segments of `window` samples.
+    ///
+    /// # Errors
+    ///
+    /// When the change does not fit the spec.
+    pub fn with(&self, judged: &Judged, window: usize, monitor: &dyn Monitor) -> Result<Story<'a>> {
+        let scope = self.scope.with(&judged.refit.effect.snippet)?;
+        let system = &scope.compiled().system;
+        let standing = self.scope.compiled().system.parameters.len();
+        let parameters =
+            system.parameter_ids().into_iter().filter(|id| id.position() >= standing).collect();
+        let member = Member {
+            effect: judged.refit.effect.clone(),
+            terms: judged.refit.terms.clone(),
+            parameters,
+            price: judged.price + 2.0 * judged.refit.candidate_choice,
+            named: judged.refit.named,
+        };
+        let context = judged.refit.context(&self.context).with_window(window);
+        let sums = judged.refit.left_of_all(&context);
+        let context = context.with_law(context.law.on(system));
+        let members = self.members.iter().cloned().chain([member]).collect();
+        let mut story = Story { members, scope, context, sums, explains: false, cancellation: 1.0 };
+        story.grow(monitor);
+        Ok(story)
+    }
+
+    /// The story without one of its members, its numbers fitted again; `None` where they cannot be.
+    ///
+    /// # Errors
+    ///
+    /// When the other members do not fit the spec.
+    pub fn without(&self, question: &Question<'a, '_>, place: usize) -> Result<Option<Story<'a>>> {
+        let mut members = self.members.clone();
+        members.remove(place);
+        let mut scope = question.scope.clone();
+        for member in &mut members {
+            let standing = scope.compiled().system.clone();
+            scope = scope.with(&member.effect.snippet)?;
+            let system = &scope.compiled().system;
+            let new = |position: usize, count: usize| position >= count;
+            let terms = system.term_ids().into_iter();
+            member.terms = terms.filter(|id| new(id.position(), standing.terms.len())).collect();
+            let parameters = system.parameter_ids().into_iter();
+            let count = standing.parameters.len();
+            member.parameters = parameters.filter(|id| new(id.position(), count)).collect();
+        }
+        let law = self.context.law.on(&scope.compiled().system);
+        // What the member stood for, the others take over as well as they can.
+        let Some(context) = self.context.with_law(law).refitted() else { return Ok(None) };
+        let sums = context.settle(context.law.window()).2;
+        let mut story = Story { members, scope, context, sums, explains: false, cancellation: 1.0 };
+        story.grow(question.monitor);
+        Ok(Some(story))
+    }
+
+    /// Holds the story against longer segments as long as it leaves noise, its numbers fitted
+    /// again where they no longer do.
+    pub fn grow(&mut self, monitor: &dyn Monitor) {
+        let mut refitted = false;
+        loop {
+            if excess(&self.sums) > 0.0 {
+                // Numbers that were fitted to short segments need not hold for long ones.
+                if refitted || monitor.stopped() || !self.refit(Precision::Full) {
+                    return;
+                }
+                refitted = true;
+                continue;
+            }
+            let Some(window) = longer(&self.context) else {
+                self.explains = !self.is_short_of_whole_runs();
+                return;
+            };
+            self.context = self.context.with_window(window);
+            self.sums = self.context.settle(window).2;
+            refitted = false;
+        }
+    }
+
+    /// Whether segments could still become longer.
+    fn is_short_of_whole_runs(&self) -> bool {
+        let longest = longest_run(self.context.dataset).min(TUNING.states.longest);
+        self.context.law.window() < longest
+    }
+
+    /// Fits all numbers again, over segments of the present length; whether that helps.
+    fn refit(&mut self, precision: Precision) -> bool {
+        let settled = self.context.settled();
+        let Some(found) = fitted(&settled, &self.context.law, precision) else { return false };
+        let better = found.sums.loss < self.sums.loss && found.sums.diverged <= self.sums.diverged;
+        if better {
+            self.context = self.context.with_law(found.law);
+            self.sums = found.sums;
+        }
+        better
+    }
+
+    /// Fits all numbers to the longest segments that the story follows, and gives each member its
+    /// own.
+    pub fn conclude(&mut self) {
+        let settled = self.context.settled();
+        let Some(found) = fitted(&settled, &self.context.law, Precision::Full) else { return };
+        if found.sums.diverged > self.sums.diverged || !found.sums.loss.is_finite() {
+            return;
+        }
+        let groups: Vec<Vec<TermId>> = self.members.iter().map(|one| one.terms.clone()).collect();
+        self.cancellation = found.cancellation(&groups);
+        let law = &found.law;
+        for member in &mut self.members {
+            let terms = member.terms.iter().filter_map(|&id| law.coefficient_with_error(id));
+            let inner = member.parameters.iter().filter_map(|&id| law.parameter_with_error(id));
+            let numbers: Vec<(f64, f64)> = terms.chain(inner).collect();
+            // What a term without a name was placed by is written into it.
+            for (at, (value, error)) in numbers.into_iter().enumerate() {
+                if let Some(slot) = member.effect.coefficient.get_mut(at) {
+                    *slot = value;
+                }
+                if let Some(slot) = member.effect.standard_error.get_mut(at) {
+                    *slot = error;
+                }
+            }
+        }
+        if found.sums.loss <= self.sums.loss {
+            self.sums = found.sums;
+        }
+        self.context = self.context.with_law(found.law);
+    }
+
+    /// What all its unknowns and choices cost: twice the nats.
+    pub fn price(&self) -> f64 {
+        self.members.iter().map(|member| member.price).sum()
+    }
+
+    /// Squares that are left over segments of `window` samples, and independent residuals.
+    pub fn squares(&self, window: usize) -> (f64, f64) {
+        if window == self.context.law.window() {
+            return (self.sums.loss, self.sums.rows.max(1) as f64);
+        }
+        let sums = self.context.settle(window).2;
+        (sums.loss, sums.rows.max(1) as f64)
+    }
+
+    /// Names of its changes, in alphabetical order.
+    pub fn labels(&self) -> Vec<String> {
+        let mut labels: Vec<String> =
+            self.members.iter().map(|member| member.effect.effect.clone()).collect();
+        labels.sort();
+        labels
+    }
+
+    /// Whether every coefficient of every member is clearly not zero. The cosine and the sine of one
+    /// wave are its amplitude and its phase: they are so together.
+    pub fn stands(&self) -> bool {
+        let system = &self.scope.compiled().system;
+        let wave = |id: TermId| {
+            let name = system.term(id).and_then(|term| term.name.as_deref()).unwrap_or("");
+            name.strip_suffix("_cos").or_else(|| name.strip_suffix("_sin")).map(str::to_string)
+        };
+        self.members.iter().all(|member| {
+            let numbers = member.effect.coefficient.iter().zip(&member.effect.standard_error);
+            let ratios = numbers.map(|(value, error)| (value / error).powi(2));
+            let mut squares: Vec<(Option<String>, f64)> = Vec::new();
+            for (&id, ratio) in member.terms.iter().zip(ratios) {
+                let wave = wave(id);
+                match squares.iter_mut().find(|(of, _)| wave.is_some() && *of == wave) {
+                    Some((_, sum)) => *sum += ratio,
+                    None => squares.push((wave, ratio)),
+                }
+            }
+            squares.iter().all(|(_, sum)| *sum >= TUNING.verdict.standard_errors.powi(2))
+        })
+    }
+}
+
+/// What stories leave over segments that all of them follow, and what they cost: twice the nats of
+/// their description, but for what all have in common.
+pub fn description_lengths(stories: &[&Story]) -> Vec<f64> {
+    let Some(window) = stories.iter().map(|story| story.context.law.window()).min() else {
+        return Vec::new();
+    };
+    let squares: Vec<(f64, f64)> = stories.iter().map(|story| story.squares(window)).collect();
+    let mean = squares.iter().map(|(loss, rows)| loss / rows).fold(f64::INFINITY, f64::min);
+    let variance = if mean.is_finite() { mean.max(TUNING.scan.least_variance) } else { 1.0 };
+    let both = stories.iter().zip(&squares);
+    both.map(|(story, (loss, _))| loss / variance + story.price()).collect()
+}
+
+/// Sorts stories by their description length, the shortest first.
+pub fn sort_by_description_length(stories: &mut Vec<Story>) {
+    let lengths = description_lengths(&stories.iter().collect::<Vec<_>>());
+    let mut both: Vec<(f64, Story)> = lengths.into_iter().zip(stories.drain(..)).collect();
+    both.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+    stories.extend(both.into_iter().map(|(_, story)| story));
+}
