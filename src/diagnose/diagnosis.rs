@@ -161,7 +161,9 @@ pub fn diagnose(
     let all = candidates(&mut scope, training);
     let first = ranking(&context, held_out, &all, TUNING.ranking.first_refits, monitor)?;
     let mut diagnosis = Diagnosis::of(&first, all.len(), context.law.noise());
-    let question = Question { scope: &scope, context: &context, held_out, monitor };
+    let resolutions: Vec<f64> = model.noise.iter().map(|noise| noise.resolution).collect();
+    let resolutions = resolutions.as_slice();
+    let question = Question { scope: &scope, context: &context, held_out, resolutions, monitor };
     let stories = stories(&question, &first)?;
     judge(&question, &mut diagnosis, model, stories)?;
     Ok(diagnosis)

@@ -15,6 +15,40 @@ use crate::fit::scales::{fewest_samples, scales};
 /// are far smoother than these predictions are good, what is not smooth in the data. Never less
 /// than what the integrator resolves.
 pub fn noise_floor(context: &Context, model: &Model) -> Vec<f64> {
+    let resolutions: Vec<f64> = model.noise.iter().map(|noise| noise.resolution).collect();
+    let own = context.law.noise();
+    let measured = measured(context, &resolutions);
+    let both = own.iter().zip(measured);
+    both.map(|(&own, measured)| match measured {
+        Some(Measured { noise, error })
+            if noise < own * (1.0 - TUNING.noise_floor.below * error) =>
+        {
+            noise
+        }
+        _ => own,
+    })
+    .collect()
+}
+
+/// Noise of every observable over the shortest predictions of a model that explains the data; as
+/// the context has it where there are too few residuals. Never less than `resolutions`.
+pub(super) fn noise_of(context: &Context, resolutions: &[f64]) -> Vec<f64> {
+    let own = context.law.noise().iter();
+    let measured = measured(context, resolutions).into_iter();
+    own.zip(measured).map(|(&own, short)| short.map_or(own, |short| short.noise)).collect()
+}
+
+/// An estimate of the noise of an observable.
+struct Measured {
+    noise: f64,
+    /// Relative standard error; zero for what is not smooth in smooth data.
+    error: f64,
+}
+
+/// Noise of every observable over the shortest predictions that the data allow; what is not smooth
+/// in the data where these predictions stray for lack of a force. `None` where there are too few
+/// residuals.
+fn measured(context: &Context, resolutions: &[f64]) -> Vec<Option<Measured>> {
     let scales = scales(&context.measured, 2 * context.system().degrees());
     let window = fewest_samples(&scales, context.measured.samples());
     let mut judge = context.clone();
@@ -42,22 +76,16 @@ pub fn noise_floor(context: &Context, model: &Model) -> Vec<f64> {
             break;
         }
     }
-    let resolutions = model.noise.iter().map(|noise| noise.resolution);
-    let of_model =
-        judge.law.noise().iter().zip(context.law.noise()).zip(known).zip(resolutions).enumerate();
-    of_model
-        .map(|(row, (((&short, &own), error), resolution))| {
-            let Some(error) = error else { return own };
-            let rough = roughness(context.dataset, row);
-            match rough.filter(|rough| TUNING.noise_floor.strays * rough < short) {
-                Some(rough) => rough.max(resolution),
-                None if short < own * (1.0 - TUNING.noise_floor.below * error) => {
-                    short.max(resolution)
-                }
-                None => own,
-            }
+    let all = judge.law.noise().iter().zip(known).zip(resolutions).enumerate();
+    all.map(|(row, ((&short, error), &resolution))| {
+        let error = error?;
+        let rough = roughness(context.dataset, row);
+        Some(match rough.filter(|rough| TUNING.noise_floor.strays * rough < short) {
+            Some(rough) => Measured { noise: rough.max(resolution), error: 0.0 },
+            None => Measured { noise: short.max(resolution), error },
         })
-        .collect()
+    })
+    .collect()
 }
 
 /// What is not smooth in a column: the median of its differences of some order, of the order where

@@ -3,7 +3,7 @@
 use super::candidates::composed::{Budget, composed};
 use super::candidates::{Candidate, candidates, unnamed};
 use super::ranking::{Ranking, ranking};
-use super::story::{Question, Story, sort_by_description_length};
+use super::story::{Question, Story, agree_on_noise, sort_by_description_length};
 use super::tuning::TUNING;
 use crate::error::Result;
 
@@ -25,7 +25,7 @@ pub fn stories<'a>(question: &Question<'a, '_>, first: &Ranking) -> Result<Vec<S
     let mut ended: Vec<Story> = Vec::new();
     let mut beam: Vec<Story> = Vec::new();
     for judged in first.effects.iter().take(tuning.beginnings) {
-        let story = bare.with(judged, first.window, monitor)?;
+        let story = bare.with(judged, first.window, question)?;
         let enough = holds(&story);
         beam.push(story);
         if enough || monitor.stopped() {
@@ -36,23 +36,31 @@ pub fn stories<'a>(question: &Question<'a, '_>, first: &Ranking) -> Result<Vec<S
         monitor.stage("terms without a name", 0.7);
         beam.extend(with_unnamed(question, &bare)?);
     }
+    agree_on_noise(&mut beam);
     sort_by_description_length(&mut beam);
+    // What one more change costs, at least.
+    let cheapest = beam.iter().map(Story::price).fold(f64::INFINITY, f64::min);
     for depth in 1..tuning.effects {
-        beam.truncate(tuning.beam);
-        if beam.first().is_none_or(holds) || monitor.stopped() {
+        let told = ended.iter().chain(&beam).filter(|story| holds(story));
+        let least = told.map(Story::price).fold(f64::INFINITY, f64::min);
+        let (open, done): (Vec<Story>, Vec<Story>) = std::mem::take(&mut beam)
+            .into_iter()
+            .partition(|story| !story.explains && story.price() + cheapest < least);
+        ended.extend(done);
+        if open.is_empty() || monitor.stopped() {
+            ended.extend(open);
             break;
         }
         monitor.stage("what else is missing", 0.75 + 0.05 * depth as f64);
         let mut next: Vec<Story> = Vec::new();
-        for story in std::mem::take(&mut beam) {
-            if story.explains || monitor.stopped() {
+        for (place, story) in open.into_iter().enumerate() {
+            if place >= tuning.beam || monitor.stopped() {
                 ended.push(story);
                 continue;
             }
             let longer = extended(question, &story)?;
             if longer.is_empty() {
                 ended.push(story);
-                continue;
             }
             for one in longer {
                 if !next.iter().any(|other| other.labels() == one.labels()) {
@@ -60,10 +68,12 @@ pub fn stories<'a>(question: &Question<'a, '_>, first: &Ranking) -> Result<Vec<S
                 }
             }
         }
+        agree_on_noise(&mut next);
         sort_by_description_length(&mut next);
         beam = next;
     }
     ended.append(&mut beam);
+    agree_on_noise(&mut ended);
     sort_by_description_length(&mut ended);
     // A story that holds is told before one that is shorter and explains less.
     ended.sort_by_key(|story| !holds(story));
@@ -109,7 +119,7 @@ fn added<'a>(
         return Ok(Vec::new());
     };
     let best = ranking.effects.iter().take(TUNING.verdict.branches);
-    best.map(|judged| story.with(judged, ranking.window, monitor)).collect()
+    best.map(|judged| story.with(judged, ranking.window, question)).collect()
 }
 
 /// The story with members taken out that do not pay, and exchanged for what explains more, or as

@@ -3,6 +3,7 @@
 use super::context::Context;
 use super::evidence::Judged;
 use super::misfit::excess;
+use super::noise_floor::noise_of;
 use super::refit::{Precision, RankedEffect, fitted};
 use super::tuning::TUNING;
 use super::window::longer;
@@ -21,6 +22,8 @@ pub struct Question<'a, 'b> {
     pub context: &'b Context<'a>,
     /// Other runs.
     pub held_out: &'a Dataset,
+    /// What the integrator and the digits of the data resolve of each observable.
+    pub resolutions: &'b [f64],
     /// Told how far it is.
     pub monitor: &'b dyn Monitor,
 }
@@ -74,7 +77,12 @@ impl<'a> Story<'a> {
     /// # Errors
     ///
     /// When the change does not fit the spec.
-    pub fn with(&self, judged: &Judged, window: usize, monitor: &dyn Monitor) -> Result<Story<'a>> {
+    pub fn with(
+        &self,
+        judged: &Judged,
+        window: usize,
+        question: &Question<'a, '_>,
+    ) -> Result<Story<'a>> {
         let scope = self.scope.with(&judged.refit.effect.snippet)?;
         let system = &scope.compiled().system;
         let standing = self.scope.compiled().system.parameters.len();
@@ -92,8 +100,33 @@ impl<'a> Story<'a> {
         let context = context.with_law(context.law.on(system));
         let members = self.members.iter().cloned().chain([member]).collect();
         let mut story = Story { members, scope, context, sums, explains: false, cancellation: 1.0 };
-        story.grow(monitor);
+        story.measure_noise(question);
+        story.grow(question.monitor);
         Ok(story)
+    }
+
+    /// Takes the noise from the shortest predictions of this story: before a precise sensor a strong
+    /// force shows even there, and is taken for noise as long as the model lacks it.
+    fn measure_noise(&mut self, question: &Question<'a, '_>) {
+        for _ in 0..TUNING.noise_floor.stories {
+            let noise = noise_of(&self.context, question.resolutions);
+            let moved = noise.iter().zip(self.context.law.noise());
+            let moved = moved.map(|(new, old)| (new / old).ln().abs()).fold(0.0, f64::max);
+            if moved < TUNING.noise_floor.moved || question.monitor.stopped() {
+                return;
+            }
+            self.hold_against(noise);
+            if excess(&self.sums) > 0.0 {
+                self.refit(Precision::Full);
+            }
+        }
+    }
+
+    /// Judges what it leaves by another noise of each observable.
+    fn hold_against(&mut self, noise: Vec<f64>) {
+        self.context = self.context.with_noise(noise);
+        self.sums = self.context.settle(self.context.law.window()).2;
+        self.explains &= excess(&self.sums) == 0.0;
     }
 
     /// The story without one of its members, its numbers fitted again; `None` where they cannot be.
@@ -202,12 +235,14 @@ impl<'a> Story<'a> {
         self.members.iter().map(|member| member.price).sum()
     }
 
-    /// Squares that are left over segments of `window` samples, and independent residuals.
-    pub fn squares(&self, window: usize) -> (f64, f64) {
-        if window == self.context.law.window() {
+    /// Squares that are left over segments of `window` samples before such a noise, and independent
+    /// residuals.
+    fn squares(&self, window: usize, noise: &[f64]) -> (f64, f64) {
+        let same = noise == self.context.law.noise();
+        if same && window == self.context.law.window() {
             return (self.sums.loss, self.sums.rows.max(1) as f64);
         }
-        let sums = self.context.settle(window).2;
+        let sums = self.context.with_noise(noise.to_vec()).settle(window).2;
         (sums.loss, sums.rows.max(1) as f64)
     }
 
@@ -249,11 +284,30 @@ pub fn description_lengths(stories: &[&Story]) -> Vec<f64> {
     let Some(window) = stories.iter().map(|story| story.context.law.window()).min() else {
         return Vec::new();
     };
-    let squares: Vec<(f64, f64)> = stories.iter().map(|story| story.squares(window)).collect();
+    let Some(noise) = least_noise(stories) else { return Vec::new() };
+    let squares: Vec<(f64, f64)> =
+        stories.iter().map(|story| story.squares(window, &noise)).collect();
     let mean = squares.iter().map(|(loss, rows)| loss / rows).fold(f64::INFINITY, f64::min);
     let variance = if mean.is_finite() { mean.max(TUNING.scan.least_variance) } else { 1.0 };
     let both = stories.iter().zip(&squares);
     both.map(|(story, (loss, _))| loss / variance + story.price()).collect()
+}
+
+/// The noise of the story that leaves the least of it: what all are judged by.
+fn least_noise(stories: &[&Story]) -> Option<Vec<f64>> {
+    let size = |story: &Story| story.context.law.noise().iter().map(|s| s.ln()).sum::<f64>();
+    let least = stories.iter().min_by(|a, b| size(a).total_cmp(&size(b)))?;
+    Some(least.context.law.noise().to_vec())
+}
+
+/// Judges all stories by the noise of the one that leaves the least of it.
+pub fn agree_on_noise(stories: &mut [Story]) {
+    let Some(noise) = least_noise(&stories.iter().collect::<Vec<_>>()) else { return };
+    for story in stories {
+        if story.context.law.noise() != noise.as_slice() {
+            story.hold_against(noise.clone());
+        }
+    }
 }
 
 /// Sorts stories by their description length, the shortest first.

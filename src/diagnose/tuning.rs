@@ -54,6 +54,10 @@ pub struct NoiseFloor {
     /// Standard errors that the short estimate is below the model's before it is believed: the
     /// smaller of two estimates of the same noise would be too small.
     pub below: f64,
+    /// Times that the noise is measured anew with a story that explains the misfit, at most.
+    pub stories: usize,
+    /// Logarithm of the factor by which a noise has to move before it is.
+    pub moved: f64,
     /// Where even the shortest predictions stray this many times further than a column is rough,
     /// they stray for lack of a force. Columns that somebody smoothed before stay below.
     pub strays: f64,
@@ -305,7 +309,14 @@ pub struct Design {
 /// The numbers that are used.
 pub const TUNING: Tuning = Tuning {
     sufficiency: Sufficiency { residuals: 20, held_out_residuals: 8 },
-    noise_floor: NoiseFloor { rounds: 6, residuals: 20.0, below: 3.0, strays: 100.0 },
+    noise_floor: NoiseFloor {
+        rounds: 6,
+        residuals: 20.0,
+        below: 3.0,
+        stories: 3,
+        moved: 0.05,
+        strays: 100.0,
+    },
     states: States { first_samples: 8, growth: 4, retries: 6, settled: 1e-4, longest: 20_000 },
     candidates: Candidates {
         points: 48,

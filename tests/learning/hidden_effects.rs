@@ -72,11 +72,24 @@ fn nothing_is_named_where_nothing_is_hidden() {
 }
 
 #[test]
-fn what_no_catalogue_has_is_said_to_be_unexplained() {
+fn what_no_catalogue_has_is_composed_where_a_term_says_it() {
     for stranger in STRANGERS.iter().filter(|stranger| stranger.name == "bump") {
         let outcome = outcome(&stranger.case(0.01, 1), stranger.name);
         let reason = &outcome.diagnosis.reason;
+        assert_eq!(outcome.verdict, Verdict::Missing, "{}: {reason}", stranger.base);
+        let story = &outcome.diagnosis.story;
+        let is_bump = |label: &str| label.starts_with("V exp(-") || label.starts_with("bump");
+        assert!(story.len() == 1 && is_bump(&story[0].effect), "{}: {reason}", stranger.base);
+    }
+}
+
+#[test]
+fn what_no_term_says_is_unexplained() {
+    for stranger in STRANGERS.iter().filter(|stranger| stranger.name != "bump") {
+        let outcome = outcome(&stranger.case(0.01, 1), stranger.name);
+        let reason = &outcome.diagnosis.reason;
         assert_eq!(outcome.verdict, Verdict::Unexplained, "{}: {reason}", stranger.base);
+        assert!(outcome.diagnosis.story.is_empty());
     }
 }
 

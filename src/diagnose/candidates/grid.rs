@@ -105,7 +105,8 @@ impl<'a> Reach<'a> {
                     let most = if scans.len() > 1 { most } else { TUNING.candidates.frequencies };
                     evenly(2.0 * finest, highest.max(3.0 * finest), count.clamp(2, most))
                 }
-                ScanBy::Position => even(lower + 0.1 * spread, upper - 0.1 * spread, 9),
+                // What a motion runs into, it hardly gets beyond.
+                ScanBy::Position => even(lower + 0.02 * spread, upper - 0.02 * spread, 13),
                 ScanBy::Length => ratio(0.1 * spread, spread, 4),
                 ScanBy::WaveNumber => ratio(0.5 * turn / spread, 8.0 * turn / spread, 24),
                 ScanBy::Instant => even(start + 0.05 * duration, end - 0.05 * duration, 16),
