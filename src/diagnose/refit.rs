@@ -248,7 +248,8 @@ pub fn fitted(settled: &Settled, law: &Law, precision: Precision) -> Option<Fitt
     // The noise is that of the context, whatever this fit leaves.
     let law = training.law().clone().with_noise(context.law.noise().to_vec());
     let law = law.with_window(context.law.window());
-    let law = law.clone().with_covariance_of(&law.dynamics(), &covariance);
+    let used = law.dynamics().parameters().to_vec();
+    let law = law.with_covariance_of(&used, &covariance);
     let mut noise = training.accuracy.resolution.iter().zip(context.law.noise());
     Some(Fitted { law, sums, resolved: noise.all(|(least, s)| least <= s), factor })
 }
