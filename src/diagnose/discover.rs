@@ -104,7 +104,9 @@ pub fn discover(
             break (sentence, Verdict::Unexplained);
         };
         for (at, member) in diagnosis.story.iter().enumerate() {
-            let others = if at == 0 { diagnosis.indistinguishable.as_slice() } else { &[] };
+            let alone = at == 0 && diagnosis.story.len() == 1;
+            let others =
+                if alone { &diagnosis.indistinguishable } else { &member.indistinguishable };
             steps.push(step(member, others));
         }
         (text, compiled, model) = (longer, next, fitted);

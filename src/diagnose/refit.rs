@@ -41,6 +41,8 @@ pub struct RankedEffect {
     pub held_out_error_before: f64,
     /// The same with the effect in the model.
     pub held_out_error_after: f64,
+    /// As a member of a story: what would explain as much in its place.
+    pub indistinguishable: Vec<String>,
 }
 
 /// A model with one more effect, fitted.
@@ -285,6 +287,7 @@ fn with_candidate(
             deviance: 0.0,
             held_out_error_before: f64::NAN,
             held_out_error_after: f64::NAN,
+            indistinguishable: Vec::new(),
         },
         fall: settled.sums.loss - sums.loss,
         variance: variance_of(&sums),

@@ -3,7 +3,9 @@
 use super::candidates::composed::{Budget, composed};
 use super::candidates::{Candidate, candidates, unnamed};
 use super::ranking::{Ranking, ranking};
-use super::story::{Question, Story, agree_on_noise, sort_by_description_length};
+use super::story::{
+    Question, Story, agree_on_noise, description_lengths, sort_by_description_length,
+};
 use super::tuning::TUNING;
 use crate::error::Result;
 
@@ -95,7 +97,7 @@ fn holds(story: &Story) -> bool {
 fn extended<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Result<Vec<Story<'a>>> {
     let mut scope = story.scope.clone();
     let all = candidates(&mut scope, story.context.dataset);
-    added(question, story, &all)
+    added(question, story, &all, TUNING.ranking.later_refits)
 }
 
 /// The same with terms that have no name.
@@ -104,16 +106,16 @@ fn with_unnamed<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Result<Ve
     let budget = Budget::default();
     let mut all = composed(&mut scope, &story.context, budget, question.monitor)?;
     all.extend(unnamed(&mut scope, story.context.dataset));
-    added(question, story, &all)
+    added(question, story, &all, TUNING.ranking.first_refits)
 }
 
 fn added<'a>(
     question: &Question<'a, '_>,
     story: &Story<'a>,
     all: &[Candidate],
+    most: usize,
 ) -> Result<Vec<Story<'a>>> {
     let (held_out, monitor) = (question.held_out, question.monitor);
-    let most = TUNING.ranking.later_refits;
     // A model that loses the motion answers no further question.
     let Ok(ranking) = ranking(&story.context, held_out, all, most, monitor) else {
         return Ok(Vec::new());
@@ -123,7 +125,7 @@ fn added<'a>(
 }
 
 /// The story with members taken out that do not pay, and exchanged for what explains more, or as
-/// much with less.
+/// much with less. What explains as much in the place of a member is noted beside it.
 fn exchanged<'a>(question: &Question<'a, '_>, story: Story<'a>) -> Result<Story<'a>> {
     let mut best = story;
     for _ in 0..TUNING.verdict.effects {
@@ -138,14 +140,22 @@ fn exchanged<'a>(question: &Question<'a, '_>, story: Story<'a>) -> Result<Story<
             if holds(&without) {
                 rivals.push(without);
             }
-            if rivals.is_empty() {
-                continue;
-            }
             rivals.push(best.clone());
-            sort_by_description_length(&mut rivals);
-            let first = rivals.swap_remove(0);
-            if first.labels() != best.labels() {
-                better = Some(first);
+            agree_on_noise(&mut rivals);
+            let lengths = description_lengths(&rivals.iter().collect::<Vec<_>>());
+            let own = lengths.last().copied().unwrap_or(f64::INFINITY);
+            let first = lengths.iter().copied().fold(f64::INFINITY, f64::min);
+            let close = rivals.iter().zip(&lengths).filter(|(rival, length)| {
+                rival.members.len() == best.members.len()
+                    && rival.labels() != best.labels()
+                    && **length - own < TUNING.ranking.indistinguishable
+            });
+            let names = close.filter_map(|(rival, _)| rival.members.last());
+            best.members[place].effect.indistinguishable =
+                names.map(|member| member.effect.effect.clone()).collect();
+            if own - first > TUNING.ranking.same {
+                let at = lengths.iter().position(|length| *length == first);
+                better = at.map(|at| rivals.swap_remove(at));
                 break;
             }
         }

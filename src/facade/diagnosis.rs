@@ -21,6 +21,7 @@ pub struct Diagnosis {
     verdict: Verdict,
     reason: String,
     effects: Vec<Effect>,
+    story: Vec<Effect>,
     indistinguishable: Vec<String>,
 }
 
@@ -102,9 +103,26 @@ impl Diagnosis {
                 diagnosis::Verdict::TooLittleData => Verdict::InsufficientData,
             },
             reason: found.reason,
+            story: found.story.into_iter().map(effect).collect(),
             effects: found.ranking.into_iter().map(effect).collect(),
             indistinguishable: found.indistinguishable,
         }
+    }
+
+    /// The changes that together explain the measurements over whole runs, seen and held out, their
+    /// numbers fitted together; none unless something is missing and was found. One without a name
+    /// is a formula.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
+    /// let diagnosis = spec.fit(&training)?.diagnose(&training, &held_out)?;
+    /// assert_eq!(diagnosis.story().len(), 1);
+    /// assert_eq!(diagnosis.story()[0].effect, "viscous_drag(q)");
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn story(&self) -> &[Effect] {
+        &self.story
     }
 
     /// The answer in a word.

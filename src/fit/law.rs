@@ -117,11 +117,7 @@ impl Law {
 
     /// The same with the covariance of its coefficients, then of the inner parameters that are
     /// `used`; the others have none.
-    pub fn with_covariance_of(
-        mut self,
-        used: &[ParameterId],
-        covariance: &DMatrix<f64>,
-    ) -> Law {
+    pub fn with_covariance_of(mut self, used: &[ParameterId], covariance: &DMatrix<f64>) -> Law {
         let terms = self.support.len();
         let size = terms + self.parameters.len();
         let places: Vec<usize> =

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::layout::{WIDTH, table, wrapped};
 use super::present;
 use crate::diagnose::comparison::{Comparison, ResidualMap};
-use crate::diagnose::diagnosis::{Diagnosis, Verdict};
+use crate::diagnose::diagnosis::{Diagnosis, RankedEffect, Verdict};
 use crate::diagnose::discover::Discovery;
 use crate::simplify::{significant, uncertain};
 
@@ -249,12 +249,8 @@ pub fn diagnosis_text(
             let sentence = format!("These data cannot distinguish {} from {others}.", first.effect);
             sections.push(wrapped(&sentence, width, 2));
         }
-        let statement = first.snippet.strip_prefix("effect ").unwrap_or(&first.snippet);
-        sections.push(format!(
-            "To add it:\n  leverrier add {spec} \"{statement}\"\nwhich writes\n  {}",
-            first.snippet
-        ));
     }
+    sections.extend(to_add(diagnosis, spec));
     sections.extend(unexplained(diagnosis, width));
     if !detections.is_empty() {
         let lines: Vec<String> =
@@ -265,6 +261,28 @@ pub fn diagnosis_text(
         sections.push(wrapped(&present::tested(diagnosis), width, 2));
     }
     sections.join("\n\n")
+}
+
+/// How to add what holds; nothing where nothing does.
+fn to_add(diagnosis: &Diagnosis, spec: &str) -> Option<String> {
+    let story = &diagnosis.story;
+    let named = |member: &RankedEffect| member.snippet.strip_prefix("effect ").map(str::to_string);
+    match story.as_slice() {
+        [] => None,
+        [only] if named(only).is_some() => Some(format!(
+            "To add it:\n  leverrier add {spec} \"{}\"\nwhich writes\n  {}",
+            named(only).unwrap_or_default(),
+            only.snippet
+        )),
+        members => {
+            let lines = members.iter().flat_map(|member| member.snippet.lines());
+            let lines: Vec<String> = lines.map(|line| format!("  {line}")).collect();
+            Some(format!(
+                "To add all of it:\n  leverrier discover {spec}\nwhich writes\n{}",
+                lines.join("\n")
+            ))
+        }
+    }
 }
 
 /// What the first effect of the ranking does not explain.

@@ -22,5 +22,6 @@ mod parquet_data;
 mod plots;
 mod recovery;
 mod settling;
+mod stories;
 mod stream;
 mod trainer;

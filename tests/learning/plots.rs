@@ -242,6 +242,7 @@ fn broken(value: f64) -> Story {
         deviance: value,
         held_out_error_before: value,
         held_out_error_after: 1.0,
+        indistinguishable: Vec::new(),
     };
     story.diagnosis = Some(Diagnosis {
         verdict: Verdict::Missing,

@@ -256,10 +256,14 @@ fn missing(page: &Page, figures: &Drawn) -> String {
                 escaped(&diagnosis.indistinguishable.join(", "))
             );
         }
+    }
+    if !diagnosis.story.is_empty() {
+        let snippets: Vec<&str> =
+            diagnosis.story.iter().map(|member| member.snippet.as_str()).collect();
         let _ = writeln!(
             out,
             "<p>To add it, write into the spec:</p>\n<pre>{}</pre>",
-            escaped(&first.snippet)
+            escaped(&snippets.join("\n"))
         );
     }
     if !diagnosis.further.is_empty() {
@@ -267,7 +271,7 @@ fn missing(page: &Page, figures: &Drawn) -> String {
             diagnosis.further.iter().map(|leader| leader.effect.as_str()).collect();
         let _ = writeln!(
             out,
-            "<p>With it in the model, these would explain what is left: {}.</p>",
+            "<p>It takes these with it, which explain what the first leaves: {}.</p>",
             escaped(&further.join(", then "))
         );
     }

@@ -325,7 +325,7 @@
     if (missing.indistinguishable.length && missing.leaders.length) {
       box.append(make("p", "", `These data cannot distinguish ${missing.leaders[0].effect} from ${missing.indistinguishable.join(", ")}.`));
     }
-    if (missing.further.length) box.append(make("p", "", `By its own merits there would follow: ${missing.further.join(", then ")}.`));
+    if (missing.further.length) box.append(make("p", "", `It explains the runs together with ${missing.further.join(" and ")}.`));
     verdict.replaceChildren(box);
     const shown = missing.leaders.slice(0, 6).map((leader, at) => card(leader, at === 0 && missing.verdict === "missing"));
     if (missing.unnamed) {

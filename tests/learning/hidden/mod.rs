@@ -172,6 +172,19 @@ pub fn measured(base: &Base, data: Dataset, noise: f64, seed: u64) -> Case {
 }
 
 impl Case {
+    /// Leaves of a plane's measurements those of its first coordinate, to one with this spec.
+    pub fn see_first(&mut self, text: &str) {
+        for data in [&mut self.training, &mut self.held_out] {
+            for run in &mut data.runs {
+                run.values = vec![run.values[0].clone(), run.values[2].clone()];
+            }
+            data.observables = vec![data.observables[0].clone(), data.observables[2].clone()];
+        }
+        self.noise = vec![self.noise[0], self.noise[2]];
+        self.compiled = compiled("learned", text);
+        self.text = text.to_string();
+    }
+
     /// The model of the spec.
     pub fn fit(&self) -> Model {
         fit(&self.compiled.system, &self.training, &Options::default(), &Silent)

@@ -1,0 +1,131 @@
+//! What is told of systems in which everything is known but for what is hidden: one story that
+//! holds over whole runs, or none.
+
+use leverrier::internals::diagnose::diagnosis::Verdict;
+
+use crate::hidden::bases::Base;
+use crate::hidden::case;
+use crate::hidden::outcome::outcome;
+
+const LINE: &str = "coordinates q\nmomenta p\n";
+const PLANE: &str = "coordinates x, y\nmomenta px, py\n";
+const STARS: &str = "coordinates x1, y1, x2, y2\nmomenta px1, py1, px2, py2\n";
+
+const LINE_STARTS: &[(f64, f64)] = &[(-1.2, 1.2), (-1.0, 1.0)];
+const PLANE_STARTS: &[(f64, f64)] = &[(-1.2, 1.2), (-1.2, 1.2), (-0.8, 0.8), (-0.8, 0.8)];
+const ORBITS: &[(f64, f64)] = &[
+    (0.9, 1.1),
+    (-0.1, 0.1),
+    (-1.1, -0.9),
+    (-0.1, 0.1),
+    (-0.1, 0.1),
+    (0.4, 0.6),
+    (-0.1, 0.1),
+    (-0.6, -0.4),
+];
+
+/// A system that is wholly known, and its true law.
+fn base(
+    variables: &'static str,
+    law: &'static str,
+    space: &'static str,
+    starts: &'static [(f64, f64)],
+) -> Base {
+    Base { name: "known", variables, law, space, starts, step: 0.1, hidden: &[] }
+}
+
+/// The story of a case: names of its members, and their numbers.
+fn story(base: &Base, noise: f64, seed: u64) -> (Verdict, Vec<(String, Vec<f64>)>, String) {
+    let found = outcome(&case(base, "", noise, seed), "").diagnosis;
+    let members = found.story.into_iter().map(|one| (one.effect, one.coefficient)).collect();
+    (found.verdict, members, found.reason)
+}
+
+/// One member, its name as expected, and its first number within a part of the true one.
+fn told(base: &Base, noise: f64, seeds: &[u64], names: &[&str], size: f64) {
+    for &seed in seeds {
+        let (verdict, members, reason) = story(base, noise, seed);
+        assert_eq!(verdict, Verdict::Missing, "seed {seed}: {reason}");
+        let [(name, numbers)] = members.as_slice() else { panic!("seed {seed}: {members:?}") };
+        assert!(names.contains(&name.as_str()), "seed {seed}: {reason}");
+        assert!((numbers[0] / size - 1.0).abs() < 0.05, "seed {seed}: {name} {numbers:?}");
+    }
+}
+
+const OSCILLATOR: &str = "T = p^2/2\nV = q^2/2\n";
+
+#[test]
+fn nothing_is_told_of_a_known_system_without_a_secret() {
+    let orbit = "T = (px^2 + py^2)/2\nV = -1/sqrt(x^2 + y^2)\n";
+    let orbits: &[(f64, f64)] = &[(0.8, 1.2), (-0.2, 0.2), (-0.2, 0.2), (0.8, 1.1)];
+    let oscillator = base(LINE, OSCILLATOR, OSCILLATOR, LINE_STARTS);
+    for (base, seeds) in [(oscillator, 0..12), (base(PLANE, orbit, orbit, orbits), 0..4)] {
+        for seed in seeds {
+            let (verdict, members, reason) = story(&base, 0.01, seed);
+            assert_eq!(verdict, Verdict::NothingMissing, "seed {seed}: {reason}");
+            assert!(members.is_empty());
+        }
+    }
+}
+
+#[test]
+fn a_drive_keeps_its_frequency_over_whole_runs() {
+    let truth = "T = p^2/2\nV = q^2/2*(1 + 0.15*cos(1.7*t))\n";
+    let pumped = base(LINE, truth, OSCILLATOR, LINE_STARTS);
+    for seed in [1, 2] {
+        let (verdict, members, reason) = story(&pumped, 0.01, seed);
+        assert_eq!(verdict, Verdict::Missing, "{reason}");
+        let [(name, numbers)] = members.as_slice() else { panic!("{members:?}") };
+        assert_eq!(name, "parametric_drive(q)");
+        assert!((numbers[0].hypot(numbers[1]) - 0.15).abs() < 0.01, "{numbers:?}");
+        assert!((numbers[2] - 1.7).abs() < 0.01, "{numbers:?}");
+    }
+}
+
+#[test]
+fn a_strong_stop_before_a_precise_sensor_is_a_stop() {
+    let truth = "T = p^2/2\nV = q^2/2 + 3*((q - 0.8 + abs(q - 0.8))/2)^2\n";
+    let stop = base(LINE, truth, OSCILLATOR, LINE_STARTS);
+    told(&stop, 0.01, &[1, 2], &["contact_above(q)"], 6.0);
+    told(&stop, 0.003, &[3, 4], &["contact_above(q)"], 6.0);
+}
+
+#[test]
+fn one_force_on_a_body_or_on_all_coordinates_is_one_effect() {
+    let known = "T = (px^2 + py^2)/2\nV = (x^2 + y^2)/2\n";
+    let ring = "T = (px^2 + py^2)/2\nV = (x^2 + y^2)/2 + 0.3*(x^2 + y^2)^2/4\n";
+    told(&base(PLANE, ring, known, PLANE_STARTS), 0.01, &[1], &["central_quartic(x, y)"], 0.3);
+    let drag = "T = (px^2 + py^2)/2\nV = (x^2 + y^2)/2\n\
+                force x += -0.1*px*sqrt(px^2 + py^2)\nforce y += -0.1*py*sqrt(px^2 + py^2)\n";
+    let along = ["drag_along_velocity(x, y)"];
+    told(&base(PLANE, drag, known, PLANE_STARTS), 0.01, &[1], &along, 0.1);
+    let stars = "T = (px1^2 + py1^2 + px2^2 + py2^2)/2\nV = -1/sqrt((x1 - x2)^2 + (y1 - y2)^2)\n";
+    let gas = "T = (px1^2 + py1^2 + px2^2 + py2^2)/2\nV = -1/sqrt((x1 - x2)^2 + (y1 - y2)^2)\n\
+               force x1 += -0.02*px1\nforce y1 += -0.02*py1\n\
+               force x2 += -0.02*px2\nforce y2 += -0.02*py2\n";
+    let all = ["viscous_drag(x1, y1, x2, y2)"];
+    told(&base(STARS, gas, stars, ORBITS), 0.01, &[1], &all, 0.02);
+}
+
+#[test]
+fn what_the_catalogue_lacks_is_composed() {
+    let known = "T = (px^2 + py^2)/2\nV = (x^2 + y^2)/2\n";
+    let product = "T = (px^2 + py^2)/2\nV = (x^2 + y^2)/2 + 0.5*x^2*y^2\n";
+    let names = ["V (x*y)^2", "V x^2*y^2", "quadratic_cross_coupling(x, y)"];
+    told(&base(PLANE, product, known, PLANE_STARTS), 0.01, &[1, 2], &names, 0.5);
+}
+
+#[test]
+fn a_coordinate_that_nobody_measures_is_not_explained_away() {
+    let plane = "T = (px^2 + py^2)/2\nV = x^2/2 + 1.3*y^2/2 + 0.3*x*y\n";
+    for seed in [1, 2, 3] {
+        let mut hidden = case(&base(PLANE, plane, plane, PLANE_STARTS), "", 0.01, seed);
+        hidden.see_first(LINE_OF_X);
+        let found = outcome(&hidden, "").diagnosis;
+        assert_eq!(found.verdict, Verdict::Unexplained, "seed {seed}: {}", found.reason);
+        assert!(found.story.is_empty());
+    }
+}
+
+/// The spec of one who sees only the first coordinate of the plane.
+const LINE_OF_X: &str = "coordinates x\nmomenta px\nT = px^2/2\nV = x^2/2\n";
