@@ -34,7 +34,10 @@ pub fn stories<'a>(question: &Question<'a, '_>, first: &Ranking) -> Result<Vec<S
             break;
         }
     }
-    if !beam.iter().any(holds) && !monitor.stopped() {
+    let mut grown = bare.clone();
+    grown.grow(monitor);
+    // Where the model explains the data as it is, there is nothing to compose.
+    if !grown.explains && !beam.iter().any(holds) && !monitor.stopped() {
         monitor.stage("terms without a name", 0.7);
         beam.extend(with_unnamed(question, &bare)?);
     }
@@ -84,7 +87,7 @@ pub fn stories<'a>(question: &Question<'a, '_>, first: &Ranking) -> Result<Vec<S
         ended.retain(|story| story.labels() != best.labels());
         ended.insert(0, best);
     }
-    ended.push(bare);
+    ended.push(grown);
     Ok(ended)
 }
 

@@ -123,7 +123,7 @@ impl<'a> Story<'a> {
     }
 
     /// Judges what it leaves by another noise of each observable.
-    fn hold_against(&mut self, noise: Vec<f64>) {
+    pub fn hold_against(&mut self, noise: Vec<f64>) {
         self.context = self.context.with_noise(noise);
         self.sums = self.context.settle(self.context.law.window()).2;
         self.explains &= excess(&self.sums) == 0.0;

@@ -38,9 +38,8 @@ pub fn judge<'a>(
     };
     let mut bare = stories.remove(place);
     if let Some(best) = stories.first() {
-        bare.context = bare.context.with_noise(best.context.law.noise().to_vec());
+        bare.hold_against(best.context.law.noise().to_vec());
     }
-    bare.grow(question.monitor);
     let before = unseen(question, &bare);
     let enough = bare.explains && before.at_noise;
     let mut fault = None;
