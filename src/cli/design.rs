@@ -92,8 +92,8 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let plan = design::design(&purpose.rivals, &purpose.goal, data, window, &allowed, &progress)?;
     drop(progress);
     let spec = workspace.spec.name();
-    let simulate = simulating(&plan.best, &spec);
-    let text = design_text(&plan, &purpose.why, &spec, &simulate, console.width());
+    let simulate = simulating(&plan.best, spec);
+    let text = design_text(&plan, &purpose.why, spec, &simulate, console.width());
     let mut object = json!({
         "format": "leverrier.design/2",
         "system": workspace.spec.system().name,

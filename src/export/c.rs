@@ -224,9 +224,9 @@ fn arrays(tableau: &Tableau) -> String {
     format!(
         "#define STAGES {}\n{}{}{}",
         tableau.weights.len(),
-        array("MATRIX", &tableau.matrix),
-        array("WEIGHTS", &tableau.weights),
-        array("NODES", &tableau.nodes)
+        array("MATRIX", tableau.matrix),
+        array("WEIGHTS", tableau.weights),
+        array("NODES", tableau.nodes)
     )
 }
 

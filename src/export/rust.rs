@@ -203,9 +203,9 @@ fn with_tableau(template: &str, tableau: &Tableau) -> String {
             "const STAGES: usize = 0;",
             &format!("const STAGES: usize = {};", tableau.weights.len()),
         )
-        .replace("const MATRIX: [f64; 0] = [];", &array("MATRIX", &tableau.matrix))
-        .replace("const WEIGHTS: [f64; 0] = [];", &array("WEIGHTS", &tableau.weights))
-        .replace("const NODES: [f64; 0] = [];", &array("NODES", &tableau.nodes))
+        .replace("const MATRIX: [f64; 0] = [];", &array("MATRIX", tableau.matrix))
+        .replace("const WEIGHTS: [f64; 0] = [];", &array("WEIGHTS", tableau.weights))
+        .replace("const NODES: [f64; 0] = [];", &array("NODES", tableau.nodes))
 }
 
 fn literals(names: impl Iterator<Item = String>) -> String {
