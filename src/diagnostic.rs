@@ -21,6 +21,14 @@ pub struct Span {
 }
 
 impl Span {
+    /// Line and column of its start in a text, both counted from 1; columns in characters.
+    pub(crate) fn line_and_column(self, text: &str) -> (usize, usize) {
+        let before = text.get(..self.start).unwrap_or("");
+        let line = before.matches('\n').count() + 1;
+        let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;
+        (line, column)
+    }
+
     /// The bytes `start .. end`.
     pub(crate) fn new(start: usize, end: usize) -> Self {
         Span { start, end }
@@ -133,10 +141,7 @@ impl Diagnostic {
     /// assert_eq!(error.diagnostics()[0].place(text), (3, 5));
     /// ```
     pub fn place(&self, text: &str) -> (usize, usize) {
-        let before = text.get(..self.span.start).unwrap_or("");
-        let line = before.matches('\n').count() + 1;
-        let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;
-        (line, column)
+        self.span.line_and_column(text)
     }
 }
 

@@ -179,7 +179,9 @@ fn purpose(
     let tied = |leader: &&RankedEffect| found.indistinguishable.contains(&leader.effect);
     let first = found.ranking.first();
     let mut rivals: Vec<Rival> = Vec::new();
-    for leader in first.into_iter().chain(found.ranking.iter().skip(1).filter(tied)).take(RIVALS) {
+    // A number of the spec is no statement that a rival could have.
+    let effects = first.into_iter().chain(found.ranking.iter().skip(1).filter(tied));
+    for leader in effects.filter(|leader| leader.number.is_none()).take(RIVALS) {
         rivals.push(with(&leader.effect, &leader.snippet, &leader.coefficient)?);
     }
     let close = 1 + found.ranking.iter().skip(1).filter(tied).count();

@@ -21,7 +21,6 @@ use crate::error::Result;
 use crate::fit::{Options, Silent};
 use crate::report::discovery_text;
 use crate::report::layout::{WIDTH, wrapped};
-use crate::spec::edit::insert;
 
 /// Diagnose, add what is missing, fit again, until no effect lowers the error on held-out runs.
 ///
@@ -112,7 +111,7 @@ fn keep(workspace: &Workspace, found: &Discovery, progress: &Progress) -> Result
     ledger.know(old.text());
     let mut text = old.text().to_string();
     for step in &found.steps {
-        text = insert(&text, &step.snippet);
+        text = step.written_into(&text);
         let judged = |error: f64| HeldOutErrors {
             held_out_error: Some(error),
             samples: found.model.evidence.window,

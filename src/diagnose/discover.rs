@@ -2,15 +2,16 @@
 
 use serde::Serialize;
 
+use super::candidates::NumberChange;
 use super::context::Context;
 use super::diagnosis::{Diagnosis, RankedEffect, Verdict, diagnose};
+use super::refit::written_into;
 use super::tuning::TUNING;
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::expr::{Compiled, build};
 use crate::fit::segments::longest_run;
 use crate::fit::{Law, Model, Monitor, Options, fit, resume};
-use crate::spec::edit;
 
 /// What the loop did, and why it ended.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -39,6 +40,9 @@ pub struct Step {
     pub effect: String,
     /// The statement that was added.
     pub snippet: String,
+    /// The number of the spec that was changed, where it is that and no effect: `snippet` is the
+    /// statement that it stands in.
+    pub number: Option<NumberChange>,
     /// Coefficients of its terms, then its inner parameters.
     pub coefficient: Vec<f64>,
     /// Standard errors, in the same order.
@@ -103,7 +107,7 @@ pub fn discover(
                 format!("{} looked missing, but a full fit does not select it", names.join(", "));
             break (sentence, Verdict::Unexplained);
         };
-        for (at, member) in diagnosis.story.iter().enumerate() {
+        for (at, member) in in_writing(&diagnosis.story).into_iter().enumerate() {
             let alone = at == 0 && diagnosis.story.len() == 1;
             let others =
                 if alone { &diagnosis.indistinguishable } else { &member.indistinguishable };
@@ -157,6 +161,24 @@ fn interruption(diagnosis: &Diagnosis, round: usize) -> (String, Verdict) {
     }
 }
 
+/// The members of a story in the order in which they are written: numbers, the last in the text
+/// first, so that those before it keep their places; then statements.
+fn in_writing(story: &[RankedEffect]) -> Vec<&RankedEffect> {
+    let mut members: Vec<&RankedEffect> = story.iter().collect();
+    members.sort_by_key(|member| match &member.number {
+        Some(change) => (0, std::cmp::Reverse(change.known.span.start)),
+        None => (1, std::cmp::Reverse(0)),
+    });
+    members
+}
+
+impl Step {
+    /// The text of a spec with it; a number must have been found in this text.
+    pub fn written_into(&self, text: &str) -> String {
+        written_into(text, &self.snippet, self.number.as_ref(), &self.coefficient)
+    }
+}
+
 /// Spec and model with all members of a story; `None` where a fit does not keep them all.
 fn with_story(
     name: &str,
@@ -167,8 +189,9 @@ fn with_story(
     options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Option<(String, Compiled, Model)>> {
+    let members = in_writing(story);
     let longer =
-        story.iter().fold(text.to_string(), |text, member| edit::insert(&text, &member.snippet));
+        members.into_iter().fold(text.to_string(), |text, member| member.written_into(&text));
     let next = build(name, &longer)?;
     let mut start = law.on(&next.system);
     for member in story {
@@ -210,6 +233,7 @@ fn step(member: &RankedEffect, others: &[String]) -> Step {
     Step {
         effect: member.effect.clone(),
         snippet: member.snippet.clone(),
+        number: member.number.clone(),
         coefficient: member.coefficient.clone(),
         standard_error: member.standard_error.clone(),
         p_value: member.p_value,

@@ -6,18 +6,19 @@ use std::sync::Arc;
 use nalgebra::DVector;
 use serde::Serialize;
 
-use super::candidates::{Candidate, Origin};
+use super::candidates::{Candidate, NumberChange, Origin};
 use super::context::{Context, Parts, Settled};
 use super::scan::Scored;
 use super::tuning::TUNING;
 use crate::error::Result;
-use crate::expr::{Bounds, System, TermId};
+use crate::expr::{Bounds, Scope, System, TermId};
 use crate::fit::factor::Factor;
 use crate::fit::pass::Sums;
 use crate::fit::segments::cut;
 use crate::fit::train::{Extent, Training};
 use crate::fit::uncertainty::covariance;
 use crate::fit::{Law, Options, Silent};
+use crate::spec::edit;
 use crate::spec::effects::ScanBy;
 
 /// An effect that was refitted in full and ranked.
@@ -37,12 +38,51 @@ pub struct RankedEffect {
     pub p_value: f64,
     /// Fall of the training deviance in the full refit.
     pub deviance: f64,
+    /// The number of the spec that should be another one, where it is that and no effect.
+    pub number: Option<NumberChange>,
     /// In units of the noise.
     pub held_out_error_before: f64,
     /// The same with the effect in the model.
     pub held_out_error_after: f64,
     /// As a member of a story: what would explain as much in its place.
     pub indistinguishable: Vec<String>,
+}
+
+impl RankedEffect {
+    /// A scope with it: its statement stands there, or the number is an inner parameter.
+    ///
+    /// # Errors
+    /// It makes no sense in the scope.
+    pub fn added_to(&self, scope: &Scope) -> Result<Scope> {
+        match &self.number {
+            Some(change) => {
+                let value = self.coefficient.last().copied().unwrap_or(change.was);
+                scope.freed(&change.known, value)
+            }
+            None => scope.with(&self.snippet),
+        }
+    }
+
+    /// The text of a spec with it: its statement, or the number changed. A number must have been
+    /// found in this text, and be changed before statements are added.
+    pub fn written_into(&self, text: &str) -> String {
+        written_into(text, &self.snippet, self.number.as_ref(), &self.coefficient)
+    }
+}
+
+/// The text of a spec with a statement, or with a number changed to the last of the coefficients.
+pub(super) fn written_into(
+    text: &str,
+    statement: &str,
+    number: Option<&NumberChange>,
+    coefficient: &[f64],
+) -> String {
+    match number {
+        Some(change) => {
+            change.known.edited(text, coefficient.last().copied().unwrap_or(change.was))
+        }
+        None => edit::insert(text, statement),
+    }
 }
 
 /// A model with one more effect, fitted.
@@ -94,6 +134,10 @@ impl Start {
         let own = candidate.parameters.iter();
         let own = own.filter_map(|&id| Some((id, system.parameter(id)?.start)));
         let mut law = context.law.on(&system).with_parameters(own);
+        let change = scored.score.coefficients.first().copied().unwrap_or(0.0);
+        if let Some(value) = candidate.start_of_number(change) {
+            law = law.with_parameters(candidate.parameters.iter().map(|&id| (id, value)));
+        }
         for (&id, &value) in candidate.terms.iter().zip(&scored.score.coefficients) {
             law = law.with_term(id, value)?;
         }
@@ -281,6 +325,7 @@ fn with_candidate(
             effect: candidate.label.clone(),
             on: candidate.on.clone(),
             snippet: candidate.snippet(&values),
+            number: candidate.number().map(NumberChange::of),
             coefficient,
             standard_error,
             p_value: start.p_value,

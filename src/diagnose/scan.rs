@@ -113,7 +113,7 @@ fn score(
         grid.clone().into_iter().map(move |values| (c, values))
     };
     let queue: Vec<GridPoint> = points.iter().flat_map(of_grid).collect();
-    let width_of = |(c, _): &GridPoint| all[*c].terms.len();
+    let width_of = |(c, _): &GridPoint| all[*c].columns();
     let mut probed = Vec::new();
     let mut start = 0;
     while start < queue.len() {
@@ -147,7 +147,8 @@ fn probe_range<'t>(
     probed: &mut Vec<(&'t [GridPoint], Scores)>,
 ) -> Result<()> {
     let mut system = System::clone(settled.context.system());
-    let probes = tries.iter().flat_map(|(c, values)| all[*c].probes(&mut system, values));
+    let law = &settled.context.law;
+    let probes = tries.iter().flat_map(|(c, values)| all[*c].probes(&mut system, law, values));
     let terms: Vec<Term> = probes.collect();
     match settled.probe(system, &terms) {
         Ok(found) if found.diverged <= lost => probed.push((tries, found.scores)),
@@ -174,7 +175,7 @@ fn choose(
 ) {
     let mut column = 0;
     for (c, values) in tries {
-        let count = all[*c].terms.len();
+        let count = all[*c].columns();
         let columns: Vec<usize> = (column..column + count).collect();
         column += count;
         let score = scores.group(&columns);

@@ -83,7 +83,7 @@ impl<'a> Story<'a> {
         window: usize,
         question: &Question<'a, '_>,
     ) -> Result<Story<'a>> {
-        let scope = self.scope.with(&judged.refit.effect.snippet)?;
+        let scope = judged.refit.effect.added_to(&self.scope)?;
         let system = &scope.compiled().system;
         let standing = self.scope.compiled().system.parameters.len();
         let parameters =
@@ -140,7 +140,7 @@ impl<'a> Story<'a> {
         let mut scope = question.scope.clone();
         for member in &mut members {
             let standing = scope.compiled().system.clone();
-            scope = scope.with(&member.effect.snippet)?;
+            scope = member.effect.added_to(&scope)?;
             let system = &scope.compiled().system;
             let new = |position: usize, count: usize| position >= count;
             let terms = system.term_ids().into_iter();
@@ -223,6 +223,10 @@ impl<'a> Story<'a> {
                     *slot = error;
                 }
             }
+            if let Some(change) = &member.effect.number {
+                let value = member.effect.coefficient.last().copied().unwrap_or(change.was);
+                member.effect.snippet = change.known.rewritten(value);
+            }
         }
         if found.sums.loss <= self.sums.loss {
             self.sums = found.sums;
@@ -266,6 +270,13 @@ impl<'a> Story<'a> {
             let numbers = member.effect.coefficient.iter().zip(&member.effect.standard_error);
             let ratios = numbers.map(|(value, error)| (value / error).powi(2));
             let mut squares: Vec<(Option<String>, f64)> = Vec::new();
+            // A known number is a change where it is clearly not what the spec says.
+            if let Some(change) = &member.effect.number {
+                let both =
+                    member.effect.coefficient.last().zip(member.effect.standard_error.last());
+                let off = both.map_or(0.0, |(value, error)| (value - change.was) / error);
+                squares.push((None, off.powi(2)));
+            }
             for (&id, ratio) in member.terms.iter().zip(ratios) {
                 let wave = wave(id);
                 match squares.iter_mut().find(|(of, _)| wave.is_some() && *of == wave) {

@@ -92,6 +92,15 @@ pub struct Candidates {
     pub declared_points: usize,
     /// Points of several of them together, at most.
     pub declared_points_together: usize,
+    /// Known numbers of a spec that are tried, at most; those with a name first.
+    pub numbers: usize,
+    /// Systems of more terms are not asked for known numbers: each is a system of its own.
+    pub number_terms: usize,
+    /// Measured states at which two numbers are compared.
+    pub number_states: usize,
+    /// Two numbers act in the same way where the squared sine between what they do is below this:
+    /// rounding leaves 1e-15 or so, and a different effect more than 1e-6.
+    pub same_number: f64,
     /// Highest total degree of an unnamed force that is a product of powers.
     pub unnamed_degree: usize,
     /// Systems of more coordinates are not asked for bumps of two variables: their number grows
@@ -324,6 +333,10 @@ pub const TUNING: Tuning = Tuning {
         points_together: 60,
         declared_points: 24,
         declared_points_together: 64,
+        numbers: 60,
+        number_terms: 5_000,
+        number_states: 24,
+        same_number: 1e-10,
         unnamed_degree: 4,
         bump_coordinates: 3,
     },

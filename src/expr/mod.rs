@@ -23,7 +23,7 @@ pub use functions::{
 pub use graph::{Expr, Graph, Node, Number, Symbol, raise};
 pub use identity::{ParameterId, TermId};
 pub use independence::{Dependence, MOST_EXAMINED, dependences};
-pub use lower::{Compiled, DeclaredCandidate, Extension, MOST_TERMS, Scope, build};
+pub use lower::{Compiled, DeclaredCandidate, Extension, KnownNumber, MOST_TERMS, Scope, build};
 pub use print::Names;
 pub(crate) use print::Precedence;
 pub use space::{FunctionSpace, SpaceKnown, SpaceParameter, SpaceTerm, SpaceVariable};

@@ -250,6 +250,12 @@ pub fn diagnosis_text(
             sections.push(wrapped(&sentence, width, 2));
         }
     }
+    let numbers: Vec<String> = diagnosis.story.iter().filter_map(number_text).collect();
+    if !numbers.is_empty() {
+        let lines: Vec<String> =
+            numbers.iter().map(|one| wrapped(&format!("- {one}"), width, 2)).collect();
+        sections.push(format!("Numbers of the spec that are off:\n{}", lines.join("\n")));
+    }
     sections.extend(to_add(diagnosis, spec));
     sections.extend(unexplained(diagnosis, width));
     if !detections.is_empty() {
@@ -261,6 +267,20 @@ pub fn diagnosis_text(
         sections.push(wrapped(&present::tested(diagnosis), width, 2));
     }
     sections.join("\n\n")
+}
+
+/// `mass = 1 (line 4, column 17) should be 1.150(2)`.
+fn number_text(leader: &RankedEffect) -> Option<String> {
+    let change = leader.number.as_ref()?;
+    let (value, error) = leader.coefficient.last().zip(leader.standard_error.last())?;
+    let what = match change.known.is_named() {
+        true => format!("{} = {}", change.name, change.was),
+        false if change.name == "sqrt" => "the exponent 0.5 of sqrt".to_string(),
+        false => change.was.to_string(),
+    };
+    let (line, column) = (change.line, change.column);
+    let value = uncertain(*value, *error, 4);
+    Some(format!("{what} (line {line}, column {column}) should be {value}"))
 }
 
 /// How to add what holds; nothing where nothing does.

@@ -8,6 +8,7 @@
 )]
 
 mod bad_data;
+mod changes;
 mod clock;
 mod data;
 mod design;

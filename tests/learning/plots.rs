@@ -233,6 +233,7 @@ fn broken(value: f64) -> Story {
         PathEntry { lambda: 0.1, coefficients: vec![("x^2".into(), 1e200)] },
     ];
     let leader = RankedEffect {
+        number: None,
         effect: "an_effect_with_a_very_long_name(theta_one, theta_two)".into(),
         on: vec![],
         snippet: "effect <a>".into(),

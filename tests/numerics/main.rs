@@ -22,6 +22,7 @@ mod instruction_counts;
 mod integrators;
 mod language;
 mod meaning;
+mod numbers;
 mod probes;
 mod rules;
 mod simplify;

@@ -4,15 +4,21 @@
 pub mod composed;
 mod declared;
 mod grid;
+mod numbers;
 mod unnamed;
 
 use std::collections::{BTreeSet, HashMap};
 
 use grid::Reach;
+pub use numbers::NumberChange;
 pub use unnamed::unnamed;
 
 use crate::data::Dataset;
-use crate::expr::{Extension, Parameter, ParameterId, Scope, Symbol, System, Term, TermId};
+use crate::error::Result;
+use crate::expr::{
+    Extension, KnownNumber, Parameter, ParameterId, Scope, Symbol, System, Term, TermId,
+};
+use crate::fit::Law;
 use crate::spec::effects::{ActsOn, EffectRow, ScanBy, instances};
 
 /// Something that may be missing, ready to be tried.
@@ -53,10 +59,17 @@ pub enum Origin {
         /// Names of the inner parameters, in their order.
         parameters: Vec<String>,
     },
+    /// A known number of the spec, learned in its place: an inner parameter and no term.
+    Number {
+        /// The number.
+        number: KnownNumber,
+        /// What a change of it does to the system, to first order; of the extension's graph.
+        probe: Term,
+    },
 }
 
 /// Everything of the catalogue that the system allows, and the spec's own candidates, except
-/// what the spec holds already.
+/// what the spec holds already; then its known numbers.
 pub fn candidates(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
     let mut all = declared::candidates(scope);
     let system = scope.compiled().system.clone();
@@ -101,6 +114,7 @@ pub fn candidates(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
         },
     ));
     one_of(&mut all[first..]);
+    all.extend(numbers::candidates(scope, dataset));
     all
 }
 
@@ -129,7 +143,46 @@ impl Candidate {
         })
     }
 
-    /// The statement that adds it, its inner parameters at some values.
+    /// Columns that it has in a score test.
+    pub fn columns(&self) -> usize {
+        match &self.origin {
+            Origin::Number { .. } => 1,
+            _ => self.terms.len(),
+        }
+    }
+
+    /// The known number that it is, where it is one.
+    pub fn number(&self) -> Option<&KnownNumber> {
+        match &self.origin {
+            Origin::Number { number, .. } => Some(number),
+            _ => None,
+        }
+    }
+
+    /// Where the search for a known number begins, when a score test says how far off it is: a
+    /// number that is off keeps its sign and its size.
+    pub fn start_of_number(&self, change: f64) -> Option<f64> {
+        let value = self.number()?.value;
+        let most = 0.5 * value.abs();
+        Some(value + change.clamp(-most, most))
+    }
+
+    /// A scope with it, inner parameters at some values: its statement stands there, or the known
+    /// number is an inner parameter.
+    ///
+    /// # Errors
+    /// The scope is not that of the system that it was made for, and it makes no sense there.
+    pub fn added_to(&self, scope: &Scope, values: &[f64]) -> Result<Scope> {
+        match &self.origin {
+            Origin::Number { number, .. } => {
+                scope.freed(number, values.first().copied().unwrap_or(number.value))
+            }
+            _ => scope.with(&self.snippet(values)),
+        }
+    }
+
+    /// The statement that adds it, its inner parameters at some values; for a known number, the
+    /// statement that it stands in with its new value.
     pub fn snippet(&self, values: &[f64]) -> String {
         match &self.origin {
             Origin::Catalogue(row) => row.statement(&self.arguments, values),
@@ -140,11 +193,24 @@ impl Candidate {
                 let bare = |text: String, name: &String| text.replace(&format!("{{{name}}}"), name);
                 format!("{declared}{}", parameters.iter().fold(statement.clone(), bare))
             }
+            Origin::Number { number, .. } => {
+                number.rewritten(values.first().copied().unwrap_or(number.value))
+            }
         }
     }
 
-    /// The effect's terms at one choice of its inner parameters, in the graph of `into`.
-    pub fn probes(&self, into: &mut System, values: &[f64]) -> Vec<Term> {
+    /// The effect's terms at one choice of its inner parameters, in the graph of `into`: what
+    /// changes the motion of a model, to first order.
+    pub fn probes(&self, into: &mut System, law: &Law, values: &[f64]) -> Vec<Term> {
+        if let Origin::Number { number, probe } = &self.origin {
+            let own =
+                self.parameters.iter().map(|id| (Symbol::Parameter(id.position()), number.value));
+            let mut numbers: HashMap<Symbol, f64> = own.collect();
+            numbers.extend((0..into.terms.len()).map(|k| (Symbol::Coefficient(k), 0.0)));
+            let learned = law.support().iter().zip(law.coefficients());
+            numbers.extend(learned.map(|(id, &c)| (Symbol::Coefficient(id.position()), c)));
+            return vec![self.extension.import(probe, &mut into.graph, &numbers)];
+        }
         let numbers: HashMap<Symbol, f64> = self
             .parameters
             .iter()

@@ -42,6 +42,19 @@ struct Changes {
 }
 
 impl Extension {
+    /// What making a number an inner parameter changes in a system.
+    pub(super) fn of_number(
+        graph: Graph,
+        terms: Vec<(usize, Term)>,
+        parameters: Vec<(usize, (Parameter, Vec<f64>))>,
+        known: Vec<(Place, Expr)>,
+        energy_unit: Option<Unit>,
+        base: &System,
+    ) -> Extension {
+        let changes = Changes { terms, parameters, known, energy_unit };
+        Extension { graph, changes, mark: Mark::of(base) }
+    }
+
     /// Its terms as the extended system names them; expressions are of a graph of its own.
     pub fn terms(&self) -> impl Iterator<Item = (TermId, &Term)> {
         self.changes.terms.iter().map(|(k, term)| (self.mark.term(*k, term), term))
@@ -398,7 +411,10 @@ impl Standing {
 impl<'a> Lowering<'a> {
     /// A lowering of a spec that was compiled, or of more than it: implied units are known.
     fn of_compiled(resolved: &'a Resolved<'a>, compiled: &Compiled) -> Self {
-        Lowering::new(resolved, compiled.energy_unit.filter(|_| resolved.implied_momenta))
+        let energy = compiled.energy_unit.filter(|_| resolved.implied_momenta);
+        let mut lowering = Lowering::new(resolved, energy);
+        lowering.freed.clone_from(&compiled.freed);
+        lowering
     }
 
     /// Names of coefficients that only now stand in several spans: terms that have them already

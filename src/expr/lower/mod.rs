@@ -5,6 +5,7 @@ mod candidates;
 mod extension;
 mod loops;
 mod names;
+mod numbers;
 mod sensors;
 mod terms;
 mod value;
@@ -23,6 +24,7 @@ use crate::spec::ast::{EnergyPart, ExpressionKind, SyntaxTree, UnitText};
 use crate::spec::resolve::{Declared, Energy, Force, Resolved, Sensor, resolve};
 pub use candidates::DeclaredCandidate;
 pub use extension::{Extension, Scope};
+pub use numbers::KnownNumber;
 use terms::DraftTerm;
 use value::Value;
 
@@ -51,6 +53,12 @@ pub struct Compiled {
     pub candidates: Vec<candidates::DeclaredCandidate>,
     /// Warnings and notes, in the order of the text.
     pub warnings: Vec<Diagnostic>,
+    /// The text that it was read from.
+    pub text: String,
+    /// How many statements of the syntax tree stand in that text; others were added.
+    written: usize,
+    /// The inner parameter that was a known number, and its value.
+    freed: Option<(String, f64)>,
 }
 
 /// Reads a spec and builds the system it describes.
@@ -60,7 +68,19 @@ pub struct Compiled {
 /// # Errors
 /// [`Error::Spec`] with everything that is wrong with the text, in its order.
 pub fn build(name: &str, text: &str) -> Result<Compiled> {
-    let (spec, mut diagnostics) = crate::spec::spec(text);
+    let (spec, diagnostics) = crate::spec::spec(text);
+    compiled(name, text, spec, diagnostics, None)
+}
+
+/// The system of a syntax tree. `freed` is an inner parameter that a known number was made to,
+/// with the value that it had.
+fn compiled(
+    name: &str,
+    text: &str,
+    spec: SyntaxTree,
+    mut diagnostics: Vec<Diagnostic>,
+    freed: Option<(String, f64)>,
+) -> Result<Compiled> {
     let expanded = crate::spec::expand(&spec, &mut diagnostics);
     let resolved = resolve(&expanded, &mut diagnostics);
     let sound =
@@ -68,11 +88,13 @@ pub fn build(name: &str, text: &str) -> Result<Compiled> {
     let mut built = None;
     if sound {
         let mut lowering = Lowering::new(&resolved, None);
+        lowering.freed.clone_from(&freed);
         let mut pieces = lowering.run();
         let implied = pieces.implied_unit.filter(|_| resolved.implied_momenta);
         if implied.is_some() {
             // The known part tells the unit of H, and so the units of the implied momenta.
             lowering = Lowering::new(&resolved, implied);
+            lowering.freed.clone_from(&freed);
             pieces = lowering.run();
         }
         let data = columns::resolve(&mut lowering, &pieces.system);
@@ -91,6 +113,9 @@ pub fn build(name: &str, text: &str) -> Result<Compiled> {
             data,
             candidates: candidates::list(&spec, text),
             warnings: diagnostics,
+            text: text.to_string(),
+            written: spec.statements.len(),
+            freed,
             spec,
         }),
         _ => {
@@ -147,6 +172,8 @@ pub(super) struct Lowering<'a> {
     /// Known parts: place, value, where they stand.
     known: Vec<(Place, Value, Span)>,
     expected: u128,
+    /// An inner parameter that was a known number, with its value: units go by that.
+    freed: Option<(String, f64)>,
 }
 
 /// What lowering leaves.
@@ -183,6 +210,7 @@ impl<'a> Lowering<'a> {
             flow: None,
             known: Vec::new(),
             expected: 0,
+            freed: None,
         };
         lowering.time = resolved.time.and_then(|(_, unit)| lowering.unit(unit));
         lowering.coordinates = lowering.units_of(&resolved.coordinates);

@@ -1,7 +1,7 @@
 //! Expressions of a spec as expressions of the graph, with their units.
 
 use super::super::functions::{FUNCTIONS, Function, UnitRule};
-use super::super::graph::Expr;
+use super::super::graph::{Expr, Symbol};
 use super::super::unit::{Unit, simple_fraction};
 use super::{Context, Lowering, MOST_STEPS};
 use crate::diagnostic::{Diagnostic, Span};
@@ -210,7 +210,7 @@ impl Lowering<'_> {
         let (base_value, exponent_value) = (self.value(base), self.value(exponent));
         let (base_value, exponent_value) = (base_value?, exponent_value?);
         self.require_number(exponent_value.unit, exponent.site.0, "an exponent");
-        let known = self.graph.as_number(exponent_value.expr);
+        let known = self.known_exponent(exponent_value.expr);
         let unit = match (base_value.unit, known) {
             (None, _) => None,
             (Some(unit), _) if unit.is_number() => Some(Unit::ONE),
@@ -243,6 +243,19 @@ impl Lowering<'_> {
             return None;
         }
         Some(Value { expr, unit })
+    }
+
+    /// The number that an exponent is, or was before it was learned.
+    fn known_exponent(&self, exponent: Expr) -> Option<f64> {
+        if let Some(number) = self.graph.as_number(exponent) {
+            return Some(number);
+        }
+        let (name, value) = self.freed.as_ref()?;
+        let named = |parameter: &crate::spec::resolve::Parameter| parameter.name.text == *name;
+        let freed = self.resolved.parameters.iter().position(named)?;
+        let only = |symbol: &Symbol| *symbol == Symbol::Parameter(freed);
+        let own = self.graph.symbols(&[exponent]).iter().all(only);
+        own.then(|| self.graph.value(exponent, &|_| *value))
     }
 
     /// Reports a unit where a pure number must stand.

@@ -156,6 +156,13 @@ pub fn case_reaching(reach: f64, base: &Base, statement: &str, noise: f64, seed:
     measured(base, hide(base, statement, reach, seed), noise, seed)
 }
 
+/// Measurements of a law in which everything is known, as one who knows only the base gets them.
+pub fn case_of(base: &Base, truth: &str, noise: f64, seed: u64) -> Case {
+    let system = compiled("truth", truth).system;
+    let data = motion(&system, &starts(base, seed), &times(base), 0.0);
+    measured(base, data.expect("the law does not diverge"), noise, seed)
+}
+
 /// The same from clean measurements of any origin.
 pub fn measured(base: &Base, data: Dataset, noise: f64, seed: u64) -> Case {
     let mut data = data;

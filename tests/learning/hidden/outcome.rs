@@ -2,10 +2,9 @@
 
 use leverrier::internals::diagnose::comparison::error;
 use leverrier::internals::diagnose::context::Context;
-use leverrier::internals::diagnose::diagnosis::{Diagnosis, Verdict, diagnose};
+use leverrier::internals::diagnose::diagnosis::{Diagnosis, RankedEffect, Verdict, diagnose};
 use leverrier::internals::expr::build;
 use leverrier::internals::fit::{Model, Options, Silent, fit};
-use leverrier::internals::spec::edit::insert;
 
 use super::Case;
 
@@ -75,14 +74,14 @@ pub fn outcome(case: &Case, hidden: &str) -> Outcome {
         None => Place::Absent,
     };
     let first = names.first().map(|name| name.to_string());
-    let after = diagnosis.ranking.first().map(|leader| added(case, &leader.snippet));
+    let after = diagnosis.ranking.first().map(|leader| added(case, leader));
     Outcome { verdict: diagnosis.verdict, place, first, group, after, seconds, diagnosis, model }
 }
 
-/// Error on held-out runs, over segments of the model's own window, once a statement is added and
+/// Error on held-out runs, over segments of the model's own window, once an effect is added and
 /// everything is fitted again.
-pub fn added(case: &Case, snippet: &str) -> f64 {
-    let text = insert(&case.text, snippet);
+pub fn added(case: &Case, effect: &RankedEffect) -> f64 {
+    let text = effect.written_into(&case.text);
     let compiled = build("learned", &text).unwrap_or_else(|error| panic!("{text}\n{error}"));
     let Ok(model) = fit(&compiled.system, &case.training, &Options::default(), &Silent) else {
         return f64::INFINITY;

@@ -1,0 +1,174 @@
+//! Known numbers that may be off: constants of the spec, and numbers in its expressions.
+
+use std::collections::{BTreeSet, HashMap};
+
+use serde::Serialize;
+
+use super::{Candidate, Origin, one_of};
+use crate::data::Dataset;
+use crate::diagnose::tuning::TUNING;
+use crate::expr::{Graph, KnownNumber, ParameterId, Place, Scope, Symbol, System, Term};
+
+/// A number of the spec that should be another one.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct NumberChange {
+    /// The constant's name, or what stands in the spec.
+    pub name: String,
+    /// What it is in the spec; what it should be is the coefficient.
+    pub was: f64,
+    /// Where it stands in the spec: line, from 1.
+    pub line: usize,
+    /// Column, from 1.
+    pub column: usize,
+    /// The number itself.
+    #[serde(skip)]
+    pub known: KnownNumber,
+}
+
+impl NumberChange {
+    /// The change of a number to what its candidate's fit says.
+    pub fn of(known: &KnownNumber) -> NumberChange {
+        let KnownNumber { name, value, line, column, .. } = known.clone();
+        NumberChange { name, was: value, line, column, known: known.clone() }
+    }
+}
+
+/// Every known number that moves something, once: of numbers that act in the same way, as the
+/// mass and the 2 in p^2/(2*mass) do, the one with a name, or else the first.
+pub(super) fn candidates(scope: &Scope, dataset: &Dataset) -> Vec<Candidate> {
+    let system = scope.compiled().system.clone();
+    if system.terms.len() > TUNING.candidates.number_terms {
+        return Vec::new();
+    }
+    let mut numbers = scope.numbers();
+    numbers.sort_by_key(|number| !number.is_named());
+    numbers.truncate(TUNING.candidates.numbers);
+    let states = states(&system, dataset);
+    let mut seen: Vec<Vec<f64>> = Vec::new();
+    let mut all = Vec::new();
+    for number in numbers {
+        let Ok((extension, probe)) = scope.extension_of(&number) else { continue };
+        let mut graph = system.graph.clone();
+        let values = HashMap::from([(Symbol::Parameter(system.parameters.len()), number.value)]);
+        let local = extension.import(&probe, &mut graph, &values);
+        let change = motion(&system, &mut graph, &local, &states);
+        let moves = change.iter().any(|x| x.is_finite() && *x != 0.0);
+        if !moves || seen.iter().any(|other| are_alike(other, &change)) {
+            continue;
+        }
+        seen.push(change);
+        let parameters: Vec<ParameterId> = extension.parameters().map(|(id, ..)| id).collect();
+        all.push(Candidate {
+            label: format!("number({})", number.label()),
+            on: acts_on(&system, &graph, &local),
+            arguments: vec![number.label()],
+            extension,
+            terms: Vec::new(),
+            parameters,
+            grid: vec![Vec::new()],
+            choice: 0.0,
+            origin: Origin::Number { number, probe },
+        });
+    }
+    one_of(&mut all);
+    all
+}
+
+/// Some measured states: coordinates, then momenta. What was not measured is a number of size 1.
+fn states(system: &System, dataset: &Dataset) -> Vec<Vec<f64>> {
+    let most = TUNING.candidates.number_states;
+    let n = 2 * system.degrees();
+    let runs: Vec<_> = dataset.runs.iter().filter(|run| !run.times.is_empty()).collect();
+    let each = most.div_ceil(runs.len().max(1));
+    let mut out = Vec::new();
+    for run in runs {
+        let count = run.times.len();
+        for k in 0..each.min(count) {
+            let at = k * count / each.min(count);
+            let cell = |row: usize| {
+                let value = run.values.get(row).and_then(|cells| cells.get(at)).copied();
+                value.filter(|value| value.is_finite())
+            };
+            let missing = |row: usize| 0.4 + ((1 + row) as f64 * 1.7 + at as f64).sin();
+            let mut state: Vec<f64> =
+                (0..n).map(|row| cell(row).unwrap_or_else(|| missing(row))).collect();
+            state.push(run.times[at]);
+            out.push(state);
+        }
+    }
+    out.truncate(most);
+    out
+}
+
+/// What a term does at some states: the gradient of its energy, its forces, and what it adds to
+/// sensors, one state after another.
+fn motion(system: &System, graph: &mut Graph, term: &Term, states: &[Vec<f64>]) -> Vec<f64> {
+    let n = 2 * system.degrees();
+    let energies: Vec<_> =
+        term.parts().filter(|(place, _)| place.is_energy()).map(|(_, expr)| expr).collect();
+    let energy = graph.sum(&energies);
+    let mut rows: Vec<_> =
+        system.state().into_iter().map(|symbol| graph.derivative(energy, symbol)).collect();
+    for i in 0..system.degrees() {
+        rows.extend(term.part(Place::Force(i)));
+    }
+    for i in 0..n {
+        rows.extend(term.part(Place::Sensor(i)));
+    }
+    let value = |state: &Vec<f64>| -> Vec<f64> {
+        let of = |symbol| match symbol {
+            Symbol::Coordinate(i) => state[i],
+            Symbol::Momentum(i) => state[n / 2 + i],
+            Symbol::Time => state[n],
+            Symbol::Parameter(j) => system.parameters.get(j).map_or(1.0, |one| one.start),
+            Symbol::Coefficient(_) => 1.0,
+        };
+        rows.iter().map(|&row| graph.value(row, &of)).collect()
+    };
+    states.iter().flat_map(value).collect()
+}
+
+/// Whether two lists of numbers are multiples of each other, where both are finite.
+fn are_alike(a: &[f64], b: &[f64]) -> bool {
+    if a.len() != b.len() {
+        return false;
+    }
+    // Sizes may be those of astronomy.
+    let largest = |list: &[f64]| {
+        list.iter().filter(|x| x.is_finite()).fold(f64::MIN_POSITIVE, |m, x| m.max(x.abs()))
+    };
+    let (of_a, of_b) = (largest(a), largest(b));
+    let (mut aa, mut ab, mut bb) = (0.0, 0.0, 0.0);
+    for (x, y) in a.iter().zip(b).filter(|(x, y)| x.is_finite() && y.is_finite()) {
+        let (x, y) = (x / of_a, y / of_b);
+        aa += x * x;
+        ab += x * y;
+        bb += y * y;
+    }
+    aa > 0.0 && bb > 0.0 && aa * bb - ab * ab <= TUNING.candidates.same_number * aa * bb
+}
+
+/// Names of the coordinates and observables that a term acts on.
+fn acts_on(system: &System, graph: &Graph, term: &Term) -> Vec<String> {
+    let observables = system.observables();
+    let mut on = BTreeSet::new();
+    for (place, expr) in term.parts() {
+        match place {
+            Place::Force(i) => {
+                on.insert(i);
+            }
+            Place::Sensor(i) => {
+                on.insert(i + system.degrees());
+            }
+            _ => on.extend(graph.symbols(&[expr]).iter().filter_map(|symbol| match symbol {
+                Symbol::Coordinate(i) | Symbol::Momentum(i) => Some(*i),
+                _ => None,
+            })),
+        }
+    }
+    let name = |i: usize| match i.checked_sub(system.degrees()) {
+        Some(row) => observables[row].clone(),
+        None => system.coordinates[i].name.clone(),
+    };
+    on.into_iter().map(name).collect()
+}
