@@ -5,6 +5,7 @@
 //! $ cargo run --release --example composed                # 60 cases
 //! $ cargo run --release --example composed -- pendulum    # those of one system
 //! $ cargo run --release --example composed -- 0.01 -v     # one noise; the whole front
+//! $ cargo run --release --example composed -- reach=1     # samples moved by their spread
 //! ```
 
 #![allow(
@@ -126,8 +127,8 @@ fn skeleton(statement: &str) -> String {
     out
 }
 
-fn run(hidden: &Hidden, noise: f64, seed: u64) -> Outcome {
-    let case = case_reaching(REACH, hidden.base, &hidden.statement, noise, seed);
+fn run(hidden: &Hidden, reach: f64, noise: f64, seed: u64) -> Outcome {
+    let case = case_reaching(reach, hidden.base, &hidden.statement, noise, seed);
     let model = case.fit();
     let context = Context::new(&case.compiled.system, &model, &case.training).expect("its own");
     let context = context.with_noise(noise_floor(&context, &model));
@@ -161,19 +162,22 @@ fn main() {
     let mut asked: Vec<String> = std::env::args().skip(1).collect();
     let verbose = asked.iter().any(|word| word == "-v");
     asked.retain(|word| word != "-v");
+    let reach = asked.iter().find_map(|word| word.strip_prefix("reach=")?.parse().ok());
+    asked.retain(|word| !word.starts_with("reach="));
     let noises: Vec<f64> = asked.iter().filter_map(|word| word.parse().ok()).collect();
     let words: Vec<&String> = asked.iter().filter(|word| word.parse::<f64>().is_err()).collect();
     let (mut right, mut forms, mut all) = (0, 0, 0);
     let (mut seconds, mut distinct) = (0.0, usize::MAX);
     for (number, hidden) in hidden_terms().iter().enumerate() {
-        for noise in NOISES {
+        for &noise in if noises.is_empty() { &NOISES[..] } else { &noises[..] } {
             let named = |word: &&String| {
                 hidden.base.name == word.as_str() || hidden.statement.contains(word.as_str())
             };
-            if !words.iter().all(named) || !(noises.is_empty() || noises.contains(&noise)) {
+            if !words.iter().all(named) {
                 continue;
             }
-            let outcome = run(hidden, noise, number as u64 + 1);
+            let reach = reach.unwrap_or(REACH);
+            let outcome = run(hidden, reach, noise, number as u64 + 1);
             all += 1;
             right += usize::from(outcome.right());
             forms += usize::from(outcome.form);

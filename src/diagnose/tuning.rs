@@ -120,14 +120,18 @@ pub struct Composed {
     pub candidates: usize,
     /// Expressions of the first look that the second one sees.
     pub kept: usize,
-    /// Forms whose inner numbers are refined.
+    /// Forms whose inner numbers are refined in a look.
     pub refined: usize,
+    /// What it costs in nats to say that no named effect is meant: odds of a thousand to one.
+    pub unnamed: f64,
     /// Forms that are joined with others.
     pub joined: usize,
     /// Terms that the motion is followed by between two looks, at most.
     pub together: usize,
-    /// Looks around a motion that follows the data.
+    /// Looks around a motion that is nearer to that of the data, at most.
     pub rounds: usize,
+    /// Error in units of the noise of a motion around which no other look is needed.
+    pub follows: f64,
     /// Samples of the shortest segment of the first look,
     pub shortest: usize,
     /// of the longest one,
@@ -345,16 +349,18 @@ pub const TUNING: Tuning = Tuning {
         expressions: 150_000,
         candidates: 12,
         kept: 3_000,
-        refined: 200,
-        joined: 600,
+        refined: 120,
+        unnamed: 7.0,
+        joined: 300,
         together: 4,
         rounds: 3,
+        follows: 1.15,
         shortest: 4,
         window: 32,
-        followed: 48,
+        followed: 40,
         strays: 0.03,
         first_spacing: 0.3,
-        second_spacing: 0.12,
+        second_spacing: 0.15,
     },
     scan: Scan {
         columns_together: 240,

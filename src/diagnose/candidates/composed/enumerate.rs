@@ -14,6 +14,7 @@ use super::expression::{Composed, action};
 use super::leaves::Jet;
 use super::library::{Library, Part};
 use super::responses::{Action, Channels, Responses, TOGETHER};
+use crate::diagnose::tuning::TUNING;
 use crate::expr::Place;
 use crate::fit::Monitor;
 
@@ -98,7 +99,8 @@ pub(super) fn enumerate(
         for (group, falls) in groups.iter().zip(scored) {
             for ((order, draft), fall) in group.iter().zip(falls) {
                 if fall > 0.0 {
-                    let composed = draft.composed(library, (*order as f64).ln());
+                    let composed =
+                        draft.composed(library, (*order as f64).ln() + TUNING.composed.unnamed);
                     found.push(Found { composed, fall });
                 }
             }
@@ -244,4 +246,24 @@ fn direction(place: u64) -> f64 {
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^= z >> 31;
     (z >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn action(channels: &[usize], of: impl Fn(f64) -> f64) -> Action {
+        let values = (0..24).map(|i| of(-1.3 + 0.11 * f64::from(i)));
+        Action { channels: channels.to_vec(), values: values.collect() }
+    }
+
+    #[test]
+    fn what_does_the_same_has_one_key() {
+        let key = Key::of(&action(&[0], |q| (2.0 * q).sin()));
+        assert_eq!(key, Key::of(&action(&[0], |q| -7.3 * q.sin() * q.cos())));
+        assert_ne!(key, Key::of(&action(&[0], |q| (2.0 * q).sin() + 1e-5 * q)));
+        assert_ne!(key, Key::of(&action(&[1], |q| (2.0 * q).sin())));
+        assert_eq!(None, Key::of(&action(&[0], |_| 0.0)));
+        assert_eq!(None, Key::of(&action(&[0], |_| f64::NAN)));
+    }
 }

@@ -1,6 +1,6 @@
 //! Composed terms: products of shapes of leaves, at a place in the equations of motion.
 
-use super::leaves::{Jet, Leaf, Leaves};
+use super::leaves::{Jet, Leaf, LeafUnit, Leaves};
 use super::responses::{Action, Channels};
 use super::shapes::{Inner, SHAPES, Shape};
 use crate::expr::{Place, System};
@@ -37,7 +37,8 @@ pub(super) struct Composed {
     pub(super) factors: Vec<Factor>,
     /// Description length in nats by the grammar.
     pub(super) length: f64,
-    /// Logarithm of the number of distinct expressions that are no longer.
+    /// What it costs to say it, in nats: the logarithm of the number of distinct expressions that
+    /// are no longer, and that it is a composed term at all.
     pub(super) price: f64,
 }
 
@@ -70,6 +71,21 @@ impl Composed {
         let form = |factor: &Factor| (factor.leaf, factor.shape);
         self.place == other.place
             && self.factors.iter().map(form).eq(other.factors.iter().map(form))
+    }
+
+    /// Unit of each of its inner numbers as a spec has it, empty for a pure number.
+    pub(super) fn units(&self, leaves: &[Leaf]) -> Vec<String> {
+        let of = |&(at, _, inner): &(usize, usize, Inner)| {
+            let LeafUnit::Of(unit) = &leaves[self.factors[at].leaf].unit else {
+                return String::new();
+            };
+            match inner {
+                Inner::Length | Inner::Scale | Inner::Centre => unit.clone(),
+                Inner::WaveNumber => format!("1/({unit})"),
+                Inner::Exponent => String::new(),
+            }
+        };
+        self.inner().iter().map(of).collect()
     }
 
     /// Its text, inner numbers by names between braces.
@@ -110,6 +126,23 @@ impl Composed {
             Place::Sensor(i) => format!("sensor {}", system.observables()[i]),
         };
         format!("{place} += span{{ {term}: {text} }}")
+    }
+
+    /// The channels that it acts on, some values of the leaves being given.
+    pub(super) fn channels(&self, leaves: &[Jet], channels: Channels) -> Vec<usize> {
+        let n = channels.degrees;
+        let depends = |component: usize| {
+            self.factors.iter().any(|factor| leaves[factor.leaf].slopes[component].is_some())
+        };
+        match self.place {
+            Place::Force(i) => vec![channels.kick(i)],
+            Place::Sensor(i) => vec![channels.sensor(i)],
+            _ => {
+                let kicks = (0..n).filter(|&i| depends(i)).map(|i| channels.kick(i));
+                let drifts = (0..n).filter(|&i| depends(n + i)).map(|i| channels.drift(i));
+                kicks.chain(drifts).collect()
+            }
+        }
     }
 
     /// What it does at all points at which the leaves are given.

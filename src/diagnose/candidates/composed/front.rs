@@ -1,6 +1,7 @@
 //! Composed terms weighed against one another: one or two together, price against what is left.
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 use super::expression::{Composed, LeafJets};
 use super::responses::Responses;
@@ -54,7 +55,7 @@ pub(super) fn choices(
     let target = responses.target();
     let squares = target.norm_squared();
     let columns: Vec<DVector<f64>> = terms
-        .iter()
+        .par_iter()
         .map(|(term, _)| responses.column(&term.action(&jets.nodes, responses.channels)))
         .collect();
     let mut all = Vec::new();
@@ -128,7 +129,7 @@ pub(super) fn together(
 ) -> Vec<(Composed, f64)> {
     let target = responses.target();
     let columns: Vec<DVector<f64>> = terms
-        .iter()
+        .par_iter()
         .map(|(term, _)| responses.column(&term.action(&jets.nodes, responses.channels)))
         .collect();
     let mut rests = columns.clone();

@@ -3,23 +3,65 @@
 
 use rustc_hash::FxHashSet;
 
+use super::shapes::Shape;
 use super::states::PhasePoints;
 use crate::eval::{Backend, Inputs, compile};
-use crate::expr::{Expr, Function, Graph, Node, Symbol, System};
+use crate::expr::{Expr, Function, Graph, Node, Symbol, System, Variable};
 
 /// An argument of a shape.
 pub(super) struct Leaf {
     /// As it is written in a spec.
     pub(super) text: String,
-    /// Whether that is a plain name.
+    /// Whether that holds together without parentheses.
     pub(super) name: bool,
     /// The component of the state that it is, if it is one: coordinates, then momenta.
     pub(super) component: Option<usize>,
+    /// Whether it is a product of such: its powers are monomials, which have a list of their own.
+    pub(super) monomial: bool,
     /// Its description length in nats.
     pub(super) length: f64,
+    /// What it is measured in.
+    pub(super) unit: LeafUnit,
     expr: Expr,
     /// Components of the state that it depends on.
     depends: Vec<bool>,
+}
+
+/// What a leaf is measured in.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum LeafUnit {
+    /// It is a pure number, or nothing about its unit is checked.
+    Number,
+    /// In a unit, as a spec has it.
+    Of(String),
+    /// In some unit.
+    Unknown,
+}
+
+impl LeafUnit {
+    fn of(variable: &Variable) -> LeafUnit {
+        match (&variable.unit, &variable.unit_text) {
+            (Some(unit), Some(text)) if !unit.is_number() => LeafUnit::Of(text.clone()),
+            (Some(unit), None) if !unit.is_number() => LeafUnit::Unknown,
+            _ => LeafUnit::Number,
+        }
+    }
+
+    fn squared(&self) -> LeafUnit {
+        match self {
+            LeafUnit::Of(text) => LeafUnit::Of(format!("({text})^2")),
+            other => other.clone(),
+        }
+    }
+
+    /// Whether a shape may be asked of an argument in this unit.
+    pub(super) fn allows(&self, shape: &Shape) -> bool {
+        match self {
+            LeafUnit::Number => true,
+            LeafUnit::Of(_) => shape.is_homogeneous() || shape.has_lengths(),
+            LeafUnit::Unknown => shape.is_homogeneous(),
+        }
+    }
 }
 
 impl Leaf {
@@ -69,85 +111,88 @@ impl Leaves {
         let mut graph = system.graph.clone();
         let symbols: Vec<Expr> = state.iter().map(|&symbol| graph.symbol(symbol)).collect();
         let names = system.names();
-        let mut found: Vec<(Expr, f64)> = Vec::new();
+        let units: Vec<LeafUnit> =
+            system.coordinates.iter().chain(&system.momenta).map(LeafUnit::of).collect();
+        let mut found: Vec<(Expr, LeafUnit, f64)> = Vec::new();
         let mut seen = FxHashSet::default();
-        let mut add = |exprs: Vec<Expr>, class: f64| {
-            let new: Vec<Expr> = exprs.into_iter().filter(|expr| seen.insert(*expr)).collect();
+        let mut add = |drafts: Vec<(Expr, LeafUnit)>, class: f64| {
+            let new: Vec<_> = drafts.into_iter().filter(|(expr, _)| seen.insert(*expr)).collect();
             let length = class + (new.len().max(1) as f64).ln();
-            found.extend(new.into_iter().map(|expr| (expr, length)));
+            found.extend(new.into_iter().map(|(expr, unit)| (expr, unit, length)));
         };
         let ln_2 = std::f64::consts::LN_2;
-        add(symbols.clone(), ln_2);
-        add(known_parts(system), 2.0 * ln_2);
-        let (coordinates, momenta) = symbols.split_at(n);
-        let pairs = |of: &[Expr]| -> Vec<(Expr, Expr)> {
-            let first = of.iter().enumerate();
-            first.flat_map(|(i, &a)| of[i + 1..].iter().map(move |&b| (a, b))).collect()
+        add(symbols.iter().copied().zip(units.iter().cloned()).collect(), ln_2);
+        let unknown = if units.iter().all(|unit| *unit == LeafUnit::Number) {
+            LeafUnit::Number
+        } else {
+            LeafUnit::Unknown
         };
-        let square = |graph: &mut Graph, x: Expr| graph.power(x, 2.0);
+        let known = known_parts(system).into_iter().map(|expr| (expr, unknown.clone()));
+        add(known.collect(), 2.0 * ln_2);
         let mut near = Vec::new();
-        for of in [coordinates, momenta] {
-            for (a, b) in pairs(of) {
-                near.push(graph.subtract(a, b));
-                near.push(graph.add(a, b));
-                let squares = [square(&mut graph, a), square(&mut graph, b)];
-                let sum = graph.sum(&squares);
-                near.push(sum);
-                near.push(graph.apply(Function::SQRT, sum));
-                near.push(graph.multiply(a, b));
+        for of in [0..n, n..2 * n] {
+            for (a, b) in pairs(of.clone()).filter(|&(a, b)| units[a] == units[b]) {
+                let unit = &units[a];
+                let (x, y) = (symbols[a], symbols[b]);
+                near.push((graph.subtract(x, y), unit.clone()));
+                near.push((graph.add(x, y), unit.clone()));
+                near.extend(distance(&mut graph, &[x, y], unit));
+                near.push((graph.multiply(x, y), unit.squared()));
             }
-            if n > 2 {
-                let squares: Vec<Expr> = of.iter().map(|&x| square(&mut graph, x)).collect();
-                let sum = graph.sum(&squares);
-                near.push(sum);
-                near.push(graph.apply(Function::SQRT, sum));
+            let alike = units[of.clone()].windows(2).all(|pair| pair[0] == pair[1]);
+            if n > 2 && alike {
+                near.extend(distance(&mut graph, &symbols[of.clone()], &units[of.start]));
             }
         }
         add(near, 3.0 * ln_2);
         let mut far = Vec::new();
         // Distances of two bodies in a plane.
         if (4..=MOST_OF_PLANES).contains(&n) {
-            let all = pairs(coordinates);
+            let all: Vec<(usize, usize)> = pairs(0..n).collect();
             for (i, &(a, b)) in all.iter().enumerate() {
                 for &(c, d) in &all[i + 1..] {
-                    if [c, d].contains(&a) || [c, d].contains(&b) {
+                    let alike = [b, c, d].iter().all(|&other| units[other] == units[a]);
+                    if [c, d].contains(&a) || [c, d].contains(&b) || !alike {
                         continue;
                     }
-                    let apart = [graph.subtract(a, b), graph.subtract(c, d)];
-                    let squares = apart.map(|x| square(&mut graph, x));
-                    let sum = graph.sum(&squares);
-                    far.push(sum);
-                    far.push(graph.apply(Function::SQRT, sum));
+                    let apart = [(a, b), (c, d)];
+                    let apart = apart.map(|(a, b)| graph.subtract(symbols[a], symbols[b]));
+                    far.extend(distance(&mut graph, &apart, &units[a]));
                 }
             }
         }
-        // Sums and differences of monomials of unlike degree, and of coordinates with momenta.
-        for (a, b) in pairs(&symbols) {
-            let (a2, b2) = (square(&mut graph, a), square(&mut graph, b));
-            far.push(graph.subtract(a2, b2));
-            far.push(graph.multiply(a, b));
-            far.push(graph.sum(&[a2, b2]));
-            for (x, y) in [(a, b2), (b, a2)] {
-                far.push(graph.add(x, y));
-                far.push(graph.subtract(x, y));
+        // Sums and differences of monomials of unlike degree, and of coordinates with momenta:
+        // of pure numbers.
+        let numbers: Vec<usize> = (0..2 * n).filter(|&i| units[i] == LeafUnit::Number).collect();
+        let mut add_number = |expr: Expr| far.push((expr, LeafUnit::Number));
+        for (a, b) in pairs(0..numbers.len()) {
+            let (a, b) = (symbols[numbers[a]], symbols[numbers[b]]);
+            let (a2, b2) = (graph.power(a, 2.0), graph.power(b, 2.0));
+            add_number(graph.subtract(a2, b2));
+            add_number(graph.multiply(a, b));
+            add_number(graph.add(a2, b2));
+            for (x, y) in [(a, b2), (b, a2), (a, b)] {
+                add_number(graph.add(x, y));
+                add_number(graph.subtract(x, y));
             }
-            far.push(graph.add(a, b));
-            far.push(graph.subtract(a, b));
         }
-        for &a in &symbols {
-            let a2 = square(&mut graph, a);
-            far.push(graph.add(a, a2));
-            far.push(graph.subtract(a, a2));
+        for &a in &numbers {
+            let a = symbols[a];
+            let a2 = graph.power(a, 2.0);
+            add_number(graph.add(a, a2));
+            add_number(graph.subtract(a, a2));
         }
         add(far, 4.0 * ln_2);
-        let list = found.into_iter().map(|(expr, length)| {
+        let list = found.into_iter().map(|(expr, unit, length)| {
             let of = graph.symbols(&[expr]);
             let component = symbols.iter().position(|&symbol| symbol == expr);
             Leaf {
                 text: graph.text(expr, &names),
-                name: component.is_some(),
+                name: component.is_some() || matches!(graph.node(expr), Node::Apply(..)),
                 component,
+                monomial: component.is_some() || is_monomial(&graph, expr),
                 length,
+                unit,
                 expr,
                 depends: state.iter().map(|symbol| of.contains(symbol)).collect(),
             }
@@ -178,6 +223,30 @@ impl Leaves {
             slopes: leaf.depends.iter().map(|&depends| depends.then(&mut next)).collect(),
         };
         self.list.iter().map(jet).collect()
+    }
+}
+
+/// All pairs of different places, the smaller one first.
+fn pairs(of: std::ops::Range<usize>) -> impl Iterator<Item = (usize, usize)> {
+    let end = of.end;
+    of.flat_map(move |a| (a + 1..end).map(move |b| (a, b)))
+}
+
+/// The square of a vector's length, and the length.
+fn distance(graph: &mut Graph, along: &[Expr], unit: &LeafUnit) -> [(Expr, LeafUnit); 2] {
+    let squares: Vec<Expr> = along.iter().map(|&x| graph.power(x, 2.0)).collect();
+    let sum = graph.sum(&squares);
+    [(sum, unit.squared()), (graph.apply(Function::SQRT, sum), unit.clone())]
+}
+
+/// Whether an expression is a product of positive whole powers of variables.
+fn is_monomial(graph: &Graph, expr: Expr) -> bool {
+    let variable = |expr: Expr| matches!(graph.node(expr), Node::Symbol(_));
+    match graph.node(expr) {
+        Node::Product(parts) => parts.iter().all(|&(base, exponent)| {
+            variable(base) && exponent.value() > 0.0 && exponent.value().fract() == 0.0
+        }),
+        _ => false,
     }
 }
 

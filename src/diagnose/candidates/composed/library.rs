@@ -68,11 +68,6 @@ impl Library {
     }
 }
 
-/// What a whole power costs.
-fn length_of_power(power: i32) -> f64 {
-    f64::from(power.abs()).ln() + if power < 0 { std::f64::consts::LN_2 } else { 0.0 }
-}
-
 /// Products of positive powers of coordinates and momenta, the shortest first.
 fn monomials(leaves: &Leaves, jets: &LeafJets) -> Vec<(Vec<Factor>, f64)> {
     let plain = leaves.list.iter().enumerate().filter(|(_, leaf)| leaf.component.is_some());
@@ -85,7 +80,7 @@ fn monomials(leaves: &Leaves, jets: &LeafJets) -> Vec<(Vec<Factor>, f64)> {
                 continue;
             }
             let factor = Factor { leaf: at, shape: place, numbers: [0.0; 2] };
-            let own = leaf.length + length_of_power(shape.power) + ONE_MORE;
+            let own = leaf.length + shape.length() + ONE_MORE;
             next.extend(all.iter().map(|(factors, length)| {
                 let mut factors = factors.clone();
                 factors.push(factor);
@@ -104,23 +99,18 @@ fn monomials(leaves: &Leaves, jets: &LeafJets) -> Vec<(Vec<Factor>, f64)> {
 /// Every shape of every leaf that is no power of a coordinate or momentum, at every point of the
 /// grid of its inner numbers.
 fn others(leaves: &Leaves, jets: &LeafJets) -> Vec<(Factor, f64)> {
-    let functions = SHAPES.iter().filter(|shape| shape.power == 0).count() as f64;
     let mut all = Vec::new();
     for (at, leaf) in leaves.list.iter().enumerate() {
         let (lower, upper) = jets.ranges[at];
         for (place, shape) in SHAPES.iter().enumerate() {
-            let monomial = leaf.component.is_some() && shape.power != 0;
-            if monomial || !shape.suits(lower, upper) {
+            let monomial = leaf.monomial && shape.power != 0;
+            if monomial || !leaf.unit.allows(shape) || !shape.suits(lower, upper) {
                 continue;
             }
-            let kind = match shape.power {
-                0 => functions.ln() + ONE_MORE,
-                power => length_of_power(power) + ONE_MORE,
-            };
             let axes: Vec<Vec<f64>> =
                 shape.numbers.iter().map(|inner| inner.grid(lower, upper)).collect();
             let points: f64 = axes.iter().map(|axis| (axis.len() as f64).ln()).sum();
-            let length = leaf.length + kind + points;
+            let length = leaf.length + shape.length() + ONE_MORE + points;
             for numbers in choices(&axes) {
                 all.push((Factor { leaf: at, shape: place, numbers }, length));
             }

@@ -129,10 +129,11 @@ pub fn composition(
         let best = chosen.first().map_or(Vec::new(), Choice::with_coefficients);
         let same = best.len() == leaders.len()
             && best.iter().all(|(term, _)| leaders.iter().any(|(l, _)| l.has_form_of(term)));
-        leaders = best;
-        if same {
+        // A motion at the noise is the right one to look around.
+        if same || around.follows() {
             break;
         }
+        leaders = best;
     }
     let candidates = chosen
         .iter()

@@ -226,15 +226,15 @@ impl Responses {
         self.squares = self.segments.iter().map(|segment| segment.target.norm_squared()).sum();
     }
 
-    /// By how much the squares fall with each of up to [`TOGETHER`] actions on the same channels;
-    /// zero for those that the model spans.
-    pub(super) fn falls(&self, actions: &[Action]) -> [f64; TOGETHER] {
-        let Some(first) = actions.first() else { return [0.0; TOGETHER] };
+    /// By how much the squares fall with each of up to so many actions on the same channels; zero
+    /// for those that the model spans.
+    pub(super) fn falls<const LANES: usize>(&self, actions: &[Action]) -> [f64; LANES] {
+        let Some(first) = actions.first() else { return [0.0; LANES] };
         let (channels, count) = (&first.channels, self.points.count);
-        let mut gain = [0.0; TOGETHER];
-        let mut whole = [0.0; TOGETHER];
-        let mut shadows = vec![[0.0; TOGETHER]; self.unknowns];
-        let mut values: Vec<[f64; TOGETHER]> = Vec::new();
+        let mut gain = [0.0; LANES];
+        let mut whole = [0.0; LANES];
+        let mut shadows = vec![[0.0; LANES]; self.unknowns];
+        let mut values: Vec<[f64; LANES]> = Vec::new();
         let mut places = Vec::new();
         for segment in &self.segments {
             values.clear();
@@ -242,7 +242,7 @@ impl Responses {
             for (at, channel) in channels.iter().enumerate() {
                 for node in 0..segment.nodes {
                     let place = at * count + segment.first + node;
-                    let mut row = [0.0; TOGETHER];
+                    let mut row = [0.0; LANES];
                     for (x, action) in row.iter_mut().zip(actions) {
                         *x = action.values[place];
                     }
@@ -258,8 +258,8 @@ impl Responses {
             }
             segment.add_information(self.channels, &values, &places, &mut whole);
         }
-        let mut falls = [0.0; TOGETHER];
-        for lane in 0..TOGETHER {
+        let mut falls = [0.0; LANES];
+        for lane in 0..LANES {
             let spanned: f64 = shadows.iter().map(|shadow| shadow[lane].powi(2)).sum();
             let own = whole[lane] - spanned;
             let seen = own > SPANNED * whole[lane] && own.is_finite();
@@ -270,7 +270,8 @@ impl Responses {
 
     /// The fall of the squares with one action.
     pub(super) fn fall(&self, action: &Action) -> f64 {
-        self.falls(std::slice::from_ref(action))[0]
+        let [fall] = self.falls(std::slice::from_ref(action));
+        fall
     }
 
     /// What an action does to all residuals with the model's unknowns free.
@@ -296,7 +297,7 @@ impl Responses {
     }
 }
 
-fn add(sums: &mut [f64; TOGETHER], factor: f64, values: &[f64; TOGETHER]) {
+fn add<const LANES: usize>(sums: &mut [f64; LANES], factor: f64, values: &[f64; LANES]) {
     for (sum, value) in sums.iter_mut().zip(values) {
         *sum += factor * value;
     }
@@ -316,12 +317,12 @@ impl Segment {
     }
 
     /// Adds u' M u of each lane.
-    fn add_information(
+    fn add_information<const LANES: usize>(
         &self,
         channels: Channels,
-        values: &[[f64; TOGETHER]],
+        values: &[[f64; LANES]],
         places: &[usize],
-        whole: &mut [f64; TOGETHER],
+        whole: &mut [f64; LANES],
     ) {
         let moving = channels.moving() * self.nodes;
         let (matrix, shift) = match places.first() {
@@ -334,7 +335,7 @@ impl Segment {
         for (i, (u, &place)) in values.iter().zip(places).enumerate() {
             // The matrix is symmetric: half of its diagonal, and what stands after it.
             let column = matrix.column(place - shift);
-            let mut row = [0.0; TOGETHER];
+            let mut row = [0.0; LANES];
             add(&mut row, 0.5 * column[place - shift], u);
             for (v, &other) in values[i + 1..].iter().zip(&places[i + 1..]) {
                 add(&mut row, column[other - shift], v);

@@ -7,7 +7,7 @@ use super::expression::{Composed, LeafJets};
 use super::front::{Choice, choices, pareto};
 use super::leaves::Leaves;
 use super::refine::refined;
-use super::responses::{Action, Responses};
+use super::responses::{Action, Responses, TOGETHER};
 use crate::diagnose::context::Settled;
 use crate::diagnose::tuning::TUNING;
 
@@ -52,12 +52,27 @@ impl Search {
 
     /// Scores of some terms at the numbers that they have; what is not finite here is left out.
     pub(super) fn scored(&self, terms: Vec<Composed>) -> Vec<Found> {
-        let of = |composed: Composed| {
-            let action = composed.action(&self.jets.nodes, self.responses.channels);
-            let finite = action.values.iter().all(|x| x.is_finite());
-            finite.then(|| Found { fall: self.responses.fall(&action), composed })
+        let mut terms = terms;
+        terms.sort_by_key(|term| term.channels(&self.jets.few, self.responses.channels));
+        let alike: Vec<&[Composed]> = terms
+            .chunk_by(|a, b| {
+                let of = |term: &Composed| term.channels(&self.jets.few, self.responses.channels);
+                of(a) == of(b)
+            })
+            .flat_map(|group| group.chunks(TOGETHER))
+            .collect();
+        let of = |group: &&[Composed]| {
+            let action = |term: &Composed| term.action(&self.jets.nodes, self.responses.channels);
+            let actions: Vec<Action> = group.iter().map(action).collect();
+            let falls: [f64; TOGETHER] = self.responses.falls(&actions);
+            let found = group.iter().zip(actions.iter().zip(falls));
+            let found =
+                found.filter(|(_, (action, _))| action.values.iter().all(|x| x.is_finite()));
+            found
+                .map(|(term, (_, fall))| Found { fall, composed: term.clone() })
+                .collect::<Vec<_>>()
         };
-        terms.into_par_iter().filter_map(of).collect()
+        alike.par_iter().flat_map_iter(of).collect()
     }
 
     /// The best of each form, the inner numbers of the leaders refined; best first.
@@ -88,7 +103,7 @@ impl Search {
     }
 
     /// The front of price against what is left; the best place of it first, then the others by
-    /// how much worse they are.
+    /// how much worse they are. What is no better than to say nothing is not on it.
     pub(super) fn chosen(&self, terms: &[(Composed, f64)]) -> Vec<Choice> {
         let rows = self.responses.rows;
         let few = &terms[..terms.len().min(TUNING.composed.joined)];
@@ -97,6 +112,8 @@ impl Search {
         let least = all.iter().map(|choice| choice.left).fold(f64::INFINITY, f64::min);
         let variance = self.variance(least);
         let mut front = pareto(all, rows);
+        let nothing = 0.5 * self.responses.squares / variance;
+        front.retain(|choice| choice.whole(variance, rows) < nothing);
         front.sort_by(|a, b| a.whole(variance, rows).total_cmp(&b.whole(variance, rows)));
         front
     }

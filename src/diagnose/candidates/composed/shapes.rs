@@ -68,6 +68,8 @@ pub(super) struct Shape {
     pub(super) needs: Needs,
     /// The whole power that it is, zero for another function.
     pub(super) power: i32,
+    /// Whether textbooks are full of it: it is then cheaper to say.
+    pub(super) common: bool,
     /// Value and derivative by the argument.
     pub(super) value: fn(f64, [f64; 2]) -> (f64, f64),
 }
@@ -79,7 +81,7 @@ const fn power(
     needs: Needs,
     value: fn(f64, [f64; 2]) -> (f64, f64),
 ) -> Shape {
-    Shape { template, numbers: &[], needs, power, value }
+    Shape { template, numbers: &[], needs, power, common: true, value }
 }
 
 /// Another function.
@@ -89,7 +91,17 @@ const fn shape(
     needs: Needs,
     value: fn(f64, [f64; 2]) -> (f64, f64),
 ) -> Shape {
-    Shape { template, numbers, needs, power: 0, value }
+    Shape { template, numbers, needs, power: 0, common: false, value }
+}
+
+/// Another function that is common.
+const fn common(
+    template: &'static str,
+    numbers: &'static [Inner],
+    needs: Needs,
+    value: fn(f64, [f64; 2]) -> (f64, f64),
+) -> Shape {
+    Shape { template, numbers, needs, power: 0, common: true, value }
 }
 
 /// |x|^e and its derivative.
@@ -118,25 +130,25 @@ pub(super) static SHAPES: &[Shape] = &[
     power(-3, "{x}^(-3)", Needs::OneSign, |x, _| (x.powi(-3), -3.0 * x.powi(-4))),
     power(-4, "{x}^(-4)", Needs::OneSign, |x, _| (x.powi(-4), -4.0 * x.powi(-5))),
     power(-6, "{x}^(-6)", Needs::OneSign, |x, _| (x.powi(-6), -6.0 * x.powi(-7))),
-    shape("abs({x})", &[], Needs::BothSigns, |x, _| (x.abs(), x.signum())),
+    common("abs({x})", &[], Needs::BothSigns, |x, _| (x.abs(), x.signum())),
     shape("sign({x})", &[], Needs::BothSigns, |x, _| (x.signum(), 0.0)),
-    shape("{x}*abs({x})", &[], Needs::BothSigns, |x, _| (x * x.abs(), 2.0 * x.abs())),
+    common("{x}*abs({x})", &[], Needs::BothSigns, |x, _| (x * x.abs(), 2.0 * x.abs())),
     shape("abs({x})^3", &[], Needs::BothSigns, |x, _| absolute_power(x, 3.0)),
     shape("abs({x})^(1/2)", &[], Needs::BothSigns, |x, _| absolute_power(x, 0.5)),
-    shape("abs({x})^(3/2)", &[], Needs::BothSigns, |x, _| absolute_power(x, 1.5)),
+    common("abs({x})^(3/2)", &[], Needs::BothSigns, |x, _| absolute_power(x, 1.5)),
     shape("abs({x})^(5/2)", &[], Needs::BothSigns, |x, _| absolute_power(x, 2.5)),
     shape("abs({x})^(7/2)", &[], Needs::BothSigns, |x, _| absolute_power(x, 3.5)),
-    shape("abs({x})^{a}", &[Inner::Exponent], Needs::BothSigns, |x, [a, _]| absolute_power(x, a)),
-    shape("sqrt({x})", &[], Needs::Positive, |x, _| (x.sqrt(), 0.5 / x.sqrt())),
-    shape("{x}^(3/2)", &[], Needs::Positive, |x, _| (x.powf(1.5), 1.5 * x.sqrt())),
+    common("abs({x})^{a}", &[Inner::Exponent], Needs::BothSigns, |x, [a, _]| absolute_power(x, a)),
+    common("sqrt({x})", &[], Needs::Positive, |x, _| (x.sqrt(), 0.5 / x.sqrt())),
+    common("{x}^(3/2)", &[], Needs::Positive, |x, _| (x.powf(1.5), 1.5 * x.sqrt())),
     shape("{x}^(5/2)", &[], Needs::Positive, |x, _| (x.powf(2.5), 2.5 * x.powf(1.5))),
-    shape("{x}^(-1/2)", &[], Needs::Positive, |x, _| (x.powf(-0.5), -0.5 * x.powf(-1.5))),
-    shape("{x}^(-3/2)", &[], Needs::Positive, |x, _| (x.powf(-1.5), -1.5 * x.powf(-2.5))),
+    common("{x}^(-1/2)", &[], Needs::Positive, |x, _| (x.powf(-0.5), -0.5 * x.powf(-1.5))),
+    common("{x}^(-3/2)", &[], Needs::Positive, |x, _| (x.powf(-1.5), -1.5 * x.powf(-2.5))),
     shape("{x}^(-5/2)", &[], Needs::Positive, |x, _| (x.powf(-2.5), -2.5 * x.powf(-3.5))),
-    shape("{x}^{a}", &[Inner::Exponent], Needs::Positive, |x, [a, _]| {
+    common("{x}^{a}", &[Inner::Exponent], Needs::Positive, |x, [a, _]| {
         (x.powf(a), a * x.powf(a - 1.0))
     }),
-    shape("log({x})", &[], Needs::Positive, |x, _| (x.ln(), 1.0 / x)),
+    common("log({x})", &[], Needs::Positive, |x, _| (x.ln(), 1.0 / x)),
     shape("log(abs({x}))", &[], Needs::BothSigns, |x, _| (x.abs().ln(), 1.0 / x)),
     shape("log(1 + {x}^2)", &[], Needs::Nothing, |x, _| {
         ((1.0 + x * x).ln(), 2.0 * x / (1.0 + x * x))
@@ -144,14 +156,14 @@ pub(super) static SHAPES: &[Shape] = &[
     shape("log(1 + ({x}/{a})^2)", &[Inner::Length], Needs::Nothing, |x, [a, _]| {
         ((1.0 + (x / a).powi(2)).ln(), 2.0 * x / (a * a + x * x))
     }),
-    shape("exp({x})", &[], Needs::Nothing, |x, _| (x.exp(), x.exp())),
-    shape("exp(-{x})", &[], Needs::Nothing, |x, _| ((-x).exp(), -(-x).exp())),
+    common("exp({x})", &[], Needs::Nothing, |x, _| (x.exp(), x.exp())),
+    common("exp(-{x})", &[], Needs::Nothing, |x, _| ((-x).exp(), -(-x).exp())),
     shape("exp(-{x}/2)", &[], Needs::Nothing, |x, _| ((-x / 2.0).exp(), -(-x / 2.0).exp() / 2.0)),
     shape("exp(-2*{x})", &[], Needs::Nothing, |x, _| ((-2.0 * x).exp(), -2.0 * (-2.0 * x).exp())),
-    shape("exp({x}/{a})", &[Inner::Scale], Needs::Nothing, |x, [a, _]| {
+    common("exp({x}/{a})", &[Inner::Scale], Needs::Nothing, |x, [a, _]| {
         ((x / a).exp(), (x / a).exp() / a)
     }),
-    shape("exp(-{x}/{a})", &[Inner::Scale], Needs::Nothing, |x, [a, _]| {
+    common("exp(-{x}/{a})", &[Inner::Scale], Needs::Nothing, |x, [a, _]| {
         ((-x / a).exp(), -(-x / a).exp() / a)
     }),
     shape("exp(-abs({x}))", &[], Needs::BothSigns, |x, _| {
@@ -160,11 +172,11 @@ pub(super) static SHAPES: &[Shape] = &[
     shape("exp(-abs({x})/{a})", &[Inner::Scale], Needs::BothSigns, |x, [a, _]| {
         ((-x.abs() / a).exp(), -x.signum() * (-x.abs() / a).exp() / a)
     }),
-    shape("exp(-{x}^2)", &[], Needs::Nothing, |x, _| ((-x * x).exp(), -2.0 * x * (-x * x).exp())),
+    common("exp(-{x}^2)", &[], Needs::Nothing, |x, _| ((-x * x).exp(), -2.0 * x * (-x * x).exp())),
     shape("exp(-{x}^2/2)", &[], Needs::Nothing, |x, _| {
         ((-x * x / 2.0).exp(), -x * (-x * x / 2.0).exp())
     }),
-    shape("exp(-({x}/{a})^2)", &[Inner::Length], Needs::Nothing, |x, [a, _]| {
+    common("exp(-({x}/{a})^2)", &[Inner::Length], Needs::Nothing, |x, [a, _]| {
         let bump = (-(x / a).powi(2)).exp();
         (bump, -2.0 * x / (a * a) * bump)
     }),
@@ -177,20 +189,20 @@ pub(super) static SHAPES: &[Shape] = &[
             (bump, -2.0 * (x - a) / (b * b) * bump)
         },
     ),
-    shape("sin({x})", &[], Needs::Nothing, |x, _| (x.sin(), x.cos())),
-    shape("cos({x})", &[], Needs::Nothing, |x, _| (x.cos(), -x.sin())),
+    common("sin({x})", &[], Needs::Nothing, |x, _| (x.sin(), x.cos())),
+    common("cos({x})", &[], Needs::Nothing, |x, _| (x.cos(), -x.sin())),
     shape("sin(2*{x})", &[], Needs::Nothing, |x, _| ((2.0 * x).sin(), 2.0 * (2.0 * x).cos())),
     shape("cos(2*{x})", &[], Needs::Nothing, |x, _| ((2.0 * x).cos(), -2.0 * (2.0 * x).sin())),
     shape("sin(3*{x})", &[], Needs::Nothing, |x, _| ((3.0 * x).sin(), 3.0 * (3.0 * x).cos())),
     shape("cos(3*{x})", &[], Needs::Nothing, |x, _| ((3.0 * x).cos(), -3.0 * (3.0 * x).sin())),
-    shape("sin({a}*{x})", &[Inner::WaveNumber], Needs::Nothing, |x, [a, _]| {
+    common("sin({a}*{x})", &[Inner::WaveNumber], Needs::Nothing, |x, [a, _]| {
         ((a * x).sin(), a * (a * x).cos())
     }),
-    shape("cos({a}*{x})", &[Inner::WaveNumber], Needs::Nothing, |x, [a, _]| {
+    common("cos({a}*{x})", &[Inner::WaveNumber], Needs::Nothing, |x, [a, _]| {
         ((a * x).cos(), -a * (a * x).sin())
     }),
-    shape("tanh({x})", &[], Needs::BothSigns, |x, _| (x.tanh(), beside_tanh(x.tanh()))),
-    shape("tanh({x}/{a})", &[Inner::Length], Needs::BothSigns, |x, [a, _]| {
+    common("tanh({x})", &[], Needs::BothSigns, |x, _| (x.tanh(), beside_tanh(x.tanh()))),
+    common("tanh({x}/{a})", &[Inner::Length], Needs::BothSigns, |x, [a, _]| {
         ((x / a).tanh(), beside_tanh((x / a).tanh()) / a)
     }),
     shape("tanh(({x} - {a})/{b})", &[Inner::Centre, Inner::Length], Needs::Nothing, |x, [a, b]| {
@@ -203,7 +215,7 @@ pub(super) static SHAPES: &[Shape] = &[
         (beside_tanh(tanh), -2.0 * tanh * beside_tanh(tanh))
     }),
     shape("atan({x})", &[], Needs::Nothing, |x, _| (x.atan(), 1.0 / (1.0 + x * x))),
-    shape("1/(1 + {x}^2)", &[], Needs::Nothing, |x, _| {
+    common("1/(1 + {x}^2)", &[], Needs::Nothing, |x, _| {
         let under = 1.0 / (1.0 + x * x);
         (under, -2.0 * x * under * under)
     }),
@@ -211,7 +223,7 @@ pub(super) static SHAPES: &[Shape] = &[
         let under = 1.0 / (1.0 + x * x);
         (under * under, -4.0 * x * under.powi(3))
     }),
-    shape("1/(1 + ({x}/{a})^2)", &[Inner::Length], Needs::Nothing, |x, [a, _]| {
+    common("1/(1 + ({x}/{a})^2)", &[Inner::Length], Needs::Nothing, |x, [a, _]| {
         let under = 1.0 / (1.0 + (x / a).powi(2));
         (under, -2.0 * x / (a * a) * under * under)
     }),
@@ -223,11 +235,11 @@ pub(super) static SHAPES: &[Shape] = &[
         let under = 1.0 / (1.0 + x.abs());
         (under, -x.signum() * under * under)
     }),
-    shape("sqrt(1 + {x}^2)", &[], Needs::Nothing, |x, _| {
+    common("sqrt(1 + {x}^2)", &[], Needs::Nothing, |x, _| {
         let root = (1.0 + x * x).sqrt();
         (root, x / root)
     }),
-    shape("sqrt({a}^2 + {x}^2)", &[Inner::Length], Needs::Nothing, |x, [a, _]| {
+    common("sqrt({a}^2 + {x}^2)", &[Inner::Length], Needs::Nothing, |x, [a, _]| {
         let root = (a * a + x * x).sqrt();
         (root, x / root)
     }),
@@ -235,7 +247,7 @@ pub(super) static SHAPES: &[Shape] = &[
         let root = (1.0 + x * x).sqrt();
         (1.0 / root, -x / root.powi(3))
     }),
-    shape("1/sqrt({a}^2 + {x}^2)", &[Inner::Length], Needs::Nothing, |x, [a, _]| {
+    common("1/sqrt({a}^2 + {x}^2)", &[Inner::Length], Needs::Nothing, |x, [a, _]| {
         let root = (a * a + x * x).sqrt();
         (1.0 / root, -x / root.powi(3))
     }),
@@ -250,6 +262,31 @@ impl Shape {
             Needs::Positive => lower > 0.0,
             Needs::BothSigns => lower < 0.0 && upper > 0.0,
         }
+    }
+
+    /// Description length in nats among all shapes.
+    pub(super) fn length(&self) -> f64 {
+        let ln_2 = std::f64::consts::LN_2;
+        if self.power != 0 {
+            let negative = if self.power < 0 { ln_2 } else { 0.0 };
+            return ln_2 * f64::from(self.power.abs()) + negative;
+        }
+        let alike = SHAPES.iter().filter(|s| s.power == 0 && s.common == self.common).count();
+        // A power, a common function, another one: the code says so with one, two and three bits.
+        (alike as f64).ln() + if self.common { 2.0 * ln_2 } else { 3.0 * ln_2 }
+    }
+
+    /// Whether it only takes a factor when its argument is measured in another unit.
+    pub(super) fn is_homogeneous(&self) -> bool {
+        let ratio = |x: f64| (self.value)(2.0 * x, [0.0; 2]).0 / (self.value)(x, [0.0; 2]).0;
+        self.numbers.is_empty() && (ratio(0.6) / ratio(1.1) - 1.0).abs() < 1e-9
+    }
+
+    /// Whether it is dimensionless in an argument that has a unit, its inner numbers having units
+    /// of their own.
+    pub(super) fn has_lengths(&self) -> bool {
+        let length = |inner: &Inner| !matches!(inner, Inner::Exponent);
+        !self.numbers.is_empty() && self.numbers.iter().all(length)
     }
 
     /// Its text with an argument; `name` says whether the argument is a plain name. The inner
@@ -304,5 +341,20 @@ mod tests {
         assert_eq!(text("{x}^2", "q + p", false).as_deref(), Some("(q + p)^2"));
         assert_eq!(text("sin({x})", "q + p", false).as_deref(), Some("sin(q + p)"));
         assert_eq!(text("sin({a}*{x})", "q", true).as_deref(), Some("sin({n1}*q)"));
+    }
+
+    #[test]
+    fn powers_alone_are_homogeneous() {
+        let of = |template: &str| {
+            let shape = SHAPES.iter().find(|shape| shape.template == template);
+            shape.map(Shape::is_homogeneous)
+        };
+        for template in ["{x}", "{x}^3", "{x}^(-2)", "abs({x})^(3/2)", "{x}*abs({x})", "sqrt({x})"]
+        {
+            assert_eq!(of(template), Some(true), "{template}");
+        }
+        for template in ["exp({x})", "1/(1 + {x}^2)", "sin(2*{x})", "log({x})", "abs({x})^{a}"] {
+            assert_eq!(of(template), Some(false), "{template}");
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::expression::Composed;
 use super::leaves::Leaves;
-use crate::diagnose::candidates::{Candidate, Origin, terms_of};
+use crate::diagnose::candidates::{Candidate, Origin, filled, terms_of};
 use crate::expr::{Place, Scope, System};
 
 /// The candidate that adds some terms; `None` where the language does not take them, as where
@@ -16,16 +16,22 @@ pub(super) fn candidate_of(
     let system = &scope.compiled().system;
     let free = free_prefix(system);
     let (mut statements, mut parameters) = (Vec::new(), Vec::new());
-    let (mut label, mut values) = (Vec::new(), Vec::new());
+    let (mut label, mut values, mut units) = (Vec::new(), Vec::new(), Vec::new());
     for (place, term) in terms.iter().enumerate() {
         let first = parameters.len();
         let numbers = term.numbers();
         let names: Vec<String> =
             (0..numbers.len()).map(|i| format!("{free}{}", first + i + 1)).collect();
-        let text = term.text(&leaves.list, &names);
+        let mut text = term.text(&leaves.list, &names);
+        for (name, unit) in names.iter().zip(term.units(&leaves.list)) {
+            if !unit.is_empty() {
+                text = text.replace(&format!("{{{name}}}"), &format!("{{{name}}} [{unit}]"));
+                units.push(unit);
+            }
+        }
         let name = format!("{free}_{}", place + 1);
         statements.push(term.statement(system, &name, &text));
-        let filled = filled(&text, &names, &numbers, 4);
+        let filled = filled(&text, &names, &numbers);
         label.push(format!("{} {filled}", place_name(system, term.place)));
         parameters.extend(names);
         values.extend(numbers);
@@ -34,10 +40,16 @@ pub(super) fn candidate_of(
     let standing = system.parameters.len();
     let mut lines = Vec::new();
     let lowered = if fixed {
-        filled(&statement, &parameters, &values, 12)
+        filled(&statement, &parameters, &values)
     } else {
         lines.extend(parameters.iter().zip(&values).map(|(n, v)| format!("param {n} = {v:.12e}")));
-        let bare = |text: String, name: &String| text.replace(&format!("{{{name}}}"), name);
+        // A parameter without a unit of its own is not checked.
+        let bare = |text: String, name: &String| {
+            let with_unit =
+                |text: String, unit: &String| text.replace(&format!("{{{name}}} [{unit}]"), name);
+            let text = units.iter().fold(text, with_unit);
+            text.replace(&format!("{{{name}}}"), name)
+        };
         parameters.iter().fold(statement.clone(), bare)
     };
     lines.push(lowered);
@@ -77,16 +89,6 @@ fn free_prefix(system: &System) -> String {
         prefix += "_more";
     }
     prefix
-}
-
-/// A text with numbers in place of names between braces.
-fn filled(text: &str, names: &[String], numbers: &[f64], digits: usize) -> String {
-    let fill = |text: String, (name, number): (&String, &f64)| {
-        let number = format!("{number:.digits$}");
-        let short = number.trim_end_matches('0').trim_end_matches('.');
-        text.replace(&format!("{{{name}}}"), short)
-    };
-    names.iter().zip(numbers).fold(text.to_string(), fill).replace("- -", "+ ")
 }
 
 fn place_name(system: &System, place: Place) -> String {
