@@ -10,6 +10,7 @@
 mod bad_data;
 mod changes;
 mod clock;
+mod composed;
 mod data;
 mod design;
 mod detectors;

@@ -27,6 +27,8 @@ mod search;
 mod shapes;
 mod statements;
 mod states;
+#[cfg(test)]
+mod tests;
 
 use self::around::{Around, linear};
 use self::enumerate::enumerate;

@@ -1,0 +1,116 @@
+//! Scores without a pass are those of a pass, and what is the same is asked once.
+
+use super::expression::{Composed, Factor};
+use super::leaves::Leaves;
+use super::search::Search;
+use super::shapes::SHAPES;
+use crate::data::Dataset;
+use crate::diagnose::context::{Context, Settled};
+use crate::expr::{Place, Scope, System, build};
+use crate::fit::Law;
+use crate::simulate::Simulator;
+
+const PENDULUM: &str = "coordinates q\nmomenta p\nT = p^2/2\nV = -cos(q)\n";
+
+/// Runs of a law in which everything is known, the last digits in some disorder.
+fn measured(text: &str) -> Dataset {
+    let system = build("truth", text).expect("a spec").system;
+    let simulator = Simulator::new(&system, &[], &[], &[]).expect("a law");
+    let starts = [vec![1.2, 0.1], vec![-0.4, 0.9], vec![0.7, -0.8]];
+    let times: Vec<f64> = (0..96).map(|i| 0.1 * f64::from(i)).collect();
+    let mut data = simulator.trajectories(&starts, &times).expect("a motion").dataset(&system);
+    for (at, x) in data.runs.iter_mut().flat_map(|r| r.values.iter_mut().flatten()).enumerate() {
+        *x += 1e-4 * (at as f64 * 1.7).sin();
+    }
+    data
+}
+
+fn settled<'a>(text: &str, data: &'a Dataset) -> Settled<'a> {
+    let law = Law::known(build("model", text).expect("a spec").system).expect("a law");
+    Context::of(law.with_noise(vec![1e-3; 2]).with_window(16), data).settled()
+}
+
+/// The place in the table of a shape.
+fn shape(template: &str) -> usize {
+    SHAPES.iter().position(|shape| shape.template == template).expect("a shape")
+}
+
+/// A product of shapes of coordinate and momentum.
+fn term(place: Place, factors: &[(usize, &str, f64)]) -> Composed {
+    let factor = |&(leaf, template, number): &(usize, &str, f64)| Factor {
+        leaf,
+        shape: shape(template),
+        numbers: [number, 0.0],
+    };
+    Composed { place, factors: factors.iter().map(factor).collect(), length: 0.0, price: 0.0 }
+}
+
+#[test]
+fn a_score_is_that_of_a_pass_over_the_data() {
+    let data = measured("coordinates q\nmomenta p\nT = p^2/2\nV = -cos(q) + 0.002*q^4\n");
+    let settled = settled(PENDULUM, &data);
+    let leaves = Leaves::of(settled.context.system());
+    let search = Search::of(&settled, &leaves, &[], 0.12, &[]);
+    let mut scope = Scope::of(&build("model", PENDULUM).expect("a spec"));
+    let cases = [
+        (term(Place::Potential, &[(0, "{x}^4", 0.0)]), "V += span{ term: q^4 }"),
+        (
+            term(Place::Force(0), &[(0, "{x}^2", 0.0), (1, "{x}", 0.0)]),
+            "force q += span{ term: q^2*p }",
+        ),
+        (term(Place::Kinetic, &[(1, "{x}^4", 0.0)]), "T += span{ term: p^4 }"),
+        (
+            term(Place::Hamiltonian, &[(0, "sin({a}*{x})", 3.0), (1, "{x}", 0.0)]),
+            "H += span{ term: sin(3*q)*p }",
+        ),
+        (term(Place::Sensor(1), &[(0, "{x}^2", 0.0)]), "sensor p += span{ term: q^2 }"),
+    ];
+    for (term, statement) in cases {
+        let fall =
+            search.responses.fall(&term.action(&search.jets.nodes, search.responses.channels));
+        let extension = scope.extension(statement).expect("a statement");
+        let mut system = System::clone(settled.context.system());
+        let (_, own) = extension.terms().next().expect("a term");
+        let probe = extension.import(own, &mut system.graph, &Default::default());
+        let scores = settled.probe(system, &[probe]).expect("a score").scores;
+        let expected = scores.group(&[0]).deviance * scores.variance;
+        assert!((fall / expected - 1.0).abs() < 2e-3, "{statement}: {fall}, {expected} by a pass");
+    }
+}
+
+#[test]
+fn what_stands_in_the_model_is_not_scored() {
+    let text = "coordinates q\nmomenta p\nT = p^2/2\nV = span{ q^2, q^4 }\n";
+    let data = measured("coordinates q\nmomenta p\nT = p^2/2\nV = q^2/2 + q^4/4 + 0.005*q^6\n");
+    let system = build("model", text).expect("a spec").system;
+    let ids = system.term_ids();
+    let law = Law::known(build("model", PENDULUM).expect("a spec").system).expect("a law");
+    let how = (law.stepping(), 16);
+    let terms = vec![(ids[0], 0.5), (ids[1], 0.25)];
+    let law = Law::new(system, terms, Vec::new(), vec![1e-3; 2], how).expect("a law");
+    let settled = Context::of(law, &data).settled();
+    let leaves = Leaves::of(settled.context.system());
+    let search = Search::of(&settled, &leaves, &[0, 1], 0.12, &[]);
+    let fall = |power: &str| {
+        let term = term(Place::Potential, &[(0, power, 0.0)]);
+        search.responses.fall(&term.action(&search.jets.nodes, search.responses.channels))
+    };
+    assert_eq!(fall("{x}^2"), 0.0);
+    assert!(fall("{x}^6") > 0.9 * search.responses.squares);
+}
+
+#[test]
+fn what_terms_do_is_explained_again_where_it_is_restored() {
+    let data = measured("coordinates q\nmomenta p\nT = p^2/2\nV = -cos(q) + 0.05*q^4\n");
+    let with = "coordinates q\nmomenta p\nT = p^2/2\nV = -cos(q) + 0.05*q^4\n";
+    let settled = settled(with, &data);
+    let leaves = Leaves::of(settled.context.system());
+    let quartic = term(Place::Potential, &[(0, "{x}^4", 0.0)]);
+    let search = Search::of(&settled, &leaves, &[], 0.12, &[(quartic.clone(), 0.05)]);
+    let left = |term: &Composed| {
+        let action = term.action(&search.jets.nodes, search.responses.channels);
+        1.0 - search.responses.fall(&action) / search.responses.squares
+    };
+    assert!(left(&quartic) < 1e-3, "{}", left(&quartic));
+    assert!(left(&term(Place::Potential, &[(0, "{x}^6", 0.0)])) > 1e-2);
+}

@@ -1,0 +1,78 @@
+//! Terms that no catalogue has, hidden in simulated measurements and composed again. `cargo run
+//! --release --example composed` runs more of them.
+
+use crate::hidden::bases::{BASES, Base};
+use crate::hidden::{Case, case, case_reaching};
+use leverrier::internals::diagnose::candidates::composed::{Budget, Composition, composition};
+use leverrier::internals::diagnose::context::Context;
+use leverrier::internals::diagnose::noise_floor::noise_floor;
+use leverrier::internals::expr::Scope;
+use leverrier::internals::fit::Silent;
+
+fn base(name: &str) -> &'static Base {
+    BASES.iter().find(|base| base.name == name).unwrap_or_else(|| panic!("no base {name}"))
+}
+
+fn search(case: &Case, expressions: usize) -> Composition {
+    let model = case.fit();
+    let context = Context::new(&case.compiled.system, &model, &case.training).unwrap();
+    let context = context.with_noise(noise_floor(&context, &model));
+    let budget = Budget { expressions, ..Budget::default() };
+    composition(&mut Scope::of(&case.compiled), &context, budget, &Silent).unwrap()
+}
+
+/// Statements of the front, without the name of the term; the chosen one first.
+fn front(found: &Composition) -> Vec<String> {
+    let statement = |candidate: &leverrier::internals::diagnose::candidates::Candidate| {
+        candidate.snippet(&candidate.grid[0]).replace("composed_1: ", "")
+    };
+    found.candidates.iter().map(statement).collect()
+}
+
+#[test]
+fn terms_of_every_kind_are_composed_again() {
+    let rows = [
+        ("trap", "V += span{ x^2*y^2 }", 0.01),
+        ("pendulum", "V += span{ exp(-q^2) }", 0.01),
+        ("Duffing", "force q += span{ q^2*p }", 0.01),
+        ("trap", "force x += span{ px*cos(3*y) }", 0.001),
+        ("Kepler", "V += span{ x*y*(x^2 + y^2)^(-5/2) }", 0.001),
+    ];
+    for (name, statement, noise) in rows {
+        let found = search(&case_reaching(0.2, base(name), statement, noise, 1), 150_000);
+        assert!(found.distinct >= 100_000, "{name}: {} distinct", found.distinct);
+        let front = front(&found);
+        assert_eq!(front.first().map(String::as_str), Some(statement), "{name}: {front:?}");
+    }
+}
+
+#[test]
+fn inner_numbers_are_learned() {
+    let hidden = "force q += span{ tanh(p/0.3) }";
+    let found = search(&case_reaching(0.2, base("pendulum"), hidden, 0.01, 1), 30_000);
+    let first = &found.candidates[0];
+    assert!(first.label.contains("tanh(p/"), "{}", first.label);
+    assert!((first.grid[0][0] - 0.3).abs() < 0.05, "{:?}", first.grid);
+    assert_eq!(first.parameters.len(), 1);
+    assert!(first.choice > 7.0);
+}
+
+#[test]
+fn nothing_is_composed_where_nothing_is_hidden() {
+    for (name, seed) in [("pendulum", 1), ("Duffing", 2), ("trap", 3)] {
+        let found = search(&case(base(name), "", 0.01, seed), 60_000);
+        assert!(found.candidates.is_empty(), "{name}: {:?}", front(&found));
+    }
+}
+
+#[test]
+fn the_number_of_threads_changes_nothing() {
+    let case = case_reaching(0.2, base("Duffing"), "V += span{ abs(q)^(3/2) }", 0.01, 1);
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| front(&search(&case, 20_000)))
+    };
+    let one = with(1);
+    assert!(!one.is_empty());
+    assert_eq!(one, with(3));
+}
