@@ -128,10 +128,10 @@ pub struct Composed {
     pub joined: usize,
     /// Terms that the motion is followed by between two looks, at most.
     pub together: usize,
+    /// Nats within which rivals of the best are handed on: held-out runs have not been asked.
+    pub rivals: f64,
     /// Looks around a motion that is nearer to that of the data, at most.
     pub rounds: usize,
-    /// Error in units of the noise of a motion around which no other look is needed.
-    pub follows: f64,
     /// Samples of the shortest segment of the first look,
     pub shortest: usize,
     /// of the longest one,
@@ -353,8 +353,8 @@ pub const TUNING: Tuning = Tuning {
         unnamed: 7.0,
         joined: 300,
         together: 4,
+        rivals: 5.0,
         rounds: 3,
-        follows: 1.15,
         shortest: 4,
         window: 32,
         followed: 40,

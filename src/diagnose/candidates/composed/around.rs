@@ -6,7 +6,6 @@ use super::search::Search;
 use super::statements::candidate_of;
 use crate::diagnose::candidates::Candidate;
 use crate::diagnose::context::{Context, Settled};
-use crate::diagnose::misfit::error_of;
 use crate::diagnose::refit::{Precision, Refit, Start, refit_whole};
 use crate::diagnose::scan::Scored;
 use crate::diagnose::score_test::Score;
@@ -115,11 +114,6 @@ impl<'a> Around<'a> {
         let of = |id| law.coefficient(id).unwrap_or(0.0);
         let coefficients = candidate.terms.iter().map(|&id| of(id)).collect();
         Around { settled, coefficients, kept }
-    }
-
-    /// Whether the motion is that of the data, up to their noise.
-    pub(super) fn follows(&self) -> bool {
-        error_of(&self.settled.sums).0 < TUNING.composed.follows
     }
 
     /// Scores around this motion, for which what its composed terms do is to be explained again.

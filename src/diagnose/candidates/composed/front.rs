@@ -165,14 +165,19 @@ pub(super) fn together(
     chosen.iter().zip(coefficients).map(|(&at, c)| (terms[at].0.clone(), c)).collect()
 }
 
-/// Those that no other is both cheaper and better than, the cheapest first.
-pub(super) fn pareto(mut all: Vec<Choice>, rows: usize) -> Vec<Choice> {
+/// Those that no other is both cheaper and better than, and those whose whole description is less
+/// than `rivals` nats longer than the shortest; the shortest first.
+pub(super) fn leaders(all: Vec<Choice>, variance: f64, rows: usize, rivals: f64) -> Vec<Choice> {
+    let mut all = all;
     all.sort_by(|a, b| a.cost(rows).total_cmp(&b.cost(rows)).then(a.left.total_cmp(&b.left)));
+    let whole = |choice: &Choice| choice.whole(variance, rows);
+    let shortest = all.iter().map(whole).fold(f64::INFINITY, f64::min);
     let mut least = f64::INFINITY;
     all.retain(|choice| {
         let better = choice.left < least;
         least = least.min(choice.left);
-        better
+        better || whole(choice) < shortest + rivals
     });
+    all.sort_by(|a, b| whole(a).total_cmp(&whole(b)));
     all
 }

@@ -131,8 +131,7 @@ pub fn composition(
         let best = chosen.first().map_or(Vec::new(), Choice::with_coefficients);
         let same = best.len() == leaders.len()
             && best.iter().all(|(term, _)| leaders.iter().any(|(l, _)| l.has_form_of(term)));
-        // A motion at the noise is the right one to look around.
-        if same || around.follows() {
+        if same {
             break;
         }
         leaders = best;

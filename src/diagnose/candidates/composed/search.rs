@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::enumerate::Found;
 use super::expression::{Composed, LeafJets};
-use super::front::{Choice, choices, pareto};
+use super::front::{Choice, choices, leaders};
 use super::leaves::Leaves;
 use super::refine::refined;
 use super::responses::{Action, Responses, TOGETHER};
@@ -102,8 +102,8 @@ impl Search {
         refined_terms
     }
 
-    /// The front of price against what is left; the best place of it first, then the others by
-    /// how much worse they are. What is no better than to say nothing is not on it.
+    /// The front of price against what is left, and rivals of its best place; that first, then
+    /// the others by how much worse they are. What is no better than to say nothing is not on it.
     pub(super) fn chosen(&self, terms: &[(Composed, f64)]) -> Vec<Choice> {
         let rows = self.responses.rows;
         let few = &terms[..terms.len().min(TUNING.composed.joined)];
@@ -111,10 +111,9 @@ impl Search {
         let all = choices(few, &self.jets, &self.responses, variance);
         let least = all.iter().map(|choice| choice.left).fold(f64::INFINITY, f64::min);
         let variance = self.variance(least);
-        let mut front = pareto(all, rows);
+        let mut front = leaders(all, variance, rows, TUNING.composed.rivals);
         let nothing = 0.5 * self.responses.squares / variance;
         front.retain(|choice| choice.whole(variance, rows) < nothing);
-        front.sort_by(|a, b| a.whole(variance, rows).total_cmp(&b.whole(variance, rows)));
         front
     }
 }
