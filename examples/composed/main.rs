@@ -127,6 +127,21 @@ fn skeleton(statement: &str) -> String {
     out
 }
 
+/// A snippet with the values of the parameters that it declares in their places.
+fn plain(snippet: &str) -> String {
+    let (mut text, mut declared) = (snippet.to_string(), Vec::new());
+    while let Some((first, rest)) = text.split_once("; ") {
+        let Some((name, value)) = first.strip_prefix("param ").and_then(|p| p.split_once(" = "))
+        else {
+            break;
+        };
+        let value: f64 = value.parse().expect("a number");
+        declared.push((name.to_string(), format!("{value:.6}")));
+        text = rest.to_string();
+    }
+    declared.iter().fold(text, |text, (name, value)| text.replace(name.as_str(), value))
+}
+
 fn run(hidden: &Hidden, reach: f64, noise: f64, seed: u64) -> Outcome {
     let case = case_reaching(reach, hidden.base, &hidden.statement, noise, seed);
     let model = case.fit();
@@ -137,7 +152,7 @@ fn run(hidden: &Hidden, reach: f64, noise: f64, seed: u64) -> Outcome {
     let Composition { candidates, distinct } =
         composition(&mut scope, &context, Budget::default(), &Silent).expect("a search");
     let seconds = clock.elapsed().as_secs_f64();
-    let statement = |i: usize| candidates[i].snippet(&candidates[i].grid[0]);
+    let statement = |i: usize| plain(&candidates[i].snippet(&candidates[i].grid[0]));
     let front: Vec<String> = (0..candidates.len()).map(statement).collect();
     let wanted = skeleton(&hidden.statement);
     let place = front.iter().position(|found| skeleton(found) == wanted);

@@ -118,18 +118,6 @@ pub fn candidates(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
     all
 }
 
-/// A text with numbers in place of names between braces, to seven digits.
-pub(super) fn filled(text: &str, names: &[String], numbers: &[f64]) -> String {
-    let fill = |text: String, (name, &number): (&String, &f64)| {
-        let rounded: f64 = format!("{number:.6e}").parse().unwrap_or(number);
-        let plain = (1e-4..1e7).contains(&rounded.abs()) || rounded == 0.0;
-        let number = if plain { format!("{rounded}") } else { format!("{rounded:e}") };
-        text.replace(&format!("{{{name}}}"), &number)
-    };
-    // What is subtracted may be negative.
-    names.iter().zip(numbers).fold(text.to_string(), fill).replace("- -", "+ ")
-}
-
 /// Says of candidates of one kind that each is one of them.
 fn one_of(kind: &mut [Candidate]) {
     let choice = (kind.len().max(1) as f64).ln();

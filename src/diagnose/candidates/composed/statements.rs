@@ -2,7 +2,7 @@
 
 use super::expression::Composed;
 use super::leaves::Leaves;
-use crate::diagnose::candidates::{Candidate, Origin, filled, terms_of};
+use crate::diagnose::candidates::{Candidate, Origin, terms_of};
 use crate::expr::{Place, Scope, System};
 
 /// The candidate that adds some terms; `None` where the language does not take them, as where
@@ -16,23 +16,23 @@ pub(super) fn candidate_of(
     let system = &scope.compiled().system;
     let free = free_prefix(system);
     let (mut statements, mut parameters) = (Vec::new(), Vec::new());
-    let (mut label, mut values, mut units) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut label, mut values, mut written) = (Vec::new(), Vec::new(), Vec::new());
     for (place, term) in terms.iter().enumerate() {
         let first = parameters.len();
         let numbers = term.numbers();
         let names: Vec<String> =
             (0..numbers.len()).map(|i| format!("{free}{}", first + i + 1)).collect();
-        let mut text = term.text(&leaves.list, &names);
-        for (name, unit) in names.iter().zip(term.units(&leaves.list)) {
-            if !unit.is_empty() {
-                text = text.replace(&format!("{{{name}}}"), &format!("{{{name}}} [{unit}]"));
-                units.push(unit);
-            }
-        }
+        let text = term.text(&leaves.list, &names);
+        let texts: Vec<String> = numbers.iter().map(|&number| number_text(number)).collect();
         let name = format!("{free}_{}", place + 1);
         statements.push(term.statement(system, &name, &text));
-        let filled = filled(&text, &names, &numbers);
+        let filled = filled(&text, &names, &texts);
         label.push(format!("{} {filled}", place_name(system, term.place)));
+        // A parameter's unit is not checked where it has none; a number's is.
+        let with_units = texts.iter().zip(term.units(&leaves.list));
+        written.extend(with_units.map(|(text, unit)| {
+            if unit.is_empty() { text.clone() } else { format!("{text} [{unit}]") }
+        }));
         parameters.extend(names);
         values.extend(numbers);
     }
@@ -40,16 +40,10 @@ pub(super) fn candidate_of(
     let standing = system.parameters.len();
     let mut lines = Vec::new();
     let lowered = if fixed {
-        filled(&statement, &parameters, &values)
+        filled(&statement, &parameters, &written)
     } else {
         lines.extend(parameters.iter().zip(&values).map(|(n, v)| format!("param {n} = {v:.12e}")));
-        // A parameter without a unit of its own is not checked.
-        let bare = |text: String, name: &String| {
-            let with_unit =
-                |text: String, unit: &String| text.replace(&format!("{{{name}}} [{unit}]"), name);
-            let text = units.iter().fold(text, with_unit);
-            text.replace(&format!("{{{name}}}"), name)
-        };
+        let bare = |text: String, name: &String| text.replace(&format!("{{{name}}}"), name);
         parameters.iter().fold(statement.clone(), bare)
     };
     lines.push(lowered);
@@ -89,6 +83,22 @@ fn free_prefix(system: &System) -> String {
         prefix += "_more";
     }
     prefix
+}
+
+/// A text with numbers in place of names between braces.
+fn filled(text: &str, names: &[String], numbers: &[String]) -> String {
+    let fill = |text: String, (name, number): (&String, &String)| {
+        text.replace(&format!("{{{name}}}"), number)
+    };
+    // What is subtracted may be negative.
+    names.iter().zip(numbers).fold(text.to_string(), fill).replace("- -", "+ ")
+}
+
+/// A number to seven digits.
+fn number_text(number: f64) -> String {
+    let rounded: f64 = format!("{number:.6e}").parse().unwrap_or(number);
+    let plain = (1e-4..1e7).contains(&rounded.abs()) || rounded == 0.0;
+    if plain { format!("{rounded}") } else { format!("{rounded:e}") }
 }
 
 fn place_name(system: &System, place: Place) -> String {
