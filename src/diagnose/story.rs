@@ -60,6 +60,8 @@ pub struct Story<'a> {
     /// How much larger than all members together the largest of them is, in what they do to
     /// predictions; known when the story is concluded.
     pub cancellation: f64,
+    /// Squares for each residual that are nothing beside what the model without a change leaves.
+    pub negligible: f64,
 }
 
 impl<'a> Story<'a> {
@@ -68,7 +70,16 @@ impl<'a> Story<'a> {
         let context = question.context.clone();
         let sums = context.settle(context.law.window()).2;
         let scope = question.scope.clone();
-        Story { members: Vec::new(), scope, context, sums, explains: false, cancellation: 1.0 }
+        let negligible = TUNING.verdict.negligible * sums.loss / sums.rows.max(1) as f64;
+        Story {
+            members: Vec::new(),
+            scope,
+            context,
+            sums,
+            explains: false,
+            cancellation: 1.0,
+            negligible,
+        }
     }
 
     /// The story with one more change, held against longer and longer segments as long as it
@@ -99,7 +110,7 @@ impl<'a> Story<'a> {
         let sums = judged.refit.left_of_all(&context);
         let context = context.with_law(context.law.on(system));
         let members = self.members.iter().cloned().chain([member]).collect();
-        let mut story = Story { members, scope, context, sums, explains: false, cancellation: 1.0 };
+        let mut story = Story { members, scope, context, sums, explains: false, ..self.clone() };
         story.measure_noise(question);
         story.grow(question.monitor);
         Ok(story)
@@ -116,17 +127,26 @@ impl<'a> Story<'a> {
                 return;
             }
             self.hold_against(noise);
-            if excess(&self.sums) > 0.0 {
+            if self.excess_of(&self.sums) > 0.0 {
                 self.refit(Precision::Full);
             }
         }
     }
 
+    /// Squares a residual in excess of the noise, of what it leaves of segments; zero for what is
+    /// negligible.
+    pub fn excess_of(&self, sums: &Sums) -> f64 {
+        let mean = sums.loss / sums.rows.max(1) as f64;
+        if sums.rows > 0 && mean < self.negligible { 0.0 } else { excess(sums) }
+    }
+
     /// Judges what it leaves by another noise of each observable.
     pub fn hold_against(&mut self, noise: Vec<f64>) {
+        let logs = self.context.law.noise().iter().zip(&noise).map(|(old, new)| (old / new).ln());
+        self.negligible *= (2.0 * logs.sum::<f64>() / noise.len().max(1) as f64).exp();
         self.context = self.context.with_noise(noise);
         self.sums = self.context.settle(self.context.law.window()).2;
-        self.explains &= excess(&self.sums) == 0.0;
+        self.explains &= self.excess_of(&self.sums) == 0.0;
     }
 
     /// The story without one of its members, its numbers fitted again; `None` where they cannot be.
@@ -153,7 +173,7 @@ impl<'a> Story<'a> {
         // What the member stood for, the others take over as well as they can.
         let Some(context) = self.context.with_law(law).refitted() else { return Ok(None) };
         let sums = context.settle(context.law.window()).2;
-        let mut story = Story { members, scope, context, sums, explains: false, cancellation: 1.0 };
+        let mut story = Story { members, scope, context, sums, explains: false, ..self.clone() };
         story.grow(question.monitor);
         Ok(Some(story))
     }
@@ -163,7 +183,7 @@ impl<'a> Story<'a> {
     pub fn grow(&mut self, monitor: &dyn Monitor) {
         let mut refitted = false;
         loop {
-            if excess(&self.sums) > 0.0 {
+            if self.excess_of(&self.sums) > 0.0 {
                 // Numbers that were fitted to short segments need not hold for long ones.
                 if refitted || monitor.stopped() || !self.refit(Precision::Full) {
                     return;
@@ -299,7 +319,9 @@ pub fn description_lengths(stories: &[&Story]) -> Vec<f64> {
     let squares: Vec<(f64, f64)> =
         stories.iter().map(|story| story.squares(window, &noise)).collect();
     let mean = squares.iter().map(|(loss, rows)| loss / rows).fold(f64::INFINITY, f64::min);
-    let variance = if mean.is_finite() { mean.max(TUNING.scan.least_variance) } else { 1.0 };
+    let negligible = stories.iter().map(|story| story.negligible).fold(0.0, f64::max);
+    let least = negligible.max(TUNING.scan.least_variance);
+    let variance = if mean.is_finite() { mean.max(least) } else { 1.0 };
     let both = stories.iter().zip(&squares);
     both.map(|(story, (loss, _))| loss / variance + story.price()).collect()
 }
@@ -321,10 +343,13 @@ pub fn agree_on_noise(stories: &mut [Story]) {
     }
 }
 
-/// Sorts stories by their description length, the shortest first.
+/// Sorts stories by their description length, the shortest first; those that explain the same stay
+/// in their order, which is that of their ranking.
 pub fn sort_by_description_length(stories: &mut Vec<Story>) {
     let lengths = description_lengths(&stories.iter().collect::<Vec<_>>());
     let mut both: Vec<(f64, Story)> = lengths.into_iter().zip(stories.drain(..)).collect();
-    both.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+    let least = both.iter().map(|(length, _)| *length).fold(f64::INFINITY, f64::min);
+    let step = TUNING.ranking.same;
+    both.sort_by_key(|(length, _)| ((length - least) / step).floor().min(1e15) as u64);
     stories.extend(both.into_iter().map(|(_, story)| story));
 }

@@ -222,6 +222,10 @@ pub struct Verdict {
     pub at_noise: f64,
     /// A story that holds brings the error on held-out runs to less than this times the noise.
     pub reaches: f64,
+    /// Squares that are less than this part of the misfit are left to the digits of the data and the
+    /// integrator: a story that explains clean data to a millionth of the misfit is not incomplete
+    /// for the rest.
+    pub negligible: f64,
     /// p-value below which a residual force without a name is there, all maps counted.
     pub unmistakable: f64,
     /// Residuals this many times the resolution of the integrator are the measurements' own.
@@ -394,6 +398,7 @@ pub const TUNING: Tuning = Tuning {
         cancellation: 4.0,
         at_noise: 4.0,
         reaches: 1.1,
+        negligible: 1e-12,
         unmistakable: 1e-6,
         resolved: 10.0,
     },

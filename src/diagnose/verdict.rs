@@ -11,14 +11,13 @@ use super::story::{Question, Story, description_lengths};
 use super::tuning::TUNING;
 use crate::error::Result;
 use crate::fit::Model;
-use crate::fit::pass::Sums;
 use crate::fit::segments::longest_run;
 
 /// What held-out runs say of a model, over their whole length.
 struct Unseen {
     /// In units of the noise.
     error: f64,
-    /// Whether that is the noise.
+    /// Whether that is the noise, to a tenth of its size or as well as so many residuals can tell.
     at_noise: bool,
 }
 
@@ -97,13 +96,9 @@ fn unseen(question: &Question, story: &Story) -> Unseen {
     let context = story.context.with_data(question.held_out);
     let sums = context.settle(longest_run(question.held_out).min(TUNING.states.longest)).2;
     let error = error_of(&sums).0;
-    let at_noise = sums.diverged == 0 && is_noise(&sums, error);
+    let at_noise =
+        sums.diverged == 0 && (error <= TUNING.verdict.reaches || story.excess_of(&sums) == 0.0);
     Unseen { error, at_noise }
-}
-
-/// Whether squares are the noise's, to a tenth of its size or as well as so many can tell.
-fn is_noise(sums: &Sums, error: f64) -> bool {
-    error <= TUNING.verdict.reaches || excess(sums) == 0.0
 }
 
 /// A story that holds.
