@@ -29,7 +29,7 @@ pub fn write(path: &Path, transitions: u64) {
             .map(|block| {
                 let count = BLOCK.min(transitions - block * BLOCK);
                 let runs = pairs(*block, count);
-                Dataset { observables: observables.clone(), runs }
+                Dataset { observables: observables.clone(), runs, inputs: Vec::new() }
             })
             .collect();
         for data in &made {
@@ -60,6 +60,7 @@ fn pairs(block: u64, count: u64) -> Vec<Run> {
                 values: (0..4).map(|i| vec![measured(start[i]), measured(end[i])]).collect(),
                 lines: vec![0; 2],
                 clock: Clock::default(),
+                inputs: Vec::new(),
             }
         })
         .collect()

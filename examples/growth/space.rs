@@ -48,9 +48,10 @@ fn pairs(degrees: usize, count: usize) -> Dataset {
                 .collect(),
             lines: vec![0; 2],
             clock: Clock::default(),
+            inputs: Vec::new(),
         })
         .collect();
-    Dataset { observables: names, runs }
+    Dataset { observables: names, runs, inputs: Vec::new() }
 }
 
 fn cost(spec: &str, size: usize, degrees: usize, pairs_of: usize, factorised: bool) -> Cost {

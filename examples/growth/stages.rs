@@ -105,6 +105,7 @@ impl Monitor for Passes {
 pub fn measure(file: &Path, threads: usize) -> Stages {
     let clock = Instant::now();
     let mapping = Mapping {
+        inputs: Vec::new(),
         time: None,
         run: Some("run".to_string()),
         observables: ["q1", "q2", "p1", "p2"].map(ObservableMap::plain).to_vec(),

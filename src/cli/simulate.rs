@@ -6,15 +6,15 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::console::{Console, set, usage};
-use super::project::{Spec, refuse_overwrite};
+use super::project::{Spec, read_inputs, refuse_overwrite};
 use super::values::{example, matching, noise, range_of, state};
-use crate::data::{Dataset, Layout, to_bytes, to_csv, write_atomically};
+use crate::data::{Dataset, Layout, concatenate, to_bytes, to_csv, write_atomically};
 use crate::error::Result;
 use crate::expr::{DataColumns, System};
 use crate::report::layout::counted;
 use crate::simulate::{
-    InitialDistribution, IntegratorChoice, Interval, Simulator, add_noise, consecutive_pairs, draw,
-    drop_samples,
+    InitialDistribution, InputRecord, IntegratorChoice, Interval, Simulator, add_noise,
+    consecutive_pairs, draw, drop_samples,
 };
 
 /// More numbers than this are refused rather than kept in memory.
@@ -62,6 +62,10 @@ pub struct Arguments {
     /// Time of the first sample.
     #[arg(long, value_name = "TIME", default_value_t = 0.0, allow_hyphen_values = true)]
     pub from: f64,
+    /// What drives the motion: a file with the columns of the spec's inputs. Each of its runs is
+    /// followed from every start, and sampled at its own times where no others are asked for.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["pairs", "method"])]
+    pub inputs: Option<PathBuf>,
     /// Every run is one transition: two samples, --dt apart.
     #[arg(long, conflicts_with_all = ["duration", "samples"])]
     pub pairs: bool,
@@ -102,7 +106,6 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
-    let times = arguments.times()?;
     let integrator = arguments.integrator()?;
     let spec = Spec::open(&arguments.spec)?;
     console.diagnostics(spec.name(), spec.text(), spec.warnings());
@@ -111,7 +114,12 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     }
     let system = spec.system();
     let law = spec.law(arguments.model.as_deref())?;
-    let simulator = law.numbers().simulator();
+    let mut simulator = law.numbers().simulator();
+    let records = arguments.records(&spec)?;
+    let times = match records.first() {
+        Some(record) if arguments.is_sampled_as_driven() => record.times(),
+        _ => arguments.times()?,
+    };
     let starts = arguments.starts(system, &simulator)?;
     let noise = noise(system, &arguments.noise)?;
     if starts.len().saturating_mul(times.len()).saturating_mul(2 * system.degrees()) > MOST_NUMBERS
@@ -121,8 +129,26 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
             "ask for fewer",
         ));
     }
-    let trajectories = simulator.trajectories_by(integrator, &starts, &times)?;
-    let mut data = trajectories.dataset(system);
+    let mut driven = Vec::new();
+    for record in &records {
+        let times = match arguments.is_sampled_as_driven() {
+            true => record.times(),
+            false => times.clone(),
+        };
+        simulator = simulator.driven_by(record.clone());
+        driven.push(simulator.trajectories(&starts, &times)?);
+    }
+    let first = match driven.is_empty() {
+        true => simulator.trajectories_by(integrator, &starts, &times)?,
+        false => driven.remove(0),
+    };
+    let mut data = first.dataset(system);
+    let sets: Vec<Dataset> =
+        std::iter::once(data.clone()).chain(driven.iter().map(|one| one.dataset(system))).collect();
+    if !records.is_empty() {
+        data = with_inputs(concatenate(&sets)?, &records, starts.len());
+    }
+    let trajectories = first;
     if arguments.consecutive_pairs {
         data = consecutive_pairs(&data);
     }
@@ -185,11 +211,44 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     }
 }
 
+/// The inputs as columns behind the observables; the runs of a record stand together.
+fn with_inputs(mut data: Dataset, records: &[InputRecord], starts: usize) -> Dataset {
+    let of_runs = records.iter().flat_map(|record| std::iter::repeat_n(record, starts));
+    for (run, record) in data.runs.iter_mut().zip(of_runs) {
+        run.values.extend(record.values(&run.times));
+    }
+    for (at, run) in data.runs.iter_mut().enumerate() {
+        run.name = (at + 1).to_string();
+    }
+    data.observables.extend(records.iter().take(1).flat_map(InputRecord::names));
+    data
+}
+
 fn run_object(run: &crate::data::Run) -> Value {
     json!({ "run": run.name, "times": run.times, "values": run.values })
 }
 
 impl Arguments {
+    /// What drives the motion, run by run; nothing where nothing does.
+    fn records(&self, spec: &Spec) -> Result<Vec<InputRecord>> {
+        let Some(path) = &self.inputs else { return Ok(Vec::new()) };
+        if spec.system().inputs.is_empty() {
+            return Err(usage(
+                "--inputs is for a spec with an `input`",
+                "leave it out: nothing that is measured drives this system",
+            ));
+        }
+        InputRecord::of_runs(spec.system(), &read_inputs(spec.compiled(), path)?)
+    }
+
+    /// Whether samples are taken when the inputs were.
+    fn is_sampled_as_driven(&self) -> bool {
+        self.inputs.is_some()
+            && self.dt.is_none()
+            && self.duration.is_none()
+            && self.samples.is_none()
+    }
+
     /// The times of the samples.
     fn times(&self) -> Result<Vec<f64>> {
         let positive = |name: &str, value: Option<f64>| match value {

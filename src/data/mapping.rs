@@ -1,6 +1,7 @@
 //! Which column of a file holds what: the mapping, and its columns found in a table.
 
 use super::table::{Column, Table};
+use super::{Interpolation, MeasuredInput};
 use crate::error::{Error, Result};
 
 /// Which columns of a file are time, run and observables.
@@ -12,6 +13,24 @@ pub struct Mapping {
     pub run: Option<String>,
     /// What is observed, coordinates first.
     pub observables: Vec<ObservableMap>,
+    /// What drives the motion.
+    pub inputs: Vec<InputMap>,
+}
+
+/// An input, the column that holds it, and what it does between its samples.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InputMap {
+    /// Where it stands; its column is required.
+    pub column: ObservableMap,
+    /// What it does between its samples.
+    pub between: Interpolation,
+}
+
+impl InputMap {
+    /// What it is of a data set.
+    pub(super) fn measured(&self) -> MeasuredInput {
+        MeasuredInput { name: self.column.name.clone(), between: self.between }
+    }
 }
 
 /// A column and its conversion: `scale * cell + offset` is in the spec's unit.
@@ -114,6 +133,9 @@ pub(super) fn without_column(table: &Table, mapping: &Mapping) -> Result<Option<
     }
     if missing.is_empty() {
         return Ok(None);
+    }
+    for input in &mapping.inputs {
+        used.extend(observable_column(table, &input.column)?.map(|column| column.header.as_str()));
     }
     used.push(&time_column(table, mapping)?.0.header);
     if let Some(run) = &mapping.run {

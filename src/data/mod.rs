@@ -12,9 +12,11 @@ mod cell;
 mod cells;
 mod clock;
 mod delimiter;
+mod driving;
 mod folder;
 mod format;
 mod header;
+mod input;
 mod mapping;
 mod order;
 mod packed;
@@ -41,7 +43,8 @@ pub use clock::Clock;
 pub use delimiter::Delimiter;
 pub use folder::write_folder;
 pub use format::{Format, read, read_bytes, to_bytes};
-pub use mapping::{ColumnMap, Mapping, ObservableMap, TIME_NAMES, listed};
+pub use input::Interpolation;
+pub use mapping::{ColumnMap, InputMap, Mapping, ObservableMap, TIME_NAMES, listed};
 pub use packed::{Packed, typical_step};
 #[cfg(feature = "parquet")]
 pub use parquet::{ParquetWriter, to_parquet};
@@ -69,6 +72,36 @@ pub struct Run {
     pub lines: Vec<u64>,
     /// What `times` are counted from: zero, unless a file has times far from it.
     pub clock: Clock,
+    /// `inputs[column][sample]` of what drives the motion, in the spec's units: for each of
+    /// [`Dataset::inputs`] its values and then the derivatives that its interpolation goes by.
+    pub inputs: Vec<Vec<f64>>,
+}
+
+/// A measured input of the motion.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeasuredInput {
+    /// Name of the input in the spec.
+    pub name: String,
+    /// What it does between its samples.
+    pub between: Interpolation,
+}
+
+impl MeasuredInput {
+    /// The columns of a run at `times` from the values of the input, none of them missing.
+    pub fn columns(&self, times: &[f64], values: &[f64]) -> Vec<Vec<f64>> {
+        self.between.derivatives(times, values, driving::gap([times]))
+    }
+
+    /// First column of each of some inputs among the columns of a run, and their number.
+    pub fn places(inputs: &[MeasuredInput]) -> (Vec<usize>, usize) {
+        let mut end = 0;
+        let place = |input: &MeasuredInput| {
+            end += input.between.columns();
+            end - input.between.columns()
+        };
+        let places = inputs.iter().map(place).collect();
+        (places, end)
+    }
 }
 
 impl Run {
@@ -95,4 +128,6 @@ pub struct Dataset {
     pub observables: Vec<String>,
     /// The recordings, in the order of their first appearance.
     pub runs: Vec<Run>,
+    /// What drives the motion, in the order of the spec.
+    pub inputs: Vec<MeasuredInput>,
 }

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
-use super::{Clock, Dataset, Run};
+use super::{Clock, Dataset, Interpolation, MeasuredInput, Run};
 
 /// What was measured, run after run in one column for each observable.
 ///
@@ -22,6 +22,16 @@ pub struct Packed {
     typical: OnceLock<f64>,
     /// What the times of each run are counted from; empty where all are from zero.
     clocks: Vec<Clock>,
+    /// Inputs, whose columns stand behind those of the observables.
+    inputs: Vec<PackedInput>,
+}
+
+/// An input among the columns of packed runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct PackedInput {
+    /// The first of its columns.
+    column: usize,
+    between: Interpolation,
 }
 
 /// Runs of each pile that one thread copies at a time.
@@ -43,22 +53,70 @@ impl Packed {
         };
         let sizes: Vec<(Vec<usize>, Option<usize>)> = runs.par_chunks(deal).map(sizes).collect();
         let observables = sizes.iter().filter_map(|part| part.1).max().unwrap_or(0);
+        let driving = MeasuredInput::places(&dataset.inputs).1;
         let samples = sizes.iter().flat_map(|part| &part.0).sum();
         // Zeros that nobody has written yet: the threads share the work of making room for them.
         let mut times = vec![0.0; samples];
-        let mut values: Vec<Vec<f64>> = (0..observables).map(|_| vec![0.0; samples]).collect();
+        let mut values: Vec<Vec<f64>> =
+            (0..observables + driving).map(|_| vec![0.0; samples]).collect();
         let mut places = vec![[0; 2]; runs.len()];
         let columns = std::iter::once(&mut times).chain(&mut values);
         let rooms = rooms(sizes.iter().map(|part| part.0.as_slice()).collect(), columns.collect());
         let dealt = runs.par_chunks(deal).zip(places.par_chunks_mut(deal));
         rooms.into_par_iter().zip(dealt).for_each(|(mut room, (runs, places))| {
             for (at, (run, place)) in runs.iter().zip(places).enumerate() {
-                *place = room.put(run, at % piles);
+                *place = room.put(run, observables, at % piles);
             }
         });
         let far = runs.iter().any(|run| run.clock != Clock::default());
         let clocks = if far { runs.iter().map(|run| run.clock).collect() } else { Vec::new() };
-        Packed { times, values, places, clocks, ..Packed::default() }
+        let packed = Packed { times, values, places, clocks, ..Packed::default() };
+        packed.driven_by(observables, &dataset.inputs)
+    }
+
+    /// The same with inputs, whose columns stand behind those of so many observables.
+    pub fn driven_by(mut self, observables: usize, inputs: &[MeasuredInput]) -> Packed {
+        let places = MeasuredInput::places(inputs).0;
+        let packed = |(place, input): (usize, &MeasuredInput)| PackedInput {
+            column: observables + place,
+            between: input.between,
+        };
+        self.inputs = places.into_iter().zip(inputs).map(packed).collect();
+        self
+    }
+
+    /// How many inputs drive the runs, and the number of coefficients that polynomials of all of
+    /// them have.
+    pub fn driven(&self) -> (usize, usize) {
+        let powers = self.inputs.iter().map(|input| input.between.coefficients()).max();
+        (self.inputs.len(), powers.unwrap_or(0))
+    }
+
+    /// Coefficients, lowest power first, of an input in the time since a sample of a run, until the
+    /// next sample; where nothing is followed beyond that sample (`ends`), as it came there.
+    pub fn driving(&self, input: usize, run: usize, sample: usize, ends: bool, out: &mut [f64]) {
+        out.fill(0.0);
+        let Some(PackedInput { column, between }) = self.inputs.get(input).copied() else { return };
+        let Some(out) = out.get_mut(..between.coefficients()) else { return };
+        let mut nodes = [[0.0; 4]; 2];
+        let count = between.columns();
+        let from = if ends && between != Interpolation::Hold { sample.max(1) - 1 } else { sample };
+        for k in 0..count {
+            let values = self.values_of(column + k, run);
+            for (node, at) in nodes.iter_mut().zip([from, from + 1]) {
+                if let (Some(place), Some(value)) = (node.get_mut(k), values.get(at)) {
+                    *place = *value;
+                }
+            }
+        }
+        let times = self.times_of(run);
+        let span = times.get(from + 1).zip(times.get(from)).map(|(next, here)| next - here);
+        let [here, next] = &nodes;
+        let (Some(here), next) = (here.get(..count), next.get(..count)) else { return };
+        between.polynomial(here, next.zip(span), out);
+        if let Some(span) = span.filter(|_| from < sample) {
+            shift(out, span);
+        }
     }
 
     /// Columns that are one run already, `[observable][sample]`.
@@ -121,6 +179,18 @@ impl Packed {
     }
 }
 
+/// The same polynomial in the time since a later moment (Taylor shift by Horner's rule).
+fn shift(coefficients: &mut [f64], by: f64) {
+    for first in 0..coefficients.len() {
+        let rest = coefficients.get_mut(first..).unwrap_or_default();
+        let mut above = 0.0;
+        for coefficient in rest.iter_mut().rev() {
+            *coefficient += by * above;
+            above = *coefficient;
+        }
+    }
+}
+
 /// The median interval between consecutive times of runs; 0 when there is none.
 pub fn typical_step<'a>(runs: impl Iterator<Item = &'a [f64]>) -> f64 {
     let mut steps: Vec<f64> = runs
@@ -165,9 +235,11 @@ fn rooms<'a>(sizes: Vec<&[usize]>, columns: Vec<&'a mut Vec<f64>>) -> Vec<Room<'
 
 impl Room<'_> {
     /// Copies a run to where its pile is empty; gives its samples.
-    fn put(&mut self, run: &Run, pile: usize) -> [usize; 2] {
+    fn put(&mut self, run: &Run, observables: usize, pile: usize) -> [usize; 2] {
         let samples = run.times.len();
-        let measured = std::iter::once(&run.times).chain(&run.values).map(Some);
+        let measured = (0..observables).map(|observable| run.values.get(observable));
+        let measured = std::iter::once(Some(&run.times)).chain(measured);
+        let measured = measured.chain(run.inputs.iter().map(Some));
         let missing = std::iter::repeat(None);
         let width = self.columns.len() / self.starts.len();
         let columns = self.columns.iter_mut().skip(pile * width).take(width);
@@ -196,11 +268,13 @@ mod tests {
             values: (0..columns).map(|c| vec![(10 * length + c) as f64; length]).collect(),
             lines: vec![0; length],
             clock: Clock::default(),
+            inputs: Vec::new(),
         };
         // More runs than one thread copies, of different lengths, one of them without a column.
         let mut runs: Vec<Run> = (0..7 * SIDE_BY_SIDE + 4).map(|i| run(1 + i % 4, 2)).collect();
         runs[5] = run(3, 1);
-        let dataset = Dataset { observables: vec!["q".into(), "p".into()], runs };
+        let dataset =
+            Dataset { observables: vec!["q".into(), "p".into()], runs, inputs: Vec::new() };
         let packed = Packed::of(&dataset, 3);
         assert_eq!(packed.runs(), dataset.runs.len());
         assert_eq!(packed.samples(), dataset.samples());

@@ -220,6 +220,7 @@ mod tests {
     fn data(columns: &[fn(f64) -> f64]) -> Dataset {
         let times: Vec<f64> = (0..60).map(|i| 0.1 * f64::from(i)).collect();
         Dataset {
+            inputs: Vec::new(),
             observables: (0..columns.len()).map(|i| format!("x{i}")).collect(),
             runs: vec![Run {
                 name: "1".to_string(),
@@ -227,6 +228,7 @@ mod tests {
                 lines: vec![0; times.len()],
                 times,
                 clock: Clock::default(),
+                inputs: Vec::new(),
             }],
         }
     }
@@ -270,6 +272,7 @@ mod tests {
             .collect();
         let values = times.iter().map(|t| t.sin() + noise.sample(&mut generator)).collect();
         let data = Dataset {
+            inputs: Vec::new(),
             observables: vec!["x".to_string()],
             runs: vec![Run {
                 name: "1".to_string(),
@@ -277,6 +280,7 @@ mod tests {
                 times,
                 values: vec![values],
                 clock: Clock::default(),
+                inputs: Vec::new(),
             }],
         };
         let rough = rough_noise(&data, 0).expect("enough samples");

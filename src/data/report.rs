@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::quality::{Suspicion, rough_noise, suspicions};
 use super::table::{Reading, Table};
-use super::{Dataset, Run};
+use super::{Dataset, MeasuredInput, Run};
 
 /// What a data set holds.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -24,7 +24,7 @@ pub struct DataReport {
     pub sampling: Sampling,
     /// Where samples are missing.
     pub gaps: Vec<Gap>,
-    /// The observables, in the order of the data set.
+    /// The observables, in the order of the data set, then the inputs.
     pub columns: Vec<ColumnReport>,
     /// Columns that deserve a look.
     pub suspicious: Vec<Suspicion>,
@@ -130,6 +130,8 @@ impl DataReport {
         let steps: Vec<f64> = data.runs.iter().flat_map(steps).collect();
         let sampling = sampling(steps);
         let suspicious = suspicions(data);
+        let observed = (0..data.observables.len()).map(|at| column_report(data, at));
+        let columns = observed.chain(driving(data));
         DataReport {
             source: None,
             samples: data.samples(),
@@ -137,7 +139,7 @@ impl DataReport {
             runs: data.runs.iter().map(run_report).collect(),
             sampling,
             gaps: data.runs.iter().flat_map(|run| gaps(run, sampling.median)).collect(),
-            columns: (0..data.observables.len()).map(|at| column_report(data, at)).collect(),
+            columns: columns.collect(),
             warnings: suspicious.iter().map(Suspicion::sentence).collect(),
             suspicious,
         }
@@ -225,14 +227,24 @@ fn gaps(run: &Run, median_of_all: f64) -> Vec<Gap> {
 }
 
 fn column_report(data: &Dataset, at: usize) -> ColumnReport {
-    let values = || {
-        data.runs
-            .iter()
-            .filter_map(|run| run.values.get(at))
-            .flatten()
-            .copied()
-            .filter(|value| !value.is_nan())
-    };
+    let name = data.observables.get(at).cloned().unwrap_or_default();
+    let columns = data.runs.iter().filter_map(|run| run.values.get(at));
+    ColumnReport { rough_noise: rough_noise(data, at), ..report_on(name, data, columns.collect()) }
+}
+
+/// Reports on the inputs. Nothing is said of their noise: they are taken as they are.
+fn driving(data: &Dataset) -> impl Iterator<Item = ColumnReport> {
+    let places = MeasuredInput::places(&data.inputs).0;
+    places.into_iter().zip(&data.inputs).map(|(place, input)| {
+        let columns = data.runs.iter().filter_map(|run| run.inputs.get(place));
+        report_on(input.name.clone(), data, columns.collect())
+    })
+}
+
+/// What a column of each run holds.
+fn report_on(name: String, data: &Dataset, columns: Vec<&Vec<f64>>) -> ColumnReport {
+    let values =
+        || columns.iter().flat_map(|values| values.iter()).copied().filter(|x| !x.is_nan());
     let measured = values().count();
     let count = measured as f64;
     let some = |number: f64| (measured > 0).then_some(number);
@@ -240,7 +252,7 @@ fn column_report(data: &Dataset, at: usize) -> ColumnReport {
     let mean = values().map(|value| value / count).sum::<f64>();
     let variance = values().map(|value| (value - mean).powi(2) / count).sum::<f64>();
     ColumnReport {
-        name: data.observables.get(at).cloned().unwrap_or_default(),
+        name,
         header: None,
         measured,
         missing: data.samples() - measured,
@@ -248,7 +260,7 @@ fn column_report(data: &Dataset, at: usize) -> ColumnReport {
         maximum: values().reduce(f64::max),
         mean: some(mean),
         spread: some(variance.sqrt()),
-        rough_noise: rough_noise(data, at),
+        rough_noise: None,
     }
 }
 
@@ -264,12 +276,14 @@ mod tests {
             values: vec![times.to_vec()],
             lines: (2..).take(times.len()).collect(),
             clock: Clock::default(),
+            inputs: Vec::new(),
         }
     }
 
     #[test]
     fn a_gap_is_found_where_it_is() {
         let data = Dataset {
+            inputs: Vec::new(),
             observables: vec!["x".to_string()],
             runs: vec![run(&[0.0, 1.0, 2.0, 4.0, 5.0, 6.0])],
         };
@@ -291,8 +305,11 @@ mod tests {
     fn a_fast_run_beside_a_slow_one_has_no_gaps() {
         let fast: Vec<f64> = (0..50).map(|i| 0.1 * f64::from(i)).collect();
         let slow: Vec<f64> = (0..10).map(f64::from).collect();
-        let data =
-            Dataset { observables: vec!["x".to_string()], runs: vec![run(&fast), run(&slow)] };
+        let data = Dataset {
+            observables: vec!["x".to_string()],
+            runs: vec![run(&fast), run(&slow)],
+            inputs: Vec::new(),
+        };
         assert_eq!(DataReport::of(&data).gaps, []);
     }
 }

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 
 use super::cells::entry;
 use super::clock::{Clock, Since, is_far};
+use super::driving;
 use super::header::counted;
 use super::mapping::{
     Mapping, converted, missing_column, observable_column, time_column, without_column,
@@ -36,6 +37,14 @@ pub fn dataset(table: &Table, mapping: &Mapping) -> Result<(Dataset, DataReport)
         let column = observable_column(table, observable)?;
         values.push(match column {
             Some(column) => converted(table, column, observable.scale, observable.offset)?,
+            None => vec![f64::NAN; table.rows()],
+        });
+        sources.push(column.map(|column| column.header.clone()));
+    }
+    for input in &mapping.inputs {
+        let column = observable_column(table, &input.column)?;
+        values.push(match column {
+            Some(column) => converted(table, column, input.column.scale, input.column.offset)?,
             None => vec![f64::NAN; table.rows()],
         });
         sources.push(column.map(|column| column.header.clone()));
@@ -79,9 +88,14 @@ pub fn dataset(table: &Table, mapping: &Mapping) -> Result<(Dataset, DataReport)
         let line = notes.single.first().map(|(_, line)| *line);
         return Err(table.error(line, mapping.run.as_deref(), message, hint));
     }
-    let data =
-        Dataset { observables: mapping.observables.iter().map(|o| o.name.clone()).collect(), runs };
+    let mut data = Dataset {
+        observables: mapping.observables.iter().map(|o| o.name.clone()).collect(),
+        runs,
+        inputs: Vec::new(),
+    };
+    driving::take_inputs(&mut data, table, mapping)?;
     let mut sentences = notes.sentences(table.reading.noun());
+    sentences.extend(driving::about_gaps(&data, table));
     sentences.extend(without_column(table, mapping)?);
     let report = DataReport::of_file(&data, table, sources, sentences);
     Ok((data, report))
@@ -342,6 +356,7 @@ impl ConvertedColumns<'_> {
             values: vec![Vec::with_capacity(members.len()); self.values.len()],
             lines: Vec::with_capacity(members.len()),
             clock: Clock::default(),
+            inputs: Vec::new(),
         };
         let mut rows = Vec::with_capacity(members.len());
         for &row in members {

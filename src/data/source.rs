@@ -3,13 +3,16 @@
 use std::fmt;
 use std::ops::Range;
 
-use super::{Clock, Dataset};
+use super::{Clock, Dataset, MeasuredInput};
 use crate::error::Result;
 
 /// Measurements that can be gone through from the first to the last, as often as need be.
 pub trait Source: Sync {
     /// Names of the observables, in the order of a chunk's values.
     fn observables(&self) -> &[String];
+
+    /// What drives the motion; their columns stand in a chunk's values behind the observables.
+    fn inputs(&self) -> &[MeasuredInput];
 
     /// Begins a pass. Every pass gives the same samples, cut into the same chunks.
     ///
@@ -36,7 +39,8 @@ pub struct Chunk {
     /// Times of all samples, run after run, since the clock's origin of their piece; strictly
     /// increasing within a run.
     pub times: Vec<f64>,
-    /// `values[observable][sample]`, in the spec's units; NaN where nothing was measured.
+    /// `values[observable][sample]`, in the spec's units; NaN where nothing was measured. Behind
+    /// them the columns of the inputs, as in [`Run::inputs`](super::Run::inputs).
     pub values: Vec<Vec<f64>>,
     /// The runs; they cover all samples, one after the other.
     pub pieces: Vec<Piece>,
@@ -100,6 +104,10 @@ impl Source for InMemory<'_> {
         &self.data.observables
     }
 
+    fn inputs(&self) -> &[MeasuredInput] {
+        &self.data.inputs
+    }
+
     fn pass(&self) -> Result<Box<dyn Pass + '_>> {
         Ok(Box::new(InMemoryPass { held: self, next: 0 }))
     }
@@ -116,7 +124,8 @@ impl Pass for InMemoryPass<'_> {
         if self.next >= runs.len() {
             return Ok(None);
         }
-        let columns = self.held.data.observables.len();
+        let observables = self.held.data.observables.len();
+        let columns = observables + MeasuredInput::places(&self.held.data.inputs).1;
         let mut chunk = Chunk { values: vec![Vec::new(); columns], ..Chunk::default() };
         while let Some(run) = runs.get(self.next) {
             let start = chunk.times.len();
@@ -124,7 +133,11 @@ impl Pass for InMemoryPass<'_> {
                 break;
             }
             chunk.times.extend(&run.times);
-            for (all, values) in chunk.values.iter_mut().zip(&run.values) {
+            let (measured, driving) = chunk.values.split_at_mut(observables);
+            for (all, values) in measured.iter_mut().zip(&run.values) {
+                all.extend(values);
+            }
+            for (all, values) in driving.iter_mut().zip(&run.inputs) {
                 all.extend(values);
             }
             chunk.pieces.push(Piece {

@@ -168,7 +168,7 @@ impl Dataset {
     }
 
     fn with(&self, runs: Vec<Run>) -> Dataset {
-        Dataset { observables: self.observables.clone(), runs }
+        Dataset { observables: self.observables.clone(), runs, inputs: self.inputs.clone() }
     }
 }
 
@@ -247,6 +247,7 @@ impl Run {
             values: self.values.iter().map(|v| cut(v, start, end)).collect(),
             lines: cut(&self.lines, start, end),
             clock: self.clock,
+            inputs: self.inputs.iter().map(|v| cut(v, start, end)).collect(),
         }
     }
 }
@@ -308,8 +309,10 @@ mod tests {
             values: vec![(0..*length).map(|i| (1000 * at + i) as f64).collect()],
             lines: (2..).take(*length).collect(),
             clock: Clock::default(),
+            inputs: Vec::new(),
         };
         Dataset {
+            inputs: Vec::new(),
             observables: vec!["x".to_string()],
             runs: lengths.iter().enumerate().map(run).collect(),
         }

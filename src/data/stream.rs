@@ -2,11 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use super::MeasuredInput;
 use super::blocks::Blocks;
 use super::cells::entry;
 use super::clock::{Clock, Since, is_far};
 use super::mapping::{
-    Mapping, converted, missing_column, observable_column, time_column, without_column,
+    InputMap, Mapping, converted, missing_column, observable_column, time_column, without_column,
 };
 use super::source::{Chunk, Pass, Piece, RunName, Source};
 use super::table::{Column, Reading, Table};
@@ -54,6 +55,7 @@ pub struct FileSource {
     mapping: Mapping,
     pairs: bool,
     observables: Vec<String>,
+    inputs: Vec<MeasuredInput>,
     /// Headers of the columns that are read.
     wanted: Vec<String>,
     /// Headers of the observables.
@@ -83,10 +85,16 @@ impl FileSource {
             headers.push(observable_column(&head, observable)?.map(|c| c.header.clone()));
         }
         wanted.extend(headers.iter().flatten().cloned());
-        let columns = mapping.observables.len() + 1;
+        for input in &mapping.inputs {
+            whole_run_needed(&head, input)?;
+            wanted.extend(observable_column(&head, &input.column)?.map(|c| c.header.clone()));
+        }
+        let inputs: Vec<MeasuredInput> = mapping.inputs.iter().map(InputMap::measured).collect();
+        let columns = mapping.observables.len() + MeasuredInput::places(&inputs).1 + 1;
         Ok(FileSource {
             path: path.to_path_buf(),
             observables: mapping.observables.iter().map(|o| o.name.clone()).collect(),
+            inputs,
             mapping: mapping.clone(),
             pairs,
             wanted,
@@ -129,6 +137,10 @@ impl Source for FileSource {
         &self.observables
     }
 
+    fn inputs(&self) -> &[MeasuredInput] {
+        &self.inputs
+    }
+
     fn pass(&self) -> Result<Box<dyn Pass + '_>> {
         let mut blocks = Blocks::open(&self.path)?;
         blocks.only(&self.wanted);
@@ -145,9 +157,27 @@ impl Source for FileSource {
     }
 }
 
+/// That an input can be followed when its run is read part by part.
+fn whole_run_needed(head: &Table, input: &InputMap) -> Result<()> {
+    if input.between.columns() == 1 {
+        return Ok(());
+    }
+    Err(head.error(
+        None,
+        input.column.columns.first().map(String::as_str),
+        format!(
+            "the input `{}` is `{}` between its samples, which takes whole runs in memory, and \
+             these data are larger than the memory allowed",
+            input.column.name, input.between
+        ),
+        "say `linear` or `hold` in the spec, or allow more memory",
+    ))
+}
+
 impl FileSource {
     fn empty(&self) -> Chunk {
-        Chunk { values: vec![Vec::new(); self.observables.len()], ..Chunk::default() }
+        let columns = self.observables.len() + MeasuredInput::places(&self.inputs).1;
+        Chunk { values: vec![Vec::new(); columns], ..Chunk::default() }
     }
 }
 
@@ -241,6 +271,18 @@ impl FilePass<'_> {
                 Some(column) => converted(table, column, observable.scale, observable.offset)?,
                 None => vec![f64::NAN; table.rows()],
             });
+        }
+        for input in &mapping.inputs {
+            let map = &input.column;
+            let Some(column) = observable_column(table, map)? else { continue };
+            let driving = converted(table, column, map.scale, map.offset)?;
+            if let Some(row) = driving.iter().position(|x| x.is_nan()) {
+                let line = table.lines.get(row).copied();
+                let message = format!("the input `{}` has no value here", map.name);
+                let hint = "give it in every row, or remove the rows where it was not recorded";
+                return Err(table.error(line, Some(&column.header), message, hint));
+            }
+            values.push(driving);
         }
         let run = match &mapping.run {
             Some(name) if !self.source.pairs => table.find(name)?,

@@ -54,7 +54,8 @@ pub fn survey(
             return Err(Error::Interrupted);
         }
     }
-    let sample = Dataset { observables, runs: kept.runs() };
+    let runs = kept.runs(observables.len());
+    let sample = Dataset { observables, runs, inputs: source.inputs().to_vec() };
     let mut report = DataReport::of(&sample);
     report.samples = usize::try_from(counting.samples).unwrap_or(usize::MAX);
     for (column, counted) in report.columns.iter_mut().zip(&counting.columns) {
@@ -230,6 +231,7 @@ impl Reservoir {
             values: chunk.values.iter().map(|column| part(column)).collect(),
             lines: vec![piece.line; end - start],
             clock: piece.clock,
+            inputs: Vec::new(),
         };
         self.samples += end - start;
         self.kept.insert(key, run);
@@ -243,12 +245,16 @@ impl Reservoir {
         }
     }
 
-    /// In the order of the source.
-    fn runs(self) -> Vec<Run> {
+    /// In the order of the source; behind so many observables stand inputs.
+    fn runs(self, observables: usize) -> Vec<Run> {
         let mut runs: Vec<((u64, u64), Run)> =
             self.kept.into_iter().map(|((_, run, part), kept)| ((run, part), kept)).collect();
         runs.sort_by_key(|(place, _)| *place);
-        runs.into_iter().map(|(_, run)| run).collect()
+        let mut runs: Vec<Run> = runs.into_iter().map(|(_, run)| run).collect();
+        for run in runs.iter_mut().filter(|run| run.values.len() > observables) {
+            run.inputs = run.values.split_off(observables);
+        }
+        runs
     }
 }
 

@@ -146,8 +146,8 @@ mod tests {
         let values = vec![times.iter().map(|t| t.sin() + sigma * noise()).collect()];
         let lines = vec![0; times.len()];
         let (name, clock) = (String::new(), Clock::default());
-        let run = Run { name, times: times.to_vec(), values, lines, clock };
-        Dataset { observables: vec!["x".to_string()], runs: vec![run] }
+        let run = Run { name, times: times.to_vec(), values, lines, clock, inputs: Vec::new() };
+        Dataset { observables: vec!["x".to_string()], runs: vec![run], inputs: Vec::new() }
     }
 
     #[test]

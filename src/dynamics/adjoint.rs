@@ -3,6 +3,7 @@
 //! The cost does not grow with the number of unknowns, apart from the sparse mixed derivatives.
 
 use super::batch::{Batch, Scratch};
+use super::drive::Drive;
 use super::equations::Dynamics;
 use super::implicit::Stages;
 use super::integrate::advance_recording;
@@ -18,6 +19,8 @@ pub struct Recording {
     lanes: usize,
     /// Times at the start, `[lanes]`.
     start: Vec<f64>,
+    /// What inputs do from there on.
+    drive: Drive,
     /// Step of each lane, `[lanes]`.
     step: Vec<f64>,
     /// States before every stage of a splitting, or every step otherwise, `[2n][lanes]` each.
@@ -38,7 +41,7 @@ impl Recording {
         theta: &[f64],
         scratch: &mut Scratch,
     ) -> Recording {
-        let start = batch.time.clone();
+        let (start, drive) = (batch.time.clone(), batch.drive.clone());
         let mut states = Vec::new();
         let mut record = |state: &[f64]| states.push(state.to_vec());
         advance_recording(dynamics, method, batch, span, steps, theta, scratch, Some(&mut record));
@@ -47,6 +50,7 @@ impl Recording {
             steps,
             lanes: batch.lanes,
             start,
+            drive,
             step: span.iter().map(|span| span / steps as f64).collect(),
             states,
             lost: (0..batch.lanes).map(|lane| !batch.is_finite(lane)).collect(),
@@ -67,6 +71,7 @@ impl Recording {
     ) {
         self.clear_lost(cotangent);
         scratch.step.clone_from(&self.step);
+        scratch.drive.clone_from(&self.drive);
         match &self.method.row().kind {
             MethodKind::Splitting(gammas) => {
                 if dynamics.separable() {
@@ -191,6 +196,7 @@ pub fn pull_back(
     let mut batch = Batch::new(dynamics.degrees(), start.lanes);
     batch.state.clone_from(&start.state);
     batch.time.clone_from(&start.time);
+    batch.drive.clone_from(&start.drive);
     let recording = Recording::advance(dynamics, method, &mut batch, span, steps, theta, scratch);
     let mut out =
         PulledBack { gradient: vec![0.0; dynamics.unknowns()], cotangent: cotangent.to_vec() };
@@ -213,7 +219,7 @@ pub fn pull_back_observed(
     let observables = cotangent.to_vec();
     if observed == Observed::Velocities {
         let flow = dynamics.drift();
-        scratch.time.clone_from(&batch.time);
+        scratch.stand_at(batch);
         flow.evaluate(&batch.state, lanes, theta, true, scratch);
         let entries = &scratch.out[flow.rows * lanes..flow.outputs() * lanes];
         cotangent[degrees * lanes..].fill(0.0);
@@ -221,7 +227,7 @@ pub fn pull_back_observed(
         flow.pull(&observables[degrees * lanes..], source, entries, gradient, lanes);
     }
     if let Some(instrument) = dynamics.instrument() {
-        scratch.time.clone_from(&batch.time);
+        scratch.stand_at(batch);
         instrument.evaluate(&batch.state, lanes, theta, true, scratch);
         let entries = &scratch.out[instrument.rows * lanes..instrument.outputs() * lanes];
         instrument.pull(&observables, cotangent, entries, gradient, lanes);

@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::ops::{Deref, DerefMut};
 
+use super::drive::Drive;
 use crate::eval::{Aligned, InstructionSet, mark_broken};
 
 /// Structure of arrays over `lanes` trajectories.
@@ -16,6 +17,8 @@ pub struct Batch {
     pub time: Vec<f64>,
     /// d state / d (initial state, theta), `[2n][2n + P][lanes]`; empty when not wanted.
     pub tangent: Aligned,
+    /// What inputs do from the times of the lanes on, until the next advance.
+    pub drive: Drive,
     degrees: usize,
     unknowns: usize,
 }
@@ -28,6 +31,7 @@ impl Batch {
             state: vec![0.0; 2 * degrees * lanes],
             time: vec![0.0; lanes],
             tangent: Aligned::default(),
+            drive: Drive::default(),
             degrees,
             unknowns: 0,
         }
@@ -130,6 +134,10 @@ pub struct Scratch {
     pub(super) points: Vec<f64>,
     /// Times of the present stage, `[lanes]`.
     pub(super) time: Vec<f64>,
+    /// Time of the present stage since the beginning of the advance, `[lanes]`.
+    pub(super) since: Vec<f64>,
+    /// What inputs do in the present advance.
+    pub(super) drive: Drive,
     /// Step of each lane, `[lanes]`.
     pub(super) step: Vec<f64>,
     /// Step times stage coefficient, `[lanes]`.
@@ -155,6 +163,14 @@ impl Scratch {
         let mut memory = self.spare.pop().unwrap_or_default();
         memory.reshape(size);
         memory
+    }
+
+    /// Makes ready for evaluations at the present times of a batch.
+    pub(super) fn stand_at(&mut self, batch: &Batch) {
+        self.time.clone_from(&batch.time);
+        self.drive.clone_from(&batch.drive);
+        self.since.clear();
+        self.since.resize(batch.lanes, 0.0);
     }
 
     /// Takes memory back that was lent, the last first.

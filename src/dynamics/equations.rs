@@ -156,7 +156,7 @@ impl Dynamics {
         let mut all = slope.rows.clone();
         all.extend_from_slice(&velocity.rows);
         all.extend_from_slice(&instrument.rows);
-        let timed = graph.symbols(&all).contains(&Symbol::Time);
+        let timed = graph.symbols(&all).into_iter().any(Symbol::is_of_time);
         let parameters: Vec<usize> = graph
             .symbols(&all)
             .into_iter()
@@ -237,7 +237,7 @@ impl Dynamics {
         !self.forced
     }
 
-    /// Whether the equations of motion name the time.
+    /// Whether the equations of motion name the time or an input.
     pub fn depends_on_time(&self) -> bool {
         self.timed
     }
@@ -247,14 +247,34 @@ impl Dynamics {
         let evaluator = self.energy.get_or_init(|| {
             let mut varying = self.state.clone();
             varying.push(Symbol::Time);
+            varying.extend(self.driving_energy());
             let inputs = Inputs { varying, uniform: self.unknowns.clone() };
             compile(&self.graph, &inputs, &[self.hamiltonian], self.backend)
         });
-        let Scratch { points, workspace, .. } = scratch;
+        scratch.stand_at(batch);
+        let Scratch { points, workspace, drive, since, .. } = scratch;
         points.clear();
         points.extend_from_slice(&batch.state);
         points.extend_from_slice(&batch.time);
+        for symbol in self.driving_energy() {
+            if let Symbol::Input(input, order) = symbol {
+                drive.append(input, order, since, points);
+            }
+        }
         evaluator.evaluate(points, theta, batch.lanes, &mut out[..batch.lanes], workspace);
+    }
+
+    /// The inputs that H names.
+    fn driving_energy(&self) -> Vec<Symbol> {
+        let mut symbols = self.graph.symbols(&[self.hamiltonian]);
+        symbols.retain(|symbol| matches!(symbol, Symbol::Input(..)));
+        symbols
+    }
+
+    /// Whether an input is named by the equations of motion.
+    fn is_driven(&self) -> bool {
+        let rows: Vec<Expr> = self.slope.rows.iter().chain(&self.velocity.rows).copied().collect();
+        self.graph.symbols(&rows).iter().any(|symbol| matches!(symbol, Symbol::Input(..)))
     }
 
     /// Compiles what steps of a method need, side by side, before many threads ask for it at once
@@ -322,6 +342,10 @@ impl Dynamics {
     pub(super) fn series(&self, order: usize) -> Option<Arc<Series>> {
         let mut known = self.series.lock().unwrap_or_else(PoisonError::into_inner);
         let compile = || {
+            // An input has its own series in every interval.
+            if self.is_driven() {
+                return None;
+            }
             let mut graph = self.graph.clone();
             let rates = self.rates(&mut graph);
             let (state, unknowns) = (&self.state, &self.unknowns);
@@ -373,6 +397,9 @@ impl Dynamics {
         }
         let mut loops = self.loops.lock().unwrap_or_else(PoisonError::into_inner);
         let compile = || {
+            if self.is_driven() {
+                return None;
+            }
             let order: Vec<bool> = (0..stages).map(|stage| stage % 2 == 0).collect();
             let source = StepSource {
                 graph: &self.graph,

@@ -60,7 +60,9 @@ pub fn advance(
 
 /// Times of a stage `at` steps from the start; the factor of what is evaluated is the step.
 pub fn set_stage(scratch: &mut Scratch, start: &[f64], at: f64) {
-    let Scratch { time, scale, step, .. } = scratch;
+    let Scratch { time, since, scale, step, .. } = scratch;
+    since.clear();
+    since.extend(step.iter().map(|h| at * h));
     time.clear();
     time.extend(start.iter().zip(&*step).map(|(t, h)| t + at * h));
     scale.clear();

@@ -25,7 +25,8 @@ pub struct Flow {
     pub jacobian: Vec<(usize, usize)>,
     /// (function, unknown) of each derivative that is not zero, sorted.
     pub mixed: Vec<(usize, usize)>,
-    timed: bool,
+    /// The time and the inputs that the functions or their derivatives name.
+    driven: Vec<Symbol>,
 }
 
 /// Products that are added at once.
@@ -71,8 +72,9 @@ impl Flow {
 
         let mut outputs = source.functions.to_vec();
         outputs.extend(jacobian.iter().chain(&mixed).map(|&(_, _, expr)| expr));
-        let timed = graph.symbols(&outputs).contains(&Symbol::Time);
-        let inputs = sources(source.state, source.inputs.clone(), timed, source.unknowns);
+        let mut driven = graph.symbols(&outputs);
+        driven.retain(|symbol| symbol.is_of_time());
+        let inputs = sources(source.state, source.inputs.clone(), &driven, source.unknowns);
         Flow {
             value: OnceLock::new(),
             tangent: compile(&graph, &inputs, &outputs, backend),
@@ -81,13 +83,13 @@ impl Flow {
             rows,
             jacobian: jacobian.into_iter().map(|(row, column, _)| (row, column)).collect(),
             mixed: mixed.into_iter().map(|(row, unknown, _)| (row, unknown)).collect(),
-            timed,
+            driven,
         }
     }
 
     /// Where the compiled functions take the symbols' values from.
     pub fn sources(&self, state: &[Symbol], unknowns: &[Symbol]) -> Inputs {
-        sources(state, self.inputs.clone(), self.timed, unknowns)
+        sources(state, self.inputs.clone(), &self.driven, unknowns)
     }
 
     fn value(&self) -> &dyn Evaluator {
@@ -95,9 +97,9 @@ impl Flow {
         &**self.value.get_or_init(|| compile(graph, inputs, functions, *backend))
     }
 
-    /// Whether the functions or their derivatives name the time.
+    /// Whether the functions or their derivatives name the time or an input.
     pub fn timed(&self) -> bool {
-        self.timed
+        !self.driven.is_empty()
     }
 
     /// Number of values and derivatives together.
@@ -106,7 +108,8 @@ impl Flow {
     }
 
     /// Evaluates into `scratch.out`: `[rows][lanes]`, and with `derivatives` the Jacobian and
-    /// the mixed entries after it. `state` is `[2n][lanes]`, `scratch.time` the times.
+    /// the mixed entries after it. `state` is `[2n][lanes]`, `scratch.time` the times,
+    /// `scratch.since` those since the beginning of what `scratch.drive` says.
     pub fn evaluate(
         &self,
         state: &[f64],
@@ -129,12 +132,17 @@ impl Flow {
         derivatives: bool,
         scratch: &mut Scratch,
     ) {
-        let Scratch { out, points, time, workspace, .. } = scratch;
+        let Scratch { out, points, time, since, drive, workspace, .. } = scratch;
         let rows = &state[self.inputs.start * lanes..self.inputs.end * lanes];
-        let points = if self.timed {
+        let points = if self.timed() {
             points.clear();
             points.extend_from_slice(rows);
-            points.extend_from_slice(time);
+            for symbol in &self.driven {
+                match *symbol {
+                    Symbol::Input(input, order) => drive.append(input, order, since, points),
+                    _ => points.extend_from_slice(time),
+                }
+            }
             &points[..]
         } else {
             rows
@@ -267,8 +275,8 @@ impl Flow {
     }
 }
 
-fn sources(state: &[Symbol], rows: Range<usize>, timed: bool, unknowns: &[Symbol]) -> Inputs {
+fn sources(state: &[Symbol], rows: Range<usize>, driven: &[Symbol], unknowns: &[Symbol]) -> Inputs {
     let mut varying = state[rows].to_vec();
-    varying.extend(timed.then_some(Symbol::Time));
+    varying.extend_from_slice(driven);
     Inputs { varying, uniform: unknowns.to_vec() }
 }

@@ -8,7 +8,8 @@ use super::{explicit, implicit, splitting};
 
 /// Advances every lane by its own `span[lane]` in `steps` equal steps.
 ///
-/// A span may be negative (backward) or 0 (no motion). Tangents, if the batch has them, are
+/// A span may be negative (backward) or 0 (no motion). Inputs go by the polynomials of the batch's
+/// [`Drive`](super::Drive), which must hold for all of the span. Tangents, if the batch has them, are
 /// multiplied by the Jacobian of the discrete map. A lane that leaves the finite numbers
 /// becomes NaN, state and tangent, and does not disturb others; so does every lane when a
 /// splitting is asked for dynamics that is not separable. Nothing is computed for 0 steps.
@@ -39,6 +40,7 @@ pub(super) fn advance_recording(
     if steps == 0 || batch.lanes == 0 {
         return;
     }
+    scratch.drive.clone_from(&batch.drive);
     scratch.step.clear();
     scratch.step.extend(span.iter().map(|span| span / steps as f64));
     let mut ignore = |_: &[f64]| {};
@@ -59,5 +61,6 @@ pub(super) fn advance_recording(
     for (time, span) in batch.time.iter_mut().zip(span) {
         *time += span;
     }
+    batch.drive.go_on(span);
     batch.condemn(&mut scratch.scale);
 }

@@ -12,6 +12,7 @@
 
 mod adjoint;
 mod batch;
+mod drive;
 mod equations;
 mod explicit;
 mod flow;
@@ -28,6 +29,7 @@ mod trajectory;
 pub use adjoint::{PulledBack, Recording, pull_back, pull_back_observed};
 pub(crate) use batch::KeptScratch;
 pub use batch::{Batch, Scratch};
+pub use drive::Drive;
 pub use equations::Dynamics;
 pub use integrate::advance;
 pub use methods::{METHODS, Method, MethodKind, MethodRow, Tableau};

@@ -22,7 +22,7 @@ pub fn observe(
     ideal(dynamics, observed, batch, theta, out, out_tangent.as_deref_mut(), scratch);
     let Some(instrument) = dynamics.instrument() else { return };
     let (lanes, columns) = (batch.lanes, batch.columns());
-    scratch.time.clone_from(&batch.time);
+    scratch.stand_at(batch);
     instrument.evaluate(&batch.state, lanes, theta, out_tangent.is_some(), scratch);
     let (added, entries) = scratch.out.split_at(instrument.rows * lanes);
     for (value, added) in out.iter_mut().zip(added) {
@@ -53,8 +53,7 @@ fn ideal(
         return;
     }
     let flow = dynamics.drift();
-    scratch.time.clear();
-    scratch.time.extend_from_slice(&batch.time);
+    scratch.stand_at(batch);
     flow.evaluate(&batch.state, lanes, theta, out_tangent.is_some(), scratch);
     let (momenta, entries) = scratch.out.split_at(flow.rows * lanes);
     out[degrees * lanes..2 * degrees * lanes].copy_from_slice(momenta);

@@ -187,7 +187,7 @@ impl SplittingStage {
     /// Sets the factors of the change from the step of each lane and, for what is `timed`, the
     /// times of evaluation.
     pub fn prepare(self, start: &[f64], timed: bool, scratch: &mut Scratch) {
-        let Scratch { time, scale, step, .. } = scratch;
+        let Scratch { time, since, scale, step, .. } = scratch;
         let sign = if self.drift { 1.0 } else { -1.0 };
         scale.clear();
         scale.extend(step.iter().map(|step| sign * self.coefficient * step));
@@ -195,6 +195,8 @@ impl SplittingStage {
             time.clear();
             time.extend_from_slice(&start[..step.len()]);
             add_multiple(InstructionSet::widest(), time, step, self.time);
+            since.clear();
+            since.extend(step.iter().map(|step| self.time * step));
         }
     }
 }

@@ -151,6 +151,7 @@ impl TrialSteps<'_> {
         let mut batch = Batch::new(self.dynamics.degrees(), self.sample.lanes);
         batch.state.clone_from(&self.sample.state);
         batch.time.clone_from(&self.sample.time);
+        batch.drive.clone_from(&self.sample.drive);
         advance(self.dynamics, method, &mut batch, self.span, steps, self.theta, self.scratch);
         batch.state
     }

@@ -47,6 +47,7 @@ pub fn known_system(
         observed: Observed::Momenta,
         velocities: Vec::new(),
         time: variable("t".to_string()),
+        inputs: Vec::new(),
         parameters: Vec::new(),
         kinetic,
         potential,

@@ -53,6 +53,16 @@ impl Model {
         if !numbers.chain([&step]).all(|x| x.is_finite()) || step <= 0.0 {
             return Err(wrong("the model has a number or a step that is not finite"));
         }
+        if let Some(input) = system.inputs.first() {
+            return Err(Error::new(
+                ErrorKind::Export,
+                format!(
+                    "a generated simulator cannot read `{}`, which drives this system",
+                    input.variable.name
+                ),
+                "export LaTeX or MathML, or follow the motion with `leverrier simulate --inputs`",
+            ));
+        }
         let energy = system.energy(law.support())?;
         let forces = system.force(law.support())?;
         let state = system.state();

@@ -95,6 +95,7 @@ pub fn export(export: &Export) -> Result<Output> {
     let names = Names {
         coordinates: list(&mut (0..n).map(Symbol::Coordinate)),
         momenta: list(&mut (0..n).map(Symbol::Momentum)),
+        inputs: list(&mut (0..system.inputs.len()).map(|i| Symbol::Input(i, 0))),
         parameters: list(&mut (0..system.parameters.len()).map(Symbol::Parameter)),
         coefficients: list(&mut (0..system.terms.len()).map(Symbol::Coefficient)),
     };

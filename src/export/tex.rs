@@ -90,6 +90,16 @@ impl TexWriter<'_> {
                 let loose = negative || text.contains(' ');
                 (format!("{sign}{text}"), if loose { Precedence::Sum } else { Precedence::Atom })
             }
+            Node::Symbol(Symbol::Input(i, order)) => {
+                let plain = name(&self.names.of(Symbol::Input(*i, 0)));
+                let derived = match order {
+                    0 => plain,
+                    1 => format!("\\dot{{{plain}}}"),
+                    2 => format!("\\ddot{{{plain}}}"),
+                    _ => format!("{{{plain}}}^{{({order})}}"),
+                };
+                (format!("{derived}(t)"), Precedence::Atom)
+            }
             Node::Symbol(symbol) => (name(&self.names.of(*symbol)), Precedence::Atom),
             Node::Power(base, exponent) => {
                 let base = self.wrapped(*base, Precedence::Atom);

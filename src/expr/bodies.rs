@@ -161,6 +161,7 @@ impl System {
                 Symbol::Coordinate(i) => state[i],
                 Symbol::Momentum(i) => state[n + i],
                 Symbol::Time => 0.7,
+                Symbol::Input(i, order) => 0.9 + 0.3 * i as f64 - 0.2 * order as f64,
                 Symbol::Parameter(j) => self.parameters[j].start,
                 Symbol::Coefficient(_) => 1.0,
             };

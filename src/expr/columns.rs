@@ -1,7 +1,7 @@
 //! Which columns of a data file hold what, as the spec says.
 
 use super::lower::Lowering;
-use super::system::{Observed, System};
+use super::system::{InputVariable, Observed, System};
 use super::unit::Unit;
 use crate::diagnostic::Diagnostic;
 use crate::spec::ast::{DataItemKind, Expression, ExpressionKind, UnitText, Word};
@@ -40,6 +40,8 @@ pub struct DataColumns {
     pub pairs: bool,
     /// In the order of [`System::observables`].
     pub observables: Vec<ObservedColumn>,
+    /// In the order of [`System::inputs`].
+    pub inputs: Vec<ObservedColumn>,
 }
 
 /// `q[1]` may stand in a column `q[1]`, `q1` or `q_1`.
@@ -60,6 +62,16 @@ impl System {
             |name: String| ObservedColumn { candidates: candidates(&name), name, scale: 1.0 };
         observables.into_iter().map(column).collect()
     }
+
+    /// Where the inputs stand when no `data` statement says otherwise.
+    pub fn input_columns(&self) -> Vec<ObservedColumn> {
+        let column = |input: &InputVariable| ObservedColumn {
+            name: input.variable.name.clone(),
+            candidates: candidates(&input.variable.name),
+            scale: 1.0,
+        };
+        self.inputs.iter().map(column).collect()
+    }
 }
 
 pub(super) fn resolve(lowering: &mut Lowering, system: &System) -> Option<DataColumns> {
@@ -70,8 +82,10 @@ pub(super) fn resolve(lowering: &mut Lowering, system: &System) -> Option<DataCo
         run: None,
         pairs: false,
         observables: system.observed_columns(),
+        inputs: system.input_columns(),
     };
     let mut mapped = vec![false; out.observables.len()];
+    let mut driven = vec![false; out.inputs.len()];
     for item in items {
         let twice = match &item.kind {
             DataItemKind::Time { column, unit } => {
@@ -81,6 +95,25 @@ pub(super) fn resolve(lowering: &mut Lowering, system: &System) -> Option<DataCo
             }
             DataItemKind::Run(column) => out.run.replace(column.text.clone()).is_some(),
             DataItemKind::Pairs => std::mem::replace(&mut out.pairs, true),
+            DataItemKind::Column { variable, column, unit }
+                if let Some(at) = input(system, variable) =>
+            {
+                let own = system.inputs.get(at).and_then(|input| input.variable.unit);
+                let scale = scale(lowering, unit.as_ref(), own, column);
+                if let Some(found) = out.inputs.get_mut(at) {
+                    found.candidates = vec![column.text.clone()];
+                    found.scale = scale;
+                }
+                driven.get_mut(at).is_some_and(|driven| std::mem::replace(driven, true))
+            }
+            DataItemKind::NotMeasured(variable) if input(system, variable).is_some() => {
+                lowering.report(
+                    Diagnostic::error(variable.site.0, "an input has to be measured")
+                        .label("the motion cannot be followed without it")
+                        .hint("name the column that holds it, or take its statement away"),
+                );
+                false
+            }
             DataItemKind::Column { variable, column, unit } => {
                 let Some(at) = observable(lowering, system, &out.observables, variable) else {
                     continue;
@@ -123,6 +156,12 @@ pub(super) fn resolve(lowering: &mut Lowering, system: &System) -> Option<DataCo
         }
     }
     Some(out)
+}
+
+/// The number of the input that a variable names.
+fn input(system: &System, variable: &Expression) -> Option<usize> {
+    let ExpressionKind::Name(name) = &variable.kind else { return None };
+    system.inputs.iter().position(|input| input.variable.name == *name)
 }
 
 fn observable(

@@ -24,10 +24,19 @@ pub enum Symbol {
     Momentum(usize),
     /// The time t.
     Time,
+    /// A measured input, counted from 0, or its derivative by time of the order that comes second.
+    Input(usize, usize),
     /// Inner parameter: learned, not penalised.
     Parameter(usize),
     /// Coefficient of the k-th learned term.
     Coefficient(usize),
+}
+
+impl Symbol {
+    /// Whether its value is a function of the time that the motion has no part in.
+    pub fn is_of_time(self) -> bool {
+        matches!(self, Symbol::Time | Symbol::Input(..))
+    }
 }
 
 /// A real number that can be hashed; -0 is stored as 0.

@@ -114,7 +114,10 @@ fn sample_fields(system: &System) -> Option<DMatrix<f64>> {
         }
     }
     let height = if parts(Place::is_sensor).next().is_some() { 4 * n } else { 2 * n };
-    let program = graph.topological(&roots.iter().map(|root| root.3).collect::<Vec<_>>());
+    let exprs: Vec<Expr> = roots.iter().map(|root| root.3).collect();
+    let program = graph.topological(&exprs);
+    let mut driven = graph.symbols(&exprs);
+    driven.retain(|symbol| matches!(symbol, Symbol::Input(..)));
     let samples = (2 * count).div_ceil(2 * n) + 20;
     let mut rng = Pcg64::seed_from_u64(0x4c65_7665);
     let around = Uniform::new(-1.4, 1.4).ok()?;
@@ -127,6 +130,9 @@ fn sample_fields(system: &System) -> Option<DMatrix<f64>> {
             symbols.insert(symbol, around.sample(&mut rng));
         }
         symbols.insert(Symbol::Time, around.sample(&mut rng));
+        for &input in &driven {
+            symbols.insert(input, around.sample(&mut rng));
+        }
         // Rates of the state hold coefficients.
         for k in 0..count {
             symbols.insert(Symbol::Coefficient(k), around.sample(&mut rng));

@@ -26,6 +26,6 @@ pub use independence::{Dependence, MOST_EXAMINED, dependences};
 pub use lower::{Compiled, DeclaredCandidate, Extension, KnownNumber, MOST_TERMS, Scope, build};
 pub use print::Names;
 pub(crate) use print::Precedence;
-pub use space::{FunctionSpace, SpaceKnown, SpaceParameter, SpaceTerm, SpaceVariable};
-pub use system::{Bounds, Observed, Parameter, Place, System, Term, Variable};
+pub use space::{FunctionSpace, SpaceInput, SpaceKnown, SpaceParameter, SpaceTerm, SpaceVariable};
+pub use system::{Bounds, InputVariable, Observed, Parameter, Place, System, Term, Variable};
 pub use unit::Unit;

@@ -11,6 +11,8 @@ pub struct Names {
     pub coordinates: Vec<String>,
     /// Name of each `Symbol::Momentum`.
     pub momenta: Vec<String>,
+    /// Name of each input.
+    pub inputs: Vec<String>,
     /// Name of each `Symbol::Parameter`.
     pub parameters: Vec<String>,
     /// Name of each `Symbol::Coefficient`.
@@ -22,6 +24,10 @@ impl Names {
     pub fn of(&self, symbol: Symbol) -> String {
         let (list, kind, i) = match symbol {
             Symbol::Time => return "t".to_string(),
+            Symbol::Input(i, order) => {
+                let name = self.inputs.get(i).cloned().unwrap_or_else(|| format!("u[{}]", i + 1));
+                return (0..order).fold(name, |inner, _| format!("rate({inner})"));
+            }
             Symbol::Coordinate(i) => (&self.coordinates, "q", i),
             Symbol::Momentum(i) => (&self.momenta, "p", i),
             Symbol::Parameter(i) => (&self.parameters, "a", i),

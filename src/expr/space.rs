@@ -59,6 +59,17 @@ pub struct SpaceVariable {
     pub unit: Option<String>,
 }
 
+/// A measured input.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SpaceInput {
+    /// As written in the spec.
+    pub name: String,
+    /// Its unit, where one was given.
+    pub unit: Option<String>,
+    /// `hold`, `linear`, `spline` or `band_limited`.
+    pub between_samples: &'static str,
+}
+
 /// A spec written out.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FunctionSpace {
@@ -70,6 +81,8 @@ pub struct FunctionSpace {
     pub momenta: Vec<SpaceVariable>,
     /// Measured velocities; empty where momenta are measured.
     pub velocities: Vec<SpaceVariable>,
+    /// What is measured and drives the motion.
+    pub inputs: Vec<SpaceInput>,
     /// Unit of H, where it is known.
     pub energy_unit: Option<String>,
     /// Parts that are not learned.
@@ -126,6 +139,11 @@ impl FunctionSpace {
             };
             list.iter().map(plain).collect()
         };
+        let input = |input: &super::system::InputVariable| SpaceInput {
+            name: input.variable.name.clone(),
+            unit: input.variable.unit_text.clone(),
+            between_samples: input.between.keyword(),
+        };
         let mut known = Vec::new();
         let fixed = [
             (Place::Kinetic, system.kinetic),
@@ -163,6 +181,7 @@ impl FunctionSpace {
             coordinates: variables(&system.coordinates),
             momenta: variables(&system.momenta),
             velocities: variables(&system.velocities),
+            inputs: system.inputs.iter().map(input).collect(),
             energy_unit: compiled.energy_unit.map(|unit| unit.to_string()),
             known,
             terms: system.terms.iter().zip(&names.coefficients).map(term).collect(),

@@ -4,6 +4,7 @@ use super::graph::{Expr, Graph, Symbol};
 use super::identity::TermId;
 use super::print::Names;
 use super::unit::Unit;
+use crate::data::{Interpolation, MeasuredInput};
 use crate::error::Result;
 use crate::spec::effects::Body;
 
@@ -16,6 +17,15 @@ pub struct Variable {
     pub unit: Option<Unit>,
     /// The unit as the user wrote it, for print.
     pub unit_text: Option<String>,
+}
+
+/// What is measured and drives the motion.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InputVariable {
+    /// Its name and unit.
+    pub variable: Variable,
+    /// What it does between its samples.
+    pub between: Interpolation,
 }
 
 /// What the second half of the observables is.
@@ -161,6 +171,8 @@ pub struct System {
     pub velocities: Vec<Variable>,
     /// The time, with its unit.
     pub time: Variable,
+    /// Measured inputs; `inputs[i]` is `Symbol::Input(i, 0)`.
+    pub inputs: Vec<InputVariable>,
     /// Inner parameters; `parameters[j]` is `Symbol::Parameter(j)`.
     pub parameters: Vec<Parameter>,
     /// The known part of T(p).
@@ -195,6 +207,7 @@ impl System {
         Names {
             coordinates: self.coordinates.iter().map(|v| v.name.clone()).collect(),
             momenta: self.momenta.iter().map(|v| v.name.clone()).collect(),
+            inputs: self.inputs.iter().map(|input| input.variable.name.clone()).collect(),
             parameters: self.parameters.iter().map(|p| p.name.clone()).collect(),
             coefficients: self
                 .terms
@@ -212,6 +225,15 @@ impl System {
             Observed::Velocities => &self.velocities,
         };
         self.coordinates.iter().chain(second).map(|v| v.name.clone()).collect()
+    }
+
+    /// The inputs, as a data set names them.
+    pub fn measured_inputs(&self) -> Vec<MeasuredInput> {
+        let measured = |input: &InputVariable| MeasuredInput {
+            name: input.variable.name.clone(),
+            between: input.between,
+        };
+        self.inputs.iter().map(measured).collect()
     }
 
     /// H as one expression, the learned terms `active` with their coefficients as symbols.

@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use super::{Spec, measured};
-use crate::data::{Clock, DataReport, Dataset, Run};
+use crate::data::{Clock, DataReport, Dataset, MeasuredInput, Run};
 use crate::error::{Error, ErrorKind, Result};
+use crate::simulate::InputRecord;
 
 /// Measurements: runs of samples with their times, in the units of the spec that they were read
 /// for. Nothing is resampled or filled in; what was not measured is NaN.
@@ -52,7 +53,8 @@ impl Data {
 
     /// One run from numbers in memory: `times` ascending, in the spec's unit of time, and for each
     /// coordinate, then for each momentum (or velocity, where the spec says so) a slice of as many
-    /// values. Coordinates alone will do. NaN is a missing value.
+    /// values. Coordinates alone will do. NaN is a missing value. Behind them stands a slice for
+    /// each input of the spec, in its order, without missing values.
     ///
     /// # Errors
     /// The slices do not fit the spec or each other ([`ErrorKind::InvalidArgument`]).
@@ -69,9 +71,9 @@ impl Data {
     /// # Ok::<(), leverrier::Error>(())
     /// ```
     pub fn from_slices(spec: &Spec, times: &[f64], values: &[&[f64]]) -> Result<Data> {
-        let observables = spec.system().observables();
-        let run = run("1", times, values, observables.len())?;
-        Ok(Data::of(Dataset { observables, runs: vec![run] }))
+        let (observables, inputs) = (spec.system().observables(), spec.system().measured_inputs());
+        let run = run("1", times, values, observables.len(), &inputs)?;
+        Ok(Data::of(Dataset { observables, runs: vec![run], inputs }))
     }
 
     /// The same data with one more run, given as in [`Data::from_slices`].
@@ -91,7 +93,7 @@ impl Data {
     pub fn with_run(self, times: &[f64], values: &[&[f64]]) -> Result<Data> {
         let mut dataset = self.dataset;
         let name = (dataset.runs.len() + 1).to_string();
-        dataset.runs.push(run(&name, times, values, dataset.observables.len())?);
+        dataset.runs.push(run(&name, times, values, dataset.observables.len(), &dataset.inputs)?);
         Ok(Data::of(dataset))
     }
 
@@ -229,16 +231,47 @@ impl Data {
     }
 }
 
-fn run(name: &str, times: &[f64], values: &[&[f64]], observables: usize) -> Result<Run> {
+/// The inputs of a spec from numbers in memory.
+///
+/// # Errors
+/// The slices do not fit the spec or each other.
+pub(super) fn inputs_of(spec: &Spec, times: &[f64], values: &[&[f64]]) -> Result<InputRecord> {
+    let inputs = spec.system().measured_inputs();
+    let run = run("1", times, values, 0, &inputs)?;
+    let data = Dataset { observables: Vec::new(), runs: vec![run], inputs };
+    InputRecord::of_runs(spec.system(), &data)?.pop().ok_or_else(|| {
+        Error::new(ErrorKind::InvalidArgument, "no input is given", "give its times and values")
+    })
+}
+
+fn run(
+    name: &str,
+    times: &[f64],
+    values: &[&[f64]],
+    observables: usize,
+    inputs: &[MeasuredInput],
+) -> Result<Run> {
     let wrong = |message: String, hint: &str| {
         Err(Error::new(ErrorKind::InvalidArgument, format!("run {name}: {message}"), hint))
     };
-    if ![observables / 2, observables].contains(&values.len()) {
+    let given = values.len().checked_sub(inputs.len());
+    let Some(measured) = given.filter(|given| [observables / 2, observables].contains(given))
+    else {
+        let and = match inputs.len() {
+            0 => String::new(),
+            1 => " and an input".to_string(),
+            more => format!(" and {more} inputs"),
+        };
         return wrong(
-            format!("{} slices of values for {observables} observables", values.len()),
-            "give one for each coordinate, or for each observable",
+            format!("{} slices of values for {observables} observables{and}", values.len()),
+            match inputs.len() {
+                0 => "give one for each coordinate, or for each observable",
+                _ => {
+                    "give one for each coordinate, or for each observable, then one for each input"
+                }
+            },
         );
-    }
+    };
     if let Some(other) = values.iter().find(|slice| slice.len() != times.len()) {
         return wrong(
             format!("{} values at {} times", other.len(), times.len()),
@@ -253,12 +286,24 @@ fn run(name: &str, times: &[f64], values: &[&[f64]], observables: usize) -> Resu
         return wrong("a value is infinite".to_string(), "give NaN where nothing was measured");
     }
     let mut columns: Vec<Vec<f64>> = values.iter().map(|slice| slice.to_vec()).collect();
+    let driving = columns.split_off(measured);
+    if let Some(input) = (inputs.iter().zip(&driving))
+        .find_map(|(input, values)| values.iter().any(|x| x.is_nan()).then_some(input))
+    {
+        return wrong(
+            format!("the input `{}` has a missing value", input.name),
+            "the motion cannot be followed without its input: leave these samples out",
+        );
+    }
     columns.resize(observables, vec![f64::NAN; times.len()]);
+    let derived = inputs.iter().zip(&driving);
+    let inputs = derived.flat_map(|(input, values)| input.columns(times, values)).collect();
     Ok(Run {
         name: name.to_string(),
         times: times.to_vec(),
         values: columns,
         lines: vec![0; times.len()],
         clock: Clock::default(),
+        inputs,
     })
 }

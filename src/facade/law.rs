@@ -3,6 +3,7 @@
 use std::fmt;
 use std::path::Path;
 
+use super::data::inputs_of;
 use super::model_file::{self, ModelFile};
 use super::{Comparison, Data, Diagnosis, Spec, Trajectory};
 use crate::diagnose::comparison::compare;
@@ -219,6 +220,23 @@ impl Law {
     /// # Ok::<(), leverrier::Error>(())
     /// ```
     pub fn predict(&self, start: &[f64], times: &[f64]) -> Result<Trajectory> {
+        let names = self.require_start(start, times)?;
+        let simulator = self.numbers.simulator();
+        let starts = [start.to_vec()];
+        let series = IntegratorChoice::Taylor { tolerance: 0.0 };
+        match simulator.trajectories_by(series, &starts, times) {
+            Err(error) if error.kind() == ErrorKind::TaylorSeries => {
+                let longest = STEPS_TOGETHER * self.numbers.stepping().longest;
+                let (fine, wanted) = subdivided(times, longest);
+                let motion = simulator.trajectories(&starts, &fine)?;
+                Ok(Trajectory::first(names, motion).at(&wanted))
+            }
+            motion => Ok(Trajectory::first(names, motion?)),
+        }
+    }
+
+    /// That a start and times are those of a prediction; the names of the state's components.
+    fn require_start(&self, start: &[f64], times: &[f64]) -> Result<Vec<String>> {
         let system = self.spec.system();
         let names: Vec<String> =
             system.coordinates.iter().chain(&system.momenta).map(|v| v.name.clone()).collect();
@@ -237,18 +255,36 @@ impl Law {
                 "begin with the time of the start",
             ));
         }
-        let simulator = self.numbers.simulator();
-        let starts = [start.to_vec()];
-        let series = IntegratorChoice::Taylor { tolerance: 0.0 };
-        match simulator.trajectories_by(series, &starts, times) {
-            Err(error) if error.kind() == ErrorKind::TaylorSeries => {
-                let longest = STEPS_TOGETHER * self.numbers.stepping().longest;
-                let (fine, wanted) = subdivided(times, longest);
-                let motion = simulator.trajectories(&starts, &fine)?;
-                Ok(Trajectory::first(names, motion).at(&wanted))
-            }
-            motion => Ok(Trajectory::first(names, motion?)),
-        }
+        Ok(names)
+    }
+
+    /// The motion from a state (coordinates, then momenta) at the first of `times` on, under
+    /// measured inputs: `inputs` has their values at `input_times`, a slice for each input of the
+    /// spec in its order, and the spec says what they do in between.
+    ///
+    /// # Errors
+    /// As [`Law::predict`]; and the inputs do not fit the spec or do not reach over the times
+    /// ([`ErrorKind::InvalidArgument`]).
+    ///
+    /// ```
+    /// let text = "coordinates x; momenta p; input u { linear }\nT = p^2/2\nV = x^2/2\nforce x += u";
+    /// let law = leverrier::Spec::parse(text)?.known_law()?;
+    /// // A ramp: x = t - sin(t).
+    /// let motion = law.predict_driven(&[0.0, 0.0], &[0.0, 3.0], &[0.0, 5.0], &[&[0.0, 5.0]])?;
+    /// assert!((motion.column("x").unwrap()[1] - (3.0 - 3f64.sin())).abs() < 1e-9);
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn predict_driven(
+        &self,
+        start: &[f64],
+        times: &[f64],
+        input_times: &[f64],
+        inputs: &[&[f64]],
+    ) -> Result<Trajectory> {
+        let names = self.require_start(start, times)?;
+        let record = inputs_of(&self.spec, input_times, inputs)?;
+        let simulator = self.numbers.simulator().driven_by(record);
+        Ok(Trajectory::first(names, simulator.trajectories(&[start.to_vec()], times)?))
     }
 
     /// Holds the law against measurements, best such that it was not learned from.

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use crate::data::{
-    self, Cells, Column, ColumnMap, DataReport, Dataset, FileSource, Mapping, ObservableMap, Table,
+    self, Cells, Column, ColumnMap, DataReport, Dataset, FileSource, InputMap, Mapping,
+    ObservableMap, Table,
 };
 use crate::error::{Error, Result};
 use crate::expr::{Compiled, ObservedColumn};
@@ -56,6 +57,23 @@ pub fn source(compiled: &Compiled, path: &Path) -> Result<FileSource> {
     FileSource::new(path, &mapping(compiled, &head)?, pairs(compiled))
 }
 
+/// The inputs alone of a file, run by run.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_inputs(compiled: &Compiled, path: &Path) -> Result<Dataset> {
+    let table = data::read(path).map_err(|error| not_there(error, path))?;
+    let mut mapping = mapping(compiled, &table)?;
+    mapping.observables.clear();
+    // A file of inputs alone is one run, unless it has the column.
+    if let Some(run) = &mapping.run
+        && table.find(run)?.is_none()
+    {
+        mapping.run = None;
+    }
+    Ok(data::dataset(&table, &mapping)?.0)
+}
+
 /// Whether every two rows are one run.
 fn pairs(compiled: &Compiled) -> bool {
     compiled.data.as_ref().is_some_and(|columns| columns.pairs)
@@ -71,6 +89,7 @@ fn mapping(compiled: &Compiled, table: &Table) -> Result<Mapping> {
         }),
         run: columns.and_then(|c| c.run.clone()),
         observables: Vec::new(),
+        inputs: Vec::new(),
     };
     let observed = columns.map_or_else(|| system.observed_columns(), |c| c.observables.clone());
     // Coordinates alone will do. But a momentum whose column the spec names, or of which there
@@ -92,6 +111,22 @@ fn mapping(compiled: &Compiled, table: &Table) -> Result<Mapping> {
             columns: column.candidates,
             scale: column.scale,
             offset: 0.0,
+        })
+        .collect();
+    let driving = columns.map_or_else(|| system.input_columns(), |c| c.inputs.clone());
+    mapping.inputs = system
+        .inputs
+        .iter()
+        .zip(driving)
+        .map(|(input, column)| InputMap {
+            column: ObservableMap {
+                required: true,
+                name: column.name,
+                columns: column.candidates,
+                scale: column.scale,
+                offset: 0.0,
+            },
+            between: input.between,
         })
         .collect();
     Ok(mapping)

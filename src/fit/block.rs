@@ -16,6 +16,10 @@ pub(super) struct Block<'a> {
     spans: Vec<f64>,
     /// `[sample][observable][lane]`; not a number where nothing was measured.
     measured: Vec<f64>,
+    /// What inputs do from each sample to the next, `[sample][input][power][lane]`.
+    driving: Vec<f64>,
+    /// Inputs, and coefficients of each.
+    driven: (usize, usize),
     /// Measured values of each lane.
     pub(super) counts: Vec<usize>,
     observables: usize,
@@ -30,15 +34,19 @@ impl<'a> Block<'a> {
     ) -> Block<'a> {
         let lanes = segments.len();
         let samples = segments.iter().map(|s| s.samples()).max().unwrap_or(0);
+        let driven = measured.driven();
         let mut block = Block {
             segments,
             samples,
             starts: Vec::with_capacity(lanes),
             spans: vec![0.0; samples * lanes],
             measured: vec![f64::NAN; samples * observables * lanes],
+            driving: vec![0.0; samples * driven.0 * driven.1 * lanes],
+            driven,
             counts: vec![0; lanes],
             observables,
         };
+        block.gather_inputs(measured);
         for (lane, segment) in segments.iter().enumerate() {
             let times = &measured.times_of(segment.run)[segment.first..=segment.last];
             block.starts.push(measured.clock_of(segment.run).time(times[0]));
@@ -57,6 +65,33 @@ impl<'a> Block<'a> {
             }
         }
         block
+    }
+
+    fn gather_inputs(&mut self, measured: &Packed) {
+        let (lanes, (inputs, powers)) = (self.lanes(), self.driven);
+        let mut coefficients = vec![0.0; powers];
+        for (lane, segment) in self.segments.iter().enumerate() {
+            for (sample, at) in (segment.first..=segment.last).enumerate() {
+                for input in 0..inputs {
+                    let ends = at == segment.last;
+                    measured.driving(input, segment.run, at, ends, &mut coefficients);
+                    let first = (sample * inputs + input) * powers * lanes + lane;
+                    let places = self.driving[first..].iter_mut().step_by(lanes);
+                    places.zip(&coefficients).for_each(|(place, x)| *place = *x);
+                }
+            }
+        }
+    }
+
+    /// Inputs, and coefficients of each.
+    pub(super) fn driven(&self) -> (usize, usize) {
+        self.driven
+    }
+
+    /// What inputs do from a sample to the next, `[input][power][lane]`.
+    pub(super) fn driving(&self, sample: usize) -> &[f64] {
+        let size = self.driven.0 * self.driven.1 * self.lanes();
+        &self.driving[sample * size..][..size]
     }
 
     /// Number of segments.

@@ -13,6 +13,7 @@ use std::sync::Arc;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+use super::driving;
 use super::law::Law;
 use super::monitor::Monitor;
 use super::options::Options;
@@ -222,7 +223,14 @@ impl<'a> ProximalDescent<'a> {
             let clock = self.measured.clock_of(segment.run);
             batch.set(lane, clock.time(since), state);
         }
+        self.drive(&mut batch, segments, 0);
         batch
+    }
+
+    /// What inputs do from a sample on.
+    fn drive(&self, batch: &mut Batch, segments: &[Segment], sample: usize) {
+        let places = segments.iter().map(|&segment| driving::at(segment, sample));
+        driving::drive(batch, &self.measured, places);
     }
 
     fn spans(&self, segments: &[Segment], sample: usize) -> (Vec<f64>, usize) {
@@ -291,6 +299,7 @@ impl<'a> ProximalDescent<'a> {
                 theta,
                 &mut self.scratch,
             ));
+            self.drive(&mut batch, segments, sample);
             let observed = self.system.observed;
             observe(&self.dynamics, observed, &batch, theta, &mut out, None, &mut self.scratch);
             let mut cotangent = vec![0.0; size];

@@ -367,6 +367,9 @@ pub fn fingerprint(system: &System) -> String {
     for variable in variables {
         line(&[&variable.name, variable.unit_text.as_deref().unwrap_or("")]);
     }
+    for input in &system.inputs {
+        line(&["input", &input.variable.name, input.between.keyword()]);
+    }
     line(&["T", &text(system.kinetic)]);
     line(&["V", &text(system.potential)]);
     line(&["H", &text(system.hamiltonian)]);

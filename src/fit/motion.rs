@@ -8,7 +8,7 @@
 use super::block::Block;
 use super::pass::Problem;
 use super::rounding::WHOLE_STEPS;
-use crate::dynamics::{Batch, Dynamics, Method, MethodKind, Scratch, advance};
+use crate::dynamics::{Batch, Drive, Dynamics, Method, MethodKind, Scratch, advance};
 
 /// Equations of motion with the theta that they move by.
 pub(super) type Equations<'a> = (&'a Dynamics, &'a [f64]);
@@ -54,13 +54,12 @@ impl<'a> Motion<'a> {
         let (row, tuning) = (problem.stepping.method.row(), &problem.tuning.tangents);
         let high_order =
             matches!(row.kind, MethodKind::Splitting(_)) && row.order > tuning.above_order;
+        let degrees = propagation.present.0.degrees();
+        let mut batch = Batch::with_tangents_in(scratch, degrees, lanes, unknowns);
+        let (inputs, powers) = block.driven();
+        batch.drive = Drive::new(inputs, powers, lanes);
         Motion {
-            batch: Batch::with_tangents_in(
-                scratch,
-                propagation.present.0.degrees(),
-                lanes,
-                unknowns,
-            ),
+            batch,
             problem,
             propagation,
             cheaper: Method::by_name("forest-ruth")
@@ -80,6 +79,11 @@ impl<'a> Motion<'a> {
         self.batch.set(lane, time, state);
     }
 
+    /// Says what inputs do from here to the next sample, `[input][power][lane]`.
+    pub(super) fn drive(&mut self, by: &[f64]) {
+        self.batch.drive.coefficients_mut().copy_from_slice(by);
+    }
+
     /// Goes on by `span[lane]`.
     pub(super) fn advance(&mut self, span: &[f64], scratch: &mut Scratch) {
         let stepping = self.problem.stepping;
@@ -95,11 +99,13 @@ impl<'a> Motion<'a> {
         let mut exact = Batch::new(dynamics.degrees(), self.batch.lanes);
         exact.state.clone_from(&self.batch.state);
         exact.time.clone_from(&self.batch.time);
+        exact.drive.clone_from(&self.batch.drive);
         advance(present, stepping.method, &mut exact, span, steps, held, scratch);
         while let Some(Cheaper { method, steps: fewer }) = self.cheaper {
             let mut trial = Batch::new(dynamics.degrees(), self.batch.lanes);
             trial.state.clone_from(&self.batch.state);
             trial.time.clone_from(&self.batch.time);
+            trial.drive.clone_from(&self.batch.drive);
             advance(present, method, &mut trial, span, fewer, held, scratch);
             if agree(&self.batch.state, &exact.state, &trial.state, self.batch.lanes, self.apart) {
                 advance(dynamics, method, &mut self.batch, span, fewer, theta, scratch);

@@ -91,6 +91,7 @@ impl DesignRows {
             if sample > 0 {
                 motion.advance(block.span(sample), scratch);
             }
+            motion.drive(block.driving(sample));
             let batch = &motion.batch;
             if rows.shown {
                 rows.take(problem, block, sample, &batch.state, &batch.tangent);

@@ -235,11 +235,12 @@ mod tests {
             values: vec![times.to_vec(), vec![1.0; times.len()]],
             lines: vec![0; times.len()],
             clock: Clock::default(),
+            inputs: Vec::new(),
         }
     }
 
     fn dataset(runs: Vec<Run>) -> Dataset {
-        Dataset { observables: vec!["q".into(), "p".into()], runs }
+        Dataset { observables: vec!["q".into(), "p".into()], runs, inputs: Vec::new() }
     }
 
     #[test]

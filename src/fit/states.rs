@@ -137,8 +137,13 @@ mod tests {
             values: vec![vec![0.0, 0.5, 1.0], vec![f64::NAN; 3]],
             lines: vec![0; 3],
             clock: Clock::default(),
+            inputs: Vec::new(),
         };
-        let data = Dataset { observables: vec!["q".into(), "p".into()], runs: vec![run] };
+        let data = Dataset {
+            observables: vec!["q".into(), "p".into()],
+            runs: vec![run],
+            inputs: Vec::new(),
+        };
         let segment = Segment { run: 0, first: 0, last: 2 };
         assert_eq!(States::measured(&packed(&data), &[segment; 2], 1).of(1), [0.0, 1.0]);
     }

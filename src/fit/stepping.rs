@@ -1,5 +1,6 @@
 //! How accurately to integrate: as the noise asks for, and no more.
 
+use super::driving;
 use super::options::Options;
 use super::pass::Stepping;
 use super::rounding::WHOLE_STEPS;
@@ -162,5 +163,7 @@ fn sample(training: &Training) -> (Batch, Vec<f64>) {
         batch.set(lane, clock.time(times[at]), start);
         span.push(times[at + 1] - times[at]);
     }
+    let place = |&(i, at): &(usize, usize)| driving::at(segments[i], at - segments[i].first);
+    driving::drive(&mut batch, &training.measured, picked.iter().map(place));
     (batch, span)
 }

@@ -16,7 +16,7 @@ use super::pass::{FoldPass, FoldResult, Linearised, Problem, block_width, shares
 use super::segments::{Segment, Segments, blocks, cut_run};
 use super::states::States;
 use super::tuning::SegmentTuning;
-use crate::data::{Chunk, Clock, Packed, Source, Survey};
+use crate::data::{Chunk, Clock, MeasuredInput, Packed, Source, Survey};
 use crate::dynamics::{Dynamics, KeptScratch, Scratch};
 use crate::error::{Error, Result};
 
@@ -120,6 +120,8 @@ impl<'a> Stream<'a> {
             typical: self.typical,
             by_runs: self.runs >= folds as u64,
             tuning: &problem.tuning.segments,
+            inputs: self.source.inputs(),
+            observables: problem.weights.len(),
             tail: Chunk::default(),
             before: 0,
         };
@@ -194,6 +196,9 @@ fn work(
 /// Cuts chunk after chunk into the segments that the whole data would be cut into.
 struct Cutter<'a> {
     tuning: &'a SegmentTuning,
+    /// What drives the motion; its columns stand behind those of the observables.
+    inputs: &'a [MeasuredInput],
+    observables: usize,
     window: usize,
     typical: f64,
     /// Whether whole runs go into one fold, or stretches of time.
@@ -253,7 +258,8 @@ impl Cutter<'_> {
             values: chunk.values.iter().map(|values| values[left..].to_vec()).collect(),
             pieces: Vec::new(),
         };
-        side_by_side(&chunk, far, Segments::of(folds))
+        let (measured, segments) = side_by_side(&chunk, far, Segments::of(folds));
+        (measured.driven_by(self.observables, self.inputs), segments)
     }
 }
 

@@ -15,6 +15,7 @@ use super::factor::Factor;
 use super::gauge;
 use super::gauss_newton::{Refit, StopReason, invisible, refit};
 use super::law::Law;
+use super::masses::first_masses;
 use super::monitor::Monitor;
 use super::options::Options;
 use super::pass::{Linearised, Problem, Sums, settle, settle_and_linearise};
@@ -136,11 +137,13 @@ impl<'a> Training<'a> {
         let segments = segments?;
         let states = States::measured(&measured, &segments.list, degrees);
         let spread = spreads(&scales, &states);
+        let mut first_squares = gauge::unit_masses(system);
+        first_squares.extend(first_masses(system, &measured));
         let Choice { stepping, accuracy } =
             stepping::coarse(system, options, separable, typical, &rounding)?;
         let law = Law::new(
             system.clone(),
-            gauge::unit_masses(system),
+            first_squares,
             system.parameters.iter().map(|p| p.bounds.clamp(p.start)).collect(),
             spread.clone(),
             (stepping, window),

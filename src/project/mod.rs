@@ -19,6 +19,7 @@ use crate::diagnose::context::foreign;
 use crate::diagnostic::Diagnostic;
 use crate::error::{Error, ErrorKind, Result};
 use crate::facade::checked::wrong_in_model;
+pub use crate::facade::measured::read_inputs;
 pub use crate::facade::model_file::{ModelFile, digest};
 pub use crate::facade::{Law, Spec};
 use crate::facade::{measured, model_file};

@@ -26,6 +26,11 @@ impl FunctionSpace {
             let _ =
                 writeln!(out, "  {title}: {}", list.iter().map(one).collect::<Vec<_>>().join(", "));
         }
+        for input in &self.inputs {
+            let unit = input.unit.as_ref().map(|unit| format!(" [{unit}]")).unwrap_or_default();
+            let between = input.between_samples.replace('_', "-");
+            let _ = writeln!(out, "  input: {}{unit}, {between} between samples", input.name);
+        }
         if let Some(unit) = &self.energy_unit {
             let _ = writeln!(out, "  unit of H: [{unit}]");
         }

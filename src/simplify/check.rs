@@ -113,6 +113,11 @@ fn variable(point: &[f64], degrees: usize, symbol: Symbol) -> f64 {
         Symbol::Coordinate(i) => i,
         Symbol::Momentum(i) => degrees + i,
         Symbol::Time => 2 * degrees,
+        // Any number that differs from point to point and from input to input.
+        Symbol::Input(i, order) => {
+            let along: f64 = point.iter().sum();
+            return (97.0 * along + 1.3 * i as f64 + 0.7 * order as f64).sin();
+        }
         Symbol::Parameter(_) | Symbol::Coefficient(_) => return f64::NAN,
     };
     point.get(index).copied().unwrap_or(f64::NAN)

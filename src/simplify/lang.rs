@@ -122,6 +122,7 @@ impl fmt::Display for Variable {
             Symbol::Coordinate(i) => write!(f, "@q{i}"),
             Symbol::Momentum(i) => write!(f, "@p{i}"),
             Symbol::Time => write!(f, "@t"),
+            Symbol::Input(i, order) => write!(f, "@u{i}.{order}"),
             Symbol::Parameter(i) => write!(f, "@a{i}"),
             Symbol::Coefficient(i) => write!(f, "@c{i}"),
         }
@@ -135,6 +136,11 @@ impl FromStr for Variable {
         let name = text.strip_prefix('@').ok_or(())?;
         if name == "t" {
             return Ok(Variable(Symbol::Time));
+        }
+        if let Some(input) = name.strip_prefix('u') {
+            let (index, order) = input.split_once('.').ok_or(())?;
+            let number = |text: &str| text.parse().map_err(|_| ());
+            return Ok(Variable(Symbol::Input(number(index)?, number(order)?)));
         }
         let index = name.get(1..).ok_or(())?.parse().map_err(|_| ())?;
         match name.as_bytes().first() {

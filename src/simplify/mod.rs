@@ -403,6 +403,8 @@ impl Simplified {
             Symbol::Coordinate(i) => at(i),
             Symbol::Momentum(i) => at(degrees + i),
             Symbol::Time => state.get(2 * degrees).copied().unwrap_or(0.0),
+            // An input is at rest where nothing is said about it.
+            Symbol::Input(..) => 0.0,
             Symbol::Coefficient(j) => {
                 self.numbers.get(j).map_or(f64::NAN, DerivedNumber::printed_value)
             }

@@ -79,10 +79,11 @@ pub fn consecutive_pairs(data: &Dataset) -> Dataset {
                 values: run.values.iter().map(|column| column[at - 1..=at].to_vec()).collect(),
                 lines: vec![0; 2],
                 clock: run.clock,
+                inputs: run.inputs.iter().map(|column| column[at - 1..=at].to_vec()).collect(),
             });
         }
     }
-    Dataset { observables: data.observables.clone(), runs }
+    Dataset { observables: data.observables.clone(), runs, inputs: data.inputs.clone() }
 }
 
 /// Loses a fraction of the samples of each run, at random; two always stay.
@@ -101,7 +102,7 @@ pub fn drop_samples(data: &mut Dataset, fraction: f64, seed: u64) {
         kept.sort_unstable();
         let pick = |column: &[f64]| kept.iter().map(|&at| column[at]).collect::<Vec<f64>>();
         run.times = pick(&run.times);
-        for column in &mut run.values {
+        for column in run.values.iter_mut().chain(&mut run.inputs) {
             *column = pick(column);
         }
         run.lines = vec![0; kept.len()];

@@ -2,10 +2,12 @@
 //! does to them.
 
 mod draw;
+mod driven;
 mod instrument;
 mod trajectory;
 
 pub use draw::{InitialDistribution, Interval, draw};
+pub use driven::InputRecord;
 pub use instrument::{NoiseLevel, add_noise, consecutive_pairs, drop_samples};
 pub use trajectory::{
     EnergyConservation, IntegrationRecord, IntegratorChoice, Simulator, Trajectories,

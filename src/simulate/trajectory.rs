@@ -1,5 +1,6 @@
 //! Trajectories of a law, integrated as accurately as double precision allows.
 
+use super::driven::{InputRecord, missing};
 use crate::data::{Clock, Dataset, Run};
 use crate::dynamics::{
     Batch, Dynamics, Scratch, StepChoice, Stop, advance, choose_steps, observe, taylor,
@@ -15,9 +16,11 @@ const PILOT_RUNS: usize = 16;
 
 /// A law that can be moved forward in time.
 pub struct Simulator<'a> {
-    system: &'a System,
-    dynamics: Dynamics,
-    theta: Vec<f64>,
+    pub(super) system: &'a System,
+    pub(super) dynamics: Dynamics,
+    pub(super) theta: Vec<f64>,
+    /// What drives the motion.
+    pub(super) driver: Option<InputRecord>,
 }
 
 /// What trajectories are integrated with.
@@ -60,7 +63,7 @@ pub struct EnergyConservation {
 }
 
 /// `[run][sample][2n]`: q, then p.
-type States = Vec<Vec<Vec<f64>>>;
+pub(super) type States = Vec<Vec<Vec<f64>>>;
 
 /// Simulated trajectories: `states[run][sample]` holds q, then p.
 pub struct Trajectories {
@@ -105,18 +108,24 @@ impl<'a> Simulator<'a> {
     /// The motion of `system` by some of its terms, with their coefficients and then the inner
     /// parameters in use.
     pub(crate) fn with(system: &'a System, dynamics: Dynamics, theta: Vec<f64>) -> Self {
-        Simulator { system, dynamics, theta }
+        Simulator { system, dynamics, theta, driver: None }
     }
 
-    /// H at states (q, then p), at time `time`.
+    /// The same law under measured inputs.
+    pub fn driven_by(self, record: InputRecord) -> Self {
+        Simulator { driver: Some(record), ..self }
+    }
+
+    /// H at states (q, then p), at time `time`; without a record inputs are at rest.
     pub fn energies(&self, states: &[Vec<f64>], time: f64) -> Vec<f64> {
-        let batch = self.batch(states, time);
+        let mut batch = self.batch(states, time);
+        self.drive_at(&mut batch, time);
         let mut out = vec![0.0; states.len()];
         self.dynamics.energy(&batch, &self.theta, &mut out, &mut Scratch::new());
         out
     }
 
-    fn batch(&self, states: &[Vec<f64>], time: f64) -> Batch {
+    pub(super) fn batch(&self, states: &[Vec<f64>], time: f64) -> Batch {
         let mut batch = Batch::new(self.dynamics.degrees(), states.len());
         for (lane, state) in states.iter().enumerate() {
             batch.set(lane, time, state);
@@ -144,6 +153,10 @@ impl<'a> Simulator<'a> {
         times: &[f64],
     ) -> Result<Trajectories> {
         let (states, integration) = match integrator {
+            _ if !self.system.inputs.is_empty() => {
+                let record = self.driver.as_ref().ok_or_else(|| missing(self.system))?;
+                self.by_pieces(record, starts, times)?
+            }
             IntegratorChoice::Chosen => self.by_steps(starts, times)?,
             IntegratorChoice::Taylor { tolerance } => self.by_series(starts, times, tolerance)?,
         };
@@ -159,6 +172,7 @@ impl<'a> Simulator<'a> {
             for (lane, states) in states.iter().enumerate() {
                 batch.set(lane, time, &states[sample]);
             }
+            self.drive_at(&mut batch, time);
             observe(
                 &self.dynamics,
                 self.system.observed,
@@ -321,7 +335,7 @@ impl<'a> Simulator<'a> {
     }
 }
 
-fn diverged(run: usize, when: &str) -> Error {
+pub(super) fn diverged(run: usize, when: &str) -> Error {
     Error::new(
         ErrorKind::NotFinite,
         format!("the trajectory of run {} diverges {when}", run + 1),
@@ -341,8 +355,9 @@ impl Trajectories {
                 .collect(),
             lines: vec![0; self.times.len()],
             clock: Clock::default(),
+            inputs: Vec::new(),
         });
         let runs = runs.collect();
-        Dataset { observables, runs }
+        Dataset { observables, runs, inputs: Vec::new() }
     }
 }

@@ -3,6 +3,7 @@
 //! Nodes and their fields are named after the productions of `grammar/leverrier.ebnf`.
 #![allow(missing_docs, reason = "the grammar says what each part of a production is")]
 
+use crate::data::Interpolation;
 use crate::diagnostic::Span;
 
 /// A place in the text. All sites are equal: trees compare by what they say.
@@ -39,6 +40,8 @@ pub enum StatementKind {
     Variables { role: Role, list: Vec<Declaration> },
     /// `time t [s]`
     Time { name: Word, unit: Option<UnitText> },
+    /// `input u [N] { linear }`
+    Input { name: Word, unit: Option<UnitText>, between: Between },
     /// `data "file.csv" { time t [s]  run trial }`
     Data { file: Word, items: Vec<DataItem> },
     /// `constant g = 9.81 [m/s^2]`
@@ -64,6 +67,13 @@ pub enum StatementKind {
     Candidates(Vec<Candidate>),
     /// `constrain -1 <= k <= 5`: operands with a relation between each and the next.
     Constrain { first: Operand, rest: Vec<(Relation, Operand)> },
+}
+
+/// What an input does between its samples; its word as it was written.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Between {
+    pub interpolation: Interpolation,
+    pub word: Word,
 }
 
 /// What an effect acts on.

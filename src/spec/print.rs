@@ -41,6 +41,11 @@ impl Display for Statement {
                 write!(f, "time {}", name.text)?;
                 bracket(f, unit)
             }
+            StatementKind::Input { name, unit, between } => {
+                write!(f, "input {}", name.text)?;
+                bracket(f, unit)?;
+                write!(f, " {{ {} }}", between.interpolation)
+            }
             StatementKind::Data { file, items } => {
                 write!(f, "data \"{}\"", file.text)?;
                 if items.is_empty() {

@@ -31,6 +31,8 @@ pub enum Meaning {
         count: usize,
     },
     Time,
+    /// The input at this place in the list.
+    Input(usize),
     Constant(usize),
     Parameter(usize),
     /// The body at this place in the list.
@@ -64,6 +66,14 @@ pub struct Sensor<'a> {
     pub comprehension: Option<&'a Comprehension>,
     /// The effect that it came with.
     pub effect: Option<&'a str>,
+}
+
+/// A statement `input u [N] { linear }`.
+#[derive(Debug, Clone, Copy)]
+pub struct Input<'a> {
+    pub name: &'a Word,
+    pub unit: Option<&'a UnitText>,
+    pub between: &'a Between,
 }
 
 /// A statement `param a = ...`.
@@ -103,6 +113,7 @@ pub struct Resolved<'a> {
     /// Momenta that are not written but implied by velocities.
     pub implied_momenta: bool,
     pub time: Option<(&'a Word, Option<&'a UnitText>)>,
+    pub inputs: Vec<Input<'a>>,
     pub data: Option<(&'a Word, &'a [DataItem])>,
     pub constants: Vec<(&'a Word, &'a Expression)>,
     pub parameters: Vec<Parameter<'a>>,
@@ -127,6 +138,7 @@ pub fn resolve<'a>(spec: &'a SyntaxTree, diagnostics: &mut Vec<Diagnostic>) -> R
         "momenta",
         "velocities",
         "time",
+        "input",
         "data",
         "constant",
         "let",
@@ -204,6 +216,11 @@ impl<'a> Resolver<'a, '_> {
                 self.once("time", span, seen);
                 self.out.time = Some((name, unit.as_ref()));
                 self.name(&name.text, Meaning::Time, name.site.0);
+            }
+            StatementKind::Input { name, unit, between } => {
+                let meaning = Meaning::Input(self.out.inputs.len());
+                self.name(&name.text, meaning, name.site.0);
+                self.out.inputs.push(Input { name, unit: unit.as_ref(), between });
             }
             StatementKind::Data { file, items } => {
                 self.once("data", span, seen);

@@ -9,6 +9,7 @@ use leverrier::internals::error::{Error, Result};
 
 fn mapping(run: Option<&str>, observables: &[&str]) -> Mapping {
     Mapping {
+        inputs: Vec::new(),
         time: None,
         run: run.map(str::to_string),
         observables: observables.iter().map(|name| ObservableMap::plain(*name)).collect(),

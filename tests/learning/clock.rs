@@ -15,7 +15,7 @@ const SPACE: &str = "coordinates q\nmomenta p\nT = p^2/2\nV = span{ poly(q; 4), 
 
 fn mapping() -> Mapping {
     let observables = ["q", "p"].map(ObservableMap::plain).to_vec();
-    Mapping { time: None, run: Some("run".to_string()), observables }
+    Mapping { run: Some("run".to_string()), observables, ..Mapping::default() }
 }
 
 /// Six swings sampled every 0.1 as a file has them, with the clock set to `origin`, a whole number.

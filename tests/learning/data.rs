@@ -11,6 +11,7 @@ use proptest::prelude::*;
 
 fn mapping(run: Option<&str>, observables: &[&str]) -> Mapping {
     Mapping {
+        inputs: Vec::new(),
         time: None,
         run: run.map(str::to_string),
         observables: observables.iter().map(|name| ObservableMap::plain(*name)).collect(),
@@ -95,6 +96,7 @@ fn runs_are_collected_converted_and_put_in_order() {
     let content = b"t [ms],run,angle [deg]\n\
         0,b,180\n0,a,90\n2,a,270\n10,b,\n1,a,180\n20,b,90\n5,lonely,7\n";
     let mapping = Mapping {
+        inputs: Vec::new(),
         time: Some(ColumnMap { scale: 1e-3, ..ColumnMap::plain("t") }),
         run: Some("run".into()),
         observables: vec![
@@ -172,6 +174,7 @@ fn files_are_written_whole_or_not_at_all() {
     assert_eq!(left.len(), 1, "no temporary file stays behind");
 
     let infinite = Dataset {
+        inputs: Vec::new(),
         observables: vec!["x".into()],
         runs: vec![run("1", &[0.0, 1.0], &[&[1.0, f64::INFINITY]])],
     };
@@ -262,6 +265,7 @@ fn run(name: &str, times: &[f64], values: &[&[f64]]) -> Run {
         values: values.iter().map(|column| column.to_vec()).collect(),
         lines: Vec::new(),
         clock: Clock::default(),
+        inputs: Vec::new(),
     }
 }
 
@@ -289,6 +293,7 @@ fn any_run(name: String) -> impl Strategy<Value = Run> {
             values: vec![rows.iter().map(|r| r.1).collect(), rows.iter().map(|r| r.2).collect()],
             lines: vec![0; rows.len()],
             clock: Clock::default(),
+            inputs: Vec::new(),
         }
     })
 }
@@ -318,7 +323,7 @@ proptest! {
                 names.len() == runs.len()
             }),
     ) {
-        let data = Dataset { observables: vec!["x".into(), "y".into()], runs };
+        let data = Dataset { observables: vec!["x".into(), "y".into()], runs, inputs: Vec::new() };
         let layout = Layout { units: vec![Some("m".into()), None], ..Layout::default() };
         let path = Path::new("written.csv");
         let text = to_csv(path, &data, &layout).expect("finite");

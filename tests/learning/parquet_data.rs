@@ -129,6 +129,7 @@ fn plain(columns: &[(&str, Of)]) -> Vec<u8> {
 
 fn mapping(run: Option<&str>, observables: &[&str]) -> Mapping {
     Mapping {
+        inputs: Vec::new(),
         time: None,
         run: run.map(str::to_string),
         observables: observables.iter().map(|name| ObservableMap::plain(*name)).collect(),
@@ -198,8 +199,10 @@ fn sample() -> Dataset {
         ],
         lines: vec![0; 30],
         clock: Clock::default(),
+        inputs: Vec::new(),
     };
     Dataset {
+        inputs: Vec::new(),
         observables: vec!["x".to_string(), "y".to_string()],
         runs: vec![run("1", 0.0), run("2", 3.0)],
     }

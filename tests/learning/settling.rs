@@ -24,9 +24,17 @@ fn swings(runs: usize, samples: usize, second: &str) -> Dataset {
         };
         let values = vec![swing(f64::sin, 0.7), swing(f64::cos, 0.7)];
         let lines = vec![0; samples];
-        Run { name: k.to_string(), times, values, lines, clock: Clock::default() }
+        Run {
+            name: k.to_string(),
+            times,
+            values,
+            lines,
+            clock: Clock::default(),
+            inputs: Vec::new(),
+        }
     };
     Dataset {
+        inputs: Vec::new(),
         observables: vec!["q".to_string(), second.to_string()],
         runs: (0..runs).map(run).collect(),
     }

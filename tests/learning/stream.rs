@@ -221,6 +221,7 @@ fn the_number_of_threads_changes_nothing() {
 
 fn asked(observables: &[&str]) -> Mapping {
     Mapping {
+        inputs: Vec::new(),
         time: None,
         run: Some("run".to_string()),
         observables: observables.iter().map(|name| ObservableMap::plain(*name)).collect(),

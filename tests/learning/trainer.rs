@@ -147,7 +147,11 @@ fn limping() -> Vec<Dataset> {
 
 fn joined(parts: Vec<Dataset>) -> Dataset {
     let observables = parts[0].observables.clone();
-    Dataset { observables, runs: parts.into_iter().flat_map(|d| d.runs).collect() }
+    Dataset {
+        observables,
+        runs: parts.into_iter().flat_map(|d| d.runs).collect(),
+        inputs: Vec::new(),
+    }
 }
 
 #[test]
@@ -457,14 +461,17 @@ fn columns_without_information() {
 #[test]
 fn next_to_no_data() {
     let pair = measure(PENDULUM, &[vec![1.0, 0.3]], &even(2, 0.1));
-    let empty = Dataset { observables: pair.observables.clone(), runs: Vec::new() };
+    let empty =
+        Dataset { observables: pair.observables.clone(), runs: Vec::new(), inputs: Vec::new() };
     let single = Dataset {
+        inputs: Vec::new(),
         runs: vec![Run {
             name: "1".into(),
             times: vec![0.0],
             values: vec![vec![1.0]; 2],
             lines: vec![0],
             clock: Clock::default(),
+            inputs: Vec::new(),
         }],
         ..empty.clone()
     };

@@ -122,6 +122,7 @@ fn total(compiled: &Compiled, wanted: impl Fn(Place) -> bool, z: &[f64; 5], a: &
         Symbol::Coordinate(i) => z[i],
         Symbol::Momentum(i) => z[2 + i],
         Symbol::Time => z[4],
+        Symbol::Input(i, order) => 0.8 - 0.5 * i as f64 + 0.3 * order as f64,
         Symbol::Parameter(i) => a[i],
         // The effect under test is no part of what moves here.
         Symbol::Coefficient(_) => 0.0,

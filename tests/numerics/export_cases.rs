@@ -101,6 +101,7 @@ impl Builder {
             observed: Observed::Momenta,
             velocities: Vec::new(),
             time: variable("t", Some("s")),
+            inputs: Vec::new(),
             parameters: Vec::new(),
             kinetic: zero,
             potential: zero,
@@ -340,6 +341,7 @@ impl<'a> Equations<'a> {
             Symbol::Coordinate(i) => state[i],
             Symbol::Momentum(i) => state[n + i],
             Symbol::Time => t,
+            Symbol::Input(..) => f64::NAN,
             Symbol::Parameter(i) => self.case.law.parameters()[i],
             Symbol::Coefficient(k) => {
                 self.case.law.coefficient(self.case.law.system().term_ids()[k]).unwrap()

@@ -433,6 +433,8 @@ fn highlighting_knows_every_word() {
         "coordinates",
         "velocities",
         "sensor",
+        "input",
+        "band_limited",
         "effect",
         "candidates",
         "constrain",

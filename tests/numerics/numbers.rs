@@ -74,6 +74,7 @@ fn a_freed_number_changes_the_system_as_an_edited_one_does() {
             Symbol::Momentum(i) => [0.3, 0.9][i],
             Symbol::Coefficient(_) => 1.3,
             Symbol::Time => 0.0,
+            Symbol::Input(..) => 0.4,
             Symbol::Parameter(_) => f64::NAN,
         }
     };

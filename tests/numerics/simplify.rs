@@ -34,6 +34,7 @@ fn system(degrees: usize) -> System {
         observed: Observed::Momenta,
         velocities: Vec::new(),
         time: variable("t".into()),
+        inputs: Vec::new(),
         parameters: Vec::new(),
         kinetic: zero,
         potential: zero,
@@ -164,6 +165,7 @@ impl Model {
             Symbol::Coordinate(i) => state[i],
             Symbol::Momentum(i) => state[degrees + i],
             Symbol::Time => 0.0,
+            Symbol::Input(..) => 0.4,
             Symbol::Parameter(i) => self.parameters[i],
             Symbol::Coefficient(k) => self.coefficients[k],
         })

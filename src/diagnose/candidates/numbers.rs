@@ -5,7 +5,7 @@ use std::collections::{BTreeSet, HashMap};
 use serde::Serialize;
 
 use super::{Candidate, Origin, one_of};
-use crate::data::Dataset;
+use crate::data::{Dataset, MeasuredInput};
 use crate::diagnose::tuning::TUNING;
 use crate::expr::{Graph, KnownNumber, ParameterId, Place, Scope, Symbol, System, Term};
 
@@ -74,12 +74,17 @@ pub(super) fn candidates(scope: &Scope, dataset: &Dataset) -> Vec<Candidate> {
     all
 }
 
-/// Some measured states: coordinates, then momenta. What was not measured is a number of size 1.
+/// Derivatives of an input that states go on with: its value, and as many as are ever kept.
+const RATES: usize = 4;
+
+/// Some measured states: coordinates, then momenta, the time, the inputs with their derivatives.
+/// What was not measured is a number of size 1.
 fn states(system: &System, dataset: &Dataset) -> Vec<Vec<f64>> {
     let most = TUNING.candidates.number_states;
     let n = 2 * system.degrees();
     let runs: Vec<_> = dataset.runs.iter().filter(|run| !run.times.is_empty()).collect();
     let each = most.div_ceil(runs.len().max(1));
+    let places = MeasuredInput::places(&dataset.inputs).0;
     let mut out = Vec::new();
     for run in runs {
         let count = run.times.len();
@@ -93,6 +98,13 @@ fn states(system: &System, dataset: &Dataset) -> Vec<Vec<f64>> {
             let mut state: Vec<f64> =
                 (0..n).map(|row| cell(row).unwrap_or_else(|| missing(row))).collect();
             state.push(run.times[at]);
+            for (place, input) in places.iter().zip(&dataset.inputs) {
+                for order in 0..RATES {
+                    let kept = order < input.between.columns();
+                    let column = run.inputs.get(place + order).filter(|_| kept);
+                    state.push(column.map_or(1.0, |column| column[at]));
+                }
+            }
             out.push(state);
         }
     }
@@ -120,6 +132,7 @@ fn motion(system: &System, graph: &mut Graph, term: &Term, states: &[Vec<f64>]) 
             Symbol::Coordinate(i) => state[i],
             Symbol::Momentum(i) => state[n / 2 + i],
             Symbol::Time => state[n],
+            Symbol::Input(i, order) => state.get(n + 1 + RATES * i + order).copied().unwrap_or(1.0),
             Symbol::Parameter(j) => system.parameters.get(j).map_or(1.0, |one| one.start),
             Symbol::Coefficient(_) => 1.0,
         };

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::diagnose::context::Context;
 use crate::dynamics::{Batch, Scratch, advance};
+use crate::fit::driving;
 
 /// How the model's energy changes along the measurements of a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -35,9 +36,24 @@ pub fn energies(context: &Context) -> Vec<Vec<(f64, f64)>> {
         batch.set(0, run.time(segment.first), state);
         // The middle of a segment is where its state is known best.
         let middle = 0.5 * (times[segment.last] - times[segment.first]);
-        let steps = (middle / context.law.stepping().longest).ceil().max(1.0) as usize;
-        let method = context.law.stepping().method;
-        advance(&dynamics, method, &mut batch, &[middle], steps, &theta, &mut scratch);
+        let stepping = context.law.stepping();
+        let mut go_on = |batch: &mut Batch, span: f64| {
+            let steps = (span / stepping.longest).ceil().max(1.0) as usize;
+            advance(&dynamics, stepping.method, batch, &[span], steps, &theta, &mut scratch);
+        };
+        if run.inputs.is_empty() {
+            go_on(&mut batch, middle);
+        } else {
+            // An input is another polynomial after every sample.
+            for at in segment.first..segment.last {
+                let left = middle - (times[at] - times[segment.first]);
+                let place = driving::at(*segment, at - segment.first);
+                driving::drive(&mut batch, &context.measured, std::iter::once(place));
+                if left > 0.0 {
+                    go_on(&mut batch, left.min(times[at + 1] - times[at]));
+                }
+            }
+        }
         let mut energy = [f64::NAN];
         dynamics.energy(&batch, &theta, &mut energy, &mut scratch);
         if energy[0].is_finite() {

@@ -4,8 +4,9 @@ use serde::Serialize;
 
 use crate::diagnose::context::Context;
 use crate::diagnose::tuning::TUNING;
-use crate::dynamics::{Batch, Dynamics, Scratch, advance, observe};
+use crate::dynamics::{Batch, Drive, Dynamics, Scratch, advance, observe};
 use crate::expr::Observed;
+use crate::fit::driving;
 use crate::fit::segments::{Segment, longest_run};
 
 /// One run: its measurements, and the motion that the model predicts from the best start.
@@ -104,12 +105,13 @@ impl<'a> Law<'a> {
         Law { context, dynamics, theta }
     }
 
-    /// H at states of 2n numbers, at one time.
+    /// H at states of 2n numbers, at one time; inputs are at rest.
     pub(super) fn energies(&self, states: &[Vec<f64>], time: f64) -> Vec<f64> {
         let mut batch = Batch::new(self.context.system().degrees(), states.len());
         for (lane, state) in states.iter().enumerate() {
             batch.set(lane, time, state);
         }
+        batch.drive = Drive::new(self.context.system().inputs.len(), 1, states.len());
         let mut out = vec![f64::NAN; states.len()];
         self.dynamics.energy(&batch, &self.theta, &mut out, &mut Scratch::new());
         out
@@ -141,6 +143,8 @@ impl<'a> Law<'a> {
                 let method = context.law.stepping().method;
                 advance(&self.dynamics, method, &mut batch, &span, steps, &self.theta, scratch);
             }
+            let places = block.iter().map(|(segment, _)| driving::at(*segment, sample));
+            driving::drive(&mut batch, &context.measured, places);
             let observed = context.system().observed;
             observe(&self.dynamics, observed, &batch, &self.theta, &mut seen, None, scratch);
             self.dynamics.energy(&batch, &self.theta, &mut energy, scratch);

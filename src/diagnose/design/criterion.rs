@@ -31,7 +31,8 @@ impl Sampling {
         let values = vec![vec![0.0; times.len()]; all.observables.len()];
         let lines = vec![0; times.len()];
         let (name, clock) = (String::new(), Clock::default());
-        all.runs.push(Run { name, times: times.clone(), values, lines, clock });
+        let inputs = Vec::new();
+        all.runs.push(Run { name, times: times.clone(), values, lines, clock, inputs });
         Sampling { times, typical: typical_step(&all) }
     }
 }
@@ -183,9 +184,11 @@ impl Criterion<'_> {
                 lines: vec![0; times.len()],
                 times,
                 clock: Clock::default(),
+                inputs: Vec::new(),
             }
         });
-        Dataset { observables: self.dataset.observables.clone(), runs: runs.collect() }
+        let observables = self.dataset.observables.clone();
+        Dataset { observables, runs: runs.collect(), inputs: Vec::new() }
     }
 }
 

@@ -52,6 +52,16 @@ pub fn design(
             "name at least two effects",
         ));
     };
+    if let Some(input) = first.law.system().inputs.first() {
+        return Err(Error::new(
+            ErrorKind::NotApplicable,
+            format!(
+                "a run is designed by its start and its sampling, but `{}` drives this system",
+                input.variable.name
+            ),
+            "choose what the input does by hand; `simulate --inputs` shows what would follow",
+        ));
+    }
     let judged = if *goal == Goal::Rivals { rivals } else { std::slice::from_ref(first) };
     monitor.stage("fitting the rivals", 0.4);
     let known = informed(judged, dataset, window)?;

@@ -151,6 +151,7 @@ pub(super) struct Lowering<'a> {
     momenta: Vec<Option<Unit>>,
     velocities: Vec<Option<Unit>>,
     pub(super) time: Option<Unit>,
+    inputs: Vec<Option<Unit>>,
     constants: Vec<Option<Named>>,
     parameters: Vec<Option<Named>>,
     context: Context,
@@ -196,6 +197,7 @@ impl<'a> Lowering<'a> {
             momenta: Vec::new(),
             velocities: Vec::new(),
             time: None,
+            inputs: Vec::new(),
             constants: Vec::new(),
             parameters: Vec::new(),
             context: Context::Number,
@@ -216,6 +218,7 @@ impl<'a> Lowering<'a> {
         lowering.coordinates = lowering.units_of(&resolved.coordinates);
         lowering.momenta = lowering.units_of(&resolved.momenta);
         lowering.velocities = lowering.units_of(&resolved.velocities);
+        lowering.inputs = resolved.inputs.iter().map(|input| lowering.unit(input.unit)).collect();
         if let (Some(energy), Some(time)) = (energy, lowering.time) {
             for i in 0..lowering.momenta.len() {
                 let unit = lowering.coordinates[i].and_then(|q| energy.times(time)?.over(q));
@@ -350,6 +353,7 @@ impl<'a> Lowering<'a> {
                 unit: self.time,
                 unit_text: resolved.time.and_then(|(_, unit)| unit).map(|unit| unit.text.clone()),
             },
+            inputs: self.input_variables(),
             parameters: parameters.iter().map(|(parameter, _)| parameter.clone()).collect(),
             kinetic,
             potential,

@@ -1,14 +1,28 @@
 //! Names in expressions: which quantity each one stands for, and where it may stand.
 
 use super::super::graph::Symbol;
+use super::super::system::{InputVariable, Variable};
 use super::super::unit::Unit;
 use super::value::Value;
 use super::{Context, Lowering, Named};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::spec::ast::{EnergyPart, Expression, Role};
-use crate::spec::resolve::Meaning;
+use crate::spec::resolve::{Input, Meaning};
 
 impl Lowering<'_> {
+    /// The inputs of the spec, with their units.
+    pub(super) fn input_variables(&self) -> Vec<InputVariable> {
+        let variable = |(input, unit): (&Input, &Option<Unit>)| InputVariable {
+            variable: Variable {
+                name: input.name.text.clone(),
+                unit: *unit,
+                unit_text: input.unit.map(|unit| unit.text.clone()),
+            },
+            between: input.between.interpolation,
+        };
+        self.resolved.inputs.iter().zip(&self.inputs).map(variable).collect()
+    }
+
     pub(super) fn named(&mut self, name: &str, span: Span) -> Option<Value> {
         if let Some(&(_, value)) = self.indices.iter().rev().find(|(index, _)| index == name) {
             let expr = self.graph.number(value as f64);
@@ -24,6 +38,10 @@ impl Lowering<'_> {
             Some(Meaning::Variable(role, i)) => self.variable(role, i, name, span),
             Some(Meaning::Time) if self.context != Context::Number => {
                 Some(Value { expr: self.graph.symbol(Symbol::Time), unit: self.time })
+            }
+            Some(Meaning::Input(i)) if self.context != Context::Number => {
+                let unit = self.inputs.get(i).copied().flatten();
+                Some(Value { expr: self.graph.symbol(Symbol::Input(i, 0)), unit })
             }
             Some(Meaning::Parameter(i)) if self.context != Context::Number => {
                 self.parameters.get(i).copied().flatten().map(named)

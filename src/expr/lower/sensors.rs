@@ -103,7 +103,17 @@ impl Lowering<'_> {
         order: Option<&Expression>,
         span: Span,
     ) -> Option<Value> {
-        if self.context != Context::Sensor {
+        let ([argument], None) = (arguments, order) else {
+            self.wrong_arity("rate", "one argument", arguments.len(), span, "write `rate(x)`");
+            return None;
+        };
+        if self.context == Context::Number {
+            return self.value(argument).and(None);
+        }
+        let value = self.value(argument)?;
+        let symbols = self.graph.symbols(&[value.expr]);
+        let of_state = |s: &Symbol| matches!(s, Symbol::Coordinate(_) | Symbol::Momentum(_));
+        if self.context != Context::Sensor && symbols.iter().any(of_state) {
             self.report(
                 Diagnostic::error(span, "`rate` stands in a sensor only")
                     .label("the rate follows from this model, and cannot be a part of it")
@@ -111,12 +121,13 @@ impl Lowering<'_> {
             );
             return None;
         }
-        let ([argument], None) = (arguments, order) else {
-            self.wrong_arity("rate", "one argument", arguments.len(), span, "write `rate(x)`");
-            return None;
+        self.require_rates(&symbols, argument.site.0)?;
+        // What the motion goes by has no part in the rate of what drives it.
+        let expr = if symbols.iter().any(of_state) {
+            self.rate(value.expr)
+        } else {
+            self.rate_of_driver(value.expr)
         };
-        let value = self.value(argument)?;
-        let expr = self.rate(value.expr);
         let unit = value.unit.zip(self.time).and_then(|(unit, time)| unit.over(time));
         Some(Value { expr, unit })
     }
@@ -131,7 +142,7 @@ impl Lowering<'_> {
     /// d/dt by the chain rule.
     fn rate(&mut self, expr: Expr) -> Expr {
         let flow = self.flow();
-        let mut parts = vec![(1.0, self.graph.derivative(expr, Symbol::Time))];
+        let mut parts = vec![(1.0, self.rate_of_driver(expr))];
         for (symbol, rate) in flow {
             if self.graph.depends_on(expr, symbol) {
                 let slope = self.graph.derivative(expr, symbol);
@@ -139,6 +150,40 @@ impl Lowering<'_> {
             }
         }
         self.graph.linear(0.0, &parts)
+    }
+
+    /// The part of d/dt that comes from the time and the inputs.
+    fn rate_of_driver(&mut self, expr: Expr) -> Expr {
+        let mut parts = vec![(1.0, self.graph.derivative(expr, Symbol::Time))];
+        for symbol in self.graph.symbols(&[expr]) {
+            if let Symbol::Input(i, order) = symbol {
+                let slope = self.graph.derivative(expr, symbol);
+                let rate = self.graph.symbol(Symbol::Input(i, order + 1));
+                parts.push((1.0, self.graph.multiply(slope, rate)));
+            }
+        }
+        self.graph.linear(0.0, &parts)
+    }
+
+    /// That what is derived has a derivative between its samples; `None` after a diagnostic.
+    fn require_rates(&mut self, symbols: &[Symbol], span: Span) -> Option<()> {
+        let resolved = self.resolved;
+        for symbol in symbols {
+            let Symbol::Input(i, order) = *symbol else { continue };
+            let Some(input) = resolved.inputs.get(i) else { continue };
+            if order + 1 < input.between.interpolation.coefficients() {
+                continue;
+            }
+            let name = &input.name.text;
+            self.report(
+                Diagnostic::error(span, format!("`{name}` has no such rate"))
+                    .label(format!("it is `{}` between samples", input.between.interpolation))
+                    .hint("`spline` and `band_limited` have rates that do not jump")
+                    .related(input.between.word.site.0, "said here"),
+            );
+            return None;
+        }
+        Some(())
     }
 
     /// dq/dt = dH/dp and dp/dt = -dH/dq + F with every term, its coefficient as a symbol.

@@ -489,6 +489,7 @@ impl Lowering<'_> {
         Names {
             coordinates: resolved.coordinates.iter().map(|d| d.name.clone()).collect(),
             momenta: resolved.momenta.iter().map(|d| d.name.clone()).collect(),
+            inputs: resolved.inputs.iter().map(|input| input.name.text.clone()).collect(),
             parameters: resolved.parameters.iter().map(|p| p.name.text.clone()).collect(),
             coefficients: Vec::new(),
         }

@@ -12,16 +12,18 @@ use super::expression::{
 };
 use super::token::TokenKind;
 use super::{Fault, Parsed, Tokens};
+use crate::data::Interpolation;
 use crate::diagnostic::{Diagnostic, Span};
 use crate::spec::ast::*;
 
 /// Every word that begins a statement.
-pub const STATEMENTS: [&str; 18] = [
+pub const STATEMENTS: [&str; 19] = [
     "system",
     "coordinates",
     "momenta",
     "velocities",
     "time",
+    "input",
     "data",
     "constant",
     "let",
@@ -37,7 +39,7 @@ pub const STATEMENTS: [&str; 18] = [
     "constrain",
 ];
 
-/// statement = system | variables | time | data | constant | parameter | energy | force
+/// statement = system | variables | time | input | data | constant | parameter | energy | force
 ///           | sensor | body | effect | candidates | constrain ;
 pub fn statement(input: Tokens) -> Parsed<Statement> {
     let Some(first) = input.first() else { return Err(Fault::expected(input, "a statement")) };
@@ -45,6 +47,7 @@ pub fn statement(input: Tokens) -> Parsed<Statement> {
         "system" => cut(system).parse(input)?,
         "coordinates" | "momenta" | "velocities" => cut(variables).parse(input)?,
         "time" => cut(time).parse(input)?,
+        "input" => cut(self::input).parse(input)?,
         "data" => cut(data).parse(input)?,
         "constant" | "let" => cut(constant).parse(input)?,
         "param" => cut(parameter).parse(input)?,
@@ -127,6 +130,50 @@ fn holds_dots(input: Tokens) -> bool {
 fn time(input: Tokens) -> Parsed<StatementKind> {
     let (rest, (name, unit)) = preceded(keyword("time"), (name, opt(unit))).parse(input)?;
     Ok((rest, StatementKind::Time { name, unit }))
+}
+
+/// input = "input" , name , [ unit ] , "{" , between , "}" ;
+fn input(input: Tokens) -> Parsed<StatementKind> {
+    let (rest, (name, unit)) = preceded(keyword("input"), (name, opt(unit))).parse(input)?;
+    if mark("{")(rest).is_err() {
+        return Err(Fault::fatal(
+            Diagnostic::error(
+                name.site.0,
+                format!("what `{}` does between samples is not said", name.text),
+            )
+            .label("this input")
+            .hint(format!(
+                "write `{{ hold }}` behind it if it keeps its value until the next sample, or \
+                     one of {}",
+                ways()
+            )),
+        ));
+    }
+    let (rest, between) = delimited(mark("{"), between, mark("}")).parse(rest)?;
+    Ok((rest, StatementKind::Input { name, unit, between }))
+}
+
+/// between = "hold" | "linear" | "spline" | "band_limited" ;
+fn between(input: Tokens) -> Parsed<Between> {
+    let place = input.place();
+    let (rest, word) = name(input)?;
+    let Some(interpolation) = Interpolation::by_keyword(&word.text) else {
+        let near = crate::spec::nearest(&word.text, Interpolation::ALL.map(Interpolation::keyword));
+        let hint = match near {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => format!("write one of {}", ways()),
+        };
+        return Err(Fault::fatal(
+            Diagnostic::error(place, format!("`{}` does not say what an input does", word.text))
+                .label("between two samples")
+                .hint(hint),
+        ));
+    };
+    Ok((rest, Between { interpolation, word }))
+}
+
+fn ways() -> String {
+    Interpolation::ALL.map(Interpolation::keyword).join(", ")
 }
 
 /// data = "data" , quoted , [ "{" , { data_item , [ "," | ";" ] } , "}" ] ;

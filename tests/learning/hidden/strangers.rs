@@ -111,9 +111,10 @@ impl Force {
                     .collect(),
                 lines: (0..times.len() as u64).map(|i| i + 2).collect(),
                 clock: Clock::default(),
+                inputs: Vec::new(),
             }
         });
-        Dataset { observables, runs: runs.collect() }
+        Dataset { observables, runs: runs.collect(), inputs: Vec::new() }
     }
 
     fn run(&self, base: &Base, start: &[f64], times: &[f64], phase: f64) -> Vec<Vec<f64>> {

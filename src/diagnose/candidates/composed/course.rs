@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use crate::diagnose::context::Context;
 use crate::dynamics::{Batch, Dynamics, KeptScratch, advance, observe};
+use crate::fit::driving;
 use crate::fit::segments::{Segment, Segments};
 use crate::fit::states::States;
 
@@ -109,6 +110,8 @@ impl Together<'_> {
                     lost[lane] = !course.take_point(&batch, lane, 0.0);
                 }
             }
+            let places = chunk.iter().map(|(_, segment)| driving::at(*segment, sample));
+            driving::drive(&mut batch, measured, places);
             let observed = context.system().observed;
             observe(dynamics, observed, &batch, theta, &mut out, Some(&mut tangent), scratch);
             for (lane, (_, segment)) in chunk.iter().enumerate() {
