@@ -247,7 +247,7 @@ impl Error {
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct DataError {
-    /// Path of the file.
+    /// Path of the file; empty for a table in memory.
     pub file: PathBuf,
     /// Line of the file, counted from 1 (the header is a line too); of files without lines
     /// the row, counted from 1.
@@ -264,9 +264,14 @@ pub struct DataError {
 
 impl fmt::Display for DataError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.file.display())?;
+        let in_memory = self.file.as_os_str().is_empty();
+        match in_memory {
+            true => f.write_str("the table")?,
+            false => write!(f, "{}", self.file.display())?,
+        }
         match (self.line, self.row_group) {
             (Some(row), Some(group)) => write!(f, ", row {row} (row group {group})")?,
+            (Some(row), None) if in_memory => write!(f, ", row {row}")?,
             (Some(line), None) => write!(f, ", line {line}")?,
             (None, _) => {}
         }

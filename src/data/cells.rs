@@ -27,6 +27,11 @@ impl Default for Cells {
 }
 
 impl Cells {
+    /// Cells of a kind that cannot be read.
+    pub fn unreadable(what: &'static str, count: usize) -> Cells {
+        Cells(Storage::Unread(what, count))
+    }
+
     /// How many there are.
     pub fn len(&self) -> usize {
         match &self.0 {
@@ -148,6 +153,12 @@ fn piece<'a>(text: &'a str, ends: &[usize], row: usize) -> &'a str {
         None => 0,
     };
     text.get(start..end).unwrap_or("")
+}
+
+impl From<Vec<f64>> for Cells {
+    fn from(numbers: Vec<f64>) -> Self {
+        Cells(Storage::Numbers(numbers))
+    }
 }
 
 impl<T: AsRef<str>> FromIterator<T> for Cells {

@@ -55,7 +55,7 @@ pub use source::{Chunk, InMemory, Pass, Piece, RunName, Source};
 pub use split::{Split, concatenate};
 pub use stream::{FileSource, head, memory_needed};
 pub use survey::{Survey, survey, survey_file};
-pub use table::{Column, ParquetReading, Reading, Table, TextReading};
+pub use table::{Column, ParquetReading, Reading, Table, TextReading, column_of};
 pub use text::{Encoding, is_invisible, visible};
 pub use write::{Layout, to_csv, write_atomically, write_csv};
 

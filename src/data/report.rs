@@ -158,7 +158,7 @@ impl DataReport {
             column.header = header;
         }
         report.warnings.splice(0..0, notes);
-        report.source = Some(FileReport {
+        report.source = (table.reading != Reading::Memory).then(|| FileReport {
             file: table.path.clone(),
             sha256: table.sha256.clone(),
             rows: table.rows(),

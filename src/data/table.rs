@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::cell::Cell;
 use super::cells::Cells;
 use super::delimiter::Delimiter;
-use super::header::counted;
+use super::header::{counted, split_unit};
 use super::text::Encoding;
 use crate::error::{DataError, Error, Result};
 
@@ -34,6 +34,8 @@ pub enum Reading {
     Text(TextReading),
     /// A Parquet file.
     Parquet(ParquetReading),
+    /// A table that a program made in memory.
+    Memory,
 }
 
 /// How a text file was understood.
@@ -66,7 +68,7 @@ impl Reading {
     pub fn header_line(&self) -> Option<u64> {
         match self {
             Reading::Text(text) => Some(text.header_line),
-            Reading::Parquet(_) => None,
+            Reading::Parquet(_) | Reading::Memory => None,
         }
     }
 
@@ -74,7 +76,7 @@ impl Reading {
     pub fn noun(&self) -> &'static str {
         match self {
             Reading::Text(_) => "line",
-            Reading::Parquet(_) => "row",
+            Reading::Parquet(_) | Reading::Memory => "row",
         }
     }
 
@@ -95,6 +97,7 @@ impl Reading {
                     by.unwrap_or_default()
                 )
             }
+            Reading::Memory => "a table in memory".to_string(),
         }
     }
 
@@ -125,6 +128,12 @@ pub struct Column {
     pub unit: Option<String>,
     /// The cells, without blanks around them.
     pub cells: Cells,
+}
+
+/// A column under a header, which may name a unit as in files.
+pub fn column_of(header: &str, cells: Cells) -> Column {
+    let (name, unit) = split_unit(header);
+    Column { name, header: header.to_string(), unit, cells }
 }
 
 impl Table {

@@ -277,6 +277,15 @@ impl Dynamics {
         self.graph.symbols(&rows).iter().any(|symbol| matches!(symbol, Symbol::Input(..)))
     }
 
+    /// Rates of change of a batch of states, `[2n][lanes]`, with inputs at rest where the batch has
+    /// no record of them.
+    pub fn field_at(&self, batch: &Batch, theta: &[f64], out: &mut [f64], scratch: &mut Scratch) {
+        scratch.stand_at(batch);
+        self.field().evaluate(&batch.state, batch.lanes, theta, false, scratch);
+        let size = 2 * self.degrees * batch.lanes;
+        out[..size].copy_from_slice(&scratch.out[..size]);
+    }
+
     /// Compiles what steps of a method need, side by side, before many threads ask for it at once
     /// and wait for one of them.
     pub fn prepare(&self, method: Method) {

@@ -5,6 +5,7 @@
 mod assemble;
 mod c;
 mod code;
+mod equations;
 pub mod escape;
 mod json;
 mod latex;
@@ -18,6 +19,7 @@ mod rust;
 pub mod tex;
 
 pub use assemble::{export, notes, pretty, simplified};
+pub use equations::{equations_json, finite};
 pub use mathml::{Formula, formulas};
 pub use pretty::{Pretty, PrettyNumber};
 

@@ -2,8 +2,10 @@
 
 use std::path::Path;
 
-use super::{Spec, measured};
-use crate::data::{Clock, DataReport, Dataset, MeasuredInput, Run};
+use super::Spec;
+use super::json::json_text;
+use super::measured::{self, Values};
+use crate::data::{DataReport, Dataset, MeasuredInput, Run, Clock};
 use crate::error::{Error, ErrorKind, Result};
 use crate::simulate::InputRecord;
 
@@ -74,6 +76,62 @@ impl Data {
         let (observables, inputs) = (spec.system().observables(), spec.system().measured_inputs());
         let run = run("1", times, values, observables.len(), &inputs)?;
         Ok(Data::of(Dataset { observables, runs: vec![run], inputs }))
+    }
+
+    /// A table in memory: its columns are found as those of a file are ([`Data::open`]), with the
+    /// units that the spec's `data` block names; its `data` block may name a run column, or say
+    /// `pairs`. `time` and `run` name columns to take in place of the spec's. Rows of a run may
+    /// stand in any order of time.
+    ///
+    /// # Errors
+    /// A column is missing or cannot be used, with the place ([`ErrorKind::Data`]); columns are not
+    /// of the same length ([`ErrorKind::InvalidArgument`]).
+    ///
+    /// ```
+    /// use leverrier::{Data, Spec, Values};
+    ///
+    /// let spec = Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = span{ q^2 }")?;
+    /// let columns = [("time", Values::Numbers(&[0.0, 0.1])), ("q", Values::Numbers(&[1.0, 0.9]))];
+    /// assert_eq!(Data::from_columns(&spec, &columns, None, None)?.samples(), 2);
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn from_columns(
+        spec: &Spec,
+        columns: &[(&str, Values)],
+        time: Option<&str>,
+        run: Option<&str>,
+    ) -> Result<Data> {
+        let (dataset, report) = measured::of_columns(spec.compiled(), columns, time, run)?;
+        Ok(Data { dataset, report })
+    }
+
+    /// Samples of many runs: times in the spec's unit, the run of each sample where there are
+    /// several, and a slice of values for each coordinate, then for each momentum (or velocity),
+    /// then for each input, in the spec's units. Momenta may all be left out. NaN is a missing
+    /// value.
+    ///
+    /// # Errors
+    /// There are too many or too few slices, or they differ in length
+    /// ([`ErrorKind::InvalidArgument`]); a sample cannot be used ([`ErrorKind::Data`]).
+    ///
+    /// ```
+    /// use leverrier::{Data, Spec, Values};
+    ///
+    /// let spec = Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = span{ q^2 }")?;
+    /// let (times, runs) = ([0.0, 0.1, 0.0, 0.1], Values::Numbers(&[1.0, 1.0, 2.0, 2.0]));
+    /// let (q, p) = ([1.0, 0.9, 0.5, 0.4], [0.0, -0.1, 0.0, -0.05]);
+    /// let data = Data::from_samples(&spec, &times, Some(runs), &[&q, &p])?;
+    /// assert_eq!((data.runs(), data.samples()), (2, 4));
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn from_samples(
+        spec: &Spec,
+        times: &[f64],
+        runs: Option<Values>,
+        values: &[&[f64]],
+    ) -> Result<Data> {
+        let (dataset, report) = measured::of_samples(spec.compiled(), times, runs, values)?;
+        Ok(Data { dataset, report })
     }
 
     /// The same data with one more run, given as in [`Data::from_slices`].
@@ -199,7 +257,29 @@ impl Data {
         &self.report.warnings
     }
 
-    fn of(dataset: Dataset) -> Data {
+    /// The name of a run, as its file or table has it.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// assert_eq!(spec.data()?.run_name(0), Some("1"));
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn run_name(&self, run: usize) -> Option<&str> {
+        Some(&self.dataset.runs.get(run)?.name)
+    }
+
+    /// The data report as JSON, with the fields of `docs/formats.md`.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// assert!(spec.data()?.report_json().contains("\"sampling\""));
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn report_json(&self) -> String {
+        json_text(&self.report)
+    }
+
+    pub(super) fn of(dataset: Dataset) -> Data {
         let report = DataReport::of(&dataset);
         Data { dataset, report }
     }

@@ -1,6 +1,10 @@
 //! What a law misses.
 
+use serde_json::{Value, json};
+
+use super::json::json_text;
 use crate::diagnose::diagnosis;
+use crate::diagnose::instrument::Detection;
 
 /// What a law misses: a verdict, and the effects of the catalogue that were fitted with it, the
 /// best first.
@@ -23,6 +27,7 @@ pub struct Diagnosis {
     effects: Vec<Effect>,
     story: Vec<Effect>,
     indistinguishable: Vec<String>,
+    document: Value,
 }
 
 /// The answer in a word.
@@ -84,8 +89,38 @@ pub struct Effect {
     pub held_out_error_after: f64,
 }
 
+impl Verdict {
+    pub(super) fn of(verdict: diagnosis::Verdict) -> Verdict {
+        match verdict {
+            diagnosis::Verdict::Missing => Verdict::Missing,
+            diagnosis::Verdict::NothingMissing => Verdict::NothingMissing,
+            diagnosis::Verdict::Unexplained => Verdict::Unexplained,
+            diagnosis::Verdict::TooLittleData => Verdict::InsufficientData,
+        }
+    }
+}
+
 impl Diagnosis {
-    pub(super) fn of(found: diagnosis::Diagnosis) -> Diagnosis {
+    /// All of it as JSON, with the fields of `diagnose` in `docs/formats.md`; those of the split
+    /// are not among them.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
+    /// let diagnosis = spec.fit(&training)?.diagnose(&training, &held_out)?;
+    /// assert!(diagnosis.to_json().contains("\"ranking\""));
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn to_json(&self) -> String {
+        json_text(&self.document)
+    }
+
+    /// A diagnosis, with the faults of the instrument that were found beside it.
+    pub(super) fn of(found: diagnosis::Diagnosis, detections: &[Detection]) -> Diagnosis {
+        let mut document = json!(found);
+        if let Some(fields) = document.as_object_mut() {
+            fields.insert("detections".to_string(), json!(detections));
+        }
         let effect = |leader: diagnosis::RankedEffect| Effect {
             effect: leader.effect,
             statement: leader.snippet,
@@ -96,12 +131,8 @@ impl Diagnosis {
             held_out_error_after: leader.held_out_error_after,
         };
         Diagnosis {
-            verdict: match found.verdict {
-                diagnosis::Verdict::Missing => Verdict::Missing,
-                diagnosis::Verdict::NothingMissing => Verdict::NothingMissing,
-                diagnosis::Verdict::Unexplained => Verdict::Unexplained,
-                diagnosis::Verdict::TooLittleData => Verdict::InsufficientData,
-            },
+            document,
+            verdict: Verdict::of(found.verdict),
             reason: found.reason,
             story: found.story.into_iter().map(effect).collect(),
             effects: found.ranking.into_iter().map(effect).collect(),

@@ -5,13 +5,10 @@ use std::path::Path;
 
 use super::data::inputs_of;
 use super::model_file::{self, ModelFile};
-use super::{Comparison, Data, Diagnosis, Spec, Trajectory};
-use crate::diagnose::comparison::compare;
-use crate::diagnose::context::Context;
-use crate::diagnose::diagnosis::diagnose;
+use super::{Data, Spec, Trajectory};
 use crate::error::{Error, ErrorKind, Result};
 use crate::fit::model::{LearnedParameter, LearnedTerm, Noise};
-use crate::fit::{self, Model, Silent};
+use crate::fit::{self, Model};
 use crate::simulate::IntegratorChoice;
 
 /// A law of motion: a spec with a number for everything in it, learned or known.
@@ -287,50 +284,6 @@ impl Law {
         Ok(Trajectory::first(names, simulator.trajectories(&[start.to_vec()], times)?))
     }
 
-    /// Holds the law against measurements, best such that it was not learned from.
-    ///
-    /// # Errors
-    /// The measurements are of another spec ([`ErrorKind::InvalidArgument`]), or the law knows no
-    /// noise to judge by, for it was not fitted ([`ErrorKind::NotApplicable`]).
-    ///
-    /// ```
-    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
-    /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
-    /// let comparison = spec.fit(&training)?.compare(&held_out)?;
-    /// for finding in comparison.findings() {
-    ///     println!("{finding}");
-    /// }
-    /// # Ok::<(), leverrier::Error>(())
-    /// ```
-    pub fn compare(&self, data: &Data) -> Result<Comparison> {
-        data.require(&self.spec)?;
-        self.fitted("compare")?;
-        let context = Context::of(self.numbers.clone(), data.dataset());
-        Ok(Comparison::of(compare(&context, None)?))
-    }
-
-    /// Asks what the law misses: every effect of the catalogue is tested on the measurements that
-    /// it was learned from, and the best are judged on held-out ones.
-    ///
-    /// # Errors
-    /// The measurements are of another spec ([`ErrorKind::InvalidArgument`]), or the law was not
-    /// fitted ([`ErrorKind::NotApplicable`]).
-    ///
-    /// ```
-    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
-    /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
-    /// let diagnosis = spec.fit(&training)?.diagnose(&training, &held_out)?;
-    /// println!("{:?}: {}", diagnosis.verdict(), diagnosis.reason());
-    /// # Ok::<(), leverrier::Error>(())
-    /// ```
-    pub fn diagnose(&self, training: &Data, held_out: &Data) -> Result<Diagnosis> {
-        training.require(&self.spec)?;
-        held_out.require(&self.spec)?;
-        let model = &self.fitted("diagnose")?.model;
-        let (training, held_out) = (training.dataset(), held_out.dataset());
-        diagnose(self.spec.compiled(), model, training, held_out, &Silent).map(Diagnosis::of)
-    }
-
     /// The law's spec with an effect in it, to be fitted again: [`Spec::with`].
     ///
     /// # Errors
@@ -381,7 +334,7 @@ impl Law {
     }
 
     /// The record of the fit, for what needs one.
-    fn fitted(&self, what: &str) -> Result<&ModelFile> {
+    pub(super) fn fitted(&self, what: &str) -> Result<&ModelFile> {
         let kind = if what == "save" { ErrorKind::NothingToDo } else { ErrorKind::NotApplicable };
         self.file.as_ref().ok_or_else(|| {
             Error::new(

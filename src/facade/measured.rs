@@ -1,12 +1,12 @@
 //! Files of specs, and of measurements as a spec says.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::data::{
     self, Cells, Column, ColumnMap, DataReport, Dataset, FileSource, InputMap, Mapping,
-    ObservableMap, Table,
+    ObservableMap, Reading, Table,
 };
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::expr::{Compiled, ObservedColumn};
 
 /// Rows that show what the columns of a large file hold.
@@ -40,12 +40,155 @@ pub fn spec_text(path: &Path) -> Result<String> {
 /// # Errors
 /// The file cannot be read, or has not the columns that the spec asks for.
 pub fn read(compiled: &Compiled, path: &Path) -> Result<(Dataset, DataReport)> {
-    let mut table = data::read(path).map_err(|error| not_there(error, path))?;
+    let table = data::read(path).map_err(|error| not_there(error, path))?;
+    of_table(compiled, table, None, None)
+}
+
+/// `time` and `run` are columns to take in place of those that the spec names.
+fn of_table(
+    compiled: &Compiled,
+    mut table: Table,
+    time: Option<&str>,
+    run: Option<&str>,
+) -> Result<(Dataset, DataReport)> {
     let mut mapping = mapping(compiled, &table)?;
+    if let Some(column) = time {
+        let scale = mapping.time.map_or(1.0, |time| time.scale);
+        mapping.time = Some(ColumnMap { scale, ..ColumnMap::plain(column) });
+    }
+    mapping.run = run.map(str::to_string).or(mapping.run);
     if pairs(compiled) {
         mapping.run = Some(number_pairs(&mut table, mapping.run.as_deref())?);
     }
     data::dataset(&table, &mapping)
+}
+
+/// Measurements in columns that have names, found as those of a file are.
+///
+/// # Errors
+/// A column that the spec asks for is missing, or is not as long as the first.
+pub fn of_columns(
+    compiled: &Compiled,
+    columns: &[(&str, Values)],
+    time: Option<&str>,
+    run: Option<&str>,
+) -> Result<(Dataset, DataReport)> {
+    let named = columns.iter().map(|(name, values)| (name.to_string(), *values));
+    of_table(compiled, in_memory(named)?, time, run)
+}
+
+/// Measurements in the order and the units of a spec's observables, of which the momenta may go
+/// without, then its inputs; with the run of every sample, if there are several.
+///
+/// # Errors
+/// There are too many or too few of them, or one is not as long as the times.
+pub fn of_samples(
+    compiled: &Compiled,
+    times: &[f64],
+    runs: Option<Values>,
+    values: &[&[f64]],
+) -> Result<(Dataset, DataReport)> {
+    let observables = compiled.system.observables();
+    let inputs = compiled.system.measured_inputs();
+    let degrees = compiled.system.degrees();
+    let driving = inputs.iter().map(|input| input.name.clone());
+    let given = values.len().checked_sub(inputs.len());
+    let Some(measured) = given.filter(|given| [degrees, observables.len()].contains(given)) else {
+        let wanted: Vec<String> = observables.iter().cloned().chain(driving).collect();
+        return Err(Error::new(
+            ErrorKind::InvalidArgument,
+            format!("{} columns of values for {}", values.len(), wanted.join(", ")),
+            "give the coordinates, or coordinates and momenta, then every input, in this order",
+        ));
+    };
+    let unused = |name: &str| {
+        let mut name = name.to_string();
+        while observables.contains(&name) || inputs.iter().any(|input| input.name == name) {
+            name.push('_');
+        }
+        name
+    };
+    let (time, run) = (unused("t"), unused("run"));
+    let mut columns = vec![(time.clone(), Values::Numbers(times))];
+    columns.extend(runs.map(|runs| (run.clone(), runs)));
+    let named = observables.iter().take(measured).cloned().chain(driving).zip(values);
+    columns.extend(named.map(|(name, values)| (name, Values::Numbers(values))));
+    let mut table = in_memory(columns.into_iter())?;
+    let mut mapping = Mapping {
+        time: Some(ColumnMap::plain(time)),
+        run: runs.map(|_| run),
+        observables: observables.iter().map(ObservableMap::plain).collect(),
+        inputs: Vec::new(),
+    };
+    mapping.inputs = (inputs.iter())
+        .map(|input| InputMap {
+            column: ObservableMap::plain(&input.name),
+            between: input.between,
+        })
+        .collect();
+    for absent in mapping.observables.iter_mut().skip(measured) {
+        (absent.required, absent.columns) = (false, Vec::new());
+    }
+    if pairs(compiled) && runs.is_none() {
+        mapping.run = Some(number_pairs(&mut table, None)?);
+    }
+    data::dataset(&table, &mapping)
+}
+
+/// The cells of a column in memory.
+///
+/// ```
+/// use leverrier::{Data, Spec, Values};
+///
+/// let spec = Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = span{ q^2 }")?;
+/// let runs = ["a", "a", "b", "b"].map(String::from);
+/// let columns = [
+///     ("t", Values::Numbers(&[0.0, 0.1, 0.0, 0.1])),
+///     ("q", Values::Numbers(&[1.0, 0.9, 0.5, f64::NAN])),
+///     ("p", Values::Numbers(&[0.0, -0.1, 0.0, -0.05])),
+///     ("run", Values::Text(&runs)),
+/// ];
+/// assert_eq!(Data::from_columns(&spec, &columns, None, Some("run"))?.runs(), 2);
+/// # Ok::<(), leverrier::Error>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Values<'a> {
+    /// Numbers; NaN where nothing was measured.
+    Numbers(&'a [f64]),
+    /// Text: names of runs. Numbers may be written as text, too.
+    Text(&'a [String]),
+    /// So many cells of a kind that cannot be read, such as "dates": an error only where the
+    /// column is asked for.
+    Unreadable(&'static str, usize),
+}
+
+fn in_memory<'a>(columns: impl Iterator<Item = (String, Values<'a>)>) -> Result<Table> {
+    let mut out: Vec<Column> = Vec::new();
+    for (name, values) in columns {
+        let cells = match values {
+            Values::Numbers(numbers) => Cells::from(numbers.to_vec()),
+            Values::Text(text) => text.iter().collect(),
+            Values::Unreadable(what, count) => Cells::unreadable(what, count),
+        };
+        let first = out.first().map_or(cells.len(), |column| column.cells.len());
+        if cells.len() != first {
+            return Err(Error::new(
+                ErrorKind::InvalidArgument,
+                format!("{} values in the column `{name}`, but {first} before it", cells.len()),
+                "give one value for each sample, NaN where nothing was measured",
+            ));
+        }
+        out.push(data::column_of(&name, cells));
+    }
+    let rows = out.first().map_or(0, |column| column.cells.len());
+    Ok(Table {
+        path: PathBuf::new(),
+        columns: out,
+        lines: (1..=rows as u64).collect(),
+        reading: Reading::Memory,
+        sha256: String::new(),
+    })
 }
 
 /// The measurements of a file as a source that is read anew in every pass.

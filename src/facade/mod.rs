@@ -6,18 +6,25 @@ pub(crate) mod checked;
 mod comparison;
 mod data;
 mod diagnosis;
+mod discovery;
 pub(crate) mod effect;
 #[cfg(feature = "export")]
 pub(crate) mod exports;
+pub(crate) mod held_out;
+mod json;
 mod law;
 pub(crate) mod measured;
 pub(crate) mod model_file;
 mod spec;
 mod trajectory;
+mod vector_field;
 
 pub use comparison::{Comparison, Horizon};
 pub use data::Data;
 pub use diagnosis::{Diagnosis, Effect, Verdict};
+pub use discovery::Discovery;
 pub use law::Law;
+pub use measured::Values;
 pub use spec::Spec;
 pub use trajectory::Trajectory;
+pub use vector_field::VectorField;

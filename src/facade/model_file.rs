@@ -112,7 +112,22 @@ pub fn read(
         }
         Err(error) => return Err(Error::file("read", path, error)),
     };
-    let value: serde_json::Value = serde_json::from_slice(&bytes).map_err(|error| {
+    parse(path, &bytes, spec, system, again)
+}
+
+/// The same from the bytes of a file; `path` is what errors call it.
+///
+/// # Errors
+/// As [`read`].
+pub fn parse(
+    path: &Path,
+    bytes: &[u8],
+    spec: &str,
+    system: &Arc<System>,
+    again: &str,
+) -> Result<(Law, ModelFile)> {
+    let wrong = |message: String, hint: String| Error::model(path, message, hint);
+    let value: serde_json::Value = serde_json::from_slice(bytes).map_err(|error| {
         let what = if error.is_eof() { "the file is cut off" } else { "this is not a model file" };
         wrong(format!("{what} ({error})"), format!("{again} to write it anew"))
     })?;

@@ -109,6 +109,17 @@ impl Spec {
         self.system().coordinates.iter().map(|variable| variable.name.as_str()).collect()
     }
 
+    /// Names of the measured inputs that drive it.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = q^2")?;
+    /// assert!(spec.inputs().is_empty());
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn inputs(&self) -> Vec<String> {
+        self.system().measured_inputs().into_iter().map(|input| input.name).collect()
+    }
+
     /// Names of the momenta, in the order of the state.
     ///
     /// ```

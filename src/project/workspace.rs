@@ -2,7 +2,6 @@
 
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use serde_json::{Value, json};
 
@@ -12,9 +11,8 @@ use crate::data::{DataReport, Dataset, Split};
 use crate::diagnose::comparison;
 use crate::diagnose::context::Context;
 use crate::error::{Error, ErrorKind, Result};
-use crate::expr::System;
-use crate::fit::model::fingerprint;
-use crate::fit::{Law, Loss, Model, Monitor, Options, resume};
+use crate::facade::held_out;
+use crate::fit::{Law, Model, Monitor, Options, resume};
 
 /// Share of the samples that is put aside where nothing is said.
 pub const HELD_OUT: f64 = 0.25;
@@ -154,31 +152,7 @@ impl Workspace {
         warm: bool,
         monitor: &dyn Monitor,
     ) -> Result<Model> {
-        let system = spec.system();
-        let Some(law) = model.law(system) else { return self.fit(spec, monitor) };
-        let mut narrowed = System::clone(system);
-        narrowed.terms = law.terms().map(|(_, term, _)| term.clone()).collect();
-        for (parameter, &value) in narrowed.parameters.iter_mut().zip(law.parameters()) {
-            parameter.start = value;
-        }
-        let narrowed = Arc::new(narrowed);
-        if narrowed.terms.is_empty() && narrowed.parameters.is_empty() {
-            return self.fit(spec, monitor);
-        }
-        // Whoever fitted with a robust loss meant it.
-        let loss = Loss::by_name(&model.evidence.loss).unwrap_or(Loss::SQUARES);
-        let options = Options { sparse: false, starts: 0, loss, ..Options::default() };
-        let threads = self.splitting.threads;
-        let mut again = match warm {
-            true => {
-                let start = law.on(&narrowed);
-                on_threads(threads, || resume(&start, data, &options, monitor))?
-            }
-            false => learn(&narrowed, data, &options, threads, monitor)?,
-        };
-        again.fingerprint = fingerprint(system);
-        again.evidence.function_space = system.terms.len();
-        Ok(again)
+        on_threads(self.splitting.threads, || held_out::refit(spec, model, data, warm, monitor))
     }
 }
 
