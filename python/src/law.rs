@@ -86,9 +86,16 @@ impl Law {
         py: Python<'py>,
         start: Vec<f64>,
         times: Vec<f64>,
+        inputs: Option<(Vec<f64>, Vec<Vec<f64>>)>,
     ) -> PyResult<Motion<'py>> {
         let law = self.0.clone();
-        let motion = work(py, Some(1), None, move |_| law.predict(&start, &times))?;
+        let motion = work(py, Some(1), None, move |_| match inputs {
+            None => law.predict(&start, &times),
+            Some((at, inputs)) => {
+                let inputs: Vec<&[f64]> = inputs.iter().map(AsRef::as_ref).collect();
+                law.predict_driven(&start, &times, &at, &inputs)
+            }
+        })?;
         motion.finish(py, |_, motion| Ok(Predicted(motion)))?.arrays(py)
     }
 
@@ -109,10 +116,13 @@ impl Law {
         py: Python<'_>,
         training: &Data,
         held_out: &Data,
+        noise: Option<Vec<f64>>,
         threads: Option<usize>,
     ) -> PyResult<String> {
         let (law, training, held_out) = (self.0.clone(), training.0.clone(), held_out.0.clone());
-        let compared = work(py, threads, None, move |_| law.compare_held_out(&training, &held_out))?;
+        let compared = work(py, threads, None, move |_| {
+            law.compare_held_out(&training, &held_out, noise.as_deref())
+        })?;
         compared.finish(py, |_, comparison| Ok(comparison.to_json()))
     }
 

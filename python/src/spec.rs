@@ -113,6 +113,16 @@ impl Spec {
     }
 
     #[getter]
+    fn inputs(&self) -> Vec<String> {
+        self.0.inputs()
+    }
+
+    #[getter]
+    fn observables(&self) -> Vec<String> {
+        self.0.observables()
+    }
+
+    #[getter]
     fn terms(&self) -> Vec<String> {
         self.0.terms().into_iter().map(str::to_string).collect()
     }
@@ -146,7 +156,8 @@ impl Spec {
     ) -> PyResult<Law> {
         let (spec, data) = (self.0.clone(), data.0.clone());
         let options = options.options().or_raise(py)?;
-        let fit = move |monitor: &dyn leverrier::Monitor| spec.fit_monitored(&data, &options, monitor);
+        let fit =
+            move |monitor: &dyn leverrier::Monitor| spec.fit_monitored(&data, &options, monitor);
         work(py, threads, progress, fit)?.finish(py, |_, law| Ok(Law(Arc::new(law))))
     }
 

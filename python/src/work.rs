@@ -107,7 +107,11 @@ pub fn work<T: Send + 'static>(
             && let Err(failed) = progress.call1(stage)
         {
             course.stop.store(true, Ordering::Relaxed);
-            return Err(failed);
+            // Ctrl-C may come while Python is in there.
+            if !failed.is_instance_of::<PyKeyboardInterrupt>(py) {
+                return Err(failed);
+            }
+            interrupt = Some(failed);
         }
     };
     match (done, interrupt) {

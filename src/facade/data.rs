@@ -5,7 +5,7 @@ use std::path::Path;
 use super::Spec;
 use super::json::json_text;
 use super::measured::{self, Values};
-use crate::data::{DataReport, Dataset, MeasuredInput, Run, Clock};
+use crate::data::{Clock, DataReport, Dataset, MeasuredInput, Run};
 use crate::error::{Error, ErrorKind, Result};
 use crate::simulate::InputRecord;
 

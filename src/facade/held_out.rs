@@ -10,7 +10,7 @@ use crate::diagnose::diagnosis::{self, diagnose};
 use crate::diagnose::instrument::detect;
 use crate::diagnose::noise_floor::noise_floor;
 use crate::diagnose::sufficiency;
-use crate::error::Result;
+use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
 use crate::fit::model::fingerprint;
 use crate::fit::{self, Loss, Model, Monitor, Options, Silent, resume};
@@ -57,7 +57,7 @@ impl Law {
     ///
     /// # Errors
     /// As [`Spec::fit_monitored`]; the law was not fitted
-    /// ([`ErrorKind::NotApplicable`](crate::ErrorKind::NotApplicable)).
+    /// ([`ErrorKind::NotApplicable`]).
     ///
     /// ```
     /// use leverrier::{Silent, Spec};
@@ -80,9 +80,9 @@ impl Law {
     ///
     /// # Errors
     /// The measurements are of another spec
-    /// ([`ErrorKind::InvalidArgument`](crate::ErrorKind::InvalidArgument)), or the law knows no
+    /// ([`ErrorKind::InvalidArgument`]), or the law knows no
     /// noise to judge by, for it was not fitted
-    /// ([`ErrorKind::NotApplicable`](crate::ErrorKind::NotApplicable)).
+    /// ([`ErrorKind::NotApplicable`]).
     ///
     /// ```
     /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
@@ -101,7 +101,9 @@ impl Law {
     }
 
     /// The same on the measurements that the law was learned from and on held-out ones beside
-    /// each other, in units of the noise floor: what the program's `compare` shows.
+    /// each other: what the program's `compare` shows. The errors are in units of the noise floor,
+    /// or of `noise`, one number for each observable, where two laws are to be held beside each
+    /// other.
     ///
     /// # Errors
     /// As [`Law::compare`].
@@ -109,18 +111,34 @@ impl Law {
     /// ```
     /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
     /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
-    /// let comparison = spec.fit(&training)?.compare_held_out(&training, &held_out)?;
+    /// let comparison = spec.fit(&training)?.compare_held_out(&training, &held_out, None)?;
     /// assert!(comparison.horizons()[0].held_out.is_some());
     /// # Ok::<(), leverrier::Error>(())
     /// ```
-    pub fn compare_held_out(&self, training: &Data, held_out: &Data) -> Result<Comparison> {
+    pub fn compare_held_out(
+        &self,
+        training: &Data,
+        held_out: &Data,
+        noise: Option<&[f64]>,
+    ) -> Result<Comparison> {
         training.require(self.spec())?;
         held_out.require(self.spec())?;
         let model = &self.fitted("compare")?.model;
         let context = Context::of(self.numbers().clone(), training.dataset());
         let detections = detect(&context, model);
         // A model that fails takes a part of what it lacks for noise; the floor is the instrument's.
-        let context = context.with_noise(noise_floor(&context, model));
+        let noise = match noise {
+            Some(noise) => noise.to_vec(),
+            None => noise_floor(&context, model),
+        };
+        if noise.len() != training.observables().len() || !noise.iter().all(|x| *x > 0.0) {
+            return Err(Error::new(
+                ErrorKind::InvalidArgument,
+                format!("{} numbers are no noise of these observables", noise.len()),
+                "give a standard deviation above zero for each",
+            ));
+        }
+        let context = context.with_noise(noise);
         let unseen = (held_out.runs() > 0).then(|| context.with_data(held_out.dataset()));
         let mut comparison = compare(&context, unseen.as_ref())?;
         comparison.findings.extend(detections.iter().map(|found| found.sentence.clone()));
@@ -132,8 +150,8 @@ impl Law {
     ///
     /// # Errors
     /// The measurements are of another spec
-    /// ([`ErrorKind::InvalidArgument`](crate::ErrorKind::InvalidArgument)), or the law was not
-    /// fitted ([`ErrorKind::NotApplicable`](crate::ErrorKind::NotApplicable)).
+    /// ([`ErrorKind::InvalidArgument`]), or the law was not
+    /// fitted ([`ErrorKind::NotApplicable`]).
     ///
     /// ```
     /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;

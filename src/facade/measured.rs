@@ -121,10 +121,7 @@ pub fn of_samples(
         inputs: Vec::new(),
     };
     mapping.inputs = (inputs.iter())
-        .map(|input| InputMap {
-            column: ObservableMap::plain(&input.name),
-            between: input.between,
-        })
+        .map(|input| InputMap { column: ObservableMap::plain(&input.name), between: input.between })
         .collect();
     for absent in mapping.observables.iter_mut().skip(measured) {
         (absent.required, absent.columns) = (false, Vec::new());

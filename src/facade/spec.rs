@@ -120,6 +120,17 @@ impl Spec {
         self.system().measured_inputs().into_iter().map(|input| input.name).collect()
     }
 
+    /// What columns of measurements may hold, in order: coordinates, then momenta or velocities.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::parse("coordinates q; velocities v\nT = v^2/2\nV = q^2")?;
+    /// assert_eq!(spec.observables(), ["q", "v"]);
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn observables(&self) -> Vec<String> {
+        self.system().observables()
+    }
+
     /// Names of the momenta, in the order of the state.
     ///
     /// ```

@@ -1,0 +1,77 @@
+"""Equations of motion from measured trajectories.
+
+Give measurements of positions and momenta (or velocities) over time, and say in a *spec* which
+terms the energy might have: a sparse Hamiltonian comes back, with an uncertainty on every
+coefficient, and the name of what it lacks.
+
+>>> import leverrier
+>>> spec = leverrier.open("examples/damped-pendulum/fit.ham")
+>>> law = spec.fit()
+>>> law.diagnose().missing
+'viscous_drag(q)'
+>>> better = law.add("viscous_drag(q)")
+>>> better.supported
+True
+>>> round(float(better.law.predict([1.0, 0.0], [0.0, 0.5, 1.0])["q"][-1]), 2)
+0.61
+"""
+
+from __future__ import annotations
+
+from ._native import __version__
+from .errors import (
+    DataError,
+    Diagnostic,
+    FileError,
+    InvalidArgumentError,
+    LeverrierError,
+    ModelError,
+    NoResultError,
+    SpecError,
+)
+from .law import Law, Trajectory, VectorField
+from .results import (
+    Comparison,
+    Diagnosis,
+    Discovery,
+    Record,
+    Revision,
+    Table,
+)
+from .spec import Spec, open, parse
+from .tables import Data
+
+__all__ = [
+    "Comparison",
+    "Data",
+    "DataError",
+    "Diagnosis",
+    "Diagnostic",
+    "Discovery",
+    "FileError",
+    "HamiltonianEstimator",
+    "InvalidArgumentError",
+    "Law",
+    "LeverrierError",
+    "ModelError",
+    "NoResultError",
+    "Record",
+    "Revision",
+    "Spec",
+    "SpecError",
+    "Table",
+    "Trajectory",
+    "VectorField",
+    "__version__",
+    "open",
+    "parse",
+]
+
+
+def __getattr__(name: str) -> object:
+    # scikit-learn is imported by those who use the estimator.
+    if name == "HamiltonianEstimator":
+        from .estimator import HamiltonianEstimator
+
+        return HamiltonianEstimator
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,562 @@
+"""Laws: what was learned, what it predicts, and what it lacks."""
+
+from __future__ import annotations
+
+import html
+import json
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _native
+from .errors import InvalidArgumentError
+from .progress import Progress, shown
+from .results import Comparison, Diagnosis, Record, Revision, Rows, Table, record
+
+if TYPE_CHECKING:
+    from .spec import Spec
+    from .tables import Data
+
+#: A coefficient that is so many standard errors from zero supports its effect.
+_SIGNIFICANT = 4.0
+
+
+class VectorField:
+    """The equations of motion as a function, compiled: ``field(t, z)`` is dz/dt.
+
+    ``z`` has coordinates, then momenta; an array of shape (2n, m) has m states in its columns, as
+    ``scipy.integrate.solve_ivp(..., vectorized=True)`` gives them.
+    """
+
+    def __init__(self, native: _native.VectorField, size: int) -> None:
+        self._native = native
+        self._size = size
+
+    def __call__(self, t: float, z: Any) -> np.ndarray:
+        return self._of(t, z, self._native.rates, True)
+
+    def energy(self, t: float, z: Any) -> Any:
+        """H of a state, or of many in columns."""
+        return self._of(t, z, self._native.energies, False)
+
+    def _of(self, t: float, z: Any, function: Any, vector: bool) -> Any:
+        states = np.asarray(z, dtype=np.float64)
+        if states.ndim not in (1, 2) or states.shape[0] != self._size:
+            raise InvalidArgumentError(
+                f"z has the shape {states.shape}",
+                f"give {self._size} numbers, coordinates before momenta, or columns of them",
+            )
+        flat = np.ascontiguousarray(states.T).reshape(-1)
+        if flat.size == 0:
+            return np.zeros(states.shape if vector else states.shape[1:])
+        out = function(float(t), flat)
+        if vector:
+            return out if states.ndim == 1 else out.reshape(states.shape[1], -1).T
+        return out if states.ndim == 2 else float(out[0])
+
+
+class Trajectory(Table):
+    """A predicted motion: ``t`` and the components of the state by name, ``states`` as an array
+    of samples by components, ``method`` and ``energy_drift`` of the integration."""
+
+    def __init__(self, t: np.ndarray, states: np.ndarray, names: list[str]) -> None:
+        super().__init__({"t": t} | {name: states[:, at] for at, name in enumerate(names)})
+        self.t = t
+        self.states = states
+        self.names = names
+        self.method = ""
+        self.energy_drift = 0.0
+
+
+class Law:
+    """A law of motion: a spec with a number for everything in it, learned or known.
+
+    Made by :meth:`leverrier.Spec.fit`. ``terms``, ``parameters``, ``noise``, ``evidence`` and the
+    other fields of the model file (``docs/formats.md``) are attributes.
+
+    >>> import leverrier
+    >>> law = leverrier.open("examples/damped-pendulum/fit.ham").fit()
+    >>> law.terms[0].term, abs(law.terms[0].coefficient + 1) < 0.01
+    ('cos(q)', True)
+    >>> law.evidence.runs
+    8
+    """
+
+    def __init__(self, native: _native.Law, spec: Spec, data: Data | None) -> None:
+        self._native = native
+        self._spec = spec
+        self._data = data
+        self._field: VectorField | None = None
+        self._model: Record | None = None
+
+    # What it is.
+
+    @property
+    def spec(self) -> Spec:
+        """The spec that it is a law of."""
+        return self._spec
+
+    @property
+    def data(self) -> Data | None:
+        """The measurements that it was learned from; None for a law from a file."""
+        return self._data
+
+    @property
+    def model(self) -> Record:
+        """All that the fit has found: the model file of ``docs/formats.md``."""
+        if self._model is None:
+            self._model = record(self._native.model_json())
+        return self._model
+
+    @property
+    def hamiltonian(self) -> Record:
+        """The printed form: ``text``, ``digits``, ``parts``, ``snapped``, ``notes``."""
+        return record(self._native.hamiltonian_json())
+
+    @property
+    def terms(self) -> Rows:
+        """The learned terms with their coefficients and standard errors."""
+        return Rows(self.model.terms)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of the coefficients of ``terms``, then of ``parameters``."""
+        return np.asarray(self.model.to_dict()["covariance"], dtype=np.float64)
+
+    def coefficient(self, term: str) -> float:
+        """The coefficient of a term by its text or its name; 0 for a term that was not chosen.
+
+        >>> import leverrier
+        >>> law = leverrier.open("examples/damped-pendulum/fit.ham").fit()
+        >>> round(law.coefficient("cos(q)"), 2)
+        -1.0
+        """
+        for one in self.terms:
+            if term in (one.term, one.name):
+                return one.coefficient
+        if term in self.spec.terms:
+            return 0.0
+        raise InvalidArgumentError(
+            f"the law has no term `{term}`", f"it has {', '.join(one.term for one in self.terms)}"
+        )
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        if name in _MODEL_FIELDS:
+            return getattr(self.model, name)
+        raise AttributeError(f"'Law' object has no attribute {name!r}")
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *_MODEL_FIELDS]
+
+    # What it predicts.
+
+    def predict(self, start: Any, times: Any, *, u: Any = None, t_u: Any = None) -> Trajectory:
+        """The motion from a start (coordinates, then momenta; or a dictionary of them) at the
+        first of ``times``, to the limit of double precision. ``u`` has the measured inputs that
+        drive it, where the spec names some: a column for each, at the times ``t_u`` (none:
+        ``times``).
+
+        >>> import leverrier
+        >>> spec = leverrier.parse("coordinates q; momenta p; T = p^2/2; V = q^2/2")
+        >>> motion = spec.known_law().predict({"q": 1.0, "p": 0.0}, [0.0, 3.141592653589793])
+        >>> round(float(motion["q"][-1]), 12)
+        -1.0
+        """
+        names = self._names
+        state = [start.get(name) for name in names] if isinstance(start, dict) else start
+        try:
+            state = np.asarray(state, dtype=np.float64)
+            times = np.asarray(times, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InvalidArgumentError(
+                f"start and times must be numbers ({error})", f"a start has {', '.join(names)}"
+            ) from error
+        if state.ndim != 1 or times.ndim != 1:
+            raise InvalidArgumentError(
+                f"start has the shape {state.shape}, times {times.shape}",
+                f"give one start ({', '.join(names)}) and a list of times",
+            )
+        inputs = None
+        if u is not None:
+            from .tables import inputs_of
+
+            at = times if t_u is None else np.asarray(t_u, dtype=np.float64)
+            inputs = (at.tolist(), [one.tolist() for one in inputs_of(self.spec, u, at.size)])
+        t, flat, method, drift = self._native.predict(state.tolist(), times.tolist(), inputs)
+        motion = Trajectory(t, flat.reshape(len(t), -1), names)
+        motion.method, motion.energy_drift = method, drift
+        return motion
+
+    def simulate(self, starts: Any, times: Any, *, noise: Any = 0.0, seed: int = 0) -> Table:
+        """Measurements as the law would give them: a table of ``run``, ``t`` and the observables,
+        one run for each of ``starts``, with Gaussian noise of the standard deviation ``noise`` (a
+        number, or one for each observable). What a spec says of its sensors is not in them.
+
+        The same seed makes the same numbers; they are not those of the program's ``simulate``.
+
+        >>> import leverrier
+        >>> spec = leverrier.parse("coordinates q; momenta p; T = p^2/2; V = q^2/2")
+        >>> made = spec.known_law().simulate([[1, 0], [0, 1]], [0.0, 0.1, 0.2], noise=0.01, seed=3)
+        >>> made
+        <leverrier.Table: 6 rows of run, t, q, p>
+        """
+        from .tables import _seed
+
+        observables = self.spec.observables
+        sigma = np.asarray(noise, dtype=np.float64)
+        if sigma.ndim > 1 or sigma.size not in (1, len(observables)) or not np.all(sigma >= 0):
+            raise InvalidArgumentError(
+                f"{noise!r} is no noise of {', '.join(observables)}",
+                "give a standard deviation from 0 on, or one for each",
+            )
+        random = np.random.default_rng(_seed(seed))
+        runs, ts, rows = [], [], []
+        for number, start in enumerate(starts, start=1):
+            motion = self.predict(start, times)
+            states = motion.states
+            half = len(observables) // 2
+            if observables != self._names:  # velocities are measured, not momenta
+                rates = [self.rhs(t, state)[:half] for t, state in zip(motion.t, states)]
+                states = np.column_stack([states[:, :half], rates])
+            runs += [str(number)] * len(motion.t)
+            ts.append(motion.t)
+            rows.append(states)
+        if not rows:
+            raise InvalidArgumentError("there are no starts", "give one state for each run")
+        values = np.concatenate(rows)
+        values = values + sigma * random.standard_normal(values.shape)
+        columns = {name: values[:, at] for at, name in enumerate(observables)}
+        return Table({"run": runs, "t": np.concatenate(ts)} | columns)
+
+    @property
+    def vector_field(self) -> VectorField:
+        """The equations of motion as a function, compiled once."""
+        if self._field is None:
+            self._field = VectorField(self._native.vector_field(), len(self._names))
+        return self._field
+
+    def rhs(self, t: float, z: Any) -> np.ndarray:
+        """dz/dt at a time and a state, for ``scipy.integrate.solve_ivp`` and the like.
+
+        >>> import leverrier
+        >>> spec = leverrier.parse("coordinates q; momenta p; T = p^2/2; V = cos(q)")
+        >>> spec.known_law().rhs(0.0, [0.0, 2.0])
+        array([2., 0.])
+        """
+        return self.vector_field(t, z)
+
+    def energy(self, t: float, z: Any) -> Any:
+        """H at a time and a state, or at many states in columns."""
+        return self.vector_field.energy(t, z)
+
+    @property
+    def _names(self) -> list[str]:
+        return self.spec.coordinates + self.spec.momenta
+
+    # What it lacks.
+
+    def compare(
+        self,
+        X: Any = None,
+        *,
+        t: Any = None,
+        run: Any = None,
+        held_out: float = 0.25,
+        seed: int = 0,
+        threads: int | None = None,
+        progress: bool | Progress | None = None,
+    ) -> Comparison:
+        """Where the law fails: errors by length of prediction, drift of the energy, the force that
+        is missing.
+
+        With measurements (as :meth:`leverrier.Spec.data` takes them) the law is held against
+        these, which it has not seen. Without, its own are split, its numbers learned anew from
+        one part and judged on the other.
+
+        >>> import leverrier
+        >>> law = leverrier.open("examples/damped-pendulum/fit.ham").fit()
+        >>> law.compare().horizons[-1].held_out > 3
+        True
+        """
+        return self._compared(self._judged(X, t, run, held_out, seed, threads, progress), threads)
+
+    def diagnose(
+        self,
+        X: Any = None,
+        *,
+        t: Any = None,
+        run: Any = None,
+        held_out: float = 0.25,
+        seed: int = 0,
+        threads: int | None = None,
+        progress: bool | Progress | None = None,
+    ) -> Diagnosis:
+        """Which physical effect the law lacks, or that nothing is missing.
+
+        The arguments are those of :meth:`compare`. Ctrl-C raises KeyboardInterrupt with the
+        diagnosis so far as its attribute ``best``.
+
+        >>> import leverrier
+        >>> diagnosis = leverrier.open("examples/damped-pendulum/fit.ham").fit().diagnose()
+        >>> diagnosis.verdict, diagnosis.missing
+        ('missing', 'viscous_drag(q)')
+        """
+        judged = self._judged(X, t, run, held_out, seed, threads, progress)
+
+        def wrapped(text: str) -> Diagnosis:
+            return Diagnosis(judged.fields | json.loads(text), judged.law)
+
+        try:
+            with shown(progress) as told:
+                text = judged.law._native.diagnose(
+                    judged.training._native, judged.unseen._native, threads, told
+                )
+        except KeyboardInterrupt as interrupt:
+            if hasattr(interrupt, "best"):
+                interrupt.best = wrapped(interrupt.best)
+            raise
+        return wrapped(text)
+
+    def add(
+        self,
+        effect: str,
+        *,
+        held_out: float = 0.25,
+        seed: int = 0,
+        threads: int | None = None,
+        progress: bool | Progress | None = None,
+    ) -> Revision:
+        """The law with an effect, and whether held-out measurements support it.
+
+        The law and its spec stay as they are; ``add(...).law`` is the new one.
+
+        >>> import leverrier
+        >>> revision = leverrier.open("examples/damped-pendulum/fit.ham").fit().add("viscous_drag")
+        >>> revision.supported, [term.term for term in revision.law.terms]
+        (True, ['cos(q)', '-p'])
+        """
+        return self._revised(f"add {effect}", self.spec.with_effect(effect), held_out, seed,
+                             threads, progress)  # fmt: skip
+
+    def remove(
+        self,
+        effect: str,
+        *,
+        held_out: float = 0.25,
+        seed: int = 0,
+        threads: int | None = None,
+        progress: bool | Progress | None = None,
+    ) -> Revision:
+        """The law without an effect or without a term that has a name, and whether held-out
+        measurements speak for it: whether their error does not rise by more than 2 %."""
+        return self._revised(f"remove {effect}", self.spec.without(effect), held_out, seed,
+                             threads, progress)  # fmt: skip
+
+    def _revised(
+        self,
+        action: str,
+        spec: Spec,
+        held_out: float,
+        seed: int,
+        threads: int | None,
+        progress: bool | Progress | None,
+    ) -> Revision:
+        judged = self._judged(None, None, None, held_out, seed, threads, progress)
+        seen = spec.fit(judged.training, threads=threads, progress=progress)
+        after = judged._replace_law(seen)
+        compared = seen._compared(after, threads)
+        noise = [1.0 if one is None else one for _, one in compared.noise_floor]
+        before = judged.law._compared(judged, threads, noise)
+        law = spec.fit(self._own(), threads=threads, progress=progress)
+        known = {one.term for one in judged.law.terms}
+        new = [one.to_dict() for one in seen.terms if one.term not in known]
+        supported, reason = _support(action, new, before, compared)
+        fields = judged.fields | {
+            "action": action, "effect": new, "supported": supported, "reason": reason,
+        }  # fmt: skip
+        return Revision(fields, law, before, compared)
+
+    def refit(
+        self,
+        X: Any = None,
+        *,
+        t: Any = None,
+        run: Any = None,
+        threads: int | None = None,
+        progress: bool | Progress | None = None,
+    ) -> Law:
+        """The same terms with their numbers learned anew, from other measurements."""
+        data = self.spec.data(X, t=t, run=run)
+        with shown(progress) as told:
+            return Law(self._native.refit(data._native, threads, told), self.spec, data)
+
+    def _own(self) -> Data:
+        # A law from a file has measurements where its spec names them.
+        return self._data if self._data is not None else self.spec.data()
+
+    def _judged(
+        self,
+        X: Any,
+        t: Any,
+        run: Any,
+        held_out: float,
+        seed: int,
+        threads: int | None,
+        progress: bool | Progress | None,
+    ) -> _Judged:
+        from .spec import split_fields
+
+        if X is not None:
+            training, unseen = self._own(), self.spec.data(X, t=t, run=run)
+            law, terms = self, "the law as it is, judged on measurements that were given"
+            split = {"training": training.runs, "held_out": unseen.runs}
+        else:
+            if t is not None or run is not None:
+                raise InvalidArgumentError("t and run go with X", "give the measurements, too")
+            training, unseen = self._own().split(held_out, seed)
+            law = self.refit(training, threads=threads, progress=progress)
+            terms = "the terms of the law, their numbers from the training part"
+            split = split_fields(training, unseen, held_out, seed)
+        fields = {"system": self.spec.system, "split": split, "terms_from": terms}
+        return _Judged(law, training, unseen, fields)
+
+    def _compared(
+        self, judged: _Judged, threads: int | None, noise: list[float] | None = None
+    ) -> Comparison:
+        native = judged.law._native
+        text = native.compare(judged.training._native, judged.unseen._native, noise, threads)
+        return Comparison(judged.fields | json.loads(text), judged.law)
+
+    # What it is written as.
+
+    def to_latex(self, document: bool = False) -> str:
+        """The equations with their uncertainties; with ``document`` a document that compiles."""
+        return self._native.exported("latex-document" if document else "latex")
+
+    def to_mathml(self) -> str:
+        """The equations for a web page."""
+        return self._native.exported("mathml")
+
+    def to_python(self) -> str:
+        """Source of a module with SymPy expressions and a simulator, which needs no leverrier."""
+        return self._native.exported("python")
+
+    def to_json(self) -> str:
+        """Everything, for other programs (``docs/export-json.md``)."""
+        return self._native.exported("json")
+
+    def to_rust(self, folder: str | os.PathLike[str]) -> None:
+        """Writes a cargo project without dependencies: simulator, energy check, tests."""
+        self._native.to_rust(os.fspath(folder))
+
+    def to_c(self, folder: str | os.PathLike[str]) -> None:
+        """Writes the same as C source."""
+        self._native.to_c(os.fspath(folder))
+
+    def to_sympy(self) -> Any:
+        """The equations as SymPy expressions: ``energy``, ``velocities``, ``accelerations``,
+        ``forces``, with the learned numbers in them; ``symbols`` by name.
+
+        >>> import leverrier
+        >>> spec = leverrier.parse("coordinates q; momenta p; T = p^2/2; V = -cos(q)")
+        >>> spec.known_law().to_sympy().accelerations
+        [-sin(q)]
+        """
+        from .sympy import equations
+
+        return equations(json.loads(self.to_json()))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the model file."""
+        self._native.save(os.fspath(path))
+
+    def to_pandas(self) -> Any:
+        """The learned terms."""
+        return self.terms.to_pandas()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self._is_fitted:
+            return _again, (self.spec.text, self._native.model_json())
+        return _again, (self.spec.text, None)
+
+    @property
+    def _is_fitted(self) -> bool:
+        try:
+            return self.model is not None
+        except InvalidArgumentError:
+            return False
+
+    def __str__(self) -> str:
+        return self._native.equations()
+
+    def __repr__(self) -> str:
+        return f"<leverrier.Law: {self._native.equations().strip()}>".replace("\n", "; ")
+
+    def _repr_latex_(self) -> str:
+        readable = json.loads(self.to_json())["readable"]["parts"]
+        lines = [f"{_place(one['place'])} &= {one['latex']}" for one in readable]
+        return "$$\\begin{aligned}" + r" \\ ".join(lines) + "\\end{aligned}$$"
+
+    def _repr_html_(self) -> str | None:
+        if not self._is_fitted:
+            return f"<pre>{html.escape(str(self))}</pre>"
+        names = ["place", "term", "coefficient", "standard_error", "unit"]
+        rows = Rows(Record({name: one.get(name) for name in names}) for one in self.terms)
+        return f"<pre>{html.escape(str(self))}</pre>{rows._repr_html_()}"
+
+
+class _Judged:
+    """A law with the measurements that it was learned from and those that judge it."""
+
+    def __init__(self, law: Law, training: Data, unseen: Data, fields: dict[str, Any]) -> None:
+        self.law, self.training, self.unseen, self.fields = law, training, unseen, fields
+
+    def _replace_law(self, law: Law) -> _Judged:
+        return _Judged(law, self.training, self.unseen, self.fields)
+
+
+#: Fields of the model file that a law has as attributes.
+_MODEL_FIELDS = (
+    "alternatives", "evidence", "fingerprint", "front", "integrator", "noise", "origin",
+    "parameters", "path", "runners_up", "stop", "unlearnable", "version",
+)  # fmt: skip
+
+
+def _again(text: str, model: str | None) -> Law:
+    from .spec import parse
+
+    spec = parse(text)
+    if model is None:
+        return spec.known_law()
+    return Law(_native.Law.from_model_json(model, spec._native), spec, None)
+
+
+def _place(place: Any) -> str:
+    if isinstance(place, dict):
+        (kind, name), *_ = place.items()
+        return rf"\text{{{kind} on {name}}}"
+    return str(place)
+
+
+def _support(
+    action: str, new: list[dict[str, Any]], before: Comparison, after: Comparison
+) -> tuple[bool | None, str]:
+    was, now = before.horizons[-1].held_out, after.horizons[-1].held_out
+    if was is None or now is None:
+        return None, "there are no held-out runs to judge by"
+    fall = f"the error on held-out runs goes from {was:.2f} to {now:.2f} times the noise"
+    if action.startswith("remove"):
+        return now <= 1.02 * was, fall
+    if not new:
+        return False, f"the fit did not choose it; {fall}"
+    sure = [
+        one["standard_error"] is not None
+        and abs(one["coefficient"]) > _SIGNIFICANT * one["standard_error"]
+        for one in new
+    ]
+    if not all(sure):
+        return False, f"a coefficient is not {_SIGNIFICANT:g} standard errors from zero; {fall}"
+    return now < was, fall

@@ -1,0 +1,280 @@
+"""What the functions return: records with attributes named as in ``docs/formats.md``, tables."""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from .law import Law
+    from .spec import Spec
+
+
+def record(text: str) -> Record:
+    """A record of a JSON object."""
+    return Record(json.loads(text))
+
+
+def _wrapped(value: Any) -> Any:
+    if isinstance(value, dict):
+        return Record(value)
+    if isinstance(value, list) and value and all(isinstance(one, dict) for one in value):
+        return Rows(Record(one) for one in value)
+    if isinstance(value, list):
+        return [_wrapped(one) for one in value]
+    return value
+
+
+class Record(Mapping[str, Any]):
+    """A JSON object whose fields are attributes, too.
+
+    >>> from leverrier.results import record
+    >>> one = record('{"effect": "viscous_drag(q)", "terms": [{"coefficient": 0.5}]}')
+    >>> one.effect, one["effect"] == one.effect, one.terms[0].coefficient
+    ('viscous_drag(q)', True, 0.5)
+    """
+
+    def __init__(self, fields: dict[str, Any]) -> None:
+        self._fields = fields
+
+    def __getitem__(self, name: str) -> Any:
+        return _wrapped(self._fields[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._fields)
+
+    def __len__(self) -> int:
+        return len(self._fields)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        try:
+            return self[name]
+        except KeyError:
+            known = ", ".join(self._fields)
+            raise AttributeError(f"there is no field {name!r}; there are {known}") from None
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self._fields]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same in dictionaries and lists, as JSON has it."""
+        return self._fields
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(self._fields)})"
+
+    def _repr_html_(self) -> str:
+        return _html_table(["field", "value"], [[name, _short(self[name])] for name in self])
+
+
+class Rows(list[Record]):
+    """A list of records that is a table."""
+
+    def to_pandas(self) -> Any:
+        """One row a record, as a ``pandas.DataFrame``."""
+        import pandas
+
+        return pandas.DataFrame([one.to_dict() for one in self])
+
+    def _repr_html_(self) -> str:
+        names = list(self[0]) if self else []
+        return _html_table(names, [[_short(one.get(name)) for name in names] for one in self])
+
+
+class Table:
+    """Columns of the same length, by name.
+
+    >>> from leverrier import Table
+    >>> Table({"t": [0.0, 0.1], "q": [1.0, 0.9]})["q"]
+    array([1. , 0.9])
+    """
+
+    def __init__(self, columns: Mapping[str, Any]) -> None:
+        self.columns: dict[str, np.ndarray] = {k: np.asarray(v) for k, v in columns.items()}
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        try:
+            return self.columns[name]
+        except KeyError:
+            raise KeyError(f"{name!r}; there are {', '.join(self.columns)}") from None
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values()), ()))
+
+    def head(self, rows: int = 5) -> Table:
+        """The first rows."""
+        return Table({name: values[:rows] for name, values in self.columns.items()})
+
+    def to_pandas(self) -> Any:
+        """The same as a ``pandas.DataFrame``."""
+        import pandas
+
+        return pandas.DataFrame(self.columns)
+
+    def __repr__(self) -> str:
+        return f"<leverrier.Table: {len(self)} rows of {', '.join(self.columns)}>"
+
+    def _repr_html_(self) -> str:
+        head = self.head(10)
+        rows = [[_short(x) for x in row] for row in zip(*head.columns.values())]
+        more = f"<p>{len(self)} rows</p>" if len(self) > len(head) else ""
+        return _html_table(list(self.columns), rows) + more
+
+
+class _Result(Record):
+    """A record that was made from measurements in two parts."""
+
+    @property
+    def law(self) -> Law:
+        """The law that was judged: it was learned from the training part alone."""
+        return self._law
+
+    def __init__(self, fields: dict[str, Any], law: Law) -> None:
+        super().__init__(fields)
+        self._law = law
+
+
+class Comparison(_Result):
+    """Where a law fails: ``compare`` in ``docs/formats.md``.
+
+    ``horizons`` has the error by length of prediction, ``maps`` the force that is missing,
+    ``energy`` its drift, ``findings`` the worst as sentences.
+    """
+
+    def to_pandas(self) -> Any:
+        """The errors by length of prediction."""
+        return self.horizons.to_pandas()
+
+    def __repr__(self) -> str:
+        return "<leverrier.Comparison: " + "; ".join(self.findings) + ">"
+
+    def _repr_html_(self) -> str:
+        items = "".join(f"<li>{html.escape(one)}</li>" for one in self.findings)
+        return f"<ul>{items}</ul>{self.horizons._repr_html_()}"
+
+
+class Diagnosis(_Result):
+    """Which physical effect a law lacks: ``diagnose`` in ``docs/formats.md``.
+
+    ``verdict`` is ``missing``, ``nothing_missing``, ``unexplained`` or ``too_little_data``;
+    ``reason`` says why in a sentence; ``ranking`` has what was found, the best first.
+    """
+
+    @property
+    def missing(self) -> str | None:
+        """The effect that is missing, as :meth:`leverrier.Law.add` takes it; None where nothing
+        is, or where it has no name."""
+        found = self.verdict == "missing" and bool(self.ranking)
+        return self.ranking[0].effect if found else None
+
+    def to_pandas(self) -> Any:
+        """The ranking."""
+        return Rows(self.ranking).to_pandas()
+
+    def __repr__(self) -> str:
+        return f"<leverrier.Diagnosis: {self.verdict}: {self.reason}>"
+
+    def _repr_html_(self) -> str:
+        names = ["effect", "p_value", "held_out_error_before", "held_out_error_after"]
+        rows = [[_short(one[name]) for name in names] for one in self.ranking]
+        head = f"<p><b>{html.escape(self.verdict)}</b>: {html.escape(self.reason)}</p>"
+        return head + (_html_table(names, rows) if rows else "")
+
+
+class Discovery(_Result):
+    """What was added until what is left is noise: ``discover`` in ``docs/formats.md``.
+
+    ``steps`` has the additions, ``stop`` says why it ended, ``text`` is the longer spec;
+    ``law`` is its law, learned from the training part.
+    """
+
+    def __init__(self, fields: dict[str, Any], law: Law, spec: Spec) -> None:
+        super().__init__(fields, law)
+        self._spec = spec
+
+    @property
+    def spec(self) -> Spec:
+        """The spec with all that was added."""
+        return self._spec
+
+    def to_pandas(self) -> Any:
+        """The additions."""
+        return Rows(self.steps).to_pandas()
+
+    def __repr__(self) -> str:
+        steps = ", ".join(step.effect for step in self.steps) or "nothing"
+        return f"<leverrier.Discovery: added {steps}; {self.stop}>"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{html.escape(self.stop)}</p>" + Rows(self.steps)._repr_html_()
+
+
+class Revision(Record):
+    """What an effect did to a law: ``before`` and ``after`` are comparisons of laws that saw the
+    training part alone, in units of the same noise; ``law`` is learned from all measurements.
+
+    ``supported`` says whether the held-out error falls and the coefficient is more than four
+    standard errors from zero (None without held-out runs), ``reason`` why.
+    """
+
+    def __init__(
+        self, fields: dict[str, Any], law: Law, before: Comparison, after: Comparison
+    ) -> None:
+        super().__init__(fields)
+        self._law, self._before, self._after = law, before, after
+
+    @property
+    def law(self) -> Law:
+        """The law with the effect, learned from all measurements."""
+        return self._law
+
+    @property
+    def before(self) -> Comparison:
+        """The law without the effect, on held-out measurements."""
+        return self._before
+
+    @property
+    def after(self) -> Comparison:
+        """The law with the effect, on held-out measurements."""
+        return self._after
+
+    def __repr__(self) -> str:
+        return f"<leverrier.Revision: {self.action}: {self.reason}>"
+
+    def _repr_html_(self) -> str:
+        head = f"<p>{html.escape(self.action)}: {html.escape(self.reason)}</p>"
+        return head + Rows(self.effect)._repr_html_() + (self.law._repr_html_() or "")
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, bool) or value is None:
+        return "" if value is None else str(value).lower()
+    if isinstance(value, (float, np.floating)):
+        return f"{value:.6g}"
+    if isinstance(value, (list, tuple)) and value and len(value) <= 6:
+        return ", ".join(_short(one) for one in value)
+    if isinstance(value, (list, tuple)):
+        return f"{len(value)} entries"
+    text = repr(value) if isinstance(value, Record) else str(value)
+    return text if len(text) <= 120 else text[:117] + "..."
+
+
+def _html_table(names: list[str], rows: list[list[str]]) -> str:
+    head = "".join(f"<th>{html.escape(name)}</th>" for name in names)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{html.escape(str(cell))}</td>" for cell in row) + "</tr>"
+        for row in rows
+    )
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
