@@ -76,6 +76,9 @@ const PARTNERS: &[(&str, &str, Partner)] = &[
     ("*", "p_*", Partner::Momentum),
 ];
 
+/// Names of columns that drive a motion rather than follow it.
+const DRIVING: &[&str] = &["u", "force", "torque", "voltage", "current", "input", "command"];
+
 /// Coordinates that are known by their name, where no column goes with any.
 const ALONE: &[&str] = &[
     "theta",
@@ -309,8 +312,10 @@ fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
 /// The columns that are left, where they are coordinates by themselves: all have the name of one,
 /// or there is no other. A further column could be what goes with one of them.
 fn alone<'a>(columns: &[&'a Column]) -> Vec<&'a Column> {
-    let named = |column: &&Column| ALONE.contains(&parted(&column.name).0.as_str());
-    if columns.len() == 1 || columns.iter().all(named) { columns.to_vec() } else { Vec::new() }
+    let is = |column: &Column, names: &[&str]| names.contains(&parted(&column.name).0.as_str());
+    let columns: Vec<&Column> = columns.iter().copied().filter(|c| !is(c, DRIVING)).collect();
+    let named = |column: &&Column| is(column, ALONE);
+    if columns.len() == 1 || columns.iter().all(named) { columns } else { Vec::new() }
 }
 
 /// A column's name as a name of the mini-language.
@@ -444,7 +449,8 @@ fn spec(guess: &ColumnRoles, data: &Path, path: &Path) -> (String, Vec<String>) 
          T = {kinetic}\n\
          V = span{{ {space} }}\n\n\
          # Friction and other forces that are not in the energy (remove the # to try it):\n\
-         # force {first} += span{{ -{momentum} }}\n",
+         # force {first} += span{{ -{momentum} }}\n{inputs}",
+        inputs = inputs(&guess.unused, coordinates.first().map_or("", String::as_str)),
         own = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
         title = stem.replace('"', "'"),
         coordinates = list(false),
@@ -457,6 +463,28 @@ fn spec(guess: &ColumnRoles, data: &Path, path: &Path) -> (String, Vec<String>) 
     );
     (text, assumed)
 }
+
+/// Lines for the first columns that are left over, should one of them drive the motion.
+fn inputs(unused: &[&Column], coordinate: &str) -> String {
+    if unused.is_empty() {
+        return String::new();
+    }
+    let mut out =
+        "\n# What drives the motion, if it was measured: its column, and what it does between \
+                   samples\n# (hold, linear, spline or band_limited).\n"
+            .to_string();
+    for column in unused.iter().take(SHOWN_INPUTS) {
+        let name = word(&column.name);
+        // A column with another name than the input would have to be named in the data block.
+        if name == column.name {
+            out.push_str(&format!("# input {name} {{ linear }}\n# force {coordinate} += {name}\n"));
+        }
+    }
+    out
+}
+
+/// Columns that a first spec shows as what may drive the motion.
+const SHOWN_INPUTS: usize = 3;
 
 fn absolute(path: &Path) -> String {
     std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf()).display().to_string()

@@ -192,7 +192,10 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         ));
     }
     let path = arguments.output.clone().unwrap_or_else(|| "standard output".into());
-    let (written, layout) = in_columns(&data, system, spec.compiled().data.as_ref());
+    let (mut written, mut layout) = in_columns(&data, system, spec.compiled().data.as_ref());
+    if !records.is_empty() {
+        inputs_in_columns(&mut written, &mut layout, system, spec.compiled().data.as_ref());
+    }
     match &arguments.output {
         Some(_) => {
             write_atomically(&path, &to_bytes(&path, &written, &layout)?)?;
@@ -401,6 +404,32 @@ impl Arguments {
 /// Names of the components of the state: coordinates, then momenta.
 fn state_names(system: &System) -> Vec<String> {
     system.coordinates.iter().chain(&system.momenta).map(|v| v.name.clone()).collect()
+}
+
+/// The inputs, which stand behind the observables, in the columns and units that the spec's `data`
+/// line reads.
+fn inputs_in_columns(
+    data: &mut Dataset,
+    layout: &mut Layout,
+    system: &System,
+    columns: Option<&DataColumns>,
+) {
+    let columns = columns.map_or_else(|| system.input_columns(), |c| c.inputs.clone());
+    let first = data.observables.len().saturating_sub(columns.len());
+    for (at, (column, input)) in columns.iter().zip(&system.inputs).enumerate() {
+        if let (Some(name), Some(plain)) =
+            (data.observables.get_mut(first + at), column.candidates.first())
+        {
+            name.clone_from(plain);
+        }
+        let scaled = column.scale != 1.0;
+        for run in data.runs.iter_mut().filter(|_| scaled) {
+            if let Some(values) = run.values.get_mut(first + at) {
+                values.iter_mut().for_each(|x| *x /= column.scale);
+            }
+        }
+        layout.units.push(input.variable.unit_text.clone().filter(|_| !scaled));
+    }
 }
 
 /// The data in the columns and units that the spec's `data` line reads.

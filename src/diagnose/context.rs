@@ -102,8 +102,7 @@ impl<'a> Context<'a> {
     /// Best states of all segments of at most `window` samples, and what is left then.
     pub fn settle(&self, window: usize) -> (Segments, States, Sums) {
         let segments = cut(&self.measured, window).spread(self.most);
-        let degrees = self.system().degrees();
-        let mut states = States::measured(&self.measured, &segments.list, degrees);
+        let mut states = States::measured_by(&self.law, &self.measured, &segments.list);
         // Over many periods the misfit has many minima, and what was measured first need not
         // lie near the lowest: the first samples of each segment bring its state there.
         let dynamics = self.law.dynamics();

@@ -10,7 +10,7 @@ use super::segments::SHORTEST;
 use crate::dynamics::{Dynamics, Method};
 use crate::error::{Error, ErrorKind, Result};
 use crate::eval::Backend;
-use crate::expr::{Bounds, ParameterId, System, Term, TermId};
+use crate::expr::{Bounds, ParameterId, Symbol, System, Term, TermId};
 use crate::simulate::Simulator;
 
 /// Longest step of a law that is known from the start, in the spec's unit of time: nothing tells how
@@ -158,6 +158,29 @@ impl Law {
         self.system.term(id)?;
         let place = self.support.binary_search(&id);
         Some(place.map_or(0.0, |place| self.coefficients[place]))
+    }
+
+    /// Of a system that an input drives, the masses 1 / (d^2 H / dp^2) at rest, one a coordinate;
+    /// 1 where there is none.
+    pub(super) fn masses_of_driven(&self) -> Option<Vec<f64>> {
+        if self.system.inputs.is_empty() {
+            return None;
+        }
+        let mut system = System::clone(&self.system);
+        let energy = system.energy(&self.support).ok()?;
+        let each = self.coefficient_of_each_term();
+        let of = |symbol| match symbol {
+            Symbol::Coefficient(k) => each.get(k).copied().unwrap_or(0.0),
+            Symbol::Parameter(j) => self.parameters.get(j).copied().unwrap_or(0.0),
+            _ => 0.0,
+        };
+        let mass = |i: usize| {
+            let velocity = system.graph.derivative(energy, Symbol::Momentum(i));
+            let inverse = system.graph.derivative(velocity, Symbol::Momentum(i));
+            let mass = 1.0 / system.graph.value(inverse, &of);
+            if mass.is_finite() && mass > 0.0 { mass } else { 1.0 }
+        };
+        Some((0..self.system.degrees()).map(mass).collect())
     }
 
     /// One coefficient for each term of the whole function space, in its order; zero outside the

@@ -6,6 +6,7 @@ use std::slice::ChunksExact;
 use rayon::prelude::*;
 
 use super::blocking::BLOCKING;
+use super::law::Law;
 use super::segments::Segment;
 use crate::data::Packed;
 
@@ -33,6 +34,28 @@ impl States {
             }
         });
         States { size, values }
+    }
+
+    /// The same with momenta that are nowhere measured as the law's masses times velocities.
+    pub fn measured_by(law: &Law, measured: &Packed, segments: &[Segment]) -> States {
+        let mut states = States::measured(measured, segments, law.system().degrees());
+        states.weigh(measured, law);
+        states
+    }
+
+    /// Makes momenta that are nowhere measured, and stand as velocities, those of a law.
+    pub(super) fn weigh(&mut self, measured: &Packed, law: &Law) {
+        let Some(mut masses) = law.masses_of_driven() else { return };
+        let degrees = masses.len();
+        for (i, mass) in masses.iter_mut().enumerate() {
+            if measured.column(degrees + i).iter().any(|x| x.is_finite()) {
+                *mass = 1.0;
+            }
+        }
+        for state in self.values.chunks_exact_mut(self.size.max(1)) {
+            let momenta = state[degrees..].iter_mut();
+            momenta.zip(&masses).for_each(|(p, mass)| *p *= mass);
+        }
     }
 
     /// Standard deviation of one component over all segments; none where it never changes.

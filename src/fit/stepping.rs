@@ -151,7 +151,7 @@ fn sample(training: &Training) -> (Batch, Vec<f64>) {
     let degrees = training.system().degrees();
     let from = |&(i, at): &(usize, usize)| Segment { first: at, ..segments[i] };
     let rests: Vec<Segment> = picked.iter().map(from).collect();
-    let measured = States::measured(&training.measured, &rests, degrees);
+    let measured = States::measured_by(training.law(), &training.measured, &rests);
     let mut batch = Batch::new(degrees, picked.len());
     let mut span = Vec::with_capacity(picked.len());
     for (lane, &(i, at)) in picked.iter().enumerate() {

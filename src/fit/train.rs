@@ -135,7 +135,7 @@ impl<'a> Training<'a> {
             || compiled.of_all(system).separable(),
         );
         let segments = segments?;
-        let states = States::measured(&measured, &segments.list, degrees);
+        let mut states = States::measured(&measured, &segments.list, degrees);
         let spread = spreads(&scales, &states);
         let mut first_squares = gauge::unit_masses(system);
         first_squares.extend(first_masses(system, &measured));
@@ -148,6 +148,7 @@ impl<'a> Training<'a> {
             spread.clone(),
             (stepping, window),
         )?;
+        states.weigh(&measured, &law);
         Ok(Training {
             law,
             options,
@@ -198,7 +199,7 @@ impl<'a> Training<'a> {
 
     /// The start of every segment as it was measured.
     pub(super) fn first_states(&self) -> States {
-        States::measured(&self.measured, &self.segments.list, self.system().degrees())
+        States::measured_by(&self.law, &self.measured, &self.segments.list)
     }
 
     /// Works on a part of the segments from now on; gives those of before.
@@ -439,8 +440,7 @@ impl<'a> Training<'a> {
     fn noise_of_a_part(&self, dynamics: &Dynamics, theta: &[f64]) -> Vec<f64> {
         let mean = self.samples() / self.segments.list.len().max(1);
         let segments = self.segments.spread(self.options.tuning.rounds.noise_segments * mean);
-        let degrees = self.system().degrees();
-        let mut states = States::measured(&self.measured, &segments.list, degrees);
+        let mut states = States::measured_by(&self.law, &self.measured, &segments.list);
         let weights = self.weights();
         let problem = Problem { segments: &segments, ..self.problem(&weights) };
         let sums = settle(&problem, dynamics, theta, &mut states);

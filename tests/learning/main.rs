@@ -15,6 +15,7 @@ mod data;
 mod design;
 mod detectors;
 mod diagnosis;
+mod driven;
 #[allow(dead_code, reason = "the example of the same name uses the rest")]
 mod hidden;
 mod hidden_effects;

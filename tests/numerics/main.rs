@@ -10,6 +10,7 @@
 
 mod bodies;
 mod derivatives;
+mod driven;
 mod effects;
 mod elementary;
 mod evaluators;

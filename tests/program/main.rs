@@ -11,6 +11,7 @@ mod bad_input;
 mod commands;
 mod design;
 mod diagnosis;
+mod driven;
 mod examples;
 mod hostile_files;
 mod large_data;
