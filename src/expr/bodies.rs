@@ -83,7 +83,7 @@ impl System {
         let n = self.degrees();
         let mut out = Vec::new();
         for size in [2, 3] {
-            if n % size == 0 {
+            if n.is_multiple_of(size) {
                 let count = n / size;
                 out.push((0..count).map(|k| (0..size).map(|i| k * size + i).collect()).collect());
                 if count > 1 {

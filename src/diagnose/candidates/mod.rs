@@ -62,9 +62,9 @@ pub enum Origin {
     /// A known number of the spec, learned in its place: an inner parameter and no term.
     Number {
         /// The number.
-        number: KnownNumber,
+        number: Box<KnownNumber>,
         /// What a change of it does to the system, to first order; of the extension's graph.
-        probe: Term,
+        probe: Box<Term>,
     },
 }
 
@@ -154,7 +154,7 @@ impl Candidate {
     /// The known number that it is, where it is one.
     pub fn number(&self) -> Option<&KnownNumber> {
         match &self.origin {
-            Origin::Number { number, .. } => Some(number),
+            Origin::Number { number, .. } => Some(&**number),
             _ => None,
         }
     }

@@ -67,7 +67,7 @@ pub(super) fn candidates(scope: &Scope, dataset: &Dataset) -> Vec<Candidate> {
             parameters,
             grid: vec![Vec::new()],
             choice: 0.0,
-            origin: Origin::Number { number, probe },
+            origin: Origin::Number { number: Box::new(number), probe: Box::new(probe) },
         });
     }
     one_of(&mut all);

@@ -1,5 +1,7 @@
 //! Effects where they act: arguments, labels, and the statements that effects stand for.
 
+use std::collections::HashSet;
+
 use super::{ActsOn, EffectRow, catalogue};
 
 /// Coordinates that turn together when the axes are turned: a point in a plane or in space.
@@ -66,8 +68,8 @@ impl Scene {
     /// The arguments do not fit.
     pub fn arguments(&self, on: ActsOn, given: &[Vec<String>]) -> Result<Vec<String>, Misfit> {
         let names: Vec<String> = given.iter().flatten().cloned().collect();
-        let twice = (names.iter().enumerate()).find(|(i, name)| names[..*i].contains(name));
-        if let Some((_, name)) = twice {
+        let mut seen = HashSet::new();
+        if let Some(name) = names.iter().find(|name| !seen.insert(*name)) {
             return Err(Misfit::Twice(name.clone()));
         }
         let place = |name: &String| self.coordinates.iter().position(|known| known == name);
@@ -311,7 +313,7 @@ impl EffectRow {
             ActsOn::BodyPair => {
                 let mut out = Vec::new();
                 for (i, first) in scene.bodies.iter().enumerate() {
-                    for second in &scene.bodies[i + 1..] {
+                    for second in scene.bodies.iter().skip(i + 1) {
                         if first.coordinates.len() == second.coordinates.len() {
                             out.push(vec![first.text(), second.text()]);
                         }

@@ -206,11 +206,11 @@ fn push_slope(out: &mut Vec<f64>, parts: &[&Jet], component: usize, sign: f64) {
             .filter(|(other, _)| *other != at)
             .map(|(_, jet)| jet.value.as_slice())
             .collect();
-        let sums = out[start..].iter_mut().zip(slope).enumerate();
+        let sums = out[start..].iter_mut().zip(slope);
         match others.as_slice() {
-            [] => sums.for_each(|(_, (sum, x))| *sum += sign * x),
-            [a] => sums.zip(*a).for_each(|((_, (sum, x)), a)| *sum += sign * x * a),
-            _ => sums.for_each(|(i, (sum, x))| {
+            [] => sums.for_each(|(sum, x)| *sum += sign * x),
+            [a] => sums.zip(*a).for_each(|((sum, x), a)| *sum += sign * x * a),
+            _ => sums.enumerate().for_each(|(i, (sum, x))| {
                 *sum += sign * others.iter().fold(*x, |product, other| product * other[i]);
             }),
         }
