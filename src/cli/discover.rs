@@ -15,7 +15,7 @@ use super::splitting::SplitArguments;
 use super::workspace::Workspace;
 use crate::data::write_atomically;
 use crate::diagnose::diagnosis::Verdict;
-use crate::diagnose::discover::{Discovery, discover};
+use crate::diagnose::discover::{Accepts, Discovery, discover};
 use crate::diagnose::sufficiency;
 use crate::error::Result;
 use crate::fit::{Options, Silent};
@@ -36,6 +36,9 @@ pub struct Arguments {
     /// Say what would be added, and leave the spec as it is.
     #[arg(long)]
     pub dry_run: bool,
+    /// Where no story explains the data over whole runs, add the best that explains a part.
+    #[arg(long)]
+    pub partial: bool,
     #[command(flatten)]
     pub splitting: SplitArguments,
 }
@@ -62,6 +65,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         &workspace.split.training,
         held_out,
         &options,
+        if arguments.partial { Accepts::Partial } else { Accepts::Whole },
         &progress,
     )?;
     let written = !arguments.dry_run && !found.steps.is_empty();

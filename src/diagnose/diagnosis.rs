@@ -43,6 +43,8 @@ pub struct Diagnosis {
     pub indistinguishable: Vec<String>,
     /// The changes that together explain the data over whole runs; empty where none do.
     pub story: Vec<RankedEffect>,
+    /// Where no story holds: a named change that explains a part of what is missing.
+    pub partial: Vec<RankedEffect>,
     /// The members of the story after the first.
     pub further: Vec<RankedEffect>,
     /// The best term without a name, where the verdict is that something unnamed is missing.
@@ -124,6 +126,7 @@ impl Diagnosis {
             ranking: Vec::new(),
             indistinguishable: Vec::new(),
             story: Vec::new(),
+            partial: Vec::new(),
             further: Vec::new(),
             unnamed: None,
             unnamed_explains_more: false,

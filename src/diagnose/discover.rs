@@ -57,8 +57,18 @@ pub struct Step {
     pub indistinguishable: Vec<String>,
 }
 
+/// Which stories are added to a spec.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Accepts {
+    /// Those that hold: they explain the data over whole runs.
+    #[default]
+    Whole,
+    /// Where none holds, also the best that explains a part of what is missing.
+    Partial,
+}
+
 /// Adds the story of a diagnosis to a spec, and asks again until what is left is noise, or no story
-/// holds: then nothing more is added.
+/// holds: then nothing more is added, unless parts of an explanation are accepted.
 ///
 /// # Errors
 ///
@@ -69,6 +79,7 @@ pub fn discover(
     training: &Dataset,
     held_out: &Dataset,
     options: &Options,
+    accepts: Accepts,
     monitor: &dyn Monitor,
 ) -> Result<Discovery> {
     let mut text = text.to_string();
@@ -87,7 +98,12 @@ pub fn discover(
             interrupted = true;
             break interruption(&diagnosis, round);
         }
-        if diagnosis.verdict != Verdict::Missing {
+        let story = match diagnosis.verdict {
+            Verdict::Missing => &diagnosis.story,
+            Verdict::Unexplained if accepts == Accepts::Partial => &diagnosis.partial,
+            _ => &Vec::new(),
+        };
+        if story.is_empty() {
             break (diagnosis.reason, diagnosis.verdict);
         }
         if steps.len() >= TUNING.discovery.additions {
@@ -99,16 +115,15 @@ pub fn discover(
         }
         let law = Context::new(&compiled.system, &model, training)?.law;
         let Some((longer, next, fitted)) =
-            with_story(name, &text, &law, &diagnosis.story, training, options, monitor)?
+            with_story(name, &text, &law, story, training, options, monitor)?
         else {
-            let names: Vec<&str> =
-                diagnosis.story.iter().map(|member| member.effect.as_str()).collect();
+            let names: Vec<&str> = story.iter().map(|member| member.effect.as_str()).collect();
             let sentence =
                 format!("{} looked missing, but a full fit does not select it", names.join(", "));
             break (sentence, Verdict::Unexplained);
         };
-        for (at, member) in in_writing(&diagnosis.story).into_iter().enumerate() {
-            let alone = at == 0 && diagnosis.story.len() == 1;
+        for (at, member) in in_writing(story).into_iter().enumerate() {
+            let alone = at == 0 && story.len() == 1;
             let others =
                 if alone { &diagnosis.indistinguishable } else { &member.indistinguishable };
             steps.push(step(member, others));

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::candidates::{Candidate, NumberChange, Origin};
 use super::context::{Context, Parts, Settled};
+use super::misfit::excess;
 use super::scan::Scored;
 use super::tuning::TUNING;
 use crate::error::Result;
@@ -222,12 +223,18 @@ impl Refit {
     }
 
     /// What it leaves of data that it was not fitted to. The states of the model without it are a
-    /// near start; where nothing is gained from there, it starts from what was measured.
+    /// near start; but a model that loses the motion leads some of them astray, and where more than
+    /// noise is left from there, they are looked for once more from what was measured.
     pub fn left_of_other(&self, settled: &Settled) -> Sums {
         let context = self.context(&settled.context);
         let mut states = settled.states.clone();
-        let sums = context.settle_from(&settled.segments, &mut states);
-        if gained(&sums, settled) { sums } else { context.settle(settled.context.law.window()).2 }
+        let near = context.settle_from(&settled.segments, &mut states);
+        if gained(&near, settled) && excess(&near) == 0.0 {
+            return near;
+        }
+        let afresh = context.settle(settled.context.law.window()).2;
+        let lower = near.loss < afresh.loss && near.diverged <= afresh.diverged;
+        if lower { near } else { afresh }
     }
 }
 

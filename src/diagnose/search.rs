@@ -2,6 +2,7 @@
 
 use super::candidates::composed::{Budget, composed};
 use super::candidates::{Candidate, candidates, unnamed};
+use super::evidence::Judged;
 use super::ranking::{Ranking, ranking};
 use super::story::{
     Question, Story, agree_on_noise, description_lengths, sort_by_description_length,
@@ -26,13 +27,17 @@ pub fn stories<'a>(question: &Question<'a, '_>, first: &Ranking) -> Result<Vec<S
     let bare = Story::bare(question);
     let mut ended: Vec<Story> = Vec::new();
     let mut beam: Vec<Story> = Vec::new();
-    for judged in first.effects.iter().take(tuning.beginnings) {
-        let story = bare.with(judged, first.window, question)?;
-        let enough = holds(&story);
-        beam.push(story);
-        if enough || monitor.stopped() {
-            break;
+    for (place, judged) in first.effects.iter().enumerate() {
+        let told = beam.iter().filter(|story| holds(story));
+        let least = told.map(Story::price).fold(f64::INFINITY, f64::min);
+        // Where one holds, only a simpler one that does nearly as well can take its place.
+        let best = first.effects.first().map_or(0.0, |best| best.refit.effect.deviance);
+        let near = best - judged.refit.effect.deviance < TUNING.ranking.finish_within;
+        let simpler = least.is_finite() && judged.price < least && near;
+        if monitor.stopped() || !(simpler || place < tuning.beginnings && least.is_infinite()) {
+            continue;
         }
+        beam.push(bare.with(judged, first.window, question)?);
     }
     let mut grown = bare.clone();
     grown.grow(monitor);
@@ -58,8 +63,16 @@ pub fn stories<'a>(question: &Question<'a, '_>, first: &Ranking) -> Result<Vec<S
         }
         monitor.stage("what else is missing", 0.75 + 0.05 * depth as f64);
         let mut next: Vec<Story> = Vec::new();
-        for (place, story) in open.into_iter().enumerate() {
-            if place >= tuning.beam || monitor.stopped() {
+        // Terms without a name can be bent to anything: they do not crowd out what has one.
+        let (mut named, mut unnamed) = (0, 0);
+        for story in open {
+            let is_named = story.members.iter().all(|member| member.named);
+            let (taken, most) = match is_named {
+                true => (&mut named, tuning.beam),
+                false => (&mut unnamed, tuning.unnamed_beam),
+            };
+            *taken += 1;
+            if *taken > most || monitor.stopped() {
                 ended.push(story);
                 continue;
             }
@@ -100,31 +113,43 @@ fn holds(story: &Story) -> bool {
 fn extended<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Result<Vec<Story<'a>>> {
     let mut scope = story.scope.clone();
     let all = candidates(&mut scope, story.context.dataset);
-    added(question, story, &all, TUNING.ranking.later_refits)
+    let tuning = &TUNING;
+    added(question, story, &all, tuning.ranking.later_refits, tuning.verdict.branches)
 }
 
-/// The same with terms that have no name.
+/// The same with terms that have no name. Those that were composed crowd out the others, which
+/// are few: each kind is refitted for itself.
 fn with_unnamed<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Result<Vec<Story<'a>>> {
     let mut scope = story.scope.clone();
     let budget = Budget::default();
-    let mut all = composed(&mut scope, &story.context, budget, question.monitor)?;
-    all.extend(unnamed(&mut scope, story.context.dataset));
-    added(question, story, &all, TUNING.ranking.first_refits)
+    let terms = composed(&mut scope, &story.context, budget, question.monitor)?;
+    let shapes = unnamed(&mut scope, story.context.dataset);
+    let (refits, branches) = (TUNING.ranking.first_refits, TUNING.verdict.unnamed_branches);
+    let mut all = added(question, story, &terms, refits, branches)?;
+    all.extend(added(question, story, &shapes, refits, branches)?);
+    Ok(all)
 }
 
 fn added<'a>(
     question: &Question<'a, '_>,
     story: &Story<'a>,
     all: &[Candidate],
-    most: usize,
+    refits: usize,
+    branches: usize,
 ) -> Result<Vec<Story<'a>>> {
     let (held_out, monitor) = (question.held_out, question.monitor);
     // A model that loses the motion answers no further question.
-    let Ok(ranking) = ranking(&story.context, held_out, all, most, monitor) else {
+    let Ok(ranking) = ranking(&story.context, held_out, all, refits, monitor) else {
         return Ok(Vec::new());
     };
-    let best = ranking.effects.iter().take(TUNING.verdict.branches);
-    best.map(|judged| story.with(judged, ranking.window, question)).collect()
+    // A flexible change may be ahead as long as others are missing: the best of the simplest ones
+    // is always tried.
+    let unknowns = |judged: &Judged| judged.refit.effect.coefficient.len();
+    let simplest = ranking.effects.iter().enumerate().min_by_key(|(_, judged)| unknowns(judged));
+    let simplest = simplest.map_or(0, |(place, _)| place);
+    let taken = ranking.effects.iter().enumerate();
+    let taken = taken.filter(|(place, _)| *place < branches || *place == simplest);
+    taken.map(|(_, judged)| story.with(judged, ranking.window, question)).collect()
 }
 
 /// The story with members taken out that do not pay, and exchanged for what explains more, or as

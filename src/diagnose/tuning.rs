@@ -212,6 +212,11 @@ pub struct Verdict {
     pub beam: usize,
     /// Changes that each of them is extended by.
     pub branches: usize,
+    /// Stories with a term that has no name that are extended, beside those.
+    pub unnamed_beam: usize,
+    /// Terms without a name that a story may begin with: many of them look alike over short
+    /// segments.
+    pub unnamed_branches: usize,
     /// Standard errors that every coefficient of a story is away from zero, at least: of a
     /// thousand candidates, noise brings one to 3.3 of them.
     pub standard_errors: f64,
@@ -226,6 +231,9 @@ pub struct Verdict {
     /// integrator: a story that explains clean data to a millionth of the misfit is not incomplete
     /// for the rest.
     pub negligible: f64,
+    /// What the leader of the ranking leaves of the error on held-out runs, at most, to be offered
+    /// as a part of an explanation where no story holds.
+    pub part: f64,
     /// p-value below which a residual force without a name is there, all maps counted.
     pub unmistakable: f64,
     /// Residuals this many times the resolution of the integrator are the measurements' own.
@@ -394,11 +402,14 @@ pub const TUNING: Tuning = Tuning {
         beginnings: 3,
         beam: 3,
         branches: 2,
+        unnamed_beam: 1,
+        unnamed_branches: 6,
         standard_errors: 4.0,
         cancellation: 4.0,
         at_noise: 4.0,
         reaches: 1.1,
         negligible: 1e-12,
+        part: 0.97,
         unmistakable: 1e-6,
         resolved: 10.0,
     },

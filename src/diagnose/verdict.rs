@@ -57,7 +57,34 @@ pub fn judge<'a>(
         diagnosis.verdict = Verdict::NothingMissing;
         return Ok(());
     }
+    diagnosis.partial = part_of(diagnosis);
     unexplained(question, diagnosis, model, (&bare, &before), &stories, fault)
+}
+
+/// The leader of the ranking where it is worth being asked for though something else is missing
+/// beside it: it is clearly not zero, and held-out runs are predicted better with it. Beside what is
+/// missing every number looks significant, so that no longer story is a part of the explanation.
+fn part_of(diagnosis: &Diagnosis) -> Vec<RankedEffect> {
+    let leads = |one: &&RankedEffect| {
+        let mut numbers = one.coefficient.iter().zip(&one.standard_error);
+        let clear = TUNING.verdict.standard_errors;
+        let stands = one.number.is_some() || numbers.all(|(value, e)| value.abs() >= clear * e);
+        stands && one.held_out_error_after < TUNING.verdict.part * one.held_out_error_before
+    };
+    diagnosis.ranking.first().filter(leads).cloned().into_iter().collect()
+}
+
+/// The members of a story, the errors before and after all of it with the first and the last.
+fn members(story: &Story, before: &Unseen, after: &Unseen) -> Vec<RankedEffect> {
+    let mut members: Vec<RankedEffect> =
+        story.members.iter().map(|member| member.effect.clone()).collect();
+    if let Some(first) = members.first_mut() {
+        first.held_out_error_before = before.error;
+    }
+    if let Some(last) = members.last_mut() {
+        last.held_out_error_after = after.error;
+    }
+    members
 }
 
 /// Why a story is not told; `None` where it holds. `enough` is the model as it is, where that
@@ -103,14 +130,7 @@ fn unseen(question: &Question, story: &Story) -> Unseen {
 
 /// A story that holds.
 fn told(diagnosis: &mut Diagnosis, story: &Story, before: &Unseen, after: &Unseen) {
-    let mut members: Vec<RankedEffect> =
-        story.members.iter().map(|member| member.effect.clone()).collect();
-    if let Some(first) = members.first_mut() {
-        first.held_out_error_before = before.error;
-    }
-    if let Some(last) = members.last_mut() {
-        last.held_out_error_after = after.error;
-    }
+    let members = members(story, before, after);
     let Some((first, then)) = members.split_first() else { return };
     diagnosis.verdict = Verdict::Missing;
     diagnosis.held_out_error = before.error;

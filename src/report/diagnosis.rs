@@ -318,6 +318,17 @@ fn unexplained(diagnosis: &Diagnosis, width: usize) -> Vec<String> {
         );
         sections.push(wrapped(&sentence, width, 2));
     }
+    if let (Some(first), Some(last)) = (diagnosis.partial.first(), diagnosis.partial.last()) {
+        let names: Vec<&str> = diagnosis.partial.iter().map(|l| l.effect.as_str()).collect();
+        let sentence = format!(
+            "A part of it may be {}: the error on held-out runs goes from {} to {}, and more is \
+             missing. `leverrier discover --partial` adds that part.",
+            names.join(" with "),
+            times(first.held_out_error_before),
+            times(last.held_out_error_after),
+        );
+        sections.push(wrapped(&sentence, width, 2));
+    }
     if let Some(unnamed) = &diagnosis.unnamed {
         let sentence = format!(
             "The best term outside the catalogue is {}: it takes the error on held-out runs from {} to {}. To add it, write into the spec:",

@@ -20,7 +20,7 @@ pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
         .map(|candidate| (strsim::damerau_levenshtein(word, candidate), candidate))
         .filter(|&(distance, candidate)| {
             let longest = word.chars().count().max(candidate.chars().count());
-            distance * 2 < longest.max(3)
+            distance * 3 < longest.max(4)
         })
         .min_by_key(|&(distance, _)| distance)
         .map(|(_, candidate)| candidate)

@@ -158,6 +158,7 @@ pub fn missing(diagnosis: &Diagnosis) -> Value {
         "reason": capital(&diagnosis.reason),
         "leaders": diagnosis.ranking.iter().map(leader).collect::<Vec<_>>(),
         "indistinguishable": diagnosis.indistinguishable,
+        "partial": diagnosis.partial.iter().map(|leader| &leader.effect).collect::<Vec<_>>(),
         "further": diagnosis.further.iter().map(|leader| &leader.effect).collect::<Vec<_>>(),
         "unnamed": diagnosis.unnamed.as_ref().map(leader),
         "tested": (diagnosis.candidates > 0).then(|| present::tested(diagnosis)),

@@ -31,25 +31,36 @@ fn front(found: &Composition) -> Vec<String> {
 
 #[test]
 fn terms_of_every_kind_are_composed_again() {
-    // Data to which no simpler expression does as well: with other noise there often is one.
+    // With some noise another expression does as well, and is chosen by its length: where it is,
+    // the true one stands on the front beside it.
     let rows = [
-        ("trap", "V += span{ x^2*y^2 }", "V += span{ x^2*y^2 }", 0.01, 1),
-        ("pendulum", "V += span{ exp(-q^2) }", "V += span{ exp(-q^2) }", 0.01, 3),
-        ("trap", "force x += span{ -x^2*px }", "force x += span{ x^2*px }", 0.01, 13),
+        ("trap", "V += span{ x^2*y^2 }", "V += span{ x^2*y^2 }", 0.01),
+        ("pendulum", "V += span{ exp(-q^2) }", "V += span{ exp(-q^2) }", 0.01),
+        ("trap", "force x += span{ -x^2*px }", "force x += span{ x^2*px }", 0.01),
         (
             "Kepler",
             "V += span{ x*y/(x^2 + y^2)^(5/2) }",
             "V += span{ x*y*(x^2 + y^2)^(-5/2) }",
             0.001,
-            14,
         ),
     ];
-    for (name, hidden, statement, noise, seed) in rows {
-        let found = search(&case_reaching(0.2, base(name), hidden, noise, seed), 150_000);
-        assert!(found.distinct >= 100_000, "{name}: {} distinct", found.distinct);
-        let front = front(&found);
-        assert_eq!(front.first().map(String::as_str), Some(statement), "{name}: {front:?}");
+    let mut tried = 0;
+    let mut first = 0;
+    let mut missed = Vec::new();
+    for (name, hidden, statement, noise) in rows {
+        for seed in [1, 2] {
+            let found = search(&case_reaching(0.2, base(name), hidden, noise, seed), 150_000);
+            assert!(found.distinct >= 100_000, "{name}: {} distinct", found.distinct);
+            let front = front(&found);
+            tried += 1;
+            match front.iter().position(|one| one == statement) {
+                Some(place) => first += usize::from(place == 0),
+                None => missed.push(format!("{name}, {seed}: {front:?}")),
+            }
+        }
     }
+    assert!(4 * missed.len() <= tried, "of {tried}: {missed:#?}");
+    assert!(2 * first >= tried, "{first} of {tried} are first");
 }
 
 #[test]

@@ -6,7 +6,7 @@ use leverrier::internals::data::Dataset;
 use leverrier::internals::diagnose::comparison::compare;
 use leverrier::internals::diagnose::context::Context;
 use leverrier::internals::diagnose::diagnosis::{Diagnosis, Verdict, diagnose};
-use leverrier::internals::diagnose::discover::discover;
+use leverrier::internals::diagnose::discover::{Accepts, discover};
 use leverrier::internals::expr::{Compiled, build};
 use leverrier::internals::fit::{Model, Monitor, Options, Silent, fit};
 use leverrier::internals::simulate::Simulator;
@@ -172,6 +172,7 @@ fn two_effects_at_once_are_found_and_nothing_else() {
         &case.training,
         &case.held_out,
         &Options::default(),
+        Accepts::Whole,
         &Silent,
     )
     .unwrap_or_else(|error| panic!("{error}"));
@@ -205,8 +206,9 @@ fn an_interrupted_search_says_what_it_had_found_and_how_far_it_had_come() {
     let options = Options::default();
     let monitor = StopAt("refitting the leaders", AtomicBool::new(false));
     let (training, held_out) = (&case.training, &case.held_out);
-    let found = discover("learned", &case.text, training, held_out, &options, &monitor)
-        .unwrap_or_else(|error| panic!("{error}"));
+    let found =
+        discover("learned", &case.text, training, held_out, &options, Accepts::Whole, &monitor)
+            .unwrap_or_else(|error| panic!("{error}"));
     assert!(found.interrupted && found.steps.is_empty(), "{found:?}");
     for part in ["interrupted in round 1", "viscous_drag(q)", "times the noise"] {
         assert!(found.stop.contains(part), "{}", found.stop);

@@ -103,7 +103,7 @@ fn effects_that_cannot_be_are_refused_with_the_reason() {
         ("add", "viscos_drag", "did you mean `viscous_drag`?"),
         ("add", "magnetic_force", "it needs two coordinates"),
         ("add", "viscous_drag(phi)", "cannot be on `phi`"),
-        ("add", "viscous_drag(theta, theta)", "on one coordinate"),
+        ("add", "viscous_drag(theta, theta)", "not on `theta` twice"),
         ("add", "outliers", "no term of a model"),
         ("remove", "viscous_drag", "does not have"),
     ] {

@@ -77,9 +77,13 @@ fn two_carts_have_three_springs_and_friction() {
     assert!(rounded.iter().all(|d| (d["size"].as_f64().expect("a step") - 1.0).abs() < 1e-6));
 }
 
-/// Names of the effects that the loop adds, each with what it could also be.
+/// Names of the effects that the loop adds, each with what it could also be. Real rigs have more
+/// faults than anybody names: without being asked for parts of an explanation it adds nothing.
 fn discovered(folder: &Path) -> Vec<Vec<String>> {
-    let found = json(folder, &["discover", "s.ham"], "leverrier.discover/2");
+    let whole = json(folder, &["discover", "s.ham", "--dry-run"], "leverrier.discover/2");
+    assert_eq!(whole["verdict"], "unexplained", "{whole}");
+    assert_eq!(whole["steps"].as_array().map(Vec::len), Some(0), "{whole}");
+    let found = json(folder, &["discover", "s.ham", "--partial"], "leverrier.discover/2");
     let names = |step: &Value| -> Vec<String> {
         let others = step["indistinguishable"].as_array().expect("others").iter();
         let all = std::iter::once(&step["effect"]).chain(others);
@@ -106,9 +110,9 @@ fn the_loop_finds_the_spring_between_two_carts_and_their_friction() {
     fs::write(folder.path().join("s.ham"), together).expect("written");
     let found = discovered(folder.path());
     let first = found.first().expect("something is found");
-    assert!(first.contains(&"viscous_drag(x1)".to_string()), "{found:?}");
+    assert!(first.iter().all(|name| name.contains("drag") || name.contains("friction")));
     // Somebody touches the carts at the end, and the camera looks at them from one side.
-    assert!(found.len() <= 4, "{found:?}");
+    assert!(found.len() <= 2, "{found:?}");
     let compared = json(folder.path(), &["compare", "s.ham"], "leverrier.compare/2");
     let last = compared["horizons"].as_array().expect("horizons").last().expect("one");
     assert!(last["held_out"].as_f64().expect("an error") < 1.6, "{last}");
@@ -172,12 +176,12 @@ fn the_loop_finds_what_the_filmed_pendulum_loses_and_where_it_hangs() {
     let before = ten_seconds(folder.path());
     let found = discovered(folder.path());
     let has = |wanted: &[&str]| {
-        found.iter().flatten().any(|name| wanted.iter().any(|w| name == &format!("{w}(theta)")))
+        found.iter().flatten().any(|name| wanted.iter().any(|w| name.split('(').next() == Some(w)))
     };
     assert!(has(&["viscous_drag"]), "{found:?}");
     assert!(has(&["constant_force", "tilt", "sensor_offset"]), "{found:?}");
     // The published velocities are a little too small, and nothing else is missing.
-    assert!(found.len() <= 4, "{found:?}");
+    assert!(has(&["sensor_scale"]) && found.len() == 3, "{found:?}");
     // A sine of twice the angle, which gaps taken for intervals would bring in.
     assert!(!has(&["periodic_substrate", "parametric_drive"]), "{found:?}");
     let after = ten_seconds(folder.path());

@@ -10,7 +10,7 @@ use crate::cli::progress::Progress;
 use crate::cli::splitting::SplitArguments;
 use crate::cli::{compare, diagnose, revise};
 use crate::data::{Layout, write_atomically, write_csv};
-use crate::diagnose::discover::discover;
+use crate::diagnose::discover::{Accepts, discover};
 use crate::error::{Error, Result};
 use crate::expr;
 use crate::expr::Term;
@@ -79,7 +79,15 @@ fn story(stage: &DemoRun, runs: usize) -> Result<Value> {
         let held_out = workspace.held_out().unwrap_or(&workspace.dataset);
         let (training, options) = (&workspace.split.training, Options::default());
         let progress = Progress::new();
-        let found = discover("pendulum.ham", SPEC, training, held_out, &options, &progress)?;
+        let found = discover(
+            "pendulum.ham",
+            SPEC,
+            training,
+            held_out,
+            &options,
+            Accepts::Whole,
+            &progress,
+        )?;
         return Ok(json!({
             "truth": truth,
             "steps": found.steps,

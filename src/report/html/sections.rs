@@ -275,6 +275,15 @@ fn missing(page: &Page, figures: &Drawn) -> String {
             escaped(&further.join(", then "))
         );
     }
+    if !diagnosis.partial.is_empty() {
+        let parts: Vec<&str> =
+            diagnosis.partial.iter().map(|leader| leader.effect.as_str()).collect();
+        let _ = writeln!(
+            out,
+            "<p>A part of it may be {}; more is missing.</p>",
+            escaped(&parts.join(", with "))
+        );
+    }
     if let Some(unnamed) = &diagnosis.unnamed {
         let _ = writeln!(
             out,

@@ -326,6 +326,7 @@
       box.append(make("p", "", `These data cannot distinguish ${missing.leaders[0].effect} from ${missing.indistinguishable.join(", ")}.`));
     }
     if (missing.further.length) box.append(make("p", "", `It explains the runs together with ${missing.further.join(" and ")}.`));
+    if (missing.partial.length) box.append(make("p", "", `A part of it may be ${missing.partial.join(" with ")}; more is missing.`));
     verdict.replaceChildren(box);
     const shown = missing.leaders.slice(0, 6).map((leader, at) => card(leader, at === 0 && missing.verdict === "missing"));
     if (missing.unnamed) {

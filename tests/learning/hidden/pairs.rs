@@ -1,6 +1,6 @@
 //! Two effects at once, and whether the loop finds both and nothing else.
 
-use leverrier::internals::diagnose::discover::{Discovery, discover};
+use leverrier::internals::diagnose::discover::{Accepts, Discovery, discover};
 use leverrier::internals::fit::{Options, Silent};
 
 use super::bases::BASES;
@@ -45,8 +45,9 @@ impl Pair {
         let case = case(base, self.statement, noise, seed);
         let options = Options::default();
         let (text, training, held_out) = (&case.text, &case.training, &case.held_out);
-        let found = discover("learned", text, training, held_out, &options, &Silent)
-            .unwrap_or_else(|error| panic!("{error}"));
+        let found =
+            discover("learned", text, training, held_out, &options, Accepts::Whole, &Silent)
+                .unwrap_or_else(|error| panic!("{error}"));
         let mut labels: Vec<String> = found
             .steps
             .iter()
