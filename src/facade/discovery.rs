@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::json::json_text;
 use super::{Data, Effect, Law, Spec, Verdict};
-use crate::diagnose::discover::{Discovery as Found, Step, discover};
+use crate::diagnose::discover::{Accepts, Discovery as Found, Step, discover};
 use crate::diagnose::sufficiency;
 use crate::error::{Error, ErrorKind, Result};
 use crate::fit::{Monitor, Options};
@@ -66,7 +66,8 @@ impl Spec {
             options.parameter_starts.clone_from(&self.compiled().starts);
         }
         let (seen, unseen) = (training.dataset(), held_out.dataset());
-        let found = discover(self.name(), self.text(), seen, unseen, &options, monitor)?;
+        let found =
+            discover(self.name(), self.text(), seen, unseen, &options, Accepts::Whole, monitor)?;
         let document = json!(found);
         let Found { steps, stop, verdict, text, model, .. } = found;
         Ok(Discovery {
