@@ -83,7 +83,7 @@ class LeverrierError(Exception):
         return f"{self._place()}{self.message}{hint}"
 
     def _place(self) -> str:
-        parts = [self.file] if self.file else []
+        parts = [self.file] if self.file and self.file not in self.message else []
         if self.line is not None:
             parts.append(f"{'line' if self.file else 'row'} {self.line}")
         if self.column is not None:

@@ -13,6 +13,7 @@ from . import _native
 from .errors import InvalidArgumentError
 from .progress import Progress, shown
 from .results import Comparison, Diagnosis, Record, Revision, Rows, Table, record
+from .tables import _numbers, _seed, inputs_of, number, path_text
 
 if TYPE_CHECKING:
     from .spec import Spec
@@ -41,7 +42,11 @@ class VectorField:
         return self._of(t, z, self._native.energies, False)
 
     def _of(self, t: float, z: Any, function: Any, vector: bool) -> Any:
-        states = np.asarray(z, dtype=np.float64)
+        t = number(t, "t")
+        try:
+            states = np.asarray(z, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InvalidArgumentError(f"z must be numbers ({error})", "give a state") from error
         if states.ndim not in (1, 2) or states.shape[0] != self._size:
             raise InvalidArgumentError(
                 f"z has the shape {states.shape}",
@@ -50,7 +55,7 @@ class VectorField:
         flat = np.ascontiguousarray(states.T).reshape(-1)
         if flat.size == 0:
             return np.zeros(states.shape if vector else states.shape[1:])
-        out = function(float(t), flat)
+        out = function(t, flat)
         if vector:
             return out if states.ndim == 1 else out.reshape(states.shape[1], -1).T
         return out if states.ndim == 2 else float(out[0])
@@ -181,8 +186,6 @@ class Law:
             )
         inputs = None
         if u is not None:
-            from .tables import inputs_of
-
             at = times if t_u is None else np.asarray(t_u, dtype=np.float64)
             inputs = (at.tolist(), [one.tolist() for one in inputs_of(self.spec, u, at.size)])
         t, flat, method, drift = self._native.predict(state.tolist(), times.tolist(), inputs)
@@ -203,8 +206,11 @@ class Law:
         >>> made
         <leverrier.Table: 6 rows of run, t, q, p>
         """
-        from .tables import _seed
-
+        starts = _numbers(starts, "starts")
+        if starts.ndim != 2:
+            raise InvalidArgumentError(
+                f"starts has the shape {starts.shape}", "give a row for each run"
+            )
         observables = self.spec.observables
         sigma = np.asarray(noise, dtype=np.float64)
         if sigma.ndim > 1 or sigma.size not in (1, len(observables)) or not np.all(sigma >= 0):
@@ -450,11 +456,11 @@ class Law:
 
     def to_rust(self, folder: str | os.PathLike[str]) -> None:
         """Writes a cargo project without dependencies: simulator, energy check, tests."""
-        self._native.to_rust(os.fspath(folder))
+        self._native.to_rust(path_text(folder))
 
     def to_c(self, folder: str | os.PathLike[str]) -> None:
         """Writes the same as C source."""
-        self._native.to_c(os.fspath(folder))
+        self._native.to_c(path_text(folder))
 
     def to_sympy(self) -> Any:
         """The equations as SymPy expressions: ``energy``, ``velocities``, ``accelerations``,
@@ -471,7 +477,7 @@ class Law:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the model file."""
-        self._native.save(os.fspath(path))
+        self._native.save(path_text(path))
 
     def to_pandas(self) -> Any:
         """The learned terms."""

@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from .errors import InvalidArgumentError
+
 #: Takes a few words about the present stage and how far the whole has come (0 to 1).
 Progress = Callable[[str, float], object]
 
@@ -22,6 +24,10 @@ def shown(progress: bool | Progress | None) -> Iterator[Progress | None]:
     if callable(progress):
         yield progress
         return
+    if not (progress is None or isinstance(progress, bool)):
+        raise InvalidArgumentError(
+            f"progress is {progress!r}", "give a function, True, False, or leave it out"
+        )
     bar = _bar() if progress or (progress is None and _is_watched()) else None
     if bar is None:
         yield None

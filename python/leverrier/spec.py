@@ -26,7 +26,7 @@ def open(path: str | os.PathLike[str]) -> Spec:
     >>> leverrier.open("examples/damped-pendulum/fit.ham").coordinates
     ['q']
     """
-    return Spec(_native.Spec.open(os.fspath(path)))
+    return Spec(_native.Spec.open(tables.path_text(path)))
 
 
 def parse(text: str) -> Spec:
@@ -46,6 +46,7 @@ def parse(text: str) -> Spec:
         raise InvalidArgumentError(
             f"a {type(text).__name__} is no text of a spec", "open(path) reads a file"
         )
+    _text(text, "a text")
     return Spec(_native.Spec.parse(text))
 
 
@@ -221,7 +222,7 @@ class Spec:
 
     def law(self, path: str | os.PathLike[str]) -> Law:
         """The law in a model file that was fitted to this spec."""
-        return Law(_native.Law.open(os.fspath(path), self._native), self, None)
+        return Law(_native.Law.open(tables.path_text(path), self._native), self, None)
 
     def with_effect(self, effect: str) -> Spec:
         """The spec with an effect of the catalogue in its text, as ``viscous_drag(q)``.
@@ -258,6 +259,12 @@ class Spec:
 def _text(value: object, what: str) -> str:
     if not isinstance(value, str):
         raise InvalidArgumentError(f"{value!r} is not {what}", "give it as text")
+    try:
+        value.encode()
+    except UnicodeEncodeError as error:
+        raise InvalidArgumentError(
+            f"the text has half a character at {error.start}", "read it anew as UTF-8"
+        ) from error
     return value
 
 
@@ -272,24 +279,31 @@ def fit_options(**given: Any) -> dict[str, Any]:
     options["memory"] = _bytes(options["memory"])
     for name in ("window", "starts"):
         value = options[name]
-        if value is not None and (not isinstance(value, int) or value < 0):
+        if value is not None and (not isinstance(value, int) or not 0 <= value < 2**32):
             raise InvalidArgumentError(f"{name} is {value!r}", "give a whole number from 0 on")
     for name in ("select", "loss", "trainer"):
         _text(options[name], name)
+    if options["method"] is not None:
+        _text(options["method"], "an integrator")
+    if options["step"] is not None:
+        options["step"] = tables.number(options["step"], "step")
     return options
 
 
 def _bytes(memory: int | str | None) -> int | None:
-    if memory is None or isinstance(memory, int) and not isinstance(memory, bool) and memory > 0:
-        return memory
+    if memory is None:
+        return None
     text = str(memory).strip().upper()
     number = text.rstrip("BIKMGT ")
     try:
-        return int(float(number) * _UNITS[text[len(number) :].strip()])
+        found = int(float(number) * _UNITS[text[len(number) :].strip()])
     except (ValueError, KeyError, OverflowError):
+        found = 0
+    if not 0 < found < 2**63:
         raise InvalidArgumentError(
             f"{memory!r} is no amount of memory", "give bytes, or a text such as '2GiB'"
-        ) from None
+        )
+    return found
 
 
 def threads_of(threads: int | None) -> int | None:

@@ -62,7 +62,7 @@ class Data:
     def split(self, held_out: float = 0.25, seed: int = 0) -> tuple[Data, Data]:
         """Training and held-out measurements: whole runs where there are several, else stretches
         of one. The same seed makes the same choice."""
-        training, unseen = self._native.split(float(held_out), _seed(seed))
+        training, unseen = self._native.split(number(held_out, "held_out"), _seed(seed))
         return Data(training), Data(unseen)
 
     def to_pandas(self) -> Any:
@@ -88,6 +88,24 @@ class Data:
         return self.table().head(10)._repr_html_()
 
 
+def number(value: Any, name: str) -> float:
+    """A single number."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise InvalidArgumentError(f"{name} is {value!r}", "give a number") from None
+
+
+def path_text(path: Any) -> str:
+    """The name of a file, in text that can be written."""
+    try:
+        text = os.fsdecode(path)
+        text.encode()
+    except (TypeError, UnicodeEncodeError):
+        raise InvalidArgumentError(f"{path!r} is no name of a file", "give it as text") from None
+    return text
+
+
 def _seed(seed: int) -> int:
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed < 2**64:
         raise InvalidArgumentError(
@@ -110,7 +128,7 @@ def data(spec: Spec, X: Any, t: Any, run: Any, u: Any = None) -> Data:
         return X
     if X is None or isinstance(X, (str, os.PathLike)):
         _no_more(t, run, "the spec's `data` line names the columns of a file")
-        return Data(_native.Data.open(native, None if X is None else os.fspath(X)))
+        return Data(_native.Data.open(native, None if X is None else path_text(X)))
     columns = named_columns(X)
     if columns is not None:
         return _of_columns(spec, columns, t, run)
@@ -140,6 +158,14 @@ def _no_more(t: Any, run: Any, why: str) -> None:
 
 
 def _of_columns(spec: Spec, columns: dict[str, Any], t: Any, run: Any) -> Data:
+    for name, values in columns.items():
+        if np.ndim(values) == 0:
+            raise DataError(
+                f"the column is {values!r:.40}",
+                "give one value for each sample",
+                kind="Data",
+                column=name,
+            )
     rows = len(next(iter(columns.values()), ()))
     time_name = _column(columns, t, "t", rows)
     run_name = _column(columns, run, "run", rows)
@@ -224,8 +250,8 @@ def _first_wrong(array: np.ndarray) -> str:
         try:
             float(value)
         except (TypeError, ValueError):
-            place = at[0] if len(at) == 1 else f"{at[0]}, {at[1]}"
-            return f"{value!r:.40} at [{place}]"
+            place = f" at [{', '.join(str(one) for one in at)}]" if at else ""
+            return f"{value!r:.40}{place}"
     return f"of type {array.dtype}"
 
 

@@ -43,6 +43,54 @@ def test_every_kind_of_error_has_its_class(tmp_path, pendulum) -> None:
         assert isinstance(told.value, builtin) and told.value.message
 
 
+WRONG = {
+    "much memory": lambda spec, law, X: spec.fit(X, t=0.1, memory=2**70),
+    "no memory": lambda spec, law, X: spec.fit(X, t=0.1, memory=-5),
+    "little memory": lambda spec, law, X: spec.fit(X, t=0.1, memory=100),
+    "a long window": lambda spec, law, X: spec.fit(X, t=0.1, window=2**70),
+    "a window of text": lambda spec, law, X: spec.fit(X, t=0.1, window="a"),
+    "a step of text": lambda spec, law, X: spec.fit(X, t=0.1, step="a"),
+    "no method": lambda spec, law, X: spec.fit(X, t=0.1, method="a"),
+    "a number for a method": lambda spec, law, X: spec.fit(X, t=0.1, method=3),
+    "progress": lambda spec, law, X: law.diagnose(progress=5),
+    "data of another spec": lambda spec, law, X: law.compare(spec.with_effect("bias(q)"), t=0.1),
+    "no times": lambda spec, law, X: law.predict([1, 0], []),
+    "times that are none": lambda spec, law, X: law.predict([1, 0], [0, float("nan")]),
+    "falling times": lambda spec, law, X: law.predict([1, 0], [1, 0]),
+    "no start": lambda spec, law, X: law.predict(None, [0, 1]),
+    "half a start": lambda spec, law, X: law.predict({"q": 1}, [0, 1]),
+    "a state of objects": lambda spec, law, X: law.rhs(0.0, [object(), 1]),
+    "a time of text": lambda spec, law, X: law.rhs("a", [0.0, 1.0]),
+    "too many axes": lambda spec, law, X: law.rhs(0.0, X.reshape(2, -1, 2)),
+    "an effect on nothing": lambda spec, law, X: law.add(""),
+    "an injected statement": lambda spec, law, X: law.add("viscous_drag(q); T = 3"),
+    "nothing to remove": lambda spec, law, X: law.remove("q^9"),
+    "a zero in a text": lambda spec, law, X: leverrier.parse("coordinates \0"),
+    "half a character": lambda spec, law, X: leverrier.parse("coordinates \ud800"),
+    "half a character in a name": lambda spec, law, X: leverrier.open("a\ud800"),
+    "a zero in a name": lambda spec, law, X: leverrier.open("a\0b"),
+    "a folder": lambda spec, law, X: leverrier.open("examples"),
+    "nowhere to save": lambda spec, law, X: law.save("nowhere/at/all.json"),
+    "a column that is a number": lambda spec, law, X: spec.fit({"t": 0.1, "q": 1.0}),
+    "a column that is a dictionary": lambda spec, law, X: spec.fit({"t": {"a": 1}, "q": [1, 2]}),
+    "a set": lambda spec, law, X: spec.fit({1, 2, 3}, t=0.1),
+    "negative noise": lambda spec, law, X: law.simulate([[1, 0]], [0, 1], noise=-1),
+    "starts that are none": lambda spec, law, X: law.simulate(3, [0, 1]),
+    "a share of text": lambda spec, law, X: law.compare(held_out="a"),
+    "a broken seed": lambda spec, law, X: law.compare(seed=1.5),
+    "nothing measured": lambda spec, law, X: spec.fit(X * float("nan"), t=0.1),
+    "runs that are objects": lambda spec, law, X: spec.fit(X, t=0.1, run=[object()] * len(X)),
+    "runs without names": lambda spec, law, X: spec.fit(X, t=0.1, run=[None] * len(X)),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_wrong_arguments_are_told(what, oscillator, pendulum, swing) -> None:
+    with pytest.raises(leverrier.LeverrierError) as told:
+        WRONG[what](oscillator, pendulum, swing[1])
+    assert len(str(told.value)) > 10
+
+
 def test_too_few_measurements_are_told(oscillator) -> None:
     with pytest.raises(leverrier.DataError) as told:
         oscillator.fit([[1.0, 0.0], [0.9, -0.1]], t=[0.0, 0.1])
