@@ -377,8 +377,8 @@ class Law:
         noise = [1.0 if one is None else one for _, one in compared.noise_floor]
         before = judged.law._compared(judged, threads, noise)
         law = spec.fit(self._own(), threads=threads, progress=progress)
-        known = {one.term for one in judged.law.terms}
-        new = [one.to_dict() for one in seen.terms if one.term not in known]
+        known = {(one.place, one.term) for one in judged.law.terms}
+        new = [one.to_dict() for one in seen.terms if (one.place, one.term) not in known]
         supported, reason = _support(action, new, before, compared)
         fields = judged.fields | {
             "action": action, "effect": new, "supported": supported, "reason": reason,

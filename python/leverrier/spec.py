@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 import os
+from numbers import Integral
 from typing import Any
 
 from . import _native, tables
@@ -279,8 +280,11 @@ def fit_options(**given: Any) -> dict[str, Any]:
     options["memory"] = _bytes(options["memory"])
     for name in ("window", "starts"):
         value = options[name]
-        if value is not None and (not isinstance(value, int) or not 0 <= value < 2**32):
+        if value is None and name == "window":
+            continue
+        if not isinstance(value, Integral) or not 0 <= value < 2**32:
             raise InvalidArgumentError(f"{name} is {value!r}", "give a whole number from 0 on")
+        options[name] = int(value)
     for name in ("select", "loss", "trainer"):
         _text(options[name], name)
     if options["method"] is not None:
@@ -310,9 +314,9 @@ def threads_of(threads: int | None) -> int | None:
     """A number of threads that can be started."""
     if threads is None:
         return None
-    if isinstance(threads, bool) or not isinstance(threads, int) or not 1 <= threads <= 4096:
+    if isinstance(threads, bool) or not isinstance(threads, Integral) or not 1 <= threads <= 4096:
         raise InvalidArgumentError(f"{threads!r} threads cannot be started", "give 1 or more")
-    return threads
+    return int(threads)
 
 
 def split_fields(training: Data, unseen: Data, held_out: float, seed: int) -> dict[str, Any]:
