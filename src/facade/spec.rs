@@ -123,7 +123,7 @@ impl Spec {
     /// What columns of measurements may hold, in order: coordinates, then momenta or velocities.
     ///
     /// ```
-    /// let spec = leverrier::Spec::parse("coordinates q; velocities v\nT = v^2/2\nV = q^2")?;
+    /// let spec = leverrier::Spec::parse("coordinates q; velocities v\nT = p_q^2/2\nV = q^2")?;
     /// assert_eq!(spec.observables(), ["q", "v"]);
     /// # Ok::<(), leverrier::Error>(())
     /// ```
