@@ -41,6 +41,21 @@ pub struct Constant {
 }
 
 impl Model {
+    /// The same for a simulator, which reads no inputs.
+    pub fn of_simulator(export: &Export) -> Result<Model> {
+        if let Some(input) = export.system().inputs.first() {
+            return Err(Error::new(
+                ErrorKind::Export,
+                format!(
+                    "a generated simulator cannot read `{}`, which drives this system",
+                    input.variable.name
+                ),
+                "export LaTeX or MathML, or follow the motion with `leverrier simulate --inputs`",
+            ));
+        }
+        Model::new(export)
+    }
+
     /// Derives the equations of motion; an error when the integrator cannot take them.
     pub fn new(export: &Export) -> Result<Model> {
         let law = export.law;
@@ -52,16 +67,6 @@ impl Model {
         let step = export.step();
         if !numbers.chain([&step]).all(|x| x.is_finite()) || step <= 0.0 {
             return Err(wrong("the model has a number or a step that is not finite"));
-        }
-        if let Some(input) = system.inputs.first() {
-            return Err(Error::new(
-                ErrorKind::Export,
-                format!(
-                    "a generated simulator cannot read `{}`, which drives this system",
-                    input.variable.name
-                ),
-                "export LaTeX or MathML, or follow the motion with `leverrier simulate --inputs`",
-            ));
         }
         let energy = system.energy(law.support())?;
         let forces = system.force(law.support())?;

@@ -85,7 +85,7 @@ fn reserved() -> impl Iterator<Item = &'static str> {
 
 /// Writes the module.
 pub fn export(export: &Export) -> Result<Output> {
-    let model = Model::new(export)?;
+    let model = Model::of_simulator(export)?;
     let system = export.system();
     let identifiers = Identifiers::new(export, &model, reserved(), false);
     let n = system.degrees();
