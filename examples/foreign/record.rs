@@ -20,7 +20,7 @@ impl Record {
         let header: Vec<&str> = lines.next()?.split(',').collect();
         let column = |name: &str| {
             let plain = |cell: &&str| cell.split('[').next().unwrap_or(cell).trim() == name;
-            header.iter().position(|cell| plain(&cell))
+            header.iter().position(plain)
         };
         let (u, y) = (column(input)?, column(output)?);
         let mut record = Record { times: Vec::new(), input: Vec::new(), output: Vec::new() };

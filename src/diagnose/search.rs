@@ -30,17 +30,18 @@ pub fn stories<'a>(question: &Question<'a, '_>, first: &Ranking) -> Result<Vec<S
     for (place, judged) in first.effects.iter().enumerate() {
         let told = beam.iter().filter(|story| holds(story));
         let least = told.map(Story::price).fold(f64::INFINITY, f64::min);
-        // Where one holds, only a simpler one that does nearly as well can take its place.
+        // Where one holds, only one that does nearly as well and costs no more can take its place.
         let best = first.effects.first().map_or(0.0, |best| best.refit.effect.deviance);
-        let near = best - judged.refit.effect.deviance < TUNING.ranking.finish_within;
-        let simpler = least.is_finite() && judged.price < least && near;
-        if monitor.stopped() || !(simpler || place < tuning.beginnings && least.is_infinite()) {
+        let within = TUNING.ranking.finish_within.max(TUNING.verdict.negligible * best);
+        let near = best - judged.refit.effect.deviance <= within;
+        let rivals = least.is_finite() && judged.price <= least && near;
+        if monitor.stopped() || !(rivals || place < tuning.beginnings && least.is_infinite()) {
             continue;
         }
         beam.push(bare.with(judged, first.window, question)?);
     }
     let mut grown = bare.clone();
-    grown.grow(monitor);
+    grown.grow(question);
     // Where the model explains the data as it is, there is nothing to compose.
     if !grown.explains && !beam.iter().any(holds) && !monitor.stopped() {
         monitor.stage("terms without a name", 0.7);

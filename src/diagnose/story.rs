@@ -112,7 +112,7 @@ impl<'a> Story<'a> {
         let members = self.members.iter().cloned().chain([member]).collect();
         let mut story = Story { members, scope, context, sums, explains: false, ..self.clone() };
         story.measure_noise(question);
-        story.grow(question.monitor);
+        story.grow(question);
         Ok(story)
     }
 
@@ -174,22 +174,24 @@ impl<'a> Story<'a> {
         let Some(context) = self.context.with_law(law).refitted() else { return Ok(None) };
         let sums = context.settle(context.law.window()).2;
         let mut story = Story { members, scope, context, sums, explains: false, ..self.clone() };
-        story.grow(question.monitor);
+        story.grow(question);
         Ok(Some(story))
     }
 
     /// Holds the story against longer segments as long as it leaves noise, its numbers fitted
     /// again where they no longer do.
-    pub fn grow(&mut self, monitor: &dyn Monitor) {
+    pub fn grow(&mut self, question: &Question) {
         let mut refitted = false;
         loop {
             if self.excess_of(&self.sums) > 0.0 {
                 // Numbers that were fitted to short segments need not hold for long ones.
-                if refitted || monitor.stopped() || !self.refit(Precision::Full) {
+                if !refitted && !question.monitor.stopped() && self.refit(Precision::Full) {
+                    refitted = true;
+                    continue;
+                }
+                if !self.leaves_next_to_nothing(question) {
                     return;
                 }
-                refitted = true;
-                continue;
             }
             let Some(window) = longer(&self.context) else {
                 self.explains = !self.is_short_of_whole_runs();
@@ -199,6 +201,21 @@ impl<'a> Story<'a> {
             self.sums = self.context.settle(window).2;
             refitted = false;
         }
+    }
+
+    /// Whether what it leaves of segments of the present length is nothing beside what the model
+    /// without a change leaves of them: clean data say more digits than an integrator keeps.
+    fn leaves_next_to_nothing(&mut self, question: &Question) -> bool {
+        if self.members.is_empty() || question.monitor.stopped() {
+            return false;
+        }
+        let bare = question.context.with_noise(self.context.law.noise().to_vec());
+        let sums = bare.settle(self.context.law.window()).2;
+        let negligible = TUNING.verdict.negligible * sums.loss / sums.rows.max(1) as f64;
+        if negligible.is_finite() {
+            self.negligible = self.negligible.max(negligible);
+        }
+        self.excess_of(&self.sums) == 0.0
     }
 
     /// Whether segments could still become longer.

@@ -97,7 +97,7 @@ fn fault_of(
 ) -> Option<&'static str> {
     if !story.explains {
         Some("it leaves more than noise on the runs that it was fitted to")
-    } else if !after.at_noise {
+    } else if !after.at_noise && after.error > TUNING.verdict.negligible.sqrt() * before.error {
         Some("it leaves more than noise on held-out runs")
     } else if !(after.error < before.error || before.error.is_nan()) {
         Some("held-out runs are explained as well without it")
