@@ -64,7 +64,7 @@ pub fn significant<'a>(
     let mut scores = scan(&data.all, data.part.as_ref(), candidates)?;
     let mut tests = scores.tests;
     while !scores.scored.iter().any(|s| s.p_value < most) && !monitor.stopped() {
-        let Some(window) = longer(&data.all.context) else { break };
+        let Some(window) = longer(&data.all.context, 0.0) else { break };
         data = context.with_window(window).parts();
         scores = scan(&data.all, data.part.as_ref(), candidates)?;
         tests += scores.tests;

@@ -193,7 +193,7 @@ impl<'a> Story<'a> {
                     return;
                 }
             }
-            let Some(window) = longer(&self.context) else {
+            let Some(window) = longer(&self.context, self.negligible.sqrt()) else {
                 self.explains = !self.is_short_of_whole_runs();
                 return;
             };

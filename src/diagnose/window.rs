@@ -7,9 +7,9 @@ use super::tuning::TUNING;
 use crate::fit::segments::longest_run;
 use crate::fit::tuning::TUNING as FIT;
 
-/// Twice as long segments, if the model keeps to all of them; `None` where it does not, or where
-/// there are none.
-pub fn longer(context: &Context) -> Option<usize> {
+/// Twice as long segments, if the model keeps to all of them, or leaves an error that is negligible,
+/// in units of the noise; `None` where it does not, or where there are none.
+pub fn longer(context: &Context, negligible: f64) -> Option<usize> {
     let window =
         (2 * context.law.window()).min(longest_run(context.dataset).min(TUNING.states.longest));
     if window <= context.law.window() {
@@ -17,7 +17,7 @@ pub fn longer(context: &Context) -> Option<usize> {
     }
     let (_, lost) = error(context, context.law.window());
     let (far, more) = error(context, window);
-    (more <= lost && far < TUNING.ranking.strays).then_some(window)
+    (more <= lost && far < TUNING.ranking.strays.max(negligible)).then_some(window)
 }
 
 /// The longest segments, in samples, that the model with an effect follows as well as those half
