@@ -160,12 +160,8 @@ impl Law {
         Some(place.map_or(0.0, |place| self.coefficients[place]))
     }
 
-    /// Of a system that an input drives, the masses 1 / (d^2 H / dp^2) at rest, one a coordinate;
-    /// 1 where there is none.
-    pub(super) fn masses_of_driven(&self) -> Option<Vec<f64>> {
-        if self.system.inputs.is_empty() {
-            return None;
-        }
+    /// The masses 1 / (d^2 H / dp^2) at rest, one a coordinate; 1 where there is none.
+    pub(super) fn masses(&self) -> Option<Vec<f64>> {
         let mut system = System::clone(&self.system);
         let energy = system.energy(&self.support).ok()?;
         let each = self.coefficient_of_each_term();

@@ -45,13 +45,14 @@ impl States {
 
     /// Makes momenta that are nowhere measured, and stand as velocities, those of a law.
     pub(super) fn weigh(&mut self, measured: &Packed, law: &Law) {
-        let Some(mut masses) = law.masses_of_driven() else { return };
-        let degrees = masses.len();
-        for (i, mass) in masses.iter_mut().enumerate() {
-            if measured.column(degrees + i).iter().any(|x| x.is_finite()) {
-                *mass = 1.0;
-            }
+        let degrees = law.system().degrees();
+        let seen = |i: usize| measured.column(degrees + i).iter().any(|x| x.is_finite());
+        let seen: Vec<bool> = (0..degrees).map(seen).collect();
+        if seen.iter().all(|&seen| seen) {
+            return;
         }
+        let Some(mut masses) = law.masses() else { return };
+        masses.iter_mut().zip(seen).filter(|(_, seen)| *seen).for_each(|(mass, _)| *mass = 1.0);
         for state in self.values.chunks_exact_mut(self.size.max(1)) {
             let momenta = state[degrees..].iter_mut();
             momenta.zip(&masses).for_each(|(p, mass)| *p *= mass);
