@@ -356,7 +356,7 @@ fn with_candidate(
 }
 
 /// Whether an inner parameter that gives an effect its shape is at one of its bounds: a contact
-/// that all the motion is in touch with is a spring.
+/// that all the motion is in touch with is a spring, a wall far away pulls like a weight.
 fn is_at_bound(candidate: &Candidate, system: &System, values: &[f64]) -> bool {
     let Origin::Catalogue(row) = &candidate.origin else { return false };
     let shapes = [
@@ -367,6 +367,7 @@ fn is_at_bound(candidate: &Candidate, system: &System, values: &[f64]) -> bool {
         ScanBy::Frequency,
         ScanBy::WaveNumber,
         ScanBy::Position,
+        ScanBy::Beyond,
     ];
     row.parameters.iter().zip(&candidate.parameters).zip(values).any(|((scan, &id), &value)| {
         let bounds = system.parameter(id).map_or(Bounds::FREE, |parameter| parameter.bounds);
@@ -391,7 +392,10 @@ fn bounded(candidate: &Candidate, base: &System, values: &[f64]) -> System {
             Origin::Catalogue(row) => row.parameters.get(place).map(|scan| scan.by),
             _ => None,
         };
-        let inside = matches!(by, Some(ScanBy::Position | ScanBy::Instant | ScanBy::WaveNumber));
+        let inside = matches!(
+            by,
+            Some(ScanBy::Position | ScanBy::Beyond | ScanBy::Instant | ScanBy::WaveNumber)
+        );
         let part = TUNING.ranking.beyond_grid;
         let margin = if inside { 0.0 } else { part * (upper - lower) };
         let smallest = if lower > 0.0 && !inside { part * lower } else { lower - margin };

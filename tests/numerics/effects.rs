@@ -19,6 +19,21 @@ enum At {
     S(Closed),
 }
 
+/// Energy of two unit dipoles that point along an axis, `across` and `along` it from each other.
+fn dipoles(across: f64, along: f64) -> f64 {
+    let cosine = along / across.hypot(along);
+    (1.0 - 3.0 * cosine * cosine) / across.hypot(along).powi(3)
+}
+
+/// A force whose parts along the line to the origin and across it go with the distance and with
+/// those parts of the momentum, in x and y.
+fn polar(z: &[f64; 5], parts: fn(f64, f64, f64) -> [f64; 2]) -> [f64; 2] {
+    let (sine, cosine) = z[1].atan2(z[0]).sin_cos();
+    let (along, across) = (cosine * z[2] + sine * z[3], cosine * z[3] - sine * z[2]);
+    let [radial, turning] = parts(z[0].hypot(z[1]), along, across);
+    [cosine * radial - sine * turning, sine * radial + cosine * turning]
+}
+
 const NONE: Closed = |_, _| 0.0;
 
 /// Written by hand from textbooks, not from the templates.
@@ -34,6 +49,8 @@ fn closed_form(name: &str) -> Option<At> {
         "coulomb_friction" => F(|z, _| if z[2] > 0.0 { -1.0 } else { 1.0 }, NONE),
         "stribeck_friction" => F(|z, a| -z[2].signum() / (z[2] * z[2] / (a[0] * a[0])).exp(), NONE),
         "relative_damping" => F(|z, _| z[3] - z[2], |z, _| z[2] - z[3]),
+        "asymmetric_friction" => F(|z, _| if z[2] > 0.0 { -1.0 } else { 1.0 }, NONE),
+        "asymmetric_drag" => F(|z, _| -z[2], NONE),
         "negative_damping" => F(|z, _| (1.0 - z[0] * z[0]) * z[2], NONE),
         "constant_force" => H(|z, _| -z[0]),
         "tilt" => H(|z, _| z[0].sin()),
@@ -51,6 +68,8 @@ fn closed_form(name: &str) -> Option<At> {
         "cubic_coupling" => H(|z, _| 0.25 * (z[0] - z[1]).powi(4)),
         "bilinear_coupling" => H(|z, _| 0.25 * ((z[0] + z[1]).powi(2) - (z[0] - z[1]).powi(2))),
         "quadratic_cross_coupling" => H(|z, _| z[0] * z[1] * z[0]),
+        "cubic_cross_coupling" => H(|z, _| z[1] * z[0].powi(3)),
+        "quartic_cross_coupling" => H(|z, _| 0.5 * (z[0] * z[1]).powi(2)),
         "tidal_force" => H(|z, _| 0.5 * z[1].powi(2) - z[0].powi(2)),
         "lift_force" => F(|z, _| z[2].hypot(z[3]) * z[3], |z, _| -z[2].hypot(z[3]) * z[2]),
         "drag_along_velocity" => {
@@ -73,6 +92,22 @@ fn closed_form(name: &str) -> Option<At> {
         "softened_centre" => H(|z, a| -1.0 / z[0].hypot(z[1]).hypot(a[0])),
         "contact_above" => H(|z, a| if z[0] > a[0] { 0.5 * (z[0] - a[0]).powi(2) } else { 0.0 }),
         "contact_below" => H(|z, a| if z[0] < a[0] { 0.5 * (z[0] - a[0]).powi(2) } else { 0.0 }),
+        "hertz_contact_above" => H(|z, a| 0.4 * (z[0] - a[0]).max(0.0).powf(2.5)),
+        "hertz_contact_below" => H(|z, a| 0.4 * (a[0] - z[0]).max(0.0).powf(2.5)),
+        "play" => H(|z, a| 0.5 * (z[0].abs() - a[0]).max(0.0).powi(2)),
+        // Two dipoles along an axis, at a distance R that makes an angle with it.
+        "magnet_below" => H(|z, a| dipoles(z[0].abs(), a[0])),
+        "central_magnet" => H(|z, a| dipoles(z[0].hypot(z[1]), a[0])),
+        "image_charge" => H(|z, a| -0.25 / (a[0] - z[0]).abs()),
+        "central_inverse_cube" => H(|z, _| -z[0].hypot(z[1]).powi(-3)),
+        "poynting_robertson_drag" => F(
+            |z, _| polar(z, |r, along, across| [-2.0 * along / (r * r), -across / (r * r)])[0],
+            |z, _| polar(z, |r, along, across| [-2.0 * along / (r * r), -across / (r * r)])[1],
+        ),
+        "radiation_damping" => F(
+            |z, _| polar(z, |r, along, across| [2.0 * along / r.powi(3), -across / r.powi(3)])[0],
+            |z, _| polar(z, |r, along, across| [2.0 * along / r.powi(3), -across / r.powi(3)])[1],
+        ),
         "position_dependent_mass" => H(|z, _| 0.5 * (z[0] * z[2]).powi(2)),
         "coupled_momenta" => H(|z, _| z[2] * z[3]),
         "relativistic_kinetic" => H(|z, _| -0.125 * z[2].powi(4)),
@@ -293,6 +328,23 @@ fn a_rate_is_the_derivative_by_the_whole_model() {
     let labels: Vec<&str> = system.terms[2..].iter().map(|term| term.label.as_str()).collect();
     assert_eq!(labels, ["rate(x)", "x*v", "rate(v)", "rate(p_x)", "rate(t*x)"]);
     assert!(system.sensors.iter().all(|&known| system.graph.is_zero(known)));
+}
+
+#[test]
+fn what_differs_with_direction_acts_in_one_direction() {
+    for name in ["asymmetric_friction", "asymmetric_drag"] {
+        let compiled = compiled(&format!("{PLANE}effect {name}(x)\n"));
+        let system = &compiled.system;
+        assert_eq!(system.terms.len(), 2, "{name}");
+        for (term, ahead) in system.terms.iter().zip([1.0, -1.0]) {
+            let at = |p: f64| {
+                let of = |symbol| if symbol == Symbol::Momentum(0) { p } else { 0.4 };
+                system.graph.value(term.expr, &of)
+            };
+            assert_eq!(at(-0.6 * ahead), 0.0, "{name}");
+            assert!(at(0.6 * ahead) * ahead < 0.0, "{name}");
+        }
+    }
 }
 
 #[test]

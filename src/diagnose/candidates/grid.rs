@@ -107,6 +107,11 @@ impl<'a> Reach<'a> {
                 }
                 // What a motion runs into, it hardly gets beyond.
                 ScanBy::Position => even(lower + 0.02 * spread, upper - 0.02 * spread, 13),
+                ScanBy::Beyond => {
+                    let away = ratio(0.1 * spread, spread, 4);
+                    let below = away.iter().rev().map(|away| lower - away);
+                    below.chain(away.iter().map(|away| upper + away)).collect()
+                }
                 ScanBy::Length => ratio(0.1 * spread, spread, 4),
                 ScanBy::WaveNumber => ratio(0.5 * turn / spread, 8.0 * turn / spread, 24),
                 ScanBy::Instant => even(start + 0.05 * duration, end - 0.05 * duration, 16),

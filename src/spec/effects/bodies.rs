@@ -47,6 +47,25 @@ pub(super) static ROWS: &[EffectRow] = &[
         ..ALONG
     },
     EffectRow {
+        name: "poynting_robertson_drag",
+        template: "force {q} += span{ {n}: -({p} + {qp}*{q}/{qq})/{qq} }",
+        why_two: "it goes with the distance of a body from the origin",
+        physics: "The drag of a star's light on a grain of dust about it: like 1/r^2, and twice as strong along the line to the star.",
+        telltale: "Orbits shrink and become round; the residual force is against the velocity and largest near the origin.",
+        reference: "Burns, Lamy and Soter, Icarus 40, 1 (1979)",
+        ..ALONG
+    },
+    EffectRow {
+        name: "radiation_damping",
+        aliases: &["radiation_reaction"],
+        template: "force {q} += span{ {n}: -({p} - 3*{qp}*{q}/{qq})/{qq}^(3/2) }",
+        why_two: "it goes with the distance of a body from the origin",
+        physics: "What a charge loses by radiation on its orbit about another: the rate of change of a force like 1/r^2, times a short time.",
+        telltale: "Orbits shrink faster and faster; the residual force brakes across the line to the origin, and pushes along it.",
+        reference: "Landau and Lifshitz, The Classical Theory of Fields, section 75",
+        ..ALONG
+    },
+    EffectRow {
         name: "central_linear",
         template: "V += span{ {n}: sqrt({qq}) }",
         physics: "A pull of fixed size to the origin: a thread over a pulley with a weight on it.",
@@ -77,6 +96,24 @@ pub(super) static ROWS: &[EffectRow] = &[
         physics: "A pull to the origin like 1/r: a charged wire across the plane, or a galaxy whose curve of rotation is flat.",
         telltale: "The residual force points to the origin and falls like the inverse of the distance.",
         reference: "Binney and Tremaine, Galactic Dynamics, section 2.2",
+        ..CENTRAL
+    },
+    EffectRow {
+        name: "central_inverse_cube",
+        aliases: &["oblate_centre"],
+        template: "V += span{ {n}: -1/{qq}^(3/2) }",
+        physics: "A potential like 1/r^3 about the origin: the bulge of a planet that turns, felt in the plane of its equator.",
+        telltale: "Orbits precess, the faster the nearer; the residual force falls like 1/r^4.",
+        reference: "Murray and Dermott, Solar System Dynamics, section 6.11",
+        ..CENTRAL
+    },
+    EffectRow {
+        name: "central_magnet",
+        template: "V += span{ {n}: ({qq} - 2*{length}^2)/({qq} + {length}^2)^(5/2) }",
+        parameters: LENGTH,
+        physics: "A magnet that moves in a plane above another at the origin, at the distance of a length: two dipoles that point across the plane.",
+        telltale: "The residual force pulls to the origin when near, and pushes away beyond twice the length.",
+        reference: "Jackson, Classical Electrodynamics, section 5.7",
         ..CENTRAL
     },
     EffectRow {

@@ -143,6 +143,26 @@ pub(super) static ROWS: &[EffectRow] = &[
         ..BASE
     },
     EffectRow {
+        name: "cubic_cross_coupling",
+        on: ActsOn::OrderedPair,
+        template: "V += span{ {n}: {q}^3*{r} }",
+        why_two: BETWEEN,
+        physics: "The second coordinate is pushed by the cube of the first: modes of a beam or a string with an internal resonance of one to three.",
+        telltale: "Energy flows where the second frequency is three times the first; the residual force on the second goes with the cube of the first.",
+        reference: "Nayfeh and Mook, Nonlinear Oscillations, section 6.6",
+        ..BASE
+    },
+    EffectRow {
+        name: "quartic_cross_coupling",
+        on: ActsOn::Pair,
+        template: "V += span{ {n}: {q}^2*{r}^2/2 }",
+        why_two: BETWEEN,
+        physics: "The stiffness of each coordinate goes with the square of the other: two modes that stretch one string.",
+        telltale: "The frequency of one shifts with the amplitude of the other; nothing is felt while one is at rest at zero.",
+        reference: "Nayfeh and Mook, Nonlinear Oscillations, section 6.2",
+        ..BASE
+    },
+    EffectRow {
         name: "central_inverse",
         aliases: &["kepler", "coulomb_potential"],
         on: ActsOn::Body,
@@ -203,6 +223,55 @@ pub(super) static ROWS: &[EffectRow] = &[
         physics: "A stop that is touched only below some position, and pushes back like a spring.",
         telltale: "The residual force is zero down to a point, and a straight line beyond.",
         reference: "Shaw and Holmes, J. Sound Vib. 90, 129 (1983)",
+        ..BASE
+    },
+    EffectRow {
+        name: "hertz_contact_above",
+        aliases: &["hertz_contact"],
+        template: "V += span{ {n}: 2*((abs({q} - {position}) + {q} - {position})/2)^(5/2)/5 }",
+        parameters: &[Scan { name: "position", by: ScanBy::Position, example: 0.5 }],
+        physics: "A round body that is pressed above some position: its contact grows, and with it the stiffness.",
+        telltale: "The residual force is zero up to a point, and beyond it grows as the overlap to the power of 3/2.",
+        reference: "H. Hertz, J. reine angew. Math. 92, 156 (1882); Landau and Lifshitz, Theory of Elasticity, section 9",
+        ..BASE
+    },
+    EffectRow {
+        name: "hertz_contact_below",
+        template: "V += span{ {n}: 2*((abs({position} - {q}) + {position} - {q})/2)^(5/2)/5 }",
+        parameters: &[Scan { name: "position", by: ScanBy::Position, example: -0.5 }],
+        physics: "A round body that is pressed below some position: its contact grows, and with it the stiffness.",
+        telltale: "The residual force is zero down to a point, and beyond it grows as the overlap to the power of 3/2.",
+        reference: "H. Hertz, J. reine angew. Math. 92, 156 (1882); Landau and Lifshitz, Theory of Elasticity, section 9",
+        ..BASE
+    },
+    EffectRow {
+        name: "play",
+        aliases: &["backlash", "dead_zone"],
+        template: "V += span{ {n}: ((abs(abs({q}) - {length}) + abs({q}) - {length})/2)^2/2 }",
+        parameters: &[Scan { name: "length", by: ScanBy::Length, example: 0.4 }],
+        physics: "A spring with play: it is felt only beyond the same distance to either side, as of worn gears or a loose joint.",
+        telltale: "The residual force is zero about the middle, and a straight line beyond on both sides.",
+        reference: "Shaw and Holmes, J. Sound Vib. 90, 129 (1983)",
+        ..BASE
+    },
+    EffectRow {
+        name: "magnet_below",
+        aliases: &["magnet"],
+        template: "V += span{ {n}: ({q}^2 - 2*{length}^2)/({q}^2 + {length}^2)^(5/2) }",
+        parameters: &[Scan { name: "length", by: ScanBy::Length, example: 0.6 }],
+        physics: "A magnet on the path passes over another at zero, at the distance of a length: two dipoles that point along the line across the path.",
+        telltale: "The residual force pulls to zero when near, and pushes away beyond twice the length.",
+        reference: "Jackson, Classical Electrodynamics, section 5.7",
+        ..BASE
+    },
+    EffectRow {
+        name: "image_charge",
+        aliases: &["electrostatic_wall"],
+        template: "V += span{ {n}: -1/(4*abs({q} - {position})) }",
+        parameters: &[Scan { name: "position", by: ScanBy::Beyond, example: 2.2 }],
+        physics: "A charge before a conducting wall across the path: its image pulls it in, as the electrode of a micromechanical device does.",
+        telltale: "The residual force points to one side, and grows with the inverse square of the distance to a wall that is never reached.",
+        reference: "Jackson, Classical Electrodynamics, section 2.1",
         ..BASE
     },
 ];

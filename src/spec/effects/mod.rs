@@ -118,6 +118,8 @@ pub enum ScanBy {
     Frequency,
     /// A value of the coordinate, over the range of the data.
     Position,
+    /// A value of the coordinate that it never reaches, beyond either end of the data.
+    Beyond,
     /// A distance of the coordinate, over fractions of the range of the data.
     Length,
     /// A number of radians a unit of the coordinate.
@@ -141,7 +143,7 @@ impl ScanBy {
     pub fn is_scale(self) -> bool {
         match self {
             ScanBy::Length | ScanBy::WaveNumber | ScanBy::Duration | ScanBy::Momentum => true,
-            ScanBy::Frequency | ScanBy::Position | ScanBy::Instant => false,
+            ScanBy::Frequency | ScanBy::Position | ScanBy::Beyond | ScanBy::Instant => false,
             ScanBy::Exponent | ScanBy::Power | ScanBy::Rate => false,
         }
     }
@@ -151,7 +153,7 @@ impl ScanBy {
     fn unit(self) -> &'static str {
         match self {
             ScanBy::Frequency | ScanBy::Rate => "1/{t}",
-            ScanBy::Position | ScanBy::Length => "{q}",
+            ScanBy::Position | ScanBy::Beyond | ScanBy::Length => "{q}",
             ScanBy::WaveNumber => "1/{q}",
             ScanBy::Instant | ScanBy::Duration => "{t}",
             ScanBy::Exponent | ScanBy::Power => "",
@@ -205,8 +207,8 @@ pub struct EffectRow {
     /// Statements with placeholders: {q} {p} the first argument's coordinate and momentum,
     /// {r} {s} those of the second, {o} {u} the observables, {t} time, {n} a name made of the
     /// effect and its arguments, and the inner parameters by their names. On bodies, {qq} is the
-    /// sum of the squares of the first one's coordinates, {pp} that of its momenta, {dd} the
-    /// square of the distance to the second, and {one} a length of 1 in the coordinates' unit; a
+    /// sum of the squares of the first one's coordinates, {pp} that of its momenta, {qp} that of
+    /// the products of both, {dd} the square of the distance to the second, and {one} a length of 1 in the coordinates' unit; a
     /// statement with {q} in it stands once for every coordinate, one without it stands once.
     /// Empty where no statement describes it; then `detector` says what finds it.
     pub template: &'static str,
@@ -307,7 +309,7 @@ mod tests {
             );
             assert_eq!(pairs, !row.why_two.is_empty(), "{}", row.name);
         }
-        assert!(catalogue().count() >= 36);
+        assert!(catalogue().count() >= 80);
         assert!(EffectKind::ALL.iter().all(|&kind| catalogue().any(|row| row.kind == kind)));
     }
 

@@ -248,6 +248,8 @@ impl EffectRow {
         let apart = format!("({})", apart.collect::<Vec<_>>().join(" + "));
         text = text.replace("{qq}", &squares(&first)).replace("{pp}", &squares(&p));
         text = text.replace("{dd}", &apart);
+        let along: Vec<String> = first.iter().zip(&p).map(|(q, p)| format!("{q}*{p}")).collect();
+        text = text.replace("{qp}", &format!("({})", along.join(" + ")));
         let mut statements = Vec::new();
         for statement in text.split(';') {
             let each = statement.contains("{q}") || statement.contains("{p}");

@@ -1,6 +1,7 @@
 //! The systems that effects are hidden in, and which effect goes where.
 
 /// A system as it is known, and as it is learned.
+#[derive(Debug)]
 pub struct Base {
     /// What it is called in tables.
     pub name: &'static str,
@@ -32,6 +33,9 @@ pub static BASES: &[Base] = &[
             ("quadratic_drag", &["q"]),
             ("coulomb_friction", &["q"]),
             ("stribeck_friction", &["q"]),
+            ("asymmetric_friction", &["q"]),
+            ("magnet_below", &["q"]),
+            ("image_charge", &["q"]),
             ("constant_force", &["q"]),
             ("tilt", &["q"]),
             ("linear_spring", &["q"]),
@@ -64,6 +68,10 @@ pub static BASES: &[Base] = &[
             ("periodic_substrate", &["q"]),
             ("contact_above", &["q"]),
             ("contact_below", &["q"]),
+            ("asymmetric_drag", &["q"]),
+            ("hertz_contact_above", &["q"]),
+            ("hertz_contact_below", &["q"]),
+            ("play", &["q"]),
             ("position_dependent_mass", &["q"]),
             ("relativistic_kinetic", &["q"]),
             ("stiffness_drift", &["q"]),
@@ -84,6 +92,9 @@ pub static BASES: &[Base] = &[
             ("coupling_spring", &["x", "y"]),
             ("quadratic_coupling", &["x", "y"]),
             ("quadratic_cross_coupling", &["x", "y"]),
+            ("cubic_cross_coupling", &["x", "y"]),
+            ("quartic_cross_coupling", &["x", "y"]),
+            ("central_magnet", &["x", "y"]),
             ("central_inverse", &["x", "y"]),
             ("softened_centre", &["x", "y"]),
             ("relative_damping", &["x", "y"]),
@@ -115,6 +126,9 @@ pub static BASES: &[Base] = &[
             ("rotating_frame", &["x", "y"]),
             ("centrifugal_force", &["x", "y"]),
             ("central_power", &["x", "y"]),
+            ("central_inverse_cube", &["x", "y"]),
+            ("poynting_robertson_drag", &["x", "y"]),
+            ("radiation_damping", &["x", "y"]),
             ("central_yukawa", &["x", "y"]),
             ("tidal_force", &["x", "y"]),
             ("magnetic_force", &["x", "y"]),
