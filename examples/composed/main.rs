@@ -18,7 +18,6 @@
 #[allow(dead_code, reason = "the tests use the rest")]
 #[path = "../../tests/learning/hidden/mod.rs"]
 mod hidden;
-mod terms;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -34,7 +33,7 @@ use leverrier::internals::fit::train::Training;
 use leverrier::internals::fit::{Law, Model, Options, Silent};
 use leverrier::internals::spec::edit::insert;
 
-use terms::{Hidden, hidden_terms};
+use hidden::terms::{Hidden, hidden_terms};
 
 /// Noise in parts of each column's spread.
 const NOISES: [f64; 2] = [0.001, 0.01];

@@ -1,12 +1,16 @@
-//! The hidden-effect benchmark: every effect of the catalogue is hidden in simulated
-//! measurements, and the diagnosis must name it. Regenerates docs/hidden-effects.md.
+//! The hidden-effect benchmark: what the diagnosis tells of measurements in which something is
+//! hidden, or nothing. Writes docs/hidden-effects.md.
 //!
 //! ```console
-//! $ cargo run --release --example hidden_effects
-//! $ cargo run --release --example hidden_effects -- 0.01 0.05 1         # two noises, one seed
-//! $ cargo run --release --example hidden_effects -- pendulum 0.01 1 -v  # base, noise, seed
-//! $ cargo run --release --example hidden_effects -- two                 # two effects at once
+//! $ cargo run --release --example hidden_effects                 # the whole design; goes on
+//! $ cargo run --release --example hidden_effects -- --cases 240  # the first tenth of it
+//! $ cargo run --release --example hidden_effects -- --threads 1
+//! $ cargo run --release --example hidden_effects -- --page       # the page of what was run
+//! $ cargo run --release --example hidden_effects -- --case 17    # one case, with all that is told
 //! ```
+//!
+//! Every case that is done is a line of target/hidden-effects.jsonl (`--results` names another
+//! file): a run that was ended goes on where it was.
 
 #![allow(
     clippy::expect_used,
@@ -18,158 +22,142 @@
 #[allow(dead_code, reason = "the tests use the rest")]
 #[path = "../../tests/learning/hidden/mod.rs"]
 mod hidden;
-mod table;
+mod page;
 
-use hidden::bases::BASES;
-use hidden::outcome::{Outcome, outcome};
-use hidden::pairs::{PAIRS, Pair};
-use hidden::strangers::STRANGERS;
-use hidden::{case, statement};
-use leverrier::internals::spec::effects::by_name;
-use rayon::prelude::*;
+use std::collections::HashSet;
+use std::fs::{self, OpenOptions};
+use std::io::Write as _;
+use std::panic::catch_unwind;
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Noise in parts of each column's spread.
-const NOISES: [f64; 3] = [0.0, 0.01, 0.05];
-const SEEDS: [u64; 3] = [1, 2, 3];
+use clap::Parser;
+use hidden::design::{Plan, plans};
+use hidden::making::made;
+use hidden::score::{Record, scored};
+use leverrier::internals::data::{Layout, to_csv};
 
-/// Noise and seeds of the cases with two effects.
-const TWO_NOISES: [f64; 2] = [0.01, 0.05];
-const TWO_SEEDS: u64 = 10;
+/// Cases of the whole design.
+const CASES: usize = 2400;
 
-/// One case that is to be run.
-#[derive(Clone)]
-struct Task {
-    base: &'static str,
-    /// Label of the hidden effect; empty where nothing is hidden.
-    hidden: String,
-    /// Whether the catalogue has it.
-    listed: bool,
-    stranger: Option<usize>,
-    statement: String,
-    noise: f64,
-    seed: u64,
+/// Hides effects, and asks what is missing.
+#[derive(Parser)]
+struct Arguments {
+    /// How many cases of the design, from its beginning
+    #[arg(long, default_value_t = CASES)]
+    cases: usize,
+    /// How many at once
+    #[arg(long, default_value_t = 1)]
+    threads: usize,
+    /// A line of JSON for every case
+    #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/target/hidden-effects.jsonl"))]
+    results: PathBuf,
+    /// Only make the page of what was run
+    #[arg(long)]
+    page: bool,
+    /// Run this case alone, and say all about it
+    #[arg(long)]
+    case: Option<usize>,
+    /// With --case: write its spec and measurements to a folder instead
+    #[arg(long)]
+    write: Option<PathBuf>,
 }
 
-fn tasks() -> Vec<Task> {
-    let mut out = Vec::new();
-    for noise in NOISES {
-        for seed in SEEDS {
-            for base in BASES {
-                let plain = Task {
-                    base: base.name,
-                    hidden: String::new(),
-                    listed: true,
-                    stranger: None,
-                    statement: String::new(),
-                    noise,
-                    seed,
-                };
-                for &(effect, on) in base.hidden {
-                    let arguments: Vec<String> = on.iter().map(|s| s.to_string()).collect();
-                    let row = by_name(effect).expect("a row of the catalogue");
-                    let (hidden, statement) = (row.label(&arguments), statement(effect, on));
-                    out.push(Task { hidden, statement, ..plain.clone() });
-                }
-                out.push(plain.clone());
-                for (number, stranger) in STRANGERS.iter().enumerate() {
-                    if stranger.base == base.name {
-                        let hidden = stranger.name.to_string();
-                        let stranger = Some(number);
-                        out.push(Task { hidden, listed: false, stranger, ..plain.clone() });
-                    }
-                }
-            }
-        }
-    }
-    out
+/// The lines of a file of results; one that was cut off is left out.
+fn records(path: &PathBuf) -> Vec<Record> {
+    let text = fs::read_to_string(path).unwrap_or_default();
+    text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
 }
 
-fn run(task: &Task) -> Outcome {
-    let base = BASES.iter().find(|base| base.name == task.base).expect("a row of BASES");
-    let case = match task.stranger {
-        Some(number) => STRANGERS[number].case(task.noise, task.seed),
-        None => case(base, &task.statement, task.noise, task.seed),
+/// One case in a line.
+fn line(record: &Record) -> String {
+    let labels = |of: &[hidden::score::Member]| -> String {
+        let all: Vec<&str> = of.iter().map(|one| one.label.as_str()).collect();
+        all.join(" and ")
     };
-    outcome(&case, &task.hidden)
+    format!(
+        "{:>4} {:<22} {:<12} {:<11} reach {:<4} noise {:<5} {:<11} {:>3.0} turns {:<12} {:<15} \
+         {:6.1} s | {} | {}{}",
+        record.number,
+        record.mark().text(),
+        record.kind,
+        record.base,
+        record.reach.0,
+        record.noise,
+        record.colour,
+        record.periods,
+        record.known,
+        record.seen,
+        record.seconds,
+        labels(&record.hidden),
+        labels(&record.story),
+        match (record.hidden.is_empty(), record.identifiable()) {
+            (false, false) => " (not identifiable)",
+            _ => "",
+        },
+    )
 }
 
-/// What the loop found where two effects are hidden.
-pub struct Two {
-    pair: &'static Pair,
-    noise: f64,
-    seed: u64,
-    found: Vec<String>,
-    stop: String,
-    held_out_error: f64,
-}
-
-fn two(wanted: impl Fn(&Pair, f64, u64) -> bool) -> Vec<Two> {
-    let mut all: Vec<(&Pair, f64, u64)> = Vec::new();
-    for pair in PAIRS {
-        for noise in TWO_NOISES {
-            all.extend((1..=TWO_SEEDS).map(|seed| (pair, noise, seed)));
-        }
-    }
-    all.retain(|&(pair, noise, seed)| wanted(pair, noise, seed));
-    let run = |&(pair, noise, seed): &(&'static Pair, f64, u64)| {
-        let (discovery, found) = pair.discovered(noise, seed);
-        let held_out_error = discovery.held_out_error.1;
-        let two = Two { pair, noise, seed, found, stop: discovery.stop, held_out_error };
-        println!("{}", table::line_of_two(&two));
-        two
-    };
-    all.par_iter().map(run).collect()
+/// A case, whatever becomes of it.
+fn run(plan: &Plan) -> Record {
+    catch_unwind(|| scored(plan))
+        .unwrap_or_else(|_| Record { reason: "the case panicked".to_string(), ..Record::of(plan) })
 }
 
 fn main() {
-    let mut asked: Vec<String> = std::env::args().skip(1).collect();
-    let verbose = asked.iter().any(|word| word == "-v");
-    asked.retain(|word| word != "-v");
-    // Numbers below 1 are noises, others seeds; without any of a kind all of it are wanted.
-    let numbers: Vec<f64> = asked.iter().filter_map(|word| word.parse().ok()).collect();
-    let words: Vec<&String> = asked.iter().filter(|word| word.parse::<f64>().is_err()).collect();
-    let among = |x: f64, below_one: bool| {
-        let mut same = numbers.iter().filter(|n| (**n < 1.0) == below_one).peekable();
-        same.peek().is_none() || same.any(|n| *n == x)
-    };
-    let wanted = |task: &Task| {
-        let named = |word: &str| match word {
-            "nothing" => task.hidden.is_empty(),
-            _ => task.base == word || task.hidden.starts_with(word),
-        };
-        among(task.noise, true)
-            && among(task.seed as f64, false)
-            && words.iter().all(|word| named(word))
-    };
-    let wanted_pair = |pair: &Pair, noise: f64, seed: u64| {
-        among(noise, true)
-            && among(seed as f64, false)
-            && words.iter().all(|word| pair.base == *word || *word == "two")
-    };
-    let whole = words.is_empty();
-    let pairs = words.iter().any(|word| *word == "two");
-    let tasks: Vec<Task> = tasks().into_iter().filter(|t| !pairs && wanted(t)).collect();
-    let clock = std::time::Instant::now();
-    let done: Vec<(Task, Outcome)> = tasks
-        .par_iter()
-        .map(|task| {
-            let outcome = run(task);
-            println!("{}", table::line(task, &outcome));
-            if verbose {
-                println!("{}", table::leaders(&outcome));
-            }
-            (task.clone(), outcome)
-        })
-        .collect();
-    let seconds = clock.elapsed().as_secs_f64();
-    let pairs = if whole || pairs { two(wanted_pair) } else { Vec::new() };
-    let page = table::page(&done, &pairs);
-    println!("{page}\n{} cases in {seconds:.0} s", done.len());
-    // A part of the bases or effects makes no page; fewer noises and seeds do, and it says so.
-    if whole {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/hidden-effects.md");
-        if let Err(error) = std::fs::write(path, &page) {
-            eprintln!("{path}: {error}");
-        }
+    let arguments = Arguments::parse();
+    let number = arguments.case.map_or(arguments.cases, |case| case + 1);
+    let design = plans(number);
+    if let Some(plan) = arguments.case.and_then(|case| design.get(case)) {
+        return one(plan, arguments.write);
     }
+    let done: HashSet<usize> = records(&arguments.results).iter().map(|one| one.number).collect();
+    if !arguments.page {
+        let open: Vec<&Plan> = design.iter().filter(|plan| !done.contains(&plan.number)).collect();
+        let file = OpenOptions::new().create(true).append(true).open(&arguments.results);
+        let file = Mutex::new(file.expect("the file of results"));
+        let next = AtomicUsize::new(0);
+        std::thread::scope(|scope| {
+            for _ in 0..arguments.threads.max(1) {
+                scope.spawn(|| {
+                    while let Some(plan) = open.get(next.fetch_add(1, Ordering::Relaxed)) {
+                        let record = run(plan);
+                        println!("{}", line(&record));
+                        let text = serde_json::to_string(&record).expect("a record is JSON");
+                        let mut file = file.lock().expect("no thread panics while it writes");
+                        writeln!(file, "{text}").expect("the file of results");
+                    }
+                });
+            }
+        });
+    }
+    let mut all = records(&arguments.results);
+    all.retain(|record| record.number < arguments.cases);
+    all.sort_by_key(|record| record.number);
+    all.dedup_by_key(|record| record.number);
+    let text = page::page(&all, CASES);
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/hidden-effects.md");
+    fs::write(path, text).expect("docs/hidden-effects.md");
+    println!("{} of {CASES} cases are on the page", all.len());
+}
+
+/// All about one case.
+fn one(plan: &Plan, folder: Option<PathBuf>) {
+    if let Some(folder) = folder {
+        let made = made(plan).expect("a case that does not run away");
+        fs::create_dir_all(&folder).expect("a folder");
+        fs::write(folder.join("case.ham"), &made.case.text).expect("the spec");
+        for (name, data) in
+            [("training.csv", &made.case.training), ("held_out.csv", &made.case.held_out)]
+        {
+            let path = folder.join(name);
+            let text = to_csv(&path, data, &Layout::default()).expect("the measurements");
+            fs::write(path, text).expect("the measurements");
+        }
+        return;
+    }
+    let record = run(plan);
+    println!("{}", line(&record));
+    println!("{}", serde_json::to_string_pretty(&record).expect("a record is JSON"));
 }

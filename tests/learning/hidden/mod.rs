@@ -2,9 +2,14 @@
 //! and the test of its representative part share.
 
 pub mod bases;
+pub mod design;
+pub mod making;
 pub mod outcome;
 pub mod pairs;
+pub mod score;
 pub mod strangers;
+pub mod terms;
+pub mod wholes;
 
 use leverrier::internals::data::Dataset;
 use leverrier::internals::expr::{Compiled, System, build};

@@ -56,6 +56,27 @@ pub static STRANGERS: &[Stranger] = &[
 ];
 
 impl Stranger {
+    /// Whether a term of the language says it.
+    pub fn is_statement(&self) -> bool {
+        matches!(self.how, How::Statement(_))
+    }
+
+    /// Clean measurements of runs from `starts` at evenly spaced `times`, for each strength.
+    pub fn motion<'a>(
+        &self,
+        base: &'a Base,
+        starts: &'a [Vec<f64>],
+        times: &'a [f64],
+        seed: u64,
+    ) -> impl Fn(f64) -> Dataset + 'a {
+        let (delay, body) = match self.how {
+            How::Statement(_) => (0.0, None),
+            How::Delay(delay) => (delay, None),
+            How::Body { radius, rate } => (0.0, Some((radius, rate))),
+        };
+        move |strength| Force { strength, delay, body }.runs_from(base, starts, times, seed)
+    }
+
     /// Measurements with the stranger in them.
     pub fn case(&self, noise: f64, seed: u64) -> Case {
         let base = BASES.iter().find(|base| base.name == self.base).expect("a row of BASES");
@@ -97,15 +118,19 @@ const STEPS: usize = 20;
 impl Force {
     /// All runs; classical Runge-Kutta with the past kept for the delay (method of steps).
     fn dataset(&self, base: &Base, seed: u64) -> Dataset {
-        let times = times(base);
+        self.runs_from(base, &starts(base, seed), &times(base), seed)
+    }
+
+    /// The same from `starts` at evenly spaced `times`.
+    fn runs_from(&self, base: &Base, starts: &[Vec<f64>], times: &[f64], seed: u64) -> Dataset {
         let mut generator = Pcg64::seed_from_u64(seed ^ 0x5bd1);
         let observables = space(base).system.observables();
-        let runs = starts(base, seed).into_iter().enumerate().map(|(number, start)| {
+        let runs = starts.iter().enumerate().map(|(number, start)| {
             let phase = generator.random_range(0.0..std::f64::consts::TAU);
-            let states = self.run(base, &start, &times, phase);
+            let states = self.run(base, start, times, phase);
             Run {
                 name: (number + 1).to_string(),
-                times: times.clone(),
+                times: times.to_vec(),
                 values: (0..start.len())
                     .map(|row| states.iter().map(|z| z[row]).collect())
                     .collect(),
@@ -118,7 +143,7 @@ impl Force {
     }
 
     fn run(&self, base: &Base, start: &[f64], times: &[f64], phase: f64) -> Vec<Vec<f64>> {
-        let step = base.step / STEPS as f64;
+        let step = (times[1] - times[0]) / STEPS as f64;
         let lag = (self.delay / step).round() as usize;
         let mut z = start.to_vec();
         let mut past = vec![start[start.len() / 2 - 1]];

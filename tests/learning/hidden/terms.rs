@@ -3,7 +3,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use super::hidden::bases::Base;
+use super::bases::Base;
 
 /// A term that is hidden in a system.
 pub struct Hidden {
