@@ -23,10 +23,11 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use hidden::{Case, case_reaching};
-use leverrier::internals::data::Dataset;
-use leverrier::internals::diagnose::candidates::composed::{Budget, Composition, composition};
-use leverrier::internals::diagnose::context::Context;
+use leverrier::internals::diagnose::candidates::composed::{Composition, composition};
 use leverrier::internals::diagnose::noise_floor::noise_floor;
+use leverrier::internals::diagnose::refit::fitted_from_afar;
+use leverrier::internals::diagnose::settling::settle;
+use leverrier::internals::diagnose::{self, LawOnData};
 use leverrier::internals::expr::{Scope, build};
 use leverrier::internals::fit::segments::packed;
 use leverrier::internals::fit::train::Training;
@@ -92,12 +93,15 @@ fn left(
         .expect("a law of its own system");
     training.choose_integrator();
     let law = law.with_stepping(training.law().stepping());
-    let of = |data: &Dataset, law: &Law| Context::of(law.clone(), data).settle(window).2;
-    let context = Context::of(law, &case.training);
-    let context = context.refitted().map(|c| c.with_window(window)).and_then(|c| c.refitted());
-    let Some(context) = context else { return (f64::INFINITY, f64::INFINITY, 1.0) };
-    let training = of(&case.training, &context.law);
-    let held_out = of(&case.held_out, &context.law);
+    let options = diagnose::Options::default();
+    let on = |data, law: &Law| LawOnData::of(law.clone().with_window(window), data, &options);
+    let model = LawOnData::of(law, &case.training, &options);
+    let model = fitted_from_afar(&model).map(|near| near.with_window(window));
+    let Some(model) = model.and_then(|near| fitted_from_afar(&near)) else {
+        return (f64::INFINITY, f64::INFINITY, 1.0);
+    };
+    let training = settle(on(&case.training, &model.law)).sums;
+    let held_out = settle(on(&case.held_out, &model.law)).sums;
     let error = (held_out.loss / held_out.rows.max(1) as f64).sqrt();
     (training.loss, error, training.loss / training.rows.max(1) as f64)
 }
@@ -144,19 +148,21 @@ fn plain(snippet: &str) -> String {
 fn run(hidden: &Hidden, reach: f64, noise: f64, seed: u64) -> Outcome {
     let case = case_reaching(reach, hidden.base, &hidden.statement, noise, seed);
     let model = case.fit();
-    let context = Context::new(&case.compiled.system, &model, &case.training).expect("its own");
-    let context = context.with_noise(noise_floor(&context, &model));
+    let options = diagnose::Options::default();
+    let law = model.law(&case.compiled.system).expect("its own");
+    let on_training = LawOnData::of(law, &case.training, &options);
+    let on_training = on_training.with_noise(noise_floor(&on_training));
     let clock = Instant::now();
     let mut scope = Scope::of(&case.compiled);
     let Composition { candidates, distinct } =
-        composition(&mut scope, &context, Budget::default(), &Silent).expect("a search");
+        composition(&mut scope, &on_training, &Silent).expect("a search");
     let seconds = clock.elapsed().as_secs_f64();
     let statement = |i: usize| plain(&candidates[i].snippet(&candidates[i].grid[0]));
     let front: Vec<String> = (0..candidates.len()).map(statement).collect();
     let wanted = skeleton(&hidden.statement);
     let place = front.iter().position(|found| skeleton(found) == wanted);
     let window = 48;
-    let floor = context.law.noise().to_vec();
+    let floor = on_training.law.noise().to_vec();
     let (truth, best, variance) = left(&case, &model, &floor, &hidden.statement, window);
     let found = front.first().map(|found| left(&case, &model, &floor, found, window));
     let (found, error, _) = found.unwrap_or((f64::INFINITY, f64::INFINITY, 1.0));

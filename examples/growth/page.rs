@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use leverrier::internals::diagnose::tuning::TUNING;
+use leverrier::internals::diagnose::tuning::Scan;
 
 use super::diagnosis::{Asked, TURNS};
 use super::make::SIGMA;
@@ -205,7 +205,7 @@ impl Page {
         }
         let points = |a: &Asked| (a.samples as f64, a.fastest);
         let points: Vec<(f64, f64)> = self.by_samples.iter().map(points).collect();
-        let samples = TUNING.scan.samples;
+        let samples = Scan::default().samples;
         let _ = writeln!(
             text,
             "\nExponent {:.2}. Inner parameters are looked for, and leaders fitted first, on \

@@ -1,6 +1,7 @@
 //! A trap with a drag that its model does not know of: what a diagnosis is timed on.
 
 use leverrier::internals::data::Dataset;
+use leverrier::internals::diagnose;
 use leverrier::internals::diagnose::diagnosis::{Diagnosis, diagnose};
 use leverrier::internals::expr::{Compiled, build};
 use leverrier::internals::fit::{Model, Options, Silent, fit};
@@ -50,6 +51,8 @@ impl Trap {
     /// Asks the whole catalogue what is missing.
     pub fn diagnose(&self) -> Diagnosis {
         let Trap { learned, model, training, held_out } = self;
-        diagnose(learned, model, training, held_out, &Silent).expect("an answer")
+        let law = model.law(&learned.system).expect("its own");
+        let options = diagnose::Options::default();
+        diagnose(learned, &law, training, held_out, &options, &Silent).expect("an answer")
     }
 }

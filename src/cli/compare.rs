@@ -10,9 +10,9 @@ use super::progress::Progress;
 use super::splitting::SplitArguments;
 use super::workspace::Workspace;
 use crate::diagnose::comparison;
-use crate::diagnose::context::Context;
 use crate::diagnose::instrument::detect;
 use crate::diagnose::noise_floor::noise_floor;
+use crate::diagnose::{LawOnData, Measurements, Options};
 use crate::error::Result;
 use crate::report::compare_text;
 
@@ -36,11 +36,13 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let workspace = Workspace::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
     let (model, terms) = workspace.model(&progress)?;
-    let mut training = Context::new(workspace.spec.system(), &model, &workspace.split.training)?;
-    let detections = detect(&training, &model);
+    let (law, options) = (workspace.spec.learned(&model)?, Options::default());
+    let training = LawOnData::of(law, &workspace.split.training, &options);
+    let detections = detect(&training);
     // A model that fails takes a part of what it lacks for noise; the floor is the instrument's.
-    training = training.with_noise(noise_floor(&training, &model));
-    let held_out = workspace.held_out().map(|data| training.with_data(data));
+    let training = training.with_noise(noise_floor(&training));
+    let held_out = workspace.held_out().map(|data| Measurements::of(data, &options));
+    let held_out = held_out.map(|data| training.with_data(&data));
     let mut comparison = comparison::compare(&training, held_out.as_ref())?;
     comparison.findings.extend(detections.iter().map(|found| found.sentence.clone()));
     drop(progress);

@@ -10,14 +10,14 @@ use super::progress::Progress;
 use super::splitting::SplitArguments;
 use super::values::{example, matching, number_or_range, range_of};
 use super::workspace::Workspace;
-use crate::diagnose::context::Context;
 use crate::diagnose::design::rival::Rival;
 use crate::diagnose::design::{self, Allowed, Goal, Proposal};
 use crate::diagnose::diagnosis::{self, RankedEffect, Verdict};
+use crate::diagnose::{LawOnData, Options};
 use crate::error::Result;
 use crate::expr::System;
 use crate::facade::effect::NamedEffect;
-use crate::fit::Model;
+use crate::fit::Law;
 use crate::report::design_text;
 use crate::simplify::significant;
 use crate::simulate::Interval;
@@ -87,9 +87,11 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let allowed = arguments.allowed(workspace.spec.system())?;
     let progress = Progress::new();
     let (model, terms) = workspace.model(&progress)?;
-    let purpose = purpose(arguments, &workspace, &model, &progress)?;
-    let (data, window) = (&workspace.dataset, model.evidence.window);
-    let plan = design::design(&purpose.rivals, &purpose.goal, data, window, &allowed, &progress)?;
+    let (law, options) = (workspace.spec.learned(&model)?, Options::default());
+    let purpose = purpose(arguments, &workspace, &law, &options, &progress)?;
+    let Purpose { rivals, goal, .. } = &purpose;
+    let (data, window) = (&workspace.dataset, law.window());
+    let plan = design::design(rivals, goal, data, window, &allowed, &options, &progress)?;
     drop(progress);
     let spec = workspace.spec.name();
     let simulate = simulating(&plan.best, spec);
@@ -129,13 +131,14 @@ fn simulating(run: &Proposal, spec: &str) -> String {
 fn purpose(
     arguments: &Arguments,
     workspace: &Workspace,
-    model: &Model,
+    law: &Law,
+    options: &Options,
     progress: &Progress,
 ) -> Result<Purpose> {
     let spec = &workspace.spec;
-    let context = Context::new(spec.system(), model, &workspace.dataset)?;
+    let model = LawOnData::of(law.clone(), &workspace.dataset, options);
     let with = |label: &str, statement: &str, start: &[f64]| {
-        Rival::with_effect(&context, spec.compiled(), label, statement, start)
+        Rival::with_effect(&model, spec.compiled(), label, statement, start)
     };
     if !arguments.between.is_empty() {
         let mut rivals: Vec<Rival> = Vec::new();
@@ -154,7 +157,7 @@ fn purpose(
                 ));
             }
             if asked.open {
-                asked.scanned(spec.compiled(), &context)?;
+                asked.scanned(spec.compiled(), model.clone())?;
             }
             rivals.push(with(&asked.label, &asked.statement, &[])?);
         }
@@ -162,20 +165,20 @@ fn purpose(
         return Ok(Purpose { goal: Goal::Rivals, rivals, why });
     }
     if let Some(name) = &arguments.coefficient {
-        let rivals = vec![Rival::as_it_is(&context, "the model")];
+        let rivals = vec![Rival::as_it_is(law, "the model")];
         let why = format!("The run that best measures {name}, as asked for.");
         return Ok(Purpose { goal: Goal::Coefficient(Some(name.clone())), rivals, why });
     }
     let worst = Goal::Coefficient(None);
     let measures = "so the run is the one that best measures the least known coefficient.";
-    let as_it_is = || vec![Rival::as_it_is(&context, "the model")];
+    let as_it_is = || vec![Rival::as_it_is(law, "the model")];
     let Some(held_out) = workspace.held_out() else {
         let why = format!("There are too few measurements to say what is missing, {measures}");
         return Ok(Purpose { goal: worst, rivals: as_it_is(), why });
     };
     let training = &workspace.split.training;
     let base = spec.compiled();
-    let found = diagnosis::diagnose(base, model, training, held_out, progress)?;
+    let found = diagnosis::diagnose(base, law, training, held_out, options, progress)?;
     let tied = |leader: &&RankedEffect| found.indistinguishable.contains(&leader.effect);
     let first = found.ranking.first();
     let mut rivals: Vec<Rival> = Vec::new();
@@ -190,9 +193,11 @@ fn purpose(
     let among = listed(&rivals);
     if rivals.len() > 1 {
         // The diagnosis held some runs out; all of them together may have the answer.
-        let standings = design::standings(&rivals, &workspace.dataset, model.evidence.window)?;
+        let (data, window) = (&workspace.dataset, law.window());
+        let standings = design::standings(&rivals, data, window, options)?;
+        let close = options.tuning.ranking.indistinguishable;
         let mut excess = standings.iter().map(|standing| standing.excess_deviance);
-        rivals.retain(|_| excess.next().is_some_and(|excess| excess <= design::DISTINGUISHABLE));
+        rivals.retain(|_| excess.next().is_some_and(|excess| excess <= close));
     }
     Ok(match (rivals.as_slice(), found.verdict) {
         ([_, _, ..], _) => {

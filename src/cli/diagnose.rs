@@ -9,10 +9,10 @@ use super::console::Console;
 use super::progress::Progress;
 use super::splitting::SplitArguments;
 use super::workspace::Workspace;
-use crate::diagnose::context::Context;
 use crate::diagnose::diagnosis::{self, Diagnosis};
 use crate::diagnose::instrument::detect;
 use crate::diagnose::sufficiency;
+use crate::diagnose::{LawOnData, Options};
 use crate::error::Result;
 use crate::report::{DiagnosisContext, diagnosis_text};
 
@@ -37,14 +37,15 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let workspace = Workspace::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
     let (spec, split) = (&workspace.spec, &workspace.split);
-    let lacking = sufficiency::lacking(spec.system(), &split.training, workspace.held_out());
+    let (training, options) = (&split.training, Options::default());
+    let lacking = sufficiency::lacking(spec.system(), training, workspace.held_out(), &options);
     let (diagnosis, terms, detections) = match (lacking, workspace.held_out()) {
         (None, Some(held_out)) => {
             let (model, terms) = workspace.model(&progress)?;
+            let (base, law) = (spec.compiled(), spec.learned(&model)?);
             let diagnosis =
-                diagnosis::diagnose(spec.compiled(), &model, &split.training, held_out, &progress)?;
-            let context = Context::new(spec.system(), &model, &split.training)?;
-            (diagnosis, terms, detect(&context, &model))
+                diagnosis::diagnose(base, &law, training, held_out, &options, &progress)?;
+            (diagnosis, terms, detect(&LawOnData::of(law, training, &options)))
         }
         (lacking, _) => {
             let diagnosis = Diagnosis::too_little(lacking.unwrap_or_default());

@@ -15,7 +15,7 @@ use super::splitting::SplitArguments;
 use super::workspace::Workspace;
 use crate::data::write_atomically;
 use crate::diagnose::diagnosis::Verdict;
-use crate::diagnose::discover::{Accepts, Discovery, discover};
+use crate::diagnose::discover::{Accepts, Discovery, DiscoveryOptions, discover};
 use crate::diagnose::sufficiency;
 use crate::error::Result;
 use crate::fit::{Options, Silent};
@@ -50,24 +50,21 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         .then(|| Lock::take(&arguments.spec, &Silent, |what| console.message(what)));
     let _lock = lock.transpose()?;
     let workspace = Workspace::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
-    let system = workspace.spec.system();
-    let lacking = sufficiency::lacking(system, &workspace.split.training, workspace.held_out());
+    let spec = &workspace.spec;
+    let options = DiscoveryOptions {
+        fit: Options { parameter_starts: spec.compiled().starts.clone(), ..Options::default() },
+        accepts: if arguments.partial { Accepts::Partial } else { Accepts::Whole },
+        ..DiscoveryOptions::default()
+    };
+    let training = &workspace.split.training;
+    let lacking =
+        sufficiency::lacking(spec.system(), training, workspace.held_out(), &options.diagnosis);
     let (None, Some(held_out)) = (&lacking, workspace.held_out()) else {
         return too_little(&workspace, &lacking.unwrap_or_default(), console);
     };
-    let spec = &workspace.spec;
-    let options =
-        Options { parameter_starts: spec.compiled().starts.clone(), ..Options::default() };
     let progress = Progress::new();
-    let found = discover(
-        spec.name(),
-        spec.text(),
-        &workspace.split.training,
-        held_out,
-        &options,
-        if arguments.partial { Accepts::Partial } else { Accepts::Whole },
-        &progress,
-    )?;
+    let (name, text) = (spec.name(), spec.text());
+    let found = discover(name, text, training, held_out, &options, &progress)?;
     let written = !arguments.dry_run && !found.steps.is_empty();
     if written {
         keep(&workspace, &found, &progress)?;

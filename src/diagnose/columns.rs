@@ -1,9 +1,8 @@
 //! What terms that are not in a model would do to its predictions: a column for each, beside those
 //! of the model's own unknowns.
 
-use super::context::Settled;
 use super::score_test::Scores;
-use super::tuning::TUNING;
+use super::settling::{Settled, problem};
 use crate::dynamics::Dynamics;
 use crate::error::{Error, ErrorKind, Result};
 use crate::eval::Backend;
@@ -27,17 +26,17 @@ impl Settled<'_> {
     /// `extended` is the system with whatever its graph must hold for the expressions of
     /// `probes`; its own terms are those of the system, or begin with them.
     pub fn probe(&self, extended: System, probes: &[Term]) -> Result<Probed> {
-        let Settled { context, segments, states, .. } = self;
+        let Settled { model, segments, states, .. } = self;
         let mut system = extended;
         let first = system.terms.len();
         system.terms.extend_from_slice(probes);
         let extra = system.term_ids().split_off(first);
-        let (law, backend) = (&context.law, Backend::default());
+        let (law, backend) = (&model.law, Backend::default());
         let dynamics = Dynamics::with_probes(&system, law.support(), &extra, backend)?;
         let count = law.support().len();
         let theta = law.theta(&dynamics);
-        let weights = context.weights();
-        let problem = context.problem(segments, &weights);
+        let weights = model.law.weights();
+        let problem = problem(model, segments, &weights);
         let linearised = linearise(&problem, &dynamics, &theta, states);
         if linearised.sums.rows <= count + dynamics.parameters().len() {
             let Sums { rows, diverged, .. } = linearised.sums;
@@ -60,9 +59,10 @@ impl Settled<'_> {
             .collect();
         let base = count + dynamics.parameters().len();
         let factor = linearised.merged().select(&order);
-        let variance = noise_variance(&factor, base);
+        let tuning = model.tuning();
+        let variance = noise_variance(&factor, base).max(tuning.ranking.least_variance);
         let diverged = linearised.sums.diverged;
-        Ok(Probed { scores: Scores::new(&factor, base, variance), diverged })
+        Ok(Probed { scores: Scores::new(&factor, base, variance, tuning.scan.spanned), diverged })
     }
 }
 
@@ -70,12 +70,11 @@ impl Settled<'_> {
 /// model's own where there are too many probes for that.
 fn noise_variance(factor: &Factor, base: usize) -> f64 {
     let (rows, columns) = (factor.rows(), factor.columns());
-    let variance = if rows > 3 * columns {
+    if rows > 3 * columns {
         factor.least() / (rows - columns) as f64
     } else {
         let size = columns - base;
         let left = factor.target().rows(base, size).norm_squared() + factor.least();
         left / rows.saturating_sub(base).max(1) as f64
-    };
-    variance.max(TUNING.ranking.least_variance)
+    }
 }

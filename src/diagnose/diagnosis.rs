@@ -3,7 +3,8 @@
 //! Each phase is a file, entered once, in this order; what a phase finds is handed on as plain
 //! data:
 //!
-//! 1. `noise_floor`: the noise of the instrument, which the misfit is measured in;
+//! 1. `noise_floor`: the noise of the instrument, which the misfit is measured in (`settling` finds
+//!    the best states that a law can start from, `misfit` says what it leaves then);
 //! 2. [`candidates`](super::candidates): what may be missing, lowered onto the system;
 //! 3. `scan`: a score test of every candidate at every point of its grid (`columns` are what each
 //!    would do to the predictions, `score_test` the statistics of them);
@@ -16,19 +17,19 @@ use serde::Serialize;
 
 use super::candidates::candidates;
 use super::comparison::ResidualMap;
-use super::context::Context;
+use super::law_on_data::{LawOnData, Measurements};
 use super::noise_floor::noise_floor;
+use super::options::Options;
 use super::ranking::{Ranking, ranking};
 pub use super::refit::RankedEffect;
 use super::search::stories;
 use super::story::Question;
 use super::sufficiency::lacking_beside;
-use super::tuning::TUNING;
 use super::verdict::judge;
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::expr::{Compiled, Scope};
-use crate::fit::{Model, Monitor};
+use crate::fit::{Law, Monitor};
 
 /// What is missing from a model.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -139,35 +140,37 @@ impl Diagnosis {
     }
 }
 
-/// Asks what a model misses.
+/// Asks what a law misses.
 ///
-/// `base` is the spec that the model was fitted from; `training` the runs that it was fitted to,
+/// `spec` is that of the law's system; `training` are the runs that the law was fitted to,
 /// `held_out` others.
 ///
 /// # Errors
 ///
-/// When the model belongs to another spec, or the data do not suffice to score a candidate.
+/// When the law belongs to another spec, or the data do not suffice to score a candidate.
 pub fn diagnose(
-    base: &Compiled,
-    model: &Model,
+    spec: &Compiled,
+    law: &Law,
     training: &Dataset,
     held_out: &Dataset,
+    options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Diagnosis> {
-    let context = Context::new(&base.system, model, training)?;
-    let context = context.with_noise(noise_floor(&context, model));
-    if let Some(reason) = lacking_beside(&context, &context.with_data(held_out)) {
+    spec.system.positions(law.support())?;
+    let tuning = &options.tuning;
+    let held_out = Measurements::of(held_out, options);
+    let model = LawOnData::of(law.clone(), training, options);
+    let model = model.with_noise(noise_floor(&model));
+    if let Some(reason) = lacking_beside(&model, &held_out) {
         return Ok(Diagnosis::too_little(reason));
     }
     monitor.stage("scoring candidates", 0.1);
-    let mut scope = Scope::of(base);
-    let all = candidates(&mut scope, training);
-    let first = ranking(&context, held_out, &all, TUNING.ranking.first_refits, monitor)?;
-    let mut diagnosis = Diagnosis::of(&first, all.len(), context.law.noise());
-    let resolutions: Vec<f64> = model.noise.iter().map(|noise| noise.resolution).collect();
-    let resolutions = resolutions.as_slice();
-    let question = Question { scope: &scope, context: &context, held_out, resolutions, monitor };
+    let mut scope = Scope::of(spec);
+    let all = candidates(&mut scope, training, &tuning.candidates);
+    let first = ranking(&model, &held_out, &all, tuning.ranking.first_refits, monitor)?;
+    let mut diagnosis = Diagnosis::of(&first, all.len(), model.law.noise());
+    let question = Question { scope: &scope, model: &model, held_out: &held_out, monitor };
     let stories = stories(&question, &first)?;
-    judge(&question, &mut diagnosis, model, stories)?;
+    judge(&question, &mut diagnosis, stories)?;
     Ok(diagnosis)
 }

@@ -3,15 +3,16 @@
 use serde::Serialize;
 
 use super::candidates::NumberChange;
-use super::context::Context;
 use super::diagnosis::{Diagnosis, RankedEffect, Verdict, diagnose};
+use super::law_on_data::LawOnData;
+use super::misfit::error;
+use super::options::Options;
 use super::refit::written_into;
-use super::tuning::TUNING;
+use super::window::longest;
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::expr::{Compiled, build};
-use crate::fit::segments::longest_run;
-use crate::fit::{Law, Model, Monitor, Options, fit, resume};
+use crate::fit::{self, Law, Model, Monitor, resume};
 
 /// What the loop did, and why it ended.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -67,6 +68,17 @@ pub enum Accepts {
     Partial,
 }
 
+/// What may be chosen about a discovery. The defaults serve every system.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct DiscoveryOptions {
+    /// Options of the fits.
+    pub fit: fit::Options,
+    /// Options of the diagnoses.
+    pub diagnosis: Options,
+    /// Which stories are added.
+    pub accepts: Accepts,
+}
+
 /// Adds the story of a diagnosis to a spec, and asks again until what is left is noise, or no story
 /// holds: then nothing more is added, unless parts of an explanation are accepted.
 ///
@@ -78,13 +90,12 @@ pub fn discover(
     text: &str,
     training: &Dataset,
     held_out: &Dataset,
-    options: &Options,
-    accepts: Accepts,
+    options: &DiscoveryOptions,
     monitor: &dyn Monitor,
 ) -> Result<Discovery> {
     let mut text = text.to_string();
     let mut compiled = build(name, &text)?;
-    let mut model = fit(&compiled.system, training, options, monitor)?;
+    let mut model = fit::fit(&compiled.system, training, &options.fit, monitor)?;
     let mut steps: Vec<Step> = Vec::new();
     let start = text.clone();
     let first = (compiled.clone(), model.clone());
@@ -92,7 +103,8 @@ pub fn discover(
     let (stop, verdict) = loop {
         let round = steps.len() + 1;
         monitor.stage(&format!("what is missing, round {round}"), 0.1);
-        let diagnosis = diagnose(&compiled, &model, training, held_out, monitor)?;
+        let law = model.law_of(&compiled.system)?;
+        let diagnosis = diagnose(&compiled, &law, training, held_out, &options.diagnosis, monitor)?;
         // An interrupted diagnosis did not look everywhere: its verdict says nothing.
         if monitor.stopped() {
             interrupted = true;
@@ -100,22 +112,21 @@ pub fn discover(
         }
         let story = match diagnosis.verdict {
             Verdict::Missing => &diagnosis.story,
-            Verdict::Unexplained if accepts == Accepts::Partial => &diagnosis.partial,
+            Verdict::Unexplained if options.accepts == Accepts::Partial => &diagnosis.partial,
             _ => &Vec::new(),
         };
         if story.is_empty() {
             break (diagnosis.reason, diagnosis.verdict);
         }
-        if steps.len() >= TUNING.discovery.additions {
+        if steps.len() >= options.diagnosis.tuning.discovery.additions {
             let sentence = format!(
                 "stopped after {} additions; more would lower the error on held-out runs",
                 steps.len()
             );
             break (sentence, Verdict::Missing);
         }
-        let law = Context::new(&compiled.system, &model, training)?.law;
         let Some((longer, next, fitted)) =
-            with_story(name, &text, &law, story, training, options, monitor)?
+            with_story(name, &text, &law, story, training, &options.fit, monitor)?
         else {
             let names: Vec<&str> = story.iter().map(|member| member.effect.as_str()).collect();
             let sentence =
@@ -131,10 +142,10 @@ pub fn discover(
         (text, compiled, model) = (longer, next, fitted);
     };
     let noise: Vec<f64> = model.noise.iter().map(|n| n.standard_deviation).collect();
-    let held_out_error = |compiled: &crate::expr::Compiled, of: &Model| -> Result<f64> {
-        let context = Context::new(&compiled.system, of, held_out)?.with_noise(noise.clone());
-        let whole = longest_run(held_out).min(TUNING.states.longest);
-        Ok(super::misfit::error(&context, whole).0)
+    let held_out_error = |compiled: &Compiled, model: &Model| -> Result<f64> {
+        let law = model.law_of(&compiled.system)?.with_noise(noise.clone());
+        let model = LawOnData::of(law, held_out, &options.diagnosis);
+        Ok(error(&model, longest(&model)).0)
     };
     let before = if start == text {
         held_out_error(&compiled, &model)?
@@ -201,7 +212,7 @@ fn with_story(
     law: &Law,
     story: &[RankedEffect],
     training: &Dataset,
-    options: &Options,
+    options: &fit::Options,
     monitor: &dyn Monitor,
 ) -> Result<Option<(String, Compiled, Model)>> {
     let members = in_writing(story);

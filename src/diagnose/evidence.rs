@@ -1,9 +1,8 @@
 //! What a refitted effect is worth: on the runs that it was fitted to, and on held-out ones.
 
-use super::context::{Parts, Settled};
 use super::misfit::error_of;
 use super::refit::Refit;
-use super::tuning::TUNING;
+use super::settling::{Parts, Settled};
 
 /// A refit with the evidence for it.
 pub struct Judged {
@@ -42,9 +41,10 @@ impl Judged {
         refit.effect.held_out_error_before = before;
         // Runs that it does not follow any more are no gain.
         refit.effect.held_out_error_after = if more > lost { f64::INFINITY } else { after };
+        let least = data.model.tuning().ranking.least_variance;
         Judged {
             fall: data.sums.loss - left.loss,
-            variance: (left.loss / left.rows.max(1) as f64).max(TUNING.ranking.least_variance),
+            variance: (left.loss / left.rows.max(1) as f64).max(least),
             price: price(&refit, left.rows),
             held_out_fall: if fall.is_finite() && more <= lost { fall } else { 0.0 },
             refit,

@@ -4,12 +4,10 @@
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, DiscreteCDF, Normal, Poisson};
 
-use super::context::Context;
+use super::law_on_data::LawOnData;
 use super::noise_floor::noise_floor;
-use super::tuning::TUNING;
-use crate::data::Dataset;
-use crate::expr::System;
-use crate::fit::Model;
+use super::settling::settle;
+use super::tuning::Tuning;
 
 /// A fault that was found.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -31,18 +29,19 @@ pub struct Detection {
 }
 
 /// Faults of every column, in the order of the columns.
-pub fn detect(context: &Context, model: &Model) -> Vec<Detection> {
-    let names = context.system().observables();
-    let window = context.law.window().clamp(TUNING.instrument.shortest, TUNING.instrument.longest);
-    let residuals = context.residuals(window);
-    let floor = noise_floor(context, model);
+pub fn detect(model: &LawOnData) -> Vec<Detection> {
+    let tuning = model.tuning();
+    let names = model.system().observables();
+    let window = model.law.window().clamp(tuning.instrument.shortest, tuning.instrument.longest);
+    let residuals = settle(model.with_window(window)).residuals();
+    let floor = noise_floor(model);
     let mut found = Vec::new();
     for (i, name) in names.iter().enumerate() {
-        let resolution = model.noise.get(i).map_or(0.0, |noise| noise.resolution);
+        let known = (model.law.noise()[i], model.law.resolution()[i]);
         let series: Vec<&[f64]> =
             residuals.iter().filter_map(|segment| Some(segment.get(i)?.as_slice())).collect();
-        found.extend(outliers(name, &series, context.law.noise()[i], resolution, names.len()));
-        found.extend(quantisation(name, i, context.dataset, floor[i], context.system()));
+        found.extend(outliers(name, &series, known, names.len(), tuning));
+        found.extend(quantisation(name, i, model, floor[i]));
     }
     found
 }
@@ -51,10 +50,11 @@ pub fn detect(context: &Context, model: &Model) -> Vec<Detection> {
 fn outliers(
     name: &str,
     series: &[&[f64]],
-    noise: f64,
-    resolution: f64,
+    (noise, resolution): (f64, f64),
     columns: usize,
+    tuning: &Tuning,
 ) -> Option<Detection> {
+    let Tuning { instrument, verdict, .. } = tuning;
     // What the model does wrong is smooth from sample to sample and drops out here; each value
     // has one and a half times the variance of the noise.
     let deviations: Vec<Vec<f64>> =
@@ -62,12 +62,12 @@ fn outliers(
     let mut sizes: Vec<f64> =
         deviations.iter().flatten().filter(|d| d.is_finite()).map(|d| d.abs()).collect();
     let count = sizes.len();
-    if count < TUNING.instrument.readings {
+    if count < instrument.readings {
         return None;
     }
     // The median absolute deviation: outliers do not move it.
     let scale = 1.4826 * *sizes.select_nth_unstable_by(count / 2, f64::total_cmp).1;
-    if scale * noise <= TUNING.verdict.resolved * resolution || scale <= 0.0 {
+    if scale * noise <= verdict.resolved * resolution || scale <= 0.0 {
         return None;
     }
     let mut far: Vec<f64> = Vec::new();
@@ -78,21 +78,21 @@ fn outliers(
                 .into_iter()
                 .filter_map(|near| d.get(near?).copied())
                 .filter(|y| y.is_finite())
-                .all(|y| y * x < 0.0 && y.abs() < TUNING.instrument.spike * x.abs());
-            if x.abs() > TUNING.instrument.far * scale && spike {
+                .all(|y| y * x < 0.0 && y.abs() < instrument.spike * x.abs());
+            if x.abs() > instrument.far * scale && spike {
                 far.push(x.abs() * noise);
             }
         }
     }
     // The scale itself is uncertain, and not quite the same along a segment.
     let sure = 0.95 * (1.0 - 2.4 / (count as f64).sqrt()).max(0.5);
-    let tail = 2.0 * Normal::standard().sf(TUNING.instrument.far * sure);
+    let tail = 2.0 * Normal::standard().sf(instrument.far * sure);
     let expected = count as f64 * tail;
     let p_value = match (far.len(), Poisson::new(expected)) {
         (0, _) | (_, Err(_)) => 1.0,
         (found, Ok(poisson)) => poisson.sf(found as u64 - 1),
     };
-    if p_value * columns as f64 > TUNING.instrument.significant {
+    if p_value * columns as f64 > instrument.significant {
         return None;
     }
     let share = far.len() as f64 / count as f64;
@@ -114,25 +114,20 @@ fn outliers(
 }
 
 /// Readings that are whole steps, where the steps are not small against the noise.
-fn quantisation(
-    name: &str,
-    row: usize,
-    dataset: &Dataset,
-    noise: f64,
-    system: &System,
-) -> Option<Detection> {
-    let cells = dataset.runs.iter().filter_map(|run| run.values.get(row)).flatten();
+fn quantisation(name: &str, row: usize, model: &LawOnData, noise: f64) -> Option<Detection> {
+    let (system, tuning) = (model.system(), &model.tuning().instrument);
+    let cells = model.data.dataset.runs.iter().filter_map(|run| run.values.get(row)).flatten();
     let mut values: Vec<f64> = cells.copied().filter(|x| x.is_finite()).collect();
     let count = values.len();
     values.sort_by(f64::total_cmp);
     let range = values.last()? - values.first()?;
-    let slack = TUNING.instrument.slack * range;
+    let slack = tuning.slack * range;
     let step = common_step(&values, slack)?;
     values.dedup_by(|a, b| (*a - *b).abs() < 0.5 * step);
     // The standard deviation of rounding: a step over the square root of twelve.
     let rounding = step / 12.0f64.sqrt();
     let share = (rounding / noise).min(1.0);
-    if count < TUNING.instrument.readings || values.len() < 2 || share < TUNING.instrument.coarse {
+    if count < tuning.readings || values.len() < 2 || share < tuning.coarse {
         return None;
     }
     let unit = system.coordinates.iter().chain(&system.momenta).chain(&system.velocities);
@@ -201,7 +196,7 @@ mod tests {
             let mut values = list.to_vec();
             values.sort_by(f64::total_cmp);
             let range = values[values.len() - 1] - values[0];
-            common_step(&values, TUNING.instrument.slack * range)
+            common_step(&values, crate::diagnose::tuning::Instrument::default().slack * range)
         };
         let close = |step: Option<f64>, is: f64| assert!((step.unwrap() - is).abs() < 1e-6 * is);
         close(of(&[0.0, 0.01, 0.03, 0.07, 0.08, 1.0]), 0.01);

@@ -1,13 +1,14 @@
 //! What a model leaves of its data, in units of the noise.
 
-use super::context::Context;
-use super::tuning::TUNING;
+use super::law_on_data::LawOnData;
+use super::settling::settle;
+use super::tuning::Verdict;
 use crate::fit::pass::Sums;
 
 /// Error in units of the noise over segments of `window` samples, and segments that diverged;
 /// NaN where too few are left to say.
-pub fn error(context: &Context, window: usize) -> (f64, usize) {
-    error_of(&context.settle(window).2)
+pub fn error(model: &LawOnData, window: usize) -> (f64, usize) {
+    error_of(&settle(model.with_window(window)).sums)
 }
 
 /// The same of sums that are at hand.
@@ -20,11 +21,11 @@ pub(super) fn error_of(sums: &Sums) -> (f64, usize) {
 
 /// Squares a residual in excess of the noise; zero for a model at the noise, which leaves one
 /// square for each independent residual. What cannot be predicted is not explained.
-pub(super) fn excess(sums: &Sums) -> f64 {
+pub(super) fn excess(sums: &Sums, tuning: &Verdict) -> f64 {
     if sums.rows == 0 {
         return f64::INFINITY;
     }
     let rows = sums.rows.max(1) as f64;
     let excess = sums.loss / rows - 1.0;
-    if excess < TUNING.verdict.at_noise * (2.0 / rows).sqrt() { 0.0 } else { excess }
+    if excess < tuning.at_noise * (2.0 / rows).sqrt() { 0.0 } else { excess }
 }

@@ -7,21 +7,26 @@
 pub mod candidates;
 mod columns;
 pub mod comparison;
-pub mod context;
 pub mod design;
 pub mod diagnosis;
 pub mod discover;
 mod evidence;
 pub mod instrument;
+pub mod law_on_data;
 mod misfit;
 pub mod noise_floor;
+pub mod options;
 mod ranking;
-mod refit;
+pub mod refit;
 pub mod scan;
 mod score_test;
 mod search;
+pub mod settling;
 mod story;
 pub mod sufficiency;
 pub mod tuning;
 mod verdict;
 mod window;
+
+pub use law_on_data::{LawOnData, Measurements};
+pub use options::Options;

@@ -4,37 +4,34 @@
 //! segments, the more. Over one or two samples even a poor model is nearly right, so what is
 //! left there is the instrument's.
 
-use super::context::Context;
-use super::tuning::TUNING;
+use super::law_on_data::LawOnData;
+use super::settling::Settled;
+use super::settling::{settle, settle_from};
+use super::tuning::NoiseFloor;
 use crate::data::Dataset;
-use crate::fit::Model;
 use crate::fit::scales::{fewest_samples, scales};
 
 /// Noise of every observable over the shortest predictions that the data allow; the model's own
 /// estimate where that is not clearly larger, or where there are too few residuals. Where the data
 /// are far smoother than these predictions are good, what is not smooth in the data. Never less
 /// than what the integrator resolves.
-pub fn noise_floor(context: &Context, model: &Model) -> Vec<f64> {
-    let resolutions: Vec<f64> = model.noise.iter().map(|noise| noise.resolution).collect();
-    let own = context.law.noise();
-    let measured = measured(context, &resolutions);
+pub fn noise_floor(model: &LawOnData) -> Vec<f64> {
+    let tuning = &model.tuning().noise_floor;
+    let own = model.law.noise();
+    let measured = measured(model);
     let both = own.iter().zip(measured);
     both.map(|(&own, measured)| match measured {
-        Some(Measured { noise, error })
-            if noise < own * (1.0 - TUNING.noise_floor.below * error) =>
-        {
-            noise
-        }
+        Some(Measured { noise, error }) if noise < own * (1.0 - tuning.below * error) => noise,
         _ => own,
     })
     .collect()
 }
 
 /// Noise of every observable over the shortest predictions of a model that explains the data; as
-/// the context has it where there are too few residuals. Never less than `resolutions`.
-pub(super) fn noise_of(context: &Context, resolutions: &[f64]) -> Vec<f64> {
-    let own = context.law.noise().iter();
-    let measured = measured(context, resolutions).into_iter();
+/// the model has it where there are too few residuals. Never less than what the integrator resolves.
+pub(super) fn noise_of(model: &LawOnData) -> Vec<f64> {
+    let own = model.law.noise().iter();
+    let measured = measured(model).into_iter();
     own.zip(measured).map(|(&own, short)| short.map_or(own, |short| short.noise)).collect()
 }
 
@@ -48,22 +45,22 @@ struct Measured {
 /// Noise of every observable over the shortest predictions that the data allow; what is not smooth
 /// in the data where these predictions stray for lack of a force. `None` where there are too few
 /// residuals.
-fn measured(context: &Context, resolutions: &[f64]) -> Vec<Option<Measured>> {
-    let scales = scales(&context.measured, 2 * context.system().degrees());
-    let window = fewest_samples(&scales, context.measured.samples());
-    let mut judge = context.clone();
+fn measured(model: &LawOnData) -> Vec<Option<Measured>> {
+    let scales = scales(&model.data.packed, 2 * model.system().degrees());
+    let window = fewest_samples(&scales, model.data.packed.samples());
+    let tuning = &model.tuning().noise_floor;
     // Relative standard error of each estimate; none where there is no estimate.
-    let mut known = vec![None; judge.law.noise().len()];
-    let (segments, mut states, mut sums) = judge.settle(window);
-    for round in 0..TUNING.noise_floor.rounds {
+    let mut known = vec![None; model.law.noise().len()];
+    let Settled { model: mut judge, segments, mut states, mut sums } =
+        settle(model.with_window(window));
+    for round in 0..tuning.rounds {
         if round > 0 {
-            sums = judge.settle_from(&segments, &mut states);
+            sums = settle_from(&judge, &segments, &mut states);
         }
         let mut moved: f64 = 0.0;
         let mut next = judge.law.noise().to_vec();
         for (i, noise) in next.iter_mut().enumerate() {
-            let enough =
-                sums.freedom[i] > TUNING.noise_floor.residuals && sums.squares[i].is_finite();
+            let enough = sums.freedom[i] > tuning.residuals && sums.squares[i].is_finite();
             known[i] = enough.then(|| (0.5 / sums.freedom[i]).sqrt());
             if enough {
                 let factor = (sums.squares[i] / sums.freedom[i]).sqrt().max(1e-9);
@@ -76,11 +73,11 @@ fn measured(context: &Context, resolutions: &[f64]) -> Vec<Option<Measured>> {
             break;
         }
     }
-    let all = judge.law.noise().iter().zip(known).zip(resolutions).enumerate();
+    let all = judge.law.noise().iter().zip(known).zip(model.law.resolution()).enumerate();
     all.map(|(row, ((&short, error), &resolution))| {
         let error = error?;
-        let rough = roughness(context.dataset, row);
-        Some(match rough.filter(|rough| TUNING.noise_floor.strays * rough < short) {
+        let rough = roughness(model.data.dataset, row, tuning);
+        Some(match rough.filter(|rough| tuning.strays * rough < short) {
             Some(rough) => Measured { noise: rough.max(resolution), error: 0.0 },
             None => Measured { noise: short.max(resolution), error },
         })
@@ -91,7 +88,7 @@ fn measured(context: &Context, resolutions: &[f64]) -> Vec<Option<Measured>> {
 /// What is not smooth in a column: the median of its differences of some order, of the order where
 /// that is smallest, in units of what the order makes of white noise. `None` without stretches
 /// that were sampled evenly.
-fn roughness(dataset: &Dataset, row: usize) -> Option<f64> {
+fn roughness(dataset: &Dataset, row: usize, tuning: &NoiseFloor) -> Option<f64> {
     // (order, root of the sum of squares of its binomial coefficients)
     const ORDERS: [(usize, f64); 4] =
         [(4, 8.366_600_265), (6, 30.397_368_307), (8, 113.446_022_4), (10, 429.832_525_5)];
@@ -125,7 +122,7 @@ fn roughness(dataset: &Dataset, row: usize) -> Option<f64> {
     }
     let of_order = |(sizes, (_, scale)): (&mut Vec<f64>, (usize, f64))| {
         let middle = sizes.len() / 2;
-        (sizes.len() as f64 > TUNING.noise_floor.residuals)
+        (sizes.len() as f64 > tuning.residuals)
             .then(|| *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / (MEDIAN * scale))
     };
     found.iter_mut().zip(ORDERS).filter_map(of_order).reduce(f64::min)
@@ -150,15 +147,19 @@ mod tests {
         Dataset { observables: vec!["x".to_string()], runs: vec![run], inputs: Vec::new() }
     }
 
+    fn found(data: &Dataset) -> Option<f64> {
+        roughness(data, 0, &NoiseFloor::default())
+    }
+
     #[test]
     fn what_is_rough_is_the_noise_and_not_the_motion() {
         let even: Vec<f64> = (0..1000).map(|i| 0.0628 * i as f64).collect();
         for sigma in [1e-2, 1e-4] {
-            let found = roughness(&sine(&even, sigma), 0).expect("an estimate");
-            assert!((found / sigma - 1.0).abs() < 0.2, "{found} {sigma}");
+            let rough = found(&sine(&even, sigma)).expect("an estimate");
+            assert!((rough / sigma - 1.0).abs() < 0.2, "{rough} {sigma}");
         }
-        assert!(roughness(&sine(&even, 0.0), 0).expect("an estimate") < 1e-10);
+        assert!(found(&sine(&even, 0.0)).expect("an estimate") < 1e-10);
         let uneven: Vec<f64> = even.iter().map(|t| t + 0.01 * t.cos()).collect();
-        assert_eq!(roughness(&sine(&uneven, 0.0), 0), None);
+        assert_eq!(found(&sine(&uneven, 0.0)), None);
     }
 }

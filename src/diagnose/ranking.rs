@@ -1,14 +1,14 @@
 //! Candidates scored, the significant ones refitted in full, and ranked.
 
 use super::candidates::Candidate;
-use super::context::{Context, Parts};
 use super::evidence::Judged;
+use super::law_on_data::{LawOnData, Measurements};
 use super::misfit::error_of;
 use super::refit::{Precision, Refit, Start, refit, refit_whole};
 use super::scan::{Scored, significant};
-use super::tuning::TUNING;
+use super::settling::{Parts, settle_parts};
+use super::tuning;
 use super::window::followed;
-use crate::data::Dataset;
 use crate::error::Result;
 use crate::fit::Monitor;
 
@@ -31,18 +31,18 @@ pub struct Ranking {
 /// # Errors
 ///
 /// When the data do not suffice to score anything.
-pub fn ranking(
-    context: &Context,
-    held_out: &Dataset,
+pub fn ranking<'a>(
+    model: &LawOnData<'a>,
+    held_out: &Measurements<'a>,
     candidates: &[Candidate],
     most: usize,
     monitor: &dyn Monitor,
 ) -> Result<Ranking> {
-    let scored = significant(context, candidates, monitor)?;
-    let at = &scored.data.all.context;
+    let scored = significant(model, candidates, monitor)?;
+    let at = &scored.data.all.model;
     let start = |s: &Scored| Ok((s.candidate, Start::scored(at, &candidates[s.candidate], s)?));
     let starts = scored.best.iter().take(most).map(start).collect::<Result<Vec<_>>>()?;
-    let held_out = context.with_data(held_out);
+    let held_out = model.with_data(held_out);
     let field = Field { candidates, held_out, variance: scored.variance, monitor };
     let refitted = field.refitted(scored.data, starts);
     Ok(rank(refitted, scored.variance, scored.tests))
@@ -52,7 +52,7 @@ pub fn ranking(
 struct Field<'a, 'b> {
     candidates: &'b [Candidate],
     /// The model before held-out runs.
-    held_out: Context<'a>,
+    held_out: LawOnData<'a>,
     /// Variance of the weighted residuals as scores tell it.
     variance: f64,
     monitor: &'b dyn Monitor,
@@ -71,7 +71,7 @@ impl<'a> Field<'a, '_> {
     fn refitted(&self, mut data: Parts<'a>, mut starts: Vec<(usize, Start)>) -> Refitted<'a> {
         let mut set_aside = Vec::new();
         loop {
-            let window = data.all.context.law.window();
+            let window = data.all.model.law.window();
             let mut fitted = self.fitted(&data, starts);
             fitted.append(&mut set_aside);
             if let Some(part) = &data.part {
@@ -80,16 +80,17 @@ impl<'a> Field<'a, '_> {
                 let best = fitted.iter().max_by(|a, b| deviance(a).total_cmp(&deviance(b)));
                 let longer = best.map_or(window, |(_, best)| followed(best, part));
                 if longer > window && !self.monitor.stopped() {
-                    let enough = TUNING.ranking.refitted_part * best.map_or(0.0, deviance);
+                    let part = self.held_out.tuning().ranking.refitted_part;
+                    let enough = part * best.map_or(0.0, deviance);
                     let (near, far): (Vec<_>, Vec<_>) =
                         fitted.into_iter().partition(|one| deviance(one) >= enough);
                     set_aside = far;
                     starts = near.into_iter().map(|(c, refit)| (c, refit.into())).collect();
-                    data = data.all.context.with_window(longer).parts();
+                    data = settle_parts(data.all.model.with_window(longer));
                     continue;
                 }
             }
-            let held_out = self.held_out.with_window(window).parts();
+            let held_out = settle_parts(self.held_out.with_window(window));
             let judged = self.judged(fitted, &data, &held_out);
             let best = judged.first();
             let longer = best.map_or(window, |(_, best)| followed(&best.refit, &data.all));
@@ -97,7 +98,7 @@ impl<'a> Field<'a, '_> {
                 return Refitted { judged, data, held_out };
             }
             starts = judged.into_iter().map(|(c, judged)| (c, judged.refit.into())).collect();
-            data = data.all.context.with_window(longer).parts();
+            data = settle_parts(data.all.model.with_window(longer));
         }
     }
 
@@ -119,7 +120,7 @@ impl<'a> Field<'a, '_> {
         data: &Parts,
         held_out: &Parts,
     ) -> Vec<(usize, Judged)> {
-        let tuning = &TUNING.ranking;
+        let tuning = &data.all.model.tuning().ranking;
         let usable = |judged: &Judged| judged.fall.is_finite() && judged.fall > 0.0;
         let judged = fitted.into_iter().map(|(c, refit)| (c, Judged::of(refit, data, held_out)));
         let mut judged: Vec<_> = judged.filter(|(_, judged)| judged.fall.is_finite()).collect();
@@ -127,8 +128,8 @@ impl<'a> Field<'a, '_> {
         judged.sort_by(|(_, a), (_, b)| b.merit(variance).total_cmp(&a.merit(variance)));
         let best = judged.first().map_or(0.0, |(_, judged)| judged.merit(variance));
         // What a part of the data says of a small effect is rough.
-        let samples = data.all.context.dataset.samples() as f64;
-        let rough = (samples / TUNING.scan.samples as f64).max(1.0);
+        let samples = data.all.model.data.dataset.samples() as f64;
+        let rough = (samples / data.all.model.tuning().scan.samples as f64).max(1.0);
         let within = (tuning.finish_within * rough).max(tuning.finish_within_part * best);
         let finished = judged.into_iter().enumerate().filter_map(|(place, (c, judged))| {
             let near = best - judged.merit(variance) < within;
@@ -156,6 +157,7 @@ fn yardstick(judged: &[(usize, Judged)], otherwise: f64) -> f64 {
 fn rank(refitted: Refitted, scored: f64, tests: usize) -> Ranking {
     let Refitted { judged: mut effects, data, held_out } = refitted;
     let variance = yardstick(&effects, scored);
+    let tuning: &tuning::Ranking = &data.all.model.tuning().ranking;
     let (before, _) = error_of(&held_out.all.sums);
     // What a full fit does not keep, or held-out runs do not thank for, is not missing.
     let pays = |judged: &Judged| {
@@ -173,13 +175,13 @@ fn rank(refitted: Refitted, scored: f64, tests: usize) -> Ranking {
     // Of those that explain equally well the one with the fewest unknowns comes first, and of
     // two names for the same motion the one that comes first in the catalogue: rounding does
     // not choose.
-    let equal = |(_, one): &&(usize, Judged)| behind(one) < TUNING.ranking.indistinguishable;
+    let equal = |(_, one): &&(usize, Judged)| behind(one) < tuning.indistinguishable;
     let close = effects.iter().take_while(equal).count();
     effects[..close].sort_by_key(|(candidate, one)| {
         let unknowns = one.refit.effect.coefficient.len();
-        (unknowns, (behind(one) / TUNING.ranking.same) as usize, *candidate)
+        (unknowns, (behind(one) / tuning.same) as usize, *candidate)
     });
     let effects = effects.into_iter().map(|(_, one)| one).collect();
-    let window = data.all.context.law.window();
+    let window = data.all.model.law.window();
     Ranking { effects, close, window, before, tests }
 }

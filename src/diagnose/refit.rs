@@ -7,18 +7,19 @@ use nalgebra::DVector;
 use serde::Serialize;
 
 use super::candidates::{Candidate, NumberChange, Origin};
-use super::context::{Context, Parts, Settled};
+use super::law_on_data::LawOnData;
 use super::misfit::excess;
 use super::scan::Scored;
-use super::tuning::TUNING;
+use super::settling::{Parts, Settled, settle, settle_from};
+use super::tuning::Ranking;
 use crate::error::Result;
 use crate::expr::{Bounds, Scope, System, TermId};
+use crate::fit::Law;
 use crate::fit::factor::Factor;
 use crate::fit::pass::Sums;
-use crate::fit::segments::cut;
-use crate::fit::train::{Extent, Training};
+use crate::fit::refit::{Integrator, Refitted, Refitting, refitted};
+use crate::fit::segments::cut_by;
 use crate::fit::uncertainty::covariance;
-use crate::fit::{Law, Options, Silent};
 use crate::spec::edit;
 use crate::spec::effects::ScanBy;
 
@@ -129,12 +130,13 @@ impl Start {
     /// # Errors
     ///
     /// The candidate's terms are not of its own system.
-    pub fn scored(context: &Context, candidate: &Candidate, scored: &Scored) -> Result<Start> {
-        let system = Arc::new(bounded(candidate, context.system(), &scored.values));
+    pub fn scored(model: &LawOnData, candidate: &Candidate, scored: &Scored) -> Result<Start> {
+        let tuning = &model.tuning().ranking;
+        let system = Arc::new(bounded(candidate, model.system(), &scored.values, tuning));
         // Parameters of the spec's own candidates stand in the spec before they are used.
         let own = candidate.parameters.iter();
         let own = own.filter_map(|&id| Some((id, system.parameter(id)?.start)));
-        let mut law = context.law.on(&system).with_parameters(own);
+        let mut law = model.law.on(&system).with_parameters(own);
         let change = scored.score.coefficients.first().copied().unwrap_or(0.0);
         if let Some(value) = candidate.start_of_number(change) {
             law = law.with_parameters(candidate.parameters.iter().map(|&id| (id, value)));
@@ -185,8 +187,8 @@ pub fn refit_whole(
 }
 
 impl Refit {
-    /// The model with the effect, as the start of further questions.
-    pub fn context<'a>(&self, like: &Context<'a>) -> Context<'a> {
+    /// The model with the effect on the data of another, as the start of further questions.
+    pub fn on<'a>(&self, like: &LawOnData<'a>) -> LawOnData<'a> {
         let (noise, window) = (like.law.noise().to_vec(), like.law.window());
         like.with_law(self.law.clone().with_noise(noise).with_window(window))
     }
@@ -194,25 +196,25 @@ impl Refit {
     /// What it leaves of data that it may have been fitted to.
     pub fn left_of(&self, settled: &Settled) -> Sums {
         let count = settled.segments.list.len();
-        match self.left_by_fit(settled.context.law.window(), count) {
+        match self.left_by_fit(settled.model.law.window(), count) {
             Some(sums) => sums.clone(),
             None => self.left_of_other(settled),
         }
     }
 
-    /// What it leaves of all segments of a context's window; `context` is that of the model with
-    /// the effect.
+    /// What it leaves of all segments of its window; `model` is the model with the effect.
     ///
     /// Where a force jumps, as dry friction and contacts do, states move on slowly, and some end
     /// beside their best place. What they leave would be taken for something that is missing: they
     /// are looked for once more from what was measured.
-    pub fn left_of_all(&self, context: &Context) -> Sums {
-        let count = cut(&context.measured, context.law.window()).list.len();
-        let by_fit = self.left_by_fit(context.law.window(), count);
+    pub fn left_of_all(&self, model: &LawOnData) -> Sums {
+        let segments = &model.options.fit.segments;
+        let count = cut_by(&model.data.packed, model.law.window(), segments).list.len();
+        let by_fit = self.left_by_fit(model.law.window(), count);
         if let Some(sums) = by_fit.filter(|sums| sums.unsettled == 0) {
             return sums.clone();
         }
-        let afresh = context.settle(context.law.window()).2;
+        let afresh = settle(model.clone()).sums;
         let lower = |sums: &&Sums| sums.loss <= afresh.loss && sums.diverged <= afresh.diverged;
         by_fit.filter(lower).cloned().unwrap_or(afresh)
     }
@@ -226,13 +228,13 @@ impl Refit {
     /// near start; but a model that loses the motion leads some of them astray, and where more than
     /// noise is left from there, they are looked for once more from what was measured.
     pub fn left_of_other(&self, settled: &Settled) -> Sums {
-        let context = self.context(&settled.context);
+        let model = self.on(&settled.model);
         let mut states = settled.states.clone();
-        let near = context.settle_from(&settled.segments, &mut states);
-        if gained(&near, settled) && excess(&near) == 0.0 {
+        let near = settle_from(&model, &settled.segments, &mut states);
+        if gained(&near, settled) && excess(&near, &model.tuning().verdict) == 0.0 {
             return near;
         }
-        let afresh = context.settle(settled.context.law.window()).2;
+        let afresh = settle(model).sums;
         let lower = near.loss < afresh.loss && near.diverged <= afresh.diverged;
         if lower { near } else { afresh }
     }
@@ -276,40 +278,51 @@ impl Fitted {
     }
 }
 
-/// Fits all numbers of a law to the segments of a context, by Gauss-Newton from where they are.
+/// Fits all numbers of a law to the segments of a model, by Gauss-Newton from where they are.
 /// `None` where it cannot be fitted.
 pub fn fitted(settled: &Settled, law: &Law, precision: Precision) -> Option<Fitted> {
-    let context = &settled.context;
-    let options = Options { window: Some(context.law.window()), ..Options::default() };
-    let law = law.clone().with_noise(context.law.noise().to_vec());
-    let mut training = Training::from_law(&law, context.measured.clone(), &options).ok()?;
-    training.segments.clone_from(&settled.segments);
-    training.states.clone_from(&settled.states);
-    training.choose_integrator();
-    if precision == Precision::Rough {
-        training.extent = Extent::Rough;
-    }
-    let mut refit = match precision {
-        Precision::Ranking => training
-            .refit_until(TUNING.ranking.deviance_left / settled.sums.rows.max(1) as f64, &Silent),
-        Precision::Rough | Precision::Full => training.refit(&Silent),
+    let Settled { model, segments, states, sums } = settled;
+    let noise = model.law.noise();
+    let law = law.clone().with_noise(noise.to_vec()).with_window(model.law.window());
+    let tuning = &model.options.fit;
+    let promise = match precision {
+        Precision::Rough => tuning.refit.rough,
+        Precision::Ranking => model.tuning().ranking.deviance_left / sums.rows.max(1) as f64,
+        Precision::Full => tuning.refit.converged,
     };
-    let sums = refit.sums().clone();
-    let factor = refit.linearised.merged();
-    let covariance = covariance(&factor, variance_of(&sums).min(1.0));
-    training.take(&mut refit);
-    // The noise is that of the context, whatever this fit leaves.
-    let law = training.law().clone().with_noise(context.law.noise().to_vec());
-    let law = law.with_window(context.law.window());
+    let integrator = Integrator::Chosen;
+    let how = Refitting { start: Some((segments, states)), integrator, promise, tuning };
+    let Refitted { law, linearised, resolution } = refitted(&law, &model.data.packed, how).ok()?;
+    let (factor, sums) = (linearised.merged(), linearised.sums);
+    let variance = variance_of(&sums, &model.tuning().ranking);
+    let covariance = covariance(&factor, variance.min(1.0));
+    // The noise is that of the model, whatever this fit leaves.
+    let law = law.with_noise(noise.to_vec()).with_window(model.law.window());
     let used = law.dynamics().parameters().to_vec();
     let law = law.with_covariance_of(&used, &covariance);
-    let mut noise = training.accuracy.resolution.iter().zip(context.law.noise());
-    Some(Fitted { law, sums, resolved: noise.all(|(least, s)| least <= s), factor })
+    let mut known = resolution.iter().zip(noise);
+    Some(Fitted { law, sums, resolved: known.all(|(least, s)| least <= s), factor })
+}
+
+/// The model with its numbers fitted again, over short segments first: numbers that were taken from
+/// another model may be far off. `None` where they cannot be fitted.
+pub fn fitted_from_afar<'a>(model: &LawOnData<'a>) -> Option<LawOnData<'a>> {
+    let tuning = &model.options.fit;
+    let (integrator, promise) = (Integrator::Kept, tuning.refit.converged);
+    let (noise, whole) = (model.law.noise(), model.law.window());
+    let mut law = model.law.clone();
+    for window in [model.tuning().states.first_samples.min(whole), whole] {
+        let how = Refitting { start: None, integrator, promise, tuning };
+        law = refitted(&law.with_window(window), &model.data.packed, how).ok()?.law;
+        // The noise is that of the model, whatever these fits leave.
+        law = law.with_noise(noise.to_vec());
+    }
+    Some(model.with_law(law.with_window(whole)))
 }
 
 /// What is left for each independent residual.
-fn variance_of(sums: &Sums) -> f64 {
-    (sums.loss / sums.rows.max(1) as f64).max(TUNING.ranking.least_variance)
+fn variance_of(sums: &Sums, tuning: &Ranking) -> f64 {
+    (sums.loss / sums.rows.max(1) as f64).max(tuning.least_variance)
 }
 
 /// The model with a candidate, fitted.
@@ -325,8 +338,9 @@ fn with_candidate(
     let (coefficient, standard_error): (Vec<f64>, Vec<f64>) = terms.chain(inner).unzip();
     let values = candidate.parameters.iter().filter_map(|&id| law.parameter(id));
     let values: Vec<f64> = values.collect();
-    let at_bound = is_at_bound(candidate, law.system(), &values);
-    let segments = (settled.context.law.window(), settled.segments.list.len());
+    let tuning = &settled.model.tuning().ranking;
+    let at_bound = is_at_bound(candidate, law.system(), &values, tuning);
+    let segments = (settled.model.law.window(), settled.segments.list.len());
     Some(Refit {
         effect: RankedEffect {
             effect: candidate.label.clone(),
@@ -342,7 +356,7 @@ fn with_candidate(
             indistinguishable: Vec::new(),
         },
         fall: settled.sums.loss - sums.loss,
-        variance: variance_of(&sums),
+        variance: variance_of(&sums, tuning),
         segments: (resolved && gained(&sums, settled)).then_some(segments),
         left: sums,
         law,
@@ -357,7 +371,7 @@ fn with_candidate(
 
 /// Whether an inner parameter that gives an effect its shape is at one of its bounds: a contact
 /// that all the motion is in touch with is a spring, a wall far away pulls like a weight.
-fn is_at_bound(candidate: &Candidate, system: &System, values: &[f64]) -> bool {
+fn is_at_bound(candidate: &Candidate, system: &System, values: &[f64], tuning: &Ranking) -> bool {
     let Origin::Catalogue(row) = &candidate.origin else { return false };
     let shapes = [
         ScanBy::Rate,
@@ -372,7 +386,7 @@ fn is_at_bound(candidate: &Candidate, system: &System, values: &[f64]) -> bool {
     row.parameters.iter().zip(&candidate.parameters).zip(values).any(|((scan, &id), &value)| {
         let bounds = system.parameter(id).map_or(Bounds::FREE, |parameter| parameter.bounds);
         let Bounds { lower, upper } = bounds;
-        let close = TUNING.ranking.at_bound * (upper - lower);
+        let close = tuning.at_bound * (upper - lower);
         shapes.contains(&scan.by) && (value - lower <= close || upper - value <= close)
     })
 }
@@ -381,7 +395,7 @@ fn is_at_bound(candidate: &Candidate, system: &System, values: &[f64]) -> bool {
 /// say nothing about a parameter: it may leave the grid by a part of its length, but for places
 /// and instants, which are looked for where there are data, and for waves, of which the data
 /// show half a length or more.
-fn bounded(candidate: &Candidate, base: &System, values: &[f64]) -> System {
+fn bounded(candidate: &Candidate, base: &System, values: &[f64], tuning: &Ranking) -> System {
     let mut system = candidate.system(base);
     for (place, (id, &value)) in candidate.parameters.iter().zip(values).enumerate() {
         let Some(parameter) = system.parameters.get_mut(id.position()) else { continue };
@@ -396,7 +410,7 @@ fn bounded(candidate: &Candidate, base: &System, values: &[f64]) -> System {
             by,
             Some(ScanBy::Position | ScanBy::Beyond | ScanBy::Instant | ScanBy::WaveNumber)
         );
-        let part = TUNING.ranking.beyond_grid;
+        let part = tuning.beyond_grid;
         let margin = if inside { 0.0 } else { part * (upper - lower) };
         let smallest = if lower > 0.0 && !inside { part * lower } else { lower - margin };
         // One start of the user's is no grid.

@@ -1,9 +1,9 @@
 //! Scores of all candidates over the grids of their inner parameters.
 
 use super::candidates::Candidate;
-use super::context::{Context, Parts, Settled};
+use super::law_on_data::LawOnData;
 use super::score_test::{Score, Scores};
-use super::tuning::TUNING;
+use super::settling::{Parts, Settled, settle_parts};
 use super::window::longer;
 use crate::error::Result;
 use crate::expr::{System, Term};
@@ -55,17 +55,17 @@ pub struct Significant<'a> {
 ///
 /// When the data do not suffice to score anything.
 pub fn significant<'a>(
-    context: &Context<'a>,
+    model: &LawOnData<'a>,
     candidates: &[Candidate],
     monitor: &dyn Monitor,
 ) -> Result<Significant<'a>> {
-    let most = TUNING.scan.significant;
-    let mut data = context.parts();
+    let most = model.tuning().scan.significant;
+    let mut data = settle_parts(model.clone());
     let mut scores = scan(&data.all, data.part.as_ref(), candidates)?;
     let mut tests = scores.tests;
     while !scores.scored.iter().any(|s| s.p_value < most) && !monitor.stopped() {
-        let Some(window) = longer(&data.all.context, 0.0) else { break };
-        data = context.with_window(window).parts();
+        let Some(window) = longer(&data.all.model, 0.0) else { break };
+        data = settle_parts(model.with_window(window));
         scores = scan(&data.all, data.part.as_ref(), candidates)?;
         tests += scores.tests;
     }
@@ -83,18 +83,19 @@ type GridPoint = (usize, Vec<f64>);
 /// Grids are looked through on a part of the data; the best point of each candidate is then
 /// judged on all of them. `few` is the model before that part, where there are more.
 pub fn scan(settled: &Settled, few: Option<&Settled>, all: &[Candidate]) -> Result<Scan> {
+    let tuning = &settled.model.tuning().scan;
     let tests = all.iter().map(|candidate| candidate.grid.len()).sum();
     let every: Vec<(usize, Vec<Vec<f64>>)> =
         all.iter().map(|candidate| candidate.grid.clone()).enumerate().collect();
     let points = if let Some(few) = few {
         let (grids, plain): (Vec<_>, Vec<_>) = every.into_iter().partition(|(_, g)| g.len() > 1);
-        let (found, _) = score(few, all, &grids, tests, TUNING.scan.columns_apart)?;
+        let (found, _) = score(few, all, &grids, tests, tuning.columns_apart)?;
         let best = found.into_iter().map(|scored| (scored.candidate, vec![scored.values]));
         plain.into_iter().chain(best).collect()
     } else {
         every
     };
-    let (mut scored, variance) = score(settled, all, &points, tests, TUNING.scan.columns_together)?;
+    let (mut scored, variance) = score(settled, all, &points, tests, tuning.columns_together)?;
     scored.sort_by(|a, b| b.merit.total_cmp(&a.merit).then(a.candidate.cmp(&b.candidate)));
     Ok(Scan { scored, tests, variance })
 }
@@ -128,7 +129,8 @@ fn score(
     }
     // One yardstick for all: what is left where the most is explained.
     let least = probed.iter().map(|(_, scores)| scores.variance).fold(f64::INFINITY, f64::min);
-    let variance = if least.is_finite() { least.max(TUNING.scan.least_variance) } else { 1.0 };
+    let smallest = settled.model.tuning().scan.least_variance;
+    let variance = if least.is_finite() { least.max(smallest) } else { 1.0 };
     let mut best: Vec<Option<Scored>> = vec![None; all.len()];
     for (tries, mut scores) in probed {
         scores.variance = variance;
@@ -146,8 +148,8 @@ fn probe_range<'t>(
     lost: usize,
     probed: &mut Vec<(&'t [GridPoint], Scores)>,
 ) -> Result<()> {
-    let mut system = System::clone(settled.context.system());
-    let law = &settled.context.law;
+    let mut system = System::clone(settled.model.system());
+    let law = &settled.model.law;
     let probes = tries.iter().flat_map(|(c, values)| all[*c].probes(&mut system, law, values));
     let terms: Vec<Term> = probes.collect();
     match settled.probe(system, &terms) {
@@ -155,7 +157,7 @@ fn probe_range<'t>(
         _ if tries.len() == 1 => {}
         _ => {
             // How the model's own unknowns act may be lost too.
-            let alone = settled.probe(System::clone(settled.context.system()), &[])?;
+            let alone = settled.probe(System::clone(settled.model.system()), &[])?;
             let lost = lost.max(alone.diverged);
             let (first, second) = tries.split_at(tries.len() / 2);
             probe_range(settled, all, first, lost, probed)?;

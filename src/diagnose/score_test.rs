@@ -9,7 +9,6 @@
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::tuning::TUNING;
 use crate::fit::factor::Factor;
 
 /// The evidence for a group of columns.
@@ -33,6 +32,8 @@ pub struct Scores {
     design: DMatrix<f64>,
     target: DVector<f64>,
     norms: Vec<f64>,
+    /// A column that keeps less than this part of itself is spanned by others.
+    spanned: f64,
     /// Variance of the weighted residuals.
     pub variance: f64,
     /// Independent residuals that are left.
@@ -42,14 +43,16 @@ pub struct Scores {
 impl Scores {
     /// From a factor whose first `base` columns are the model's unknowns.
     ///
-    /// `variance` is that of the weighted residuals when nothing is missing.
-    pub fn new(factor: &Factor, base: usize, variance: f64) -> Scores {
+    /// `variance` is that of the weighted residuals when nothing is missing; a column that keeps
+    /// less than the part `spanned` of itself is spanned by others.
+    pub fn new(factor: &Factor, base: usize, variance: f64, spanned: f64) -> Scores {
         let size = factor.columns();
         let whole = factor.norms();
         let design = factor.design().view((base, base), (size - base, size - base)).clone_owned();
         let target = factor.target().rows(base, size - base).clone_owned();
         let norms = whole[base..].to_vec();
-        Scores { design, target, norms, variance, rows: factor.rows().saturating_sub(base) }
+        let rows = factor.rows().saturating_sub(base);
+        Scores { design, target, norms, spanned, variance, rows }
     }
 
     /// Number of probes.
@@ -112,7 +115,7 @@ impl Scores {
                 }
             }
             let left = rest.norm();
-            if left > TUNING.scan.spanned * self.norms[column] && left > 0.0 {
+            if left > self.spanned * self.norms[column] && left > 0.0 {
                 basis.push(rest / left);
                 kept.push(place);
             }
@@ -163,7 +166,7 @@ mod tests {
         let matrix = DMatrix::from_fn(400, 5, |r, k| rows[r][k]);
         let mut factor = Factor::new(4);
         factor.push(&matrix, 400);
-        Scores::new(&factor, 1, 0.01)
+        Scores::new(&factor, 1, 0.01, 1e-5)
     }
 
     #[test]

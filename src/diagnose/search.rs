@@ -1,13 +1,12 @@
 //! The search over stories: a beam of sets of changes, extended, exchanged and shortened.
 
-use super::candidates::composed::{Budget, composed};
+use super::candidates::composed::composed;
 use super::candidates::{Candidate, candidates, unnamed};
 use super::evidence::Judged;
 use super::ranking::{Ranking, ranking};
 use super::story::{
     Question, Story, agree_on_noise, description_lengths, sort_by_description_length,
 };
-use super::tuning::TUNING;
 use crate::error::Result;
 
 /// Stories, the best first: at least that without a change.
@@ -22,7 +21,8 @@ use crate::error::Result;
 ///
 /// When a change does not fit the spec.
 pub fn stories<'a>(question: &Question<'a, '_>, first: &Ranking) -> Result<Vec<Story<'a>>> {
-    let tuning = &TUNING.verdict;
+    let all = question.model.tuning();
+    let tuning = &all.verdict;
     let monitor = question.monitor;
     let bare = Story::bare(question);
     let mut ended: Vec<Story> = Vec::new();
@@ -32,7 +32,7 @@ pub fn stories<'a>(question: &Question<'a, '_>, first: &Ranking) -> Result<Vec<S
         let least = told.map(Story::price).fold(f64::INFINITY, f64::min);
         // Where one holds, only one that does nearly as well and costs no more can take its place.
         let best = first.effects.first().map_or(0.0, |best| best.refit.effect.deviance);
-        let within = TUNING.ranking.finish_within.max(TUNING.verdict.negligible * best);
+        let within = all.ranking.finish_within.max(tuning.negligible * best);
         let near = best - judged.refit.effect.deviance <= within;
         let rivals = least.is_finite() && judged.price <= least && near;
         if monitor.stopped() || !(rivals || place < tuning.beginnings && least.is_infinite()) {
@@ -48,7 +48,7 @@ pub fn stories<'a>(question: &Question<'a, '_>, first: &Ranking) -> Result<Vec<S
         beam.extend(with_unnamed(question, &bare)?);
     }
     agree_on_noise(&mut beam);
-    sort_by_description_length(&mut beam);
+    sort_by_description_length(&mut beam, all);
     // What one more change costs, at least.
     let cheapest = beam.iter().map(Story::price).fold(f64::INFINITY, f64::min);
     for depth in 1..tuning.effects {
@@ -88,12 +88,12 @@ pub fn stories<'a>(question: &Question<'a, '_>, first: &Ranking) -> Result<Vec<S
             }
         }
         agree_on_noise(&mut next);
-        sort_by_description_length(&mut next);
+        sort_by_description_length(&mut next, all);
         beam = next;
     }
     ended.append(&mut beam);
     agree_on_noise(&mut ended);
-    sort_by_description_length(&mut ended);
+    sort_by_description_length(&mut ended, all);
     // A story that holds is told before one that is shorter and explains less.
     ended.sort_by_key(|story| !holds(story));
     if let Some(best) = ended.first().filter(|best| holds(best) && best.members.len() > 1) {
@@ -113,8 +113,8 @@ fn holds(story: &Story) -> bool {
 /// The story with each of the changes that pay most beside it.
 fn extended<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Result<Vec<Story<'a>>> {
     let mut scope = story.scope.clone();
-    let all = candidates(&mut scope, story.context.dataset);
-    let tuning = &TUNING;
+    let tuning = story.model.tuning();
+    let all = candidates(&mut scope, story.model.data.dataset, &tuning.candidates);
     added(question, story, &all, tuning.ranking.later_refits, tuning.verdict.branches)
 }
 
@@ -122,10 +122,10 @@ fn extended<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Result<Vec<St
 /// are few: each kind is refitted for itself.
 fn with_unnamed<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Result<Vec<Story<'a>>> {
     let mut scope = story.scope.clone();
-    let budget = Budget::default();
-    let terms = composed(&mut scope, &story.context, budget, question.monitor)?;
-    let shapes = unnamed(&mut scope, story.context.dataset);
-    let (refits, branches) = (TUNING.ranking.first_refits, TUNING.verdict.unnamed_branches);
+    let tuning = story.model.tuning();
+    let terms = composed(&mut scope, &story.model, question.monitor)?;
+    let shapes = unnamed(&mut scope, story.model.data.dataset, &tuning.candidates);
+    let (refits, branches) = (tuning.ranking.first_refits, tuning.verdict.unnamed_branches);
     let mut all = added(question, story, &terms, refits, branches)?;
     all.extend(added(question, story, &shapes, refits, branches)?);
     Ok(all)
@@ -140,7 +140,7 @@ fn added<'a>(
 ) -> Result<Vec<Story<'a>>> {
     let (held_out, monitor) = (question.held_out, question.monitor);
     // A model that loses the motion answers no further question.
-    let Ok(ranking) = ranking(&story.context, held_out, all, refits, monitor) else {
+    let Ok(ranking) = ranking(&story.model, held_out, all, refits, monitor) else {
         return Ok(Vec::new());
     };
     // A flexible change may be ahead as long as others are missing: the best of the simplest ones
@@ -157,7 +157,8 @@ fn added<'a>(
 /// much with less. What explains as much in the place of a member is noted beside it.
 fn exchanged<'a>(question: &Question<'a, '_>, story: Story<'a>) -> Result<Story<'a>> {
     let mut best = story;
-    for _ in 0..TUNING.verdict.effects {
+    let tuning = question.model.tuning();
+    for _ in 0..tuning.verdict.effects {
         let mut better = None;
         for place in 0..best.members.len() {
             if question.monitor.stopped() {
@@ -171,18 +172,18 @@ fn exchanged<'a>(question: &Question<'a, '_>, story: Story<'a>) -> Result<Story<
             }
             rivals.push(best.clone());
             agree_on_noise(&mut rivals);
-            let lengths = description_lengths(&rivals.iter().collect::<Vec<_>>());
+            let lengths = description_lengths(&rivals.iter().collect::<Vec<_>>(), tuning);
             let own = lengths.last().copied().unwrap_or(f64::INFINITY);
             let first = lengths.iter().copied().fold(f64::INFINITY, f64::min);
             let close = rivals.iter().zip(&lengths).filter(|(rival, length)| {
                 rival.members.len() == best.members.len()
                     && rival.labels() != best.labels()
-                    && **length - own < TUNING.ranking.indistinguishable
+                    && **length - own < tuning.ranking.indistinguishable
             });
             let names = close.filter_map(|(rival, _)| rival.members.last());
             best.members[place].effect.indistinguishable =
                 names.map(|member| member.effect.effect.clone()).collect();
-            if own - first > TUNING.ranking.same {
+            if own - first > tuning.ranking.same {
                 let at = lengths.iter().position(|length| *length == first);
                 better = at.map(|at| rivals.swap_remove(at));
                 break;

@@ -1,29 +1,26 @@
 //! A story: changes to a model that are judged as one.
 
-use super::context::Context;
 use super::evidence::Judged;
+use super::law_on_data::{LawOnData, Measurements};
 use super::misfit::excess;
 use super::noise_floor::noise_of;
-use super::refit::{Precision, RankedEffect, fitted};
-use super::tuning::TUNING;
-use super::window::longer;
-use crate::data::Dataset;
+use super::refit::{Precision, RankedEffect, fitted, fitted_from_afar};
+use super::settling::settle;
+use super::tuning::Tuning;
+use super::window::{longer, longest};
 use crate::error::Result;
 use crate::expr::{ParameterId, Scope, TermId};
 use crate::fit::Monitor;
 use crate::fit::pass::Sums;
-use crate::fit::segments::longest_run;
 
 /// What is asked: what a model before its data misses.
 pub struct Question<'a, 'b> {
     /// The spec of the model.
     pub scope: &'b Scope,
     /// The model before the runs that it was fitted to, residuals weighed by the noise floor.
-    pub context: &'b Context<'a>,
+    pub model: &'b LawOnData<'a>,
     /// Other runs.
-    pub held_out: &'a Dataset,
-    /// What the integrator and the digits of the data resolve of each observable.
-    pub resolutions: &'b [f64],
+    pub held_out: &'b Measurements<'a>,
     /// Told how far it is.
     pub monitor: &'b dyn Monitor,
 }
@@ -52,7 +49,7 @@ pub struct Story<'a> {
     pub scope: Scope,
     /// The model with all of them before the training runs. Its window is the longest that it was
     /// held against.
-    pub context: Context<'a>,
+    pub model: LawOnData<'a>,
     /// What it leaves of segments of that length.
     pub sums: Sums,
     /// Whether that is noise, over whole runs.
@@ -67,14 +64,14 @@ pub struct Story<'a> {
 impl<'a> Story<'a> {
     /// The story without a change: the model as it is.
     pub fn bare(question: &Question<'a, '_>) -> Story<'a> {
-        let context = question.context.clone();
-        let sums = context.settle(context.law.window()).2;
+        let model = question.model.clone();
+        let sums = settle(model.clone()).sums;
         let scope = question.scope.clone();
-        let negligible = TUNING.verdict.negligible * sums.loss / sums.rows.max(1) as f64;
+        let negligible = model.tuning().verdict.negligible * sums.loss / sums.rows.max(1) as f64;
         Story {
             members: Vec::new(),
             scope,
-            context,
+            model,
             sums,
             explains: false,
             cancellation: 1.0,
@@ -106,11 +103,11 @@ impl<'a> Story<'a> {
             price: judged.price + 2.0 * judged.refit.candidate_choice,
             named: judged.refit.named,
         };
-        let context = judged.refit.context(&self.context).with_window(window);
-        let sums = judged.refit.left_of_all(&context);
-        let context = context.with_law(context.law.on(system));
+        let model = judged.refit.on(&self.model).with_window(window);
+        let sums = judged.refit.left_of_all(&model);
+        let model = model.with_law(model.law.on(system));
         let members = self.members.iter().cloned().chain([member]).collect();
-        let mut story = Story { members, scope, context, sums, explains: false, ..self.clone() };
+        let mut story = Story { members, scope, model, sums, explains: false, ..self.clone() };
         story.measure_noise(question);
         story.grow(question);
         Ok(story)
@@ -119,11 +116,12 @@ impl<'a> Story<'a> {
     /// Takes the noise from the shortest predictions of this story: before a precise sensor a strong
     /// force shows even there, and is taken for noise as long as the model lacks it.
     fn measure_noise(&mut self, question: &Question<'a, '_>) {
-        for _ in 0..TUNING.noise_floor.stories {
-            let noise = noise_of(&self.context, question.resolutions);
-            let moved = noise.iter().zip(self.context.law.noise());
+        let tuning = &self.model.tuning().noise_floor;
+        for _ in 0..tuning.stories {
+            let noise = noise_of(&self.model);
+            let moved = noise.iter().zip(self.model.law.noise());
             let moved = moved.map(|(new, old)| (new / old).ln().abs()).fold(0.0, f64::max);
-            if moved < TUNING.noise_floor.moved || question.monitor.stopped() {
+            if moved < tuning.moved || question.monitor.stopped() {
                 return;
             }
             self.hold_against(noise);
@@ -137,15 +135,18 @@ impl<'a> Story<'a> {
     /// negligible.
     pub fn excess_of(&self, sums: &Sums) -> f64 {
         let mean = sums.loss / sums.rows.max(1) as f64;
-        if sums.rows > 0 && mean < self.negligible { 0.0 } else { excess(sums) }
+        if sums.rows > 0 && mean < self.negligible {
+            return 0.0;
+        }
+        excess(sums, &self.model.tuning().verdict)
     }
 
     /// Judges what it leaves by another noise of each observable.
     pub fn hold_against(&mut self, noise: Vec<f64>) {
-        let logs = self.context.law.noise().iter().zip(&noise).map(|(old, new)| (old / new).ln());
+        let logs = self.model.law.noise().iter().zip(&noise).map(|(old, new)| (old / new).ln());
         self.negligible *= (2.0 * logs.sum::<f64>() / noise.len().max(1) as f64).exp();
-        self.context = self.context.with_noise(noise);
-        self.sums = self.context.settle(self.context.law.window()).2;
+        self.model = self.model.with_noise(noise);
+        self.sums = settle(self.model.clone()).sums;
         self.explains &= self.excess_of(&self.sums) == 0.0;
     }
 
@@ -169,11 +170,11 @@ impl<'a> Story<'a> {
             let count = standing.parameters.len();
             member.parameters = parameters.filter(|id| new(id.position(), count)).collect();
         }
-        let law = self.context.law.on(&scope.compiled().system);
+        let law = self.model.law.on(&scope.compiled().system);
         // What the member stood for, the others take over as well as they can.
-        let Some(context) = self.context.with_law(law).refitted() else { return Ok(None) };
-        let sums = context.settle(context.law.window()).2;
-        let mut story = Story { members, scope, context, sums, explains: false, ..self.clone() };
+        let Some(model) = fitted_from_afar(&self.model.with_law(law)) else { return Ok(None) };
+        let sums = settle(model.clone()).sums;
+        let mut story = Story { members, scope, model, sums, explains: false, ..self.clone() };
         story.grow(question);
         Ok(Some(story))
     }
@@ -193,12 +194,12 @@ impl<'a> Story<'a> {
                     return;
                 }
             }
-            let Some(window) = longer(&self.context, self.negligible.sqrt()) else {
+            let Some(window) = longer(&self.model, self.negligible.sqrt()) else {
                 self.explains = !self.is_short_of_whole_runs();
                 return;
             };
-            self.context = self.context.with_window(window);
-            self.sums = self.context.settle(window).2;
+            self.model = self.model.with_window(window);
+            self.sums = settle(self.model.clone()).sums;
             refitted = false;
         }
     }
@@ -209,9 +210,10 @@ impl<'a> Story<'a> {
         if self.members.is_empty() || question.monitor.stopped() {
             return false;
         }
-        let bare = question.context.with_noise(self.context.law.noise().to_vec());
-        let sums = bare.settle(self.context.law.window()).2;
-        let negligible = TUNING.verdict.negligible * sums.loss / sums.rows.max(1) as f64;
+        let bare = question.model.with_noise(self.model.law.noise().to_vec());
+        let sums = settle(bare.with_window(self.model.law.window())).sums;
+        let part = self.model.tuning().verdict.negligible;
+        let negligible = part * sums.loss / sums.rows.max(1) as f64;
         if negligible.is_finite() {
             self.negligible = self.negligible.max(negligible);
         }
@@ -220,17 +222,16 @@ impl<'a> Story<'a> {
 
     /// Whether segments could still become longer.
     fn is_short_of_whole_runs(&self) -> bool {
-        let longest = longest_run(self.context.dataset).min(TUNING.states.longest);
-        self.context.law.window() < longest
+        self.model.law.window() < longest(&self.model)
     }
 
     /// Fits all numbers again, over segments of the present length; whether that helps.
     fn refit(&mut self, precision: Precision) -> bool {
-        let settled = self.context.settled();
-        let Some(found) = fitted(&settled, &self.context.law, precision) else { return false };
+        let settled = settle(self.model.clone());
+        let Some(found) = fitted(&settled, &self.model.law, precision) else { return false };
         let better = found.sums.loss < self.sums.loss && found.sums.diverged <= self.sums.diverged;
         if better {
-            self.context = self.context.with_law(found.law);
+            self.model = self.model.with_law(found.law);
             self.sums = found.sums;
         }
         better
@@ -239,8 +240,8 @@ impl<'a> Story<'a> {
     /// Fits all numbers to the longest segments that the story follows, and gives each member its
     /// own.
     pub fn conclude(&mut self) {
-        let settled = self.context.settled();
-        let Some(found) = fitted(&settled, &self.context.law, Precision::Full) else { return };
+        let settled = settle(self.model.clone());
+        let Some(found) = fitted(&settled, &self.model.law, Precision::Full) else { return };
         if found.sums.diverged > self.sums.diverged || !found.sums.loss.is_finite() {
             return;
         }
@@ -268,7 +269,7 @@ impl<'a> Story<'a> {
         if found.sums.loss <= self.sums.loss {
             self.sums = found.sums;
         }
-        self.context = self.context.with_law(found.law);
+        self.model = self.model.with_law(found.law);
     }
 
     /// What all its unknowns and choices cost: twice the nats.
@@ -279,11 +280,11 @@ impl<'a> Story<'a> {
     /// Squares that are left over segments of `window` samples before such a noise, and independent
     /// residuals.
     fn squares(&self, window: usize, noise: &[f64]) -> (f64, f64) {
-        let same = noise == self.context.law.noise();
-        if same && window == self.context.law.window() {
+        let same = noise == self.model.law.noise();
+        if same && window == self.model.law.window() {
             return (self.sums.loss, self.sums.rows.max(1) as f64);
         }
-        let sums = self.context.with_noise(noise.to_vec()).settle(window).2;
+        let sums = settle(self.model.with_noise(noise.to_vec()).with_window(window)).sums;
         (sums.loss, sums.rows.max(1) as f64)
     }
 
@@ -299,6 +300,7 @@ impl<'a> Story<'a> {
     /// wave are its amplitude and its phase: they are so together.
     pub fn stands(&self) -> bool {
         let system = &self.scope.compiled().system;
+        let clear = self.model.tuning().verdict.standard_errors;
         let wave = |id: TermId| {
             let name = system.term(id).and_then(|term| term.name.as_deref()).unwrap_or("");
             name.strip_suffix("_cos").or_else(|| name.strip_suffix("_sin")).map(str::to_string)
@@ -321,23 +323,23 @@ impl<'a> Story<'a> {
                     None => squares.push((wave, ratio)),
                 }
             }
-            squares.iter().all(|(_, sum)| *sum >= TUNING.verdict.standard_errors.powi(2))
+            squares.iter().all(|(_, sum)| *sum >= clear.powi(2))
         })
     }
 }
 
 /// What stories leave over segments that all of them follow, and what they cost: twice the nats of
 /// their description, but for what all have in common.
-pub fn description_lengths(stories: &[&Story]) -> Vec<f64> {
-    let Some(window) = stories.iter().map(|story| story.context.law.window()).min() else {
+pub fn description_lengths(stories: &[&Story], tuning: &Tuning) -> Vec<f64> {
+    let windows = stories.iter().map(|story| story.model.law.window());
+    let (Some(window), Some(noise)) = (windows.min(), least_noise(stories)) else {
         return Vec::new();
     };
-    let Some(noise) = least_noise(stories) else { return Vec::new() };
     let squares: Vec<(f64, f64)> =
         stories.iter().map(|story| story.squares(window, &noise)).collect();
     let mean = squares.iter().map(|(loss, rows)| loss / rows).fold(f64::INFINITY, f64::min);
     let negligible = stories.iter().map(|story| story.negligible).fold(0.0, f64::max);
-    let least = negligible.max(TUNING.scan.least_variance);
+    let least = negligible.max(tuning.scan.least_variance);
     let variance = if mean.is_finite() { mean.max(least) } else { 1.0 };
     let both = stories.iter().zip(&squares);
     both.map(|(story, (loss, _))| loss / variance + story.price()).collect()
@@ -345,16 +347,16 @@ pub fn description_lengths(stories: &[&Story]) -> Vec<f64> {
 
 /// The noise of the story that leaves the least of it: what all are judged by.
 fn least_noise(stories: &[&Story]) -> Option<Vec<f64>> {
-    let size = |story: &Story| story.context.law.noise().iter().map(|s| s.ln()).sum::<f64>();
+    let size = |story: &Story| story.model.law.noise().iter().map(|s| s.ln()).sum::<f64>();
     let least = stories.iter().min_by(|a, b| size(a).total_cmp(&size(b)))?;
-    Some(least.context.law.noise().to_vec())
+    Some(least.model.law.noise().to_vec())
 }
 
 /// Judges all stories by the noise of the one that leaves the least of it.
 pub fn agree_on_noise(stories: &mut [Story]) {
     let Some(noise) = least_noise(&stories.iter().collect::<Vec<_>>()) else { return };
     for story in stories {
-        if story.context.law.noise() != noise.as_slice() {
+        if story.model.law.noise() != noise.as_slice() {
             story.hold_against(noise.clone());
         }
     }
@@ -362,11 +364,11 @@ pub fn agree_on_noise(stories: &mut [Story]) {
 
 /// Sorts stories by their description length, the shortest first; those that explain the same stay
 /// in their order, which is that of their ranking.
-pub fn sort_by_description_length(stories: &mut Vec<Story>) {
-    let lengths = description_lengths(&stories.iter().collect::<Vec<_>>());
+pub fn sort_by_description_length(stories: &mut Vec<Story>, tuning: &Tuning) {
+    let lengths = description_lengths(&stories.iter().collect::<Vec<_>>(), tuning);
     let mut both: Vec<(f64, Story)> = lengths.into_iter().zip(stories.drain(..)).collect();
     let least = both.iter().map(|(length, _)| *length).fold(f64::INFINITY, f64::min);
-    let step = TUNING.ranking.same;
+    let step = tuning.ranking.same;
     both.sort_by_key(|(length, _)| ((length - least) / step).floor().min(1e15) as u64);
     stories.extend(both.into_iter().map(|(_, story)| story));
 }

@@ -1,17 +1,26 @@
 //! Whether measurements can carry a verdict at all.
 
-use super::context::Context;
-use super::tuning::TUNING;
+use super::law_on_data::{LawOnData, Measurements};
+use super::options::Options;
+use super::settling::settle;
+use super::tuning::Sufficiency;
 use crate::data::Dataset;
 use crate::expr::System;
-use crate::fit::segments::{cut, packed};
+use crate::fit::segments::{Segment, cut_by};
 
 /// What no model could make up for: fewer measured values than a verdict asks for even if the
 /// initial state of every run were all that is unknown. A sentence, or none.
-pub fn lacking(system: &System, training: &Dataset, held_out: Option<&Dataset>) -> Option<String> {
-    let seen = independent(system, training);
-    if seen < TUNING.sufficiency.residuals {
-        return Some(short_of("the training part", seen, TUNING.sufficiency.residuals));
+pub fn lacking(
+    system: &System,
+    training: &Dataset,
+    held_out: Option<&Dataset>,
+    options: &Options,
+) -> Option<String> {
+    let training = Measurements::of(training, options);
+    let seen = independent(system, &training, options);
+    let least = &options.tuning.sufficiency;
+    if let Some(reason) = too_few_to_learn(seen, least) {
+        return Some(reason);
     }
     let Some(held_out) = held_out.filter(|data| !data.runs.is_empty()) else {
         return Some(
@@ -19,31 +28,28 @@ pub fn lacking(system: &System, training: &Dataset, held_out: Option<&Dataset>) 
                 .to_string(),
         );
     };
-    let judge = independent(system, held_out);
-    (judge < TUNING.sufficiency.held_out_residuals)
-        .then(|| short_of("the held-out part", judge, TUNING.sufficiency.held_out_residuals))
+    let held_out = Measurements::of(held_out, options);
+    too_few_to_judge(independent(system, &held_out, options), least)
 }
 
-/// The same of a model, whose segments may be shorter than the runs.
-pub(super) fn lacking_beside(training: &Context, held_out: &Context) -> Option<String> {
+/// The same of a law, whose segments may be shorter than the runs.
+pub(super) fn lacking_beside(training: &LawOnData, held_out: &Measurements) -> Option<String> {
     let unknowns = training.law.support().len() + training.law.parameters().len();
-    let (_, _, sums) = training.settle(training.law.window());
-    let seen = sums.rows.saturating_sub(unknowns);
-    if seen < TUNING.sufficiency.residuals {
-        return Some(short_of("the training part", seen, TUNING.sufficiency.residuals));
+    let least = &training.tuning().sufficiency;
+    let seen = settle(training.clone()).sums.rows.saturating_sub(unknowns);
+    if let Some(reason) = too_few_to_learn(seen, least) {
+        return Some(reason);
     }
-    let (_, _, sums) = held_out.settle(held_out.law.window());
-    (sums.rows < TUNING.sufficiency.held_out_residuals)
-        .then(|| short_of("the held-out part", sums.rows, TUNING.sufficiency.held_out_residuals))
+    let held_out = LawOnData { data: held_out.clone(), ..training.clone() };
+    too_few_to_judge(settle(held_out).sums.rows, least)
 }
 
 /// Measured values beyond those that the initial states of uninterrupted stretches take up.
-fn independent(system: &System, data: &Dataset) -> usize {
+fn independent(system: &System, data: &Measurements, options: &Options) -> usize {
     let state = 2 * system.degrees();
-    let measured = packed(data);
-    let segments = cut(&measured, measured.longest_run());
-    let measured = |segment: &crate::fit::segments::Segment| {
-        let columns = data.runs[segment.run].values.iter();
+    let segments = cut_by(&data.packed, data.packed.longest_run(), &options.fit.segments);
+    let measured = |segment: &Segment| {
+        let columns = data.dataset.runs[segment.run].values.iter();
         columns
             .flat_map(|column| &column[segment.first..=segment.last])
             .filter(|x| x.is_finite())
@@ -51,6 +57,15 @@ fn independent(system: &System, data: &Dataset) -> usize {
             .saturating_sub(state)
     };
     segments.list.iter().map(measured).sum()
+}
+
+fn too_few_to_learn(found: usize, least: &Sufficiency) -> Option<String> {
+    (found < least.residuals).then(|| short_of("the training part", found, least.residuals))
+}
+
+fn too_few_to_judge(found: usize, least: &Sufficiency) -> Option<String> {
+    let least = least.held_out_residuals;
+    (found < least).then(|| short_of("the held-out part", found, least))
 }
 
 fn short_of(part: &str, found: usize, least: usize) -> String {

@@ -331,8 +331,8 @@ pub struct Design {
     pub lanes: usize,
 }
 
-/// The numbers that are used.
-pub const TUNING: Tuning = Tuning {
+/// The usual numbers.
+const TUNING: Tuning = Tuning {
     sufficiency: Sufficiency { residuals: 20, held_out_residuals: 8 },
     noise_floor: NoiseFloor {
         rounds: 6,
@@ -454,3 +454,36 @@ pub const TUNING: Tuning = Tuning {
         lanes: 32,
     },
 };
+
+macro_rules! usual {
+    ($($name:ident: $field:ident,)*) => {
+        $(impl Default for $name {
+            /// The usual numbers.
+            fn default() -> Self {
+                TUNING.$field
+            }
+        })*
+    };
+}
+
+usual! {
+    Sufficiency: sufficiency,
+    NoiseFloor: noise_floor,
+    States: states,
+    Candidates: candidates,
+    Composed: composed,
+    Scan: scan,
+    Ranking: ranking,
+    Verdict: verdict,
+    Discovery: discovery,
+    Instrument: instrument,
+    Comparison: comparison,
+    Design: design,
+}
+
+impl Default for Tuning {
+    /// The usual numbers.
+    fn default() -> Self {
+        TUNING
+    }
+}

@@ -5,13 +5,14 @@ use std::fmt::Write as _;
 
 use super::comparison::strongest_map;
 use super::diagnosis::{Diagnosis, Verdict};
+use super::law_on_data::LawOnData;
 use super::misfit::{error_of, excess};
 use super::refit::RankedEffect;
+use super::settling::settle;
 use super::story::{Question, Story, description_lengths};
-use super::tuning::TUNING;
+use super::tuning::Tuning;
+use super::window::longest;
 use crate::error::Result;
-use crate::fit::Model;
-use crate::fit::segments::longest_run;
 
 /// What held-out runs say of a model, over their whole length.
 struct Unseen {
@@ -29,15 +30,15 @@ struct Unseen {
 pub fn judge<'a>(
     question: &Question<'a, '_>,
     diagnosis: &mut Diagnosis,
-    model: &Model,
     mut stories: Vec<Story<'a>>,
 ) -> Result<()> {
     let Some(place) = stories.iter().position(|story| story.members.is_empty()) else {
         return Ok(());
     };
+    let tuning = question.model.tuning();
     let mut bare = stories.remove(place);
     if let Some(best) = stories.first() {
-        bare.hold_against(best.context.law.noise().to_vec());
+        bare.hold_against(best.model.law.noise().to_vec());
     }
     let before = unseen(question, &bare);
     let enough = bare.explains && before.at_noise;
@@ -45,7 +46,7 @@ pub fn judge<'a>(
     for story in &mut stories {
         story.conclude();
         let after = unseen(question, story);
-        let found = fault_of(story, &after, &before, enough.then_some(&bare));
+        let found = fault_of(story, (&before, &after), enough.then_some(&bare), tuning);
         let Some(found) = found else {
             told(diagnosis, story, &before, &after);
             return Ok(());
@@ -57,19 +58,19 @@ pub fn judge<'a>(
         diagnosis.verdict = Verdict::NothingMissing;
         return Ok(());
     }
-    diagnosis.partial = part_of(diagnosis);
-    unexplained(question, diagnosis, model, (&bare, &before), &stories, fault)
+    diagnosis.partial = part_of(diagnosis, tuning);
+    unexplained(question, diagnosis, (&bare, &before), &stories, fault)
 }
 
 /// The leader of the ranking where it is worth being asked for though something else is missing
 /// beside it: it is clearly not zero, and held-out runs are predicted better with it. Beside what is
 /// missing every number looks significant, so that no longer story is a part of the explanation.
-fn part_of(diagnosis: &Diagnosis) -> Vec<RankedEffect> {
+fn part_of(diagnosis: &Diagnosis, tuning: &Tuning) -> Vec<RankedEffect> {
     let leads = |one: &&RankedEffect| {
         let mut numbers = one.coefficient.iter().zip(&one.standard_error);
-        let clear = TUNING.verdict.standard_errors;
+        let clear = tuning.verdict.standard_errors;
         let stands = one.number.is_some() || numbers.all(|(value, e)| value.abs() >= clear * e);
-        stands && one.held_out_error_after < TUNING.verdict.part * one.held_out_error_before
+        stands && one.held_out_error_after < tuning.verdict.part * one.held_out_error_before
     };
     diagnosis.ranking.first().filter(leads).cloned().into_iter().collect()
 }
@@ -91,21 +92,21 @@ fn members(story: &Story, before: &Unseen, after: &Unseen) -> Vec<RankedEffect> 
 /// explains the data already.
 fn fault_of(
     story: &Story,
-    after: &Unseen,
-    before: &Unseen,
+    (before, after): (&Unseen, &Unseen),
     enough: Option<&Story>,
+    tuning: &Tuning,
 ) -> Option<&'static str> {
     if !story.explains {
         Some("it leaves more than noise on the runs that it was fitted to")
-    } else if !after.at_noise && after.error > TUNING.verdict.negligible.sqrt() * before.error {
+    } else if !after.at_noise && after.error > tuning.verdict.negligible.sqrt() * before.error {
         Some("it leaves more than noise on held-out runs")
     } else if !(after.error < before.error || before.error.is_nan()) {
         Some("held-out runs are explained as well without it")
     } else if !story.stands() {
         Some("not all of its coefficients are clearly different from zero")
-    } else if story.cancellation > TUNING.verdict.cancellation {
+    } else if story.cancellation > tuning.verdict.cancellation {
         Some("its members nearly cancel each other, as expansions of something else do")
-    } else if enough.is_some_and(|bare| !pays(story, bare)) {
+    } else if enough.is_some_and(|bare| !pays(story, bare, tuning)) {
         Some("the model explains the data as well without it")
     } else {
         None
@@ -113,18 +114,18 @@ fn fault_of(
 }
 
 /// Whether a story has a shorter description than another over segments that both follow.
-fn pays(story: &Story, than: &Story) -> bool {
-    let both = description_lengths(&[story, than]);
+fn pays(story: &Story, than: &Story, tuning: &Tuning) -> bool {
+    let both = description_lengths(&[story, than], tuning);
     both.first() < both.last()
 }
 
 /// The error of a story on held-out runs, over all of their length.
-fn unseen(question: &Question, story: &Story) -> Unseen {
-    let context = story.context.with_data(question.held_out);
-    let sums = context.settle(longest_run(question.held_out).min(TUNING.states.longest)).2;
+fn unseen<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Unseen {
+    let model = story.model.with_data(question.held_out);
+    let sums = settle(model.with_window(longest(&model))).sums;
     let error = error_of(&sums).0;
-    let at_noise =
-        sums.diverged == 0 && (error <= TUNING.verdict.reaches || story.excess_of(&sums) == 0.0);
+    let reaches = model.tuning().verdict.reaches;
+    let at_noise = sums.diverged == 0 && (error <= reaches || story.excess_of(&sums) == 0.0);
     Unseen { error, at_noise }
 }
 
@@ -154,12 +155,11 @@ fn told(diagnosis: &mut Diagnosis, story: &Story, before: &Unseen, after: &Unsee
 fn unexplained(
     question: &Question,
     diagnosis: &mut Diagnosis,
-    model: &Model,
     (bare, before): (&Story, &Unseen),
     stories: &[Story],
     fault: Option<(&str, Unseen)>,
 ) -> Result<()> {
-    if stories.is_empty() && !resolved(question, model) {
+    if stories.is_empty() && !resolved(question) {
         diagnosis.verdict = Verdict::NothingMissing;
         diagnosis.reason = "what is left is at the limit of what the integrator and the digits of \
                             the data resolve"
@@ -168,7 +168,8 @@ fn unexplained(
     }
     diagnosis.verdict = Verdict::Unexplained;
     let last = stories.first().unwrap_or(bare);
-    diagnosis.shape = if excess(&last.sums) > 0.0 { strongest_map(&last.context)? } else { None };
+    let more_than_noise = excess(&last.sums, &question.model.tuning().verdict) > 0.0;
+    diagnosis.shape = if more_than_noise { strongest_map(&last.model)? } else { None };
     let unnamed = |story: &Story| story.members.iter().find(|one| !one.named).cloned();
     let lead = stories.iter().find_map(unnamed);
     diagnosis.unnamed = lead.map(|member| member.effect);
@@ -195,7 +196,9 @@ fn unexplained(
 }
 
 /// Whether the noise of some observable is above what the integrator and rounding leave.
-fn resolved(question: &Question, model: &Model) -> bool {
-    let mut known = question.context.law.noise().iter().zip(&model.noise);
-    known.any(|(noise, of)| *noise > TUNING.verdict.resolved * of.resolution)
+fn resolved(question: &Question) -> bool {
+    let LawOnData { law, .. } = question.model;
+    let tuning = &question.model.tuning().verdict;
+    let mut known = law.noise().iter().zip(law.resolution());
+    known.any(|(noise, resolution)| *noise > tuning.resolved * resolution)
 }

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::json::json_text;
 use super::{Data, Effect, Law, Spec, Verdict};
-use crate::diagnose::discover::{Accepts, Discovery as Found, Step, discover};
+use crate::diagnose::discover::{Discovery as Found, DiscoveryOptions, Step, discover};
 use crate::diagnose::sufficiency;
 use crate::error::{Error, ErrorKind, Result};
 use crate::fit::{Monitor, Options};
@@ -57,17 +57,17 @@ impl Spec {
         training.require(self)?;
         held_out.require(self)?;
         let unseen = (held_out.runs() > 0).then(|| held_out.dataset());
-        if let Some(reason) = sufficiency::lacking(self.system(), training.dataset(), unseen) {
+        let mut options = DiscoveryOptions { fit: options.clone(), ..Default::default() };
+        let (system, diagnosis) = (self.system(), &options.diagnosis);
+        if let Some(reason) = sufficiency::lacking(system, training.dataset(), unseen, diagnosis) {
             let hint = "measure more, or hold out another share of the samples";
             return Err(Error::new(ErrorKind::InsufficientData, reason, hint));
         }
-        let mut options = options.clone();
-        if options.parameter_starts.is_empty() {
-            options.parameter_starts.clone_from(&self.compiled().starts);
+        if options.fit.parameter_starts.is_empty() {
+            options.fit.parameter_starts.clone_from(&self.compiled().starts);
         }
         let (seen, unseen) = (training.dataset(), held_out.dataset());
-        let found =
-            discover(self.name(), self.text(), seen, unseen, &options, Accepts::Whole, monitor)?;
+        let found = discover(self.name(), self.text(), seen, unseen, &options, monitor)?;
         let document = json!(found);
         let Found { steps, stop, verdict, text, model, .. } = found;
         Ok(Discovery {

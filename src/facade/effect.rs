@@ -1,7 +1,7 @@
 //! An effect as a user names it, and where a spec has it.
 
 #[cfg(feature = "export")]
-use crate::diagnose::{candidates::candidates, context::Context, scan::scan};
+use crate::diagnose::{LawOnData, candidates::candidates, scan::scan, settling::settle};
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
 #[cfg(feature = "export")]
@@ -145,10 +145,11 @@ impl NamedEffect {
 
     /// Values of the inner parameters that a scan over their grid likes best.
     #[cfg(feature = "export")]
-    pub fn scanned(&mut self, compiled: &Compiled, context: &Context) -> Result<()> {
-        let all = candidates(&mut Scope::of(compiled), context.dataset);
+    pub fn scanned(&mut self, compiled: &Compiled, model: LawOnData) -> Result<()> {
+        let tuning = &model.tuning().candidates;
+        let all = candidates(&mut Scope::of(compiled), model.data.dataset, tuning);
         let Some(candidate) = all.iter().find(|c| c.label == self.label) else { return Ok(()) };
-        let scores = scan(&context.settled(), None, std::slice::from_ref(candidate))?;
+        let scores = scan(&settle(model), None, std::slice::from_ref(candidate))?;
         if let Some(best) = scores.scored.first() {
             let values = &best.values;
             let parameters = candidate.parameters_in(&compiled.system);

@@ -5,11 +5,10 @@ use std::sync::Arc;
 use super::{Comparison, Data, Diagnosis, Law, Spec};
 use crate::data::Dataset;
 use crate::diagnose::comparison::compare;
-use crate::diagnose::context::Context;
 use crate::diagnose::diagnosis::{self, diagnose};
 use crate::diagnose::instrument::detect;
 use crate::diagnose::noise_floor::noise_floor;
-use crate::diagnose::sufficiency;
+use crate::diagnose::{self, LawOnData, Measurements, sufficiency};
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
 use crate::fit::model::fingerprint;
@@ -96,8 +95,9 @@ impl Law {
     pub fn compare(&self, data: &Data) -> Result<Comparison> {
         data.require(self.spec())?;
         self.fitted("compare")?;
-        let context = Context::of(self.numbers().clone(), data.dataset());
-        Ok(Comparison::of(compare(&context, None)?, &[]))
+        let options = diagnose::Options::default();
+        let model = LawOnData::of(self.numbers().clone(), data.dataset(), &options);
+        Ok(Comparison::of(compare(&model, None)?, &[]))
     }
 
     /// The same on the measurements that the law was learned from and on held-out ones beside
@@ -123,13 +123,14 @@ impl Law {
     ) -> Result<Comparison> {
         training.require(self.spec())?;
         held_out.require(self.spec())?;
-        let model = &self.fitted("compare")?.model;
-        let context = Context::of(self.numbers().clone(), training.dataset());
-        let detections = detect(&context, model);
+        self.fitted("compare")?;
+        let options = diagnose::Options::default();
+        let model = LawOnData::of(self.numbers().clone(), training.dataset(), &options);
+        let detections = detect(&model);
         // A model that fails takes a part of what it lacks for noise; the floor is the instrument's.
         let noise = match noise {
             Some(noise) => noise.to_vec(),
-            None => noise_floor(&context, model),
+            None => noise_floor(&model),
         };
         if noise.len() != training.observables().len() || !noise.iter().all(|x| *x > 0.0) {
             return Err(Error::new(
@@ -138,9 +139,10 @@ impl Law {
                 "give a standard deviation above zero for each",
             ));
         }
-        let context = context.with_noise(noise);
-        let unseen = (held_out.runs() > 0).then(|| context.with_data(held_out.dataset()));
-        let mut comparison = compare(&context, unseen.as_ref())?;
+        let seen = model.with_noise(noise);
+        let held_out = Measurements::of(held_out.dataset(), &options);
+        let unseen = (!held_out.dataset.runs.is_empty()).then(|| seen.with_data(&held_out));
+        let mut comparison = compare(&seen, unseen.as_ref())?;
         comparison.findings.extend(detections.iter().map(|found| found.sentence.clone()));
         Ok(Comparison::of(comparison, &detections))
     }
@@ -187,15 +189,16 @@ impl Law {
     ) -> Result<Diagnosis> {
         training.require(self.spec())?;
         held_out.require(self.spec())?;
-        let model = &self.fitted("diagnose")?.model;
-        let (compiled, numbers) = (self.spec().compiled(), self.numbers());
+        self.fitted("diagnose")?;
+        let (compiled, law) = (self.spec().compiled(), self.numbers());
+        let options = diagnose::Options::default();
         let unseen = (held_out.runs() > 0).then(|| held_out.dataset());
         let (training, held_out) = (training.dataset(), held_out.dataset());
-        if let Some(reason) = sufficiency::lacking(&compiled.system, training, unseen) {
+        if let Some(reason) = sufficiency::lacking(&compiled.system, training, unseen, &options) {
             return Ok(Diagnosis::of(diagnosis::Diagnosis::too_little(reason), &[]));
         }
-        let found = diagnose(compiled, model, training, held_out, monitor)?;
-        let detections = detect(&Context::of(numbers.clone(), training), model);
+        let found = diagnose(compiled, law, training, held_out, &options, monitor)?;
+        let detections = detect(&LawOnData::of(law.clone(), training, &options));
         Ok(Diagnosis::of(found, &detections))
     }
 }

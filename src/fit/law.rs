@@ -32,6 +32,7 @@ pub struct Law {
     parameters: Vec<f64>,
     covariance: Option<DMatrix<f64>>,
     noise: Vec<f64>,
+    resolution: Vec<f64>,
     stepping: Stepping,
     window: usize,
 }
@@ -68,8 +69,19 @@ impl Law {
                  observable",
             ));
         }
+        let resolution = vec![0.0; 2 * system.degrees()];
         let covariance = None;
-        Ok(Law { system, support, coefficients, parameters, covariance, noise, stepping, window })
+        Ok(Law {
+            system,
+            support,
+            coefficients,
+            parameters,
+            covariance,
+            noise,
+            resolution,
+            stepping,
+            window,
+        })
     }
 
     /// The law of a system in which no term is unknown, its inner parameters exactly at their
@@ -237,6 +249,17 @@ impl Law {
         &self.noise
     }
 
+    /// One over the noise of each observable: what residuals are weighed by.
+    pub fn weights(&self) -> Vec<f64> {
+        self.noise.iter().map(|s| 1.0 / s.max(f64::MIN_POSITIVE)).collect()
+    }
+
+    /// The error of each observable below which residuals mean nothing, in its unit: what the
+    /// integrator and the digits of the data resolve; zero where it is not known.
+    pub fn resolution(&self) -> &[f64] {
+        &self.resolution
+    }
+
     /// How trajectories are integrated.
     pub fn stepping(&self) -> Stepping {
         self.stepping
@@ -299,6 +322,7 @@ impl Law {
             parameters: system.parameters.iter().map(value).collect(),
             covariance: None,
             noise: self.noise.clone(),
+            resolution: self.resolution.clone(),
             stepping: self.stepping,
             window: self.window,
             system: system.clone(),
@@ -357,6 +381,13 @@ impl Law {
     pub fn with_noise(mut self, noise: Vec<f64>) -> Law {
         debug_assert_eq!(noise.len(), 2 * self.system.degrees());
         self.noise = noise;
+        self
+    }
+
+    /// The same with what the integrator and the digits of the data resolve of each observable.
+    pub fn with_resolution(mut self, resolution: Vec<f64>) -> Law {
+        debug_assert_eq!(resolution.len(), 2 * self.system.degrees());
+        self.resolution = resolution;
         self
     }
 

@@ -33,6 +33,7 @@ pub mod pass;
 pub mod path;
 mod prune;
 pub mod rectangle;
+pub mod refit;
 pub mod resume;
 pub mod round;
 mod rounding;

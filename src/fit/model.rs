@@ -11,6 +11,7 @@ use super::gauss_newton::StopReason;
 use super::law::Law;
 use super::pass::Stepping;
 use crate::dynamics::Method;
+use crate::error::{Error, ErrorKind, Result};
 use crate::expr::{ParameterId, Place, System, Term, TermId};
 
 /// Version of the model file's layout.
@@ -309,8 +310,28 @@ impl Model {
         let stepping = Stepping { method, longest: self.integrator.longest_step };
         let noise = self.noise.iter().map(|noise| noise.standard_deviation).collect();
         let known = (stepping, self.evidence.window);
-        let law = Law::new(system.clone(), terms, self.parameter_values(system), noise, known);
-        law.ok()?.with_covariance(covariance).ok()
+        let law =
+            Law::new(system.clone(), terms, self.parameter_values(system), noise, known).ok()?;
+        // A record without noise has no resolution either.
+        let resolution: Vec<f64> = self.noise.iter().map(|noise| noise.resolution).collect();
+        let resolved = resolution.len() == 2 * system.degrees();
+        let law = if resolved { law.with_resolution(resolution) } else { law };
+        law.with_covariance(covariance).ok()
+    }
+
+    /// The same, saying so where the model belongs to another spec.
+    ///
+    /// # Errors
+    ///
+    /// The model belongs to another spec, or is damaged; [`ErrorKind::Model`].
+    pub fn law_of(&self, system: &Arc<System>) -> Result<Law> {
+        self.law(system).ok_or_else(|| {
+            Error::new(
+                ErrorKind::Model,
+                "the model belongs to another spec",
+                "fit the spec again, then ask what is missing",
+            )
+        })
     }
 
     /// The value of every inner parameter of the system: learned, or its start.

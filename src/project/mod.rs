@@ -15,7 +15,6 @@ use std::path::{Path, PathBuf};
 
 use self::measurements::whole_or_sample;
 use crate::data::{DataReport, Dataset, FileSource};
-use crate::diagnose::context::foreign;
 use crate::diagnostic::Diagnostic;
 use crate::error::{Error, ErrorKind, Result};
 use crate::facade::checked::wrong_in_model;
@@ -80,7 +79,7 @@ impl Spec {
     /// # Errors
     /// The model belongs to another spec.
     pub(crate) fn learned(&self, model: &Model) -> Result<fit::Law> {
-        model.law(self.system()).ok_or_else(foreign)
+        model.law_of(self.system())
     }
 
     /// The law that a model says; none when it belongs to another spec.

@@ -6,10 +6,10 @@ use super::workspace::Workspace;
 use super::{Law, ModelFile, digest};
 use crate::diagnose::comparison::view::{Quantity, View, view};
 use crate::diagnose::comparison::{self, Comparison, Horizon};
-use crate::diagnose::context::Context;
 use crate::diagnose::diagnosis::{self, Diagnosis};
 use crate::diagnose::instrument::detect;
 use crate::diagnose::noise_floor::noise_floor;
+use crate::diagnose::{LawOnData, Measurements, Options};
 use crate::error::{Error, ErrorKind, Result};
 use crate::export::formulas;
 use crate::expr::{Observed, Variable};
@@ -31,11 +31,13 @@ pub struct Assessment {
 /// Where a model of the training part fails.
 pub fn assess(workspace: &Workspace, model: &Model, monitor: &dyn Monitor) -> Result<Assessment> {
     monitor.stage("comparing with the data", 0.2);
-    let mut training = Context::new(workspace.spec.system(), model, &workspace.split.training)?;
-    let detections = detect(&training, model);
+    let (law, options) = (workspace.spec.learned(model)?, Options::default());
+    let training = LawOnData::of(law, &workspace.split.training, &options);
+    let detections = detect(&training);
     // A model that fails takes a part of what it lacks for noise; the floor is the instrument's.
-    training = training.with_noise(noise_floor(&training, model));
-    let held_out = workspace.held_out().map(|data| training.with_data(data));
+    let training = training.with_noise(noise_floor(&training));
+    let held_out = workspace.held_out().map(|data| Measurements::of(data, &options));
+    let held_out = held_out.map(|data| training.with_data(&data));
     let mut comparison = comparison::compare(&training, held_out.as_ref())?;
     comparison.findings.extend(detections.into_iter().map(|found| found.sentence));
     monitor.stage("computing the figures", 0.3);
@@ -99,9 +101,9 @@ pub fn diagnosis(
     monitor: &dyn Monitor,
 ) -> Result<Option<Diagnosis>> {
     let Some(held_out) = workspace.held_out() else { return Ok(None) };
-    let spec = &workspace.spec;
-    diagnosis::diagnose(spec.compiled(), model, &workspace.split.training, held_out, monitor)
-        .map(Some)
+    let (spec, training) = (&workspace.spec, &workspace.split.training);
+    let (law, options) = (spec.learned(model)?, Options::default());
+    diagnosis::diagnose(spec.compiled(), &law, training, held_out, &options, monitor).map(Some)
 }
 
 /// Hands everything that a report tells to `tell`.

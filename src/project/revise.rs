@@ -6,8 +6,8 @@ use super::workspace::{Workspace, errors};
 use super::{ModelFile, Spec};
 use crate::data::write_atomically;
 use crate::diagnose::comparison::windows;
-use crate::diagnose::context::Context;
 use crate::diagnose::noise_floor::noise_floor;
+use crate::diagnose::{LawOnData, Measurements, Options};
 use crate::diagnostic::Diagnostic;
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::Term;
@@ -68,8 +68,9 @@ pub fn add(
     }
     let model = before(workspace, known, monitor)?;
     if asked.open {
-        let context = Context::new(workspace.spec.system(), &model, &workspace.split.training)?;
-        asked.scanned(workspace.spec.compiled(), &context)?;
+        let (law, options) = (workspace.spec.learned(&model)?, Options::default());
+        let model = LawOnData::of(law, &workspace.split.training, &options);
+        asked.scanned(workspace.spec.compiled(), model)?;
     }
     let text = edit::insert(workspace.spec.text(), &asked.statement);
     let spec = edited(workspace, text)?;
@@ -233,22 +234,23 @@ fn judge(
     after: &Model,
 ) -> Result<(HeldOutErrors, HeldOutErrors)> {
     let data = workspace.held_out().unwrap_or(&workspace.split.held_out);
-    let old = Context::new(workspace.spec.system(), before, data)?;
-    let new = Context::new(spec.system(), after, data)?;
-    let noise = floor_of_both(workspace, (&old, before), (&new, after));
+    let options = Options::default();
+    let old = LawOnData::of(workspace.spec.learned(before)?, data, &options);
+    let new = LawOnData::of(spec.learned(after)?, data, &options);
+    let noise = floor_of_both(workspace, &old, &new);
     let names = spec.system().observables();
     let noise_of: Vec<(String, f64)> = names.into_iter().zip(noise.iter().copied()).collect();
     let samples = old.law.window().max(new.law.window());
-    let of = |context: &Context| {
+    let of = |model: &LawOnData| {
         if workspace.held_out().is_none() {
             return HeldOutErrors { samples, noise: noise_of.clone(), ..HeldOutErrors::unknown() };
         }
-        let error = errors(context, &noise, &[samples]);
+        let error = errors(model, &noise, &[samples]);
         HeldOutErrors {
             held_out_error: error.first().map(|e| e.1),
             noise_floor: 1.0,
             samples,
-            horizons: errors(context, &noise, &windows(data)),
+            horizons: errors(model, &noise, &windows(data)),
             noise: noise_of.clone(),
         }
     };
@@ -256,13 +258,10 @@ fn judge(
 }
 
 /// The smaller noise floor of two models on the training part, for each observable.
-fn floor_of_both(
-    workspace: &Workspace,
-    old: (&Context, &Model),
-    new: (&Context, &Model),
-) -> Vec<f64> {
-    let floor = |(context, model): (&Context, &Model)| {
-        noise_floor(&context.with_data(&workspace.split.training), model)
+fn floor_of_both(workspace: &Workspace, old: &LawOnData, new: &LawOnData) -> Vec<f64> {
+    let floor = |model: &LawOnData| {
+        let training = Measurements::of(&workspace.split.training, model.options);
+        noise_floor(&LawOnData { data: training, ..model.clone() })
     };
     floor(old).into_iter().zip(floor(new)).map(|(a, b)| a.min(b)).collect()
 }

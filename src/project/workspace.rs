@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 use super::fitting::{learn, on_threads};
 use super::{Listener, Spec};
 use crate::data::{DataReport, Dataset, Split};
+use crate::diagnose::LawOnData;
 use crate::diagnose::comparison;
-use crate::diagnose::context::Context;
 use crate::error::{Error, ErrorKind, Result};
 use crate::facade::held_out;
 use crate::fit::{Law, Model, Monitor, Options, resume};
@@ -157,7 +157,7 @@ impl Workspace {
 }
 
 /// Error over each length of prediction (in samples), in units of `noise`.
-pub fn errors(context: &Context, noise: &[f64], windows: &[usize]) -> Vec<(usize, f64)> {
-    let judge = context.with_data(context.dataset).with_noise(noise.to_vec());
+pub fn errors(model: &LawOnData, noise: &[f64], windows: &[usize]) -> Vec<(usize, f64)> {
+    let judge = model.with_noise(noise.to_vec());
     windows.iter().map(|&window| (window, comparison::error(&judge, window).0)).collect()
 }

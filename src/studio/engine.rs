@@ -417,6 +417,7 @@ impl Engine {
             workspace.spec.system(),
             &workspace.split.training,
             workspace.held_out(),
+            &crate::diagnose::Options::default(),
         );
         let diagnosis = match lacking {
             Some(why) => Diagnosis::too_little(why),

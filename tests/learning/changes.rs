@@ -1,7 +1,6 @@
 //! Changes of a story beyond one effect on one coordinate: groups, bodies, known numbers.
 
-use leverrier::internals::diagnose::diagnosis::{Diagnosis, Verdict, diagnose};
-use leverrier::internals::fit::Silent;
+use leverrier::internals::diagnose::diagnosis::{Diagnosis, Verdict};
 
 use crate::hidden::bases::Base;
 use crate::hidden::case_of;
@@ -64,8 +63,7 @@ fn said(base: &Base, changes: &[(&str, &str)], more: &str, noise: f64, seed: u64
         text.replacen(from, to, 1)
     });
     let case = case_of(base, &format!("{truth}{more}"), noise, seed);
-    let model = case.fit();
-    diagnose(&case.compiled, &model, &case.training, &case.held_out, &Silent).expect("a diagnosis")
+    case.diagnosis(&case.fit())
 }
 
 /// The first of the ranking has this label, and a number within 4 standard errors of the truth.

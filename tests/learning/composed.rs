@@ -3,9 +3,9 @@
 
 use crate::hidden::bases::{BASES, Base};
 use crate::hidden::{Case, case, case_reaching};
-use leverrier::internals::diagnose::candidates::composed::{Budget, Composition, composition};
-use leverrier::internals::diagnose::context::Context;
+use leverrier::internals::diagnose::candidates::composed::{Composition, composition};
 use leverrier::internals::diagnose::noise_floor::noise_floor;
+use leverrier::internals::diagnose::{LawOnData, Options};
 use leverrier::internals::expr::Scope;
 use leverrier::internals::fit::Silent;
 
@@ -15,10 +15,12 @@ fn base(name: &str) -> &'static Base {
 
 fn search(case: &Case, expressions: usize) -> Composition {
     let model = case.fit();
-    let context = Context::new(&case.compiled.system, &model, &case.training).unwrap();
-    let context = context.with_noise(noise_floor(&context, &model));
-    let budget = Budget { expressions, ..Budget::default() };
-    composition(&mut Scope::of(&case.compiled), &context, budget, &Silent).unwrap()
+    let law = model.law_of(&case.compiled.system).unwrap();
+    let mut options = Options::default();
+    options.tuning.composed.expressions = expressions;
+    let model = LawOnData::of(law, &case.training, &options);
+    let model = model.with_noise(noise_floor(&model));
+    composition(&mut Scope::of(&case.compiled), &model, &Silent).unwrap()
 }
 
 /// Statements of the front, without the name of the term; the chosen one first.

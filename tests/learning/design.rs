@@ -1,13 +1,14 @@
 //! The next run worth measuring: what is promised of it, and whether it keeps that.
 
 use leverrier::internals::data::Dataset;
-use leverrier::internals::diagnose::context::Context;
+use leverrier::internals::diagnose;
+use leverrier::internals::diagnose::LawOnData;
 use leverrier::internals::diagnose::design::rival::Rival;
 use leverrier::internals::diagnose::design::{Allowed, Goal, Plan, Proposal, design, standings};
 use leverrier::internals::diagnose::diagnosis::{Diagnosis, diagnose};
 use leverrier::internals::error::Error;
 use leverrier::internals::expr::{Compiled, build};
-use leverrier::internals::fit::{Model, Options, Silent, fit};
+use leverrier::internals::fit::{Law, Model, Options, Silent, fit};
 use leverrier::internals::simulate::{Interval, NoiseLevel, Simulator, add_noise};
 
 const VARIABLES: &str = "coordinates q\nmomenta p\n";
@@ -61,17 +62,19 @@ fn bench(space: &str, data: Dataset, options: &Options) -> Bench {
 }
 
 impl Bench {
-    fn context(&self) -> Context<'_> {
-        ok(Context::new(&self.compiled.system, &self.model, &self.data))
+    fn law(&self) -> Law {
+        ok(self.model.law_of(&self.compiled.system))
     }
 
     fn diagnosis(&self, held_out: &Dataset) -> Diagnosis {
-        let Bench { compiled, data, model } = self;
-        ok(diagnose(compiled, model, data, held_out, &Silent))
+        let options = diagnose::Options::default();
+        ok(diagnose(&self.compiled, &self.law(), &self.data, held_out, &options, &Silent))
     }
 
     fn rival(&self, label: &str, statement: &str, start: &[f64]) -> Rival {
-        ok(Rival::with_effect(&self.context(), &self.compiled, label, statement, start))
+        let options = diagnose::Options::default();
+        let model = LawOnData::of(self.law(), &self.data, &options);
+        ok(Rival::with_effect(&model, &self.compiled, label, statement, start))
     }
 
     /// The leaders that a diagnosis cannot tell apart.
@@ -90,7 +93,8 @@ impl Bench {
     }
 
     fn plan(&self, rivals: &[Rival], goal: &Goal, allowed: &Allowed) -> Result<Plan, Error> {
-        design(rivals, goal, &self.data, self.model.evidence.window, allowed, &Silent)
+        let (data, window) = (&self.data, self.model.evidence.window);
+        design(rivals, goal, data, window, allowed, &diagnose::Options::default(), &Silent)
     }
 }
 
@@ -110,7 +114,7 @@ fn measured(force: &str, run: &Proposal, seed: u64) -> Dataset {
 }
 
 fn behind(rivals: &[Rival], data: &Dataset, window: usize, label: &str) -> f64 {
-    let standings = ok(standings(rivals, data, window));
+    let standings = ok(standings(rivals, data, window, &diagnose::Options::default()));
     standings.iter().find(|s| s.effect == label).map_or(f64::NAN, |s| s.excess_deviance)
 }
 
@@ -173,7 +177,7 @@ fn the_expected_gain_is_the_mean_of_what_is_gained() {
         })
         .collect();
     let difference = |data: &Dataset, truth: usize| {
-        let standings = ok(standings(&rivals, data, window));
+        let standings = ok(standings(&rivals, data, window, &diagnose::Options::default()));
         standings[1 - truth].excess_deviance - standings[truth].excess_deviance
     };
     for (truth, rival) in rivals.iter().enumerate() {
@@ -203,7 +207,7 @@ fn a_coefficient_becomes_as_certain_as_was_said() {
     let data = runs(STIFF, &starts, &times(101, 0.1), 5);
     let whole = Options { sparse: false, window: Some(32), ..Options::default() };
     let before = bench(SPRING, data, &whole);
-    let rival = [Rival::as_it_is(&before.context(), "the model")];
+    let rival = [Rival::as_it_is(&before.law(), "the model")];
     let wide = Interval { lower: -1.1, upper: 1.1 };
     let allowed = Allowed { start: vec![Some(wide); 2], ..Allowed::default() };
     let plan = ok(before.plan(&rival, &Goal::Coefficient(None), &allowed));

@@ -2,7 +2,8 @@
 //! hidden forces where velocities, or coordinates alone, are measured.
 
 use leverrier::internals::data::Dataset;
-use leverrier::internals::diagnose::context::Context;
+use leverrier::internals::diagnose;
+use leverrier::internals::diagnose::LawOnData;
 use leverrier::internals::diagnose::diagnosis::{Verdict, diagnose};
 use leverrier::internals::diagnose::instrument::{Detection, detect};
 use leverrier::internals::expr::{TermId, build};
@@ -36,8 +37,8 @@ fn found(data: &Dataset) -> Vec<Detection> {
     let compiled = build("spec", spec).unwrap_or_else(|error| panic!("{error}"));
     let model = fit(&compiled.system, data, &Options::default(), &Silent)
         .unwrap_or_else(|error| panic!("{error}"));
-    let context = Context::new(&compiled.system, &model, data).unwrap_or_else(|e| panic!("{e}"));
-    detect(&context, &model)
+    let law = model.law_of(&compiled.system).unwrap_or_else(|e| panic!("{e}"));
+    detect(&LawOnData::of(law, data, &diagnose::Options::default()))
 }
 
 /// Makes a part of one column's readings wrong.
@@ -133,7 +134,9 @@ fn velocities_or_coordinates_alone_name_a_hidden_force() {
             let model = fit(&compiled.system, &split.training, &Options::default(), &Silent)
                 .unwrap_or_else(|error| panic!("{error}"));
             let (training, held_out) = (&split.training, &split.held_out);
-            let found = diagnose(&compiled, &model, training, held_out, &Silent)
+            let law = model.law_of(&compiled.system).unwrap_or_else(|error| panic!("{error}"));
+            let options = diagnose::Options::default();
+            let found = diagnose(&compiled, &law, training, held_out, &options, &Silent)
                 .unwrap_or_else(|error| panic!("{error}"));
             assert_eq!(found.verdict, Verdict::Missing, "{observed}, {hidden}: {}", found.reason);
             let place = found.ranking.iter().position(|leader| leader.effect == effect);

@@ -4,11 +4,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use leverrier::internals::data::Dataset;
 use leverrier::internals::diagnose::comparison::compare;
-use leverrier::internals::diagnose::context::Context;
 use leverrier::internals::diagnose::diagnosis::{Diagnosis, Verdict, diagnose};
-use leverrier::internals::diagnose::discover::{Accepts, discover};
+use leverrier::internals::diagnose::discover::{DiscoveryOptions, discover};
+use leverrier::internals::diagnose::{self, LawOnData, Measurements};
 use leverrier::internals::expr::{Compiled, build};
-use leverrier::internals::fit::{Model, Monitor, Options, Silent, fit};
+use leverrier::internals::fit::{Law, Model, Monitor, Options, Silent, fit};
 use leverrier::internals::simulate::Simulator;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -81,8 +81,14 @@ fn case(base: &Base, hidden: &str, noise: f64, seed: u64) -> Case {
 
 impl Case {
     fn diagnosis(&self) -> Diagnosis {
-        diagnose(&self.compiled, &self.model, &self.training, &self.held_out, &Silent)
+        let (law, options) = (self.law(), diagnose::Options::default());
+        let (training, held_out) = (&self.training, &self.held_out);
+        diagnose(&self.compiled, &law, training, held_out, &options, &Silent)
             .unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    fn law(&self) -> Law {
+        self.model.law_of(&self.compiled.system).unwrap_or_else(|error| panic!("{error}"))
     }
 }
 
@@ -138,10 +144,10 @@ fn nothing_is_named_where_nothing_is_hidden() {
 #[test]
 fn a_comparison_sees_lost_energy_and_a_right_model_at_the_noise_floor() {
     let damped = case(&PENDULUM, "force q += -0.05*p", 0.01, 4);
-    let context = Context::new(&damped.compiled.system, &damped.model, &damped.training)
-        .unwrap_or_else(|error| panic!("{error}"));
-    let held_out = context.with_data(&damped.held_out);
-    let report = compare(&context, Some(&held_out)).unwrap_or_else(|error| panic!("{error}"));
+    let options = diagnose::Options::default();
+    let model = LawOnData::of(damped.law(), &damped.training, &options);
+    let held_out = model.with_data(&Measurements::of(&damped.held_out, &options));
+    let report = compare(&model, Some(&held_out)).unwrap_or_else(|error| panic!("{error}"));
     assert!(report.findings.iter().any(|line| line.contains("loses energy")), "{report:?}");
     assert!(report.energy.iter().all(|drift| drift.rate < 0.0));
     let last = report.horizons.last().unwrap();
@@ -151,9 +157,8 @@ fn a_comparison_sees_lost_energy_and_a_right_model_at_the_noise_floor() {
     assert!(map.p_value < 1e-9);
 
     let right = case(&PENDULUM, "", 0.01, 4);
-    let context = Context::new(&right.compiled.system, &right.model, &right.training)
-        .unwrap_or_else(|error| panic!("{error}"));
-    let report = compare(&context, None).unwrap_or_else(|error| panic!("{error}"));
+    let model = LawOnData::of(right.law(), &right.training, &options);
+    let report = compare(&model, None).unwrap_or_else(|error| panic!("{error}"));
     for horizon in &report.horizons {
         assert!((horizon.training - 1.0).abs() < 0.1, "{horizon:?}");
     }
@@ -171,8 +176,7 @@ fn two_effects_at_once_are_found_and_nothing_else() {
         &case.text,
         &case.training,
         &case.held_out,
-        &Options::default(),
-        Accepts::Whole,
+        &DiscoveryOptions::default(),
         &Silent,
     )
     .unwrap_or_else(|error| panic!("{error}"));
@@ -203,12 +207,11 @@ impl Monitor for StopAt {
 #[test]
 fn an_interrupted_search_says_what_it_had_found_and_how_far_it_had_come() {
     let case = case(&PENDULUM, "force q += -0.05*p", 0.01, 6);
-    let options = Options::default();
+    let options = DiscoveryOptions::default();
     let monitor = StopAt("refitting the leaders", AtomicBool::new(false));
     let (training, held_out) = (&case.training, &case.held_out);
-    let found =
-        discover("learned", &case.text, training, held_out, &options, Accepts::Whole, &monitor)
-            .unwrap_or_else(|error| panic!("{error}"));
+    let found = discover("learned", &case.text, training, held_out, &options, &monitor)
+        .unwrap_or_else(|error| panic!("{error}"));
     assert!(found.interrupted && found.steps.is_empty(), "{found:?}");
     for part in ["interrupted in round 1", "viscous_drag(q)", "times the noise"] {
         assert!(found.stop.contains(part), "{}", found.stop);

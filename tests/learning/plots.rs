@@ -12,8 +12,8 @@ use leverrier::internals::diagnose::comparison::view::{
 use leverrier::internals::diagnose::comparison::{
     Comparison, EnergyDrift, Horizon, ResidualMap, compare,
 };
-use leverrier::internals::diagnose::context::Context;
 use leverrier::internals::diagnose::diagnosis::{Diagnosis, RankedEffect, Verdict, diagnose};
+use leverrier::internals::diagnose::{self, LawOnData, Measurements};
 use leverrier::internals::expr::{Compiled, build};
 use leverrier::internals::fit::model::{FrontPoint, PathEntry};
 use leverrier::internals::fit::{Model, Options, Silent, fit};
@@ -71,14 +71,16 @@ fn story(spec: &str, data: Dataset, held_out: f64, ask: bool) -> Story {
     let split = data.split_held_out(held_out, 0);
     let model = fit(&compiled.system, &split.training, &Options::default(), &Silent)
         .unwrap_or_else(|error| panic!("{error}"));
-    let training = Context::new(&compiled.system, &model, &split.training).expect("its own");
-    let far = training.with_data(&split.held_out);
+    let (law, options) =
+        (model.law(&compiled.system).expect("its own"), diagnose::Options::default());
+    let training = LawOnData::of(law.clone(), &split.training, &options);
+    let far = training.with_data(&Measurements::of(&split.held_out, &options));
     let far = (!split.held_out.runs.is_empty()).then_some(&far);
     let comparison = compare(&training, far).unwrap_or_else(|error| panic!("{error}"));
     let view = view(&training, far).unwrap_or_else(|error| panic!("{error}"));
     let diagnosis = ask.then(|| {
         let (training, held_out) = (&split.training, &split.held_out);
-        diagnose(&compiled, &model, training, held_out, &Silent)
+        diagnose(&compiled, &law, training, held_out, &options, &Silent)
             .unwrap_or_else(|error| panic!("{error}"))
     });
     Story { compiled, data, model, view, comparison, diagnosis, history: Vec::new() }

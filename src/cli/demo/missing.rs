@@ -10,12 +10,12 @@ use crate::cli::progress::Progress;
 use crate::cli::splitting::SplitArguments;
 use crate::cli::{compare, diagnose, revise};
 use crate::data::{Layout, write_atomically, write_csv};
-use crate::diagnose::discover::{Accepts, discover};
+use crate::diagnose::discover::{DiscoveryOptions, discover};
 use crate::error::{Error, Result};
 use crate::expr;
 use crate::expr::Term;
 use crate::fit::Law;
-use crate::fit::Options;
+
 use crate::project::Spec;
 use crate::project::workspace::Workspace;
 use crate::report::layout::{WIDTH, table, wrapped};
@@ -77,17 +77,9 @@ fn story(stage: &DemoRun, runs: usize) -> Result<Value> {
     if stage.console.is_json() {
         let workspace = Workspace::open(&spec, &splitting.asked()?, stage.console)?;
         let held_out = workspace.held_out().unwrap_or(&workspace.dataset);
-        let (training, options) = (&workspace.split.training, Options::default());
+        let (training, options) = (&workspace.split.training, DiscoveryOptions::default());
         let progress = Progress::new();
-        let found = discover(
-            "pendulum.ham",
-            SPEC,
-            training,
-            held_out,
-            &options,
-            Accepts::Whole,
-            &progress,
-        )?;
+        let found = discover("pendulum.ham", SPEC, training, held_out, &options, &progress)?;
         return Ok(json!({
             "truth": truth,
             "steps": found.steps,

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::grid::every_choice;
 use super::{Candidate, Origin, one_of, terms_of};
-use crate::diagnose::tuning::TUNING;
+use crate::diagnose::tuning::Candidates;
 use crate::expr::{
     Bounds, Compiled, Expr, Extension, ParameterId, Place, Scope, Symbol, System, TermId,
 };
@@ -13,7 +13,7 @@ use crate::expr::{
 ///
 /// An inner parameter that only the candidate uses is tried over its bounds, where it has both,
 /// else at the starts that the spec lists.
-pub(super) fn candidates(scope: &mut Scope) -> Vec<Candidate> {
+pub(super) fn candidates(scope: &mut Scope, tuning: &Candidates) -> Vec<Candidate> {
     let system = &scope.compiled().system;
     let held: BTreeSet<&str> = system.terms.iter().filter_map(|t| t.effect.as_deref()).collect();
     let own = scope.compiled().candidates.iter().map(|own| own.name.clone());
@@ -39,8 +39,9 @@ pub(super) fn candidates(scope: &mut Scope) -> Vec<Candidate> {
             .into_iter()
             .filter(|id| own.difference(&used).any(|&j| j == id.position()))
             .collect();
+        let points = points(parameters.len(), tuning);
         let axes: Vec<Vec<f64>> =
-            parameters.iter().map(|&id| axis(base, &extension, id, parameters.len())).collect();
+            parameters.iter().map(|&id| axis(base, &extension, id, points)).collect();
         let on = acts_on(&base.system, &extension, &terms);
         let grid = every_choice(&axes);
         let origin = Origin::Spec;
@@ -79,25 +80,28 @@ fn parameters_among(symbols: &[Symbol]) -> BTreeSet<usize> {
     symbols.iter().filter_map(parameter).collect()
 }
 
-/// Values of an inner parameter that are tried, one of so many `together`.
-fn axis(base: &Compiled, extension: &Extension, id: ParameterId, together: usize) -> Vec<f64> {
+/// Values of an inner parameter that are tried, so many `points` where it is bounded.
+fn axis(base: &Compiled, extension: &Extension, id: ParameterId, points: usize) -> Vec<f64> {
     let own = extension.parameters().find(|(own, ..)| *own == id);
     let own = own.map(|(_, parameter, starts)| (parameter.bounds, starts));
     let standing = || {
         let starts = base.starts.get(id.position())?;
         Some((base.system.parameter(id)?.bounds, starts.as_slice()))
     };
-    own.or_else(standing).map_or(Vec::new(), |(bounds, starts)| values(bounds, starts, together))
+    own.or_else(standing).map_or(Vec::new(), |(bounds, starts)| values(bounds, starts, points))
 }
 
-fn values(bounds: Bounds, starts: &[f64], together: usize) -> Vec<f64> {
+/// Points of each of so many bounded inner parameters `together`.
+fn points(together: usize, tuning: &Candidates) -> usize {
+    let most = (tuning.declared_points_together as f64).powf(1.0 / together as f64) as usize;
+    tuning.declared_points.min(most).max(2)
+}
+
+fn values(bounds: Bounds, starts: &[f64], count: usize) -> Vec<f64> {
     let (lower, upper) = (bounds.lower, bounds.upper);
     if !(lower.is_finite() && upper.is_finite() && lower < upper) {
         return starts.to_vec();
     }
-    let most =
-        (TUNING.candidates.declared_points_together as f64).powf(1.0 / together as f64) as usize;
-    let count = TUNING.candidates.declared_points.min(most).max(2);
     // The ends of the range are where a parameter means nothing, as often as not.
     (0..count).map(|i| lower + (upper - lower) * (i as f64 + 0.5) / count as f64).collect()
 }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use crate::data::{Dataset, Run};
-use crate::diagnose::tuning::TUNING;
+use crate::diagnose::tuning::Candidates;
 use crate::expr::System;
 use crate::fit::segments::{longest_run, typical_step};
 use crate::spec::effects::ScanBy;
@@ -12,6 +12,7 @@ use crate::spec::effects::ScanBy;
 pub(super) struct Reach<'a> {
     system: &'a System,
     dataset: &'a Dataset,
+    tuning: &'a Candidates,
     /// Smallest and largest value of each coordinate, and the largest size of its momentum, by the
     /// coordinate's name.
     ranges: HashMap<String, (f64, f64, f64)>,
@@ -24,13 +25,18 @@ pub(super) struct Reach<'a> {
 }
 
 impl<'a> Reach<'a> {
-    pub(super) fn of(system: &'a System, dataset: &'a Dataset) -> Reach<'a> {
+    pub(super) fn of(
+        system: &'a System,
+        dataset: &'a Dataset,
+        tuning: &'a Candidates,
+    ) -> Reach<'a> {
         let step = typical_step(dataset).max(f64::MIN_POSITIVE);
         let times = dataset.runs.iter().filter_map(Run::ends);
         let none = (f64::INFINITY, f64::NEG_INFINITY);
         Reach {
             system,
             dataset,
+            tuning,
             ranges: ranges(system, dataset),
             step,
             times: times.fold(none, |(a, b), (start, end)| (a.min(start), b.max(end))),
@@ -79,14 +85,14 @@ impl<'a> Reach<'a> {
     }
 
     fn grid_over(&self, scans: &[ScanBy], range: (f64, f64, f64)) -> Vec<Vec<f64>> {
-        let Reach { step, times: (start, end), duration, .. } = *self;
+        let Reach { step, times: (start, end), duration, tuning, .. } = *self;
         let (lower, upper, momentum) = range;
         let spread = upper - lower;
         let turn = std::f64::consts::TAU;
         let most = if scans.len() > 1 {
-            (TUNING.candidates.points_together as f64).powf(1.0 / scans.len() as f64) as usize
+            (tuning.points_together as f64).powf(1.0 / scans.len() as f64) as usize
         } else {
-            TUNING.candidates.points
+            tuning.points
         };
         let even = |a: f64, b: f64, count: usize| evenly(a, b, count.min(most).max(2));
         let ratio = |a: f64, b: f64, count: usize| -> Vec<f64> {
@@ -102,7 +108,7 @@ impl<'a> Reach<'a> {
                     let finest = std::f64::consts::PI / duration;
                     let highest = 0.25 * turn / step;
                     let count = (highest / finest) as usize;
-                    let most = if scans.len() > 1 { most } else { TUNING.candidates.frequencies };
+                    let most = if scans.len() > 1 { most } else { tuning.frequencies };
                     evenly(2.0 * finest, highest.max(3.0 * finest), count.clamp(2, most))
                 }
                 // What a motion runs into, it hardly gets beyond.

@@ -13,6 +13,7 @@ use grid::Reach;
 pub use numbers::NumberChange;
 pub use unnamed::unnamed;
 
+use super::tuning::Candidates;
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::expr::{
@@ -70,11 +71,11 @@ pub enum Origin {
 
 /// Everything of the catalogue that the system allows, and the spec's own candidates, except
 /// what the spec holds already; then its known numbers.
-pub fn candidates(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
-    let mut all = declared::candidates(scope);
+pub fn candidates(scope: &mut Scope, dataset: &Dataset, tuning: &Candidates) -> Vec<Candidate> {
+    let mut all = declared::candidates(scope, tuning);
     let system = scope.compiled().system.clone();
     let held: BTreeSet<String> = system.terms.iter().filter_map(|t| t.effect.clone()).collect();
-    let reach = Reach::of(&system, dataset);
+    let reach = Reach::of(&system, dataset, tuning);
     let standing = system.parameters.len();
     let scene = system.scene();
     let instances = instances(&scene).into_iter();
@@ -114,7 +115,7 @@ pub fn candidates(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
         },
     ));
     one_of(&mut all[first..]);
-    all.extend(numbers::candidates(scope, dataset));
+    all.extend(numbers::candidates(scope, dataset, tuning));
     all
 }
 

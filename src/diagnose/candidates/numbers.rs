@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{Candidate, Origin, one_of};
 use crate::data::{Dataset, MeasuredInput};
-use crate::diagnose::tuning::TUNING;
+use crate::diagnose::tuning::Candidates;
 use crate::expr::{Graph, KnownNumber, ParameterId, Place, Scope, Symbol, System, Term};
 
 /// A number of the spec that should be another one.
@@ -35,15 +35,15 @@ impl NumberChange {
 
 /// Every known number that moves something, once: of numbers that act in the same way, as the
 /// mass and the 2 in p^2/(2*mass) do, the one with a name, or else the first.
-pub(super) fn candidates(scope: &Scope, dataset: &Dataset) -> Vec<Candidate> {
+pub(super) fn candidates(scope: &Scope, dataset: &Dataset, tuning: &Candidates) -> Vec<Candidate> {
     let system = scope.compiled().system.clone();
-    if system.terms.len() > TUNING.candidates.number_terms {
+    if system.terms.len() > tuning.number_terms {
         return Vec::new();
     }
     let mut numbers = scope.numbers();
     numbers.sort_by_key(|number| !number.is_named());
-    numbers.truncate(TUNING.candidates.numbers);
-    let states = states(&system, dataset);
+    numbers.truncate(tuning.numbers);
+    let states = states(&system, dataset, tuning.number_states);
     let mut seen: Vec<Vec<f64>> = Vec::new();
     let mut all = Vec::new();
     for number in numbers {
@@ -53,7 +53,7 @@ pub(super) fn candidates(scope: &Scope, dataset: &Dataset) -> Vec<Candidate> {
         let local = extension.import(&probe, &mut graph, &values);
         let change = motion(&system, &mut graph, &local, &states);
         let moves = change.iter().any(|x| x.is_finite() && *x != 0.0);
-        if !moves || seen.iter().any(|other| are_alike(other, &change)) {
+        if !moves || seen.iter().any(|other| are_alike(other, &change, tuning.same_number)) {
             continue;
         }
         seen.push(change);
@@ -77,10 +77,9 @@ pub(super) fn candidates(scope: &Scope, dataset: &Dataset) -> Vec<Candidate> {
 /// Derivatives of an input that states go on with: its value, and as many as are ever kept.
 const RATES: usize = 4;
 
-/// Some measured states: coordinates, then momenta, the time, the inputs with their derivatives.
+/// Up to `most` measured states: coordinates, then momenta, the time, the inputs with their derivatives.
 /// What was not measured is a number of size 1.
-fn states(system: &System, dataset: &Dataset) -> Vec<Vec<f64>> {
-    let most = TUNING.candidates.number_states;
+fn states(system: &System, dataset: &Dataset, most: usize) -> Vec<Vec<f64>> {
     let n = 2 * system.degrees();
     let runs: Vec<_> = dataset.runs.iter().filter(|run| !run.times.is_empty()).collect();
     let each = most.div_ceil(runs.len().max(1));
@@ -141,8 +140,9 @@ fn motion(system: &System, graph: &mut Graph, term: &Term, states: &[Vec<f64>]) 
     states.iter().flat_map(value).collect()
 }
 
-/// Whether two lists of numbers are multiples of each other, where both are finite.
-fn are_alike(a: &[f64], b: &[f64]) -> bool {
+/// Whether two lists of numbers are multiples of each other, where both are finite: the squared
+/// sine of the angle between them is below `apart`.
+fn are_alike(a: &[f64], b: &[f64], apart: f64) -> bool {
     if a.len() != b.len() {
         return false;
     }
@@ -158,7 +158,7 @@ fn are_alike(a: &[f64], b: &[f64]) -> bool {
         ab += x * y;
         bb += y * y;
     }
-    aa > 0.0 && bb > 0.0 && aa * bb - ab * ab <= TUNING.candidates.same_number * aa * bb
+    aa > 0.0 && bb > 0.0 && aa * bb - ab * ab <= apart * aa * bb
 }
 
 /// Names of the coordinates and observables that a term acts on.

@@ -3,7 +3,7 @@
 use super::grid::Reach;
 use super::{Candidate, Origin, one_of, terms_of};
 use crate::data::Dataset;
-use crate::diagnose::tuning::TUNING;
+use crate::diagnose::tuning::Candidates;
 use crate::expr::Scope;
 use crate::spec::effects::ScanBy;
 
@@ -16,7 +16,7 @@ struct Draft {
 }
 
 /// Bumps of the potential and forces that are products of powers, on every coordinate.
-pub fn unnamed(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
+pub fn unnamed(scope: &mut Scope, dataset: &Dataset, tuning: &Candidates) -> Vec<Candidate> {
     let system = scope.compiled().system.clone();
     let names = |list: &[crate::expr::Variable]| -> Vec<String> {
         list.iter().map(|variable| variable.name.clone()).collect()
@@ -30,7 +30,7 @@ pub fn unnamed(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
             statement: format!("V += span{{ unnamed: exp(-(({q} - {{at}})/{{width}})^2) }}"),
             scans: vec![("at", ScanBy::Position), ("width", ScanBy::Length)],
         });
-        for total in 2..=TUNING.candidates.unnamed_degree {
+        for total in 2..=tuning.unnamed_degree {
             for power in 0..=total {
                 let product = [(q, total - power), (p, power)]
                     .into_iter()
@@ -47,7 +47,7 @@ pub fn unnamed(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
             }
         }
     }
-    if coordinates.len() <= TUNING.candidates.bump_coordinates {
+    if coordinates.len() <= tuning.bump_coordinates {
         for (i, x) in coordinates.iter().enumerate() {
             for y in &coordinates[i + 1..] {
                 drafts.push(Draft {
@@ -66,7 +66,7 @@ pub fn unnamed(scope: &mut Scope, dataset: &Dataset) -> Vec<Candidate> {
             }
         }
     }
-    let reach = Reach::of(&system, dataset);
+    let reach = Reach::of(&system, dataset, tuning);
     let standing = system.parameters.len();
     // A spec may have such terms already.
     let held = system.terms.iter().filter_map(|term| term.name.as_deref());

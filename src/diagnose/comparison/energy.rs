@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use crate::diagnose::context::Context;
+use crate::diagnose::law_on_data::LawOnData;
+use crate::diagnose::settling::{Settled, settle};
 use crate::dynamics::{Batch, Scratch, advance};
 use crate::fit::driving;
 
@@ -23,20 +24,20 @@ pub struct EnergyDrift {
 
 /// Energy of the model at the measured states of every run: (time, energy) of each segment's
 /// middle, sorted by time; one list a run.
-pub fn energies(context: &Context) -> Vec<Vec<(f64, f64)>> {
-    let dynamics = context.law.dynamics();
-    let theta = context.law.theta(&dynamics);
-    let (segments, states, _) = context.settle(context.law.window());
+pub fn energies(model: &LawOnData) -> Vec<Vec<(f64, f64)>> {
+    let dynamics = model.law.dynamics();
+    let theta = model.law.theta(&dynamics);
+    let Settled { segments, states, .. } = settle(model.clone());
     let mut scratch = Scratch::new();
-    let mut points: Vec<Vec<(f64, f64)>> = vec![Vec::new(); context.dataset.runs.len()];
+    let mut points: Vec<Vec<(f64, f64)>> = vec![Vec::new(); model.data.dataset.runs.len()];
     for (segment, state) in segments.list.iter().zip(&states) {
-        let run = &context.dataset.runs[segment.run];
+        let run = &model.data.dataset.runs[segment.run];
         let times = &run.times;
-        let mut batch = Batch::new(context.system().degrees(), 1);
+        let mut batch = Batch::new(model.system().degrees(), 1);
         batch.set(0, run.time(segment.first), state);
         // The middle of a segment is where its state is known best.
         let middle = 0.5 * (times[segment.last] - times[segment.first]);
-        let stepping = context.law.stepping();
+        let stepping = model.law.stepping();
         let mut go_on = |batch: &mut Batch, span: f64| {
             let steps = (span / stepping.longest).ceil().max(1.0) as usize;
             advance(&dynamics, stepping.method, batch, &[span], steps, &theta, &mut scratch);
@@ -48,7 +49,7 @@ pub fn energies(context: &Context) -> Vec<Vec<(f64, f64)>> {
             for at in segment.first..segment.last {
                 let left = middle - (times[at] - times[segment.first]);
                 let place = driving::at(*segment, at - segment.first);
-                driving::drive(&mut batch, &context.measured, std::iter::once(place));
+                driving::drive(&mut batch, &model.data.packed, std::iter::once(place));
                 if left > 0.0 {
                     go_on(&mut batch, left.min(times[at + 1] - times[at]));
                 }
@@ -67,9 +68,9 @@ pub fn energies(context: &Context) -> Vec<Vec<(f64, f64)>> {
 }
 
 /// Energy along every run, as a straight line over time.
-pub(super) fn energy_drift(context: &Context) -> Vec<EnergyDrift> {
-    let runs = context.dataset.runs.iter();
-    runs.zip(energies(context))
+pub(super) fn energy_drift(model: &LawOnData) -> Vec<EnergyDrift> {
+    let runs = model.data.dataset.runs.iter();
+    runs.zip(energies(model))
         .filter(|(_, points)| points.len() >= 3)
         .map(|(run, points)| {
             let (rate, rate_error) = slope(&points);

@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use super::hats::{centres, force_terms, hats};
-use crate::diagnose::context::Context;
-use crate::diagnose::tuning::TUNING;
+use crate::diagnose::law_on_data::LawOnData;
+use crate::diagnose::settling::{Settled, settle};
 use crate::error::Result;
 use crate::expr::{Expr, Symbol, System, Term};
 use crate::fit::segments::longest_run;
@@ -27,9 +27,9 @@ pub struct ResidualMap {
 }
 
 /// Residual force on every coordinate against every coordinate, momentum, the energy and time.
-pub fn residual_maps(context: &Context) -> Result<Vec<ResidualMap>> {
-    let mut system = System::clone(context.system());
-    let variables = variables(context, &mut system);
+pub fn residual_maps(model: &LawOnData) -> Result<Vec<ResidualMap>> {
+    let mut system = System::clone(model.system());
+    let variables = variables(model, &mut system);
     let mut terms: Vec<Term> = Vec::new();
     let mut layout = Vec::new();
     for on in 0..system.degrees() {
@@ -43,13 +43,13 @@ pub fn residual_maps(context: &Context) -> Result<Vec<ResidualMap>> {
     if terms.is_empty() {
         return Ok(Vec::new());
     }
-    let scores = context.settled().probe(system, &terms)?.scores;
+    let scores = settle(model.clone()).probe(system, &terms)?.scores;
     Ok(layout
         .into_iter()
         .map(|(on, against, centres, columns)| {
             let score = scores.group(&columns.collect::<Vec<_>>());
             ResidualMap {
-                on: context.system().coordinates[on].name.clone(),
+                on: model.system().coordinates[on].name.clone(),
                 against,
                 points: centres
                     .iter()
@@ -69,26 +69,27 @@ pub fn residual_maps(context: &Context) -> Result<Vec<ResidualMap>> {
 /// # Errors
 ///
 /// When the data do not suffice to ask for it.
-pub fn strongest_map(context: &Context) -> Result<Option<ResidualMap>> {
-    let maps = residual_maps(context)?;
+pub fn strongest_map(model: &LawOnData) -> Result<Option<ResidualMap>> {
+    let maps = residual_maps(model)?;
     let count = maps.len() as f64;
     let most = maps.into_iter().min_by(|a, b| a.p_value.total_cmp(&b.p_value));
-    Ok(most.filter(|map| map.p_value * count < TUNING.verdict.unmistakable))
+    Ok(most.filter(|map| map.p_value * count < model.tuning().verdict.unmistakable))
 }
 
 /// Variables that the force may depend on: name, expression, centres of hats over the data.
-fn variables(context: &Context, system: &mut System) -> Vec<(String, Expr, Vec<f64>)> {
-    let (segments, states, _) = context.settle(context.law.window());
+fn variables(model: &LawOnData, system: &mut System) -> Vec<(String, Expr, Vec<f64>)> {
+    let Settled { segments, states, .. } = settle(model.clone());
+    let hats = model.tuning().comparison.hats;
     let n = system.degrees();
     let mut variables = Vec::new();
     for (row, symbol) in system.state().into_iter().enumerate() {
         let mut values: Vec<f64> = states.iter().map(|state| state[row]).collect();
-        let measured = context.dataset.runs.iter().flat_map(|run| run.values[row].iter());
+        let measured = model.data.dataset.runs.iter().flat_map(|run| run.values[row].iter());
         if row < n {
             values.extend(measured);
         }
         let name = if row < n { &system.coordinates[row] } else { &system.momenta[row - n] };
-        let centres = centres(&mut values, TUNING.comparison.hats);
+        let centres = centres(&mut values, hats);
         if !centres.is_empty() {
             let name = name.name.clone();
             variables.push((name, system.graph.symbol(symbol), centres));
@@ -98,12 +99,12 @@ fn variables(context: &Context, system: &mut System) -> Vec<(String, Expr, Vec<f
         .list
         .iter()
         .flat_map(|s| {
-            let run = &context.dataset.runs[s.run];
+            let run = &model.data.dataset.runs[s.run];
             (s.first..=s.last).map(|at| run.time(at))
         })
         .collect();
-    let pairs = longest_run(context.dataset) <= 2;
-    let times = if pairs { Vec::new() } else { centres(&mut times, TUNING.comparison.hats) };
+    let pairs = longest_run(model.data.dataset) <= 2;
+    let times = if pairs { Vec::new() } else { centres(&mut times, hats) };
     if !times.is_empty() {
         variables.push((system.time.name.clone(), system.graph.symbol(Symbol::Time), times));
     }

@@ -14,12 +14,11 @@ pub use energy::{EnergyDrift, energies};
 pub(super) use maps::strongest_map;
 pub use maps::{ResidualMap, residual_maps};
 
-use super::context::Context;
+use super::law_on_data::LawOnData;
 pub use super::misfit::error;
 use crate::data::Dataset;
-use crate::diagnose::tuning::TUNING;
 use crate::error::Result;
-use crate::fit::segments::{cut, longest_run, typical_step};
+use crate::fit::segments::{cut_by, longest_run, typical_step};
 
 /// A model held against measurements.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -57,12 +56,12 @@ pub struct Horizon {
 }
 
 /// Compares a model with the runs that it was trained on, and with held-out ones.
-pub fn compare(training: &Context, held_out: Option<&Context>) -> Result<Comparison> {
+pub fn compare(training: &LawOnData, held_out: Option<&LawOnData>) -> Result<Comparison> {
     let horizons = horizons(training, held_out);
     let maps = residual_maps(training)?;
     let energy = energy_drift(training);
     let names = training.system().observables();
-    let noise = training.law.noise().iter().zip(training.dataset.measured());
+    let noise = training.law.noise().iter().zip(training.data.dataset.measured());
     let noise = noise.map(|(noise, measured)| (measured > 0).then_some(*noise));
     let noise_floor = names.into_iter().zip(noise).collect();
     let findings = findings(training, &horizons, &maps, &energy);
@@ -78,9 +77,9 @@ pub fn windows(dataset: &Dataset) -> Vec<usize> {
     windows
 }
 
-fn horizons(training: &Context, held_out: Option<&Context>) -> Vec<Horizon> {
-    let step = typical_step(training.dataset);
-    windows(training.dataset)
+fn horizons(training: &LawOnData, held_out: Option<&LawOnData>) -> Vec<Horizon> {
+    let step = typical_step(training.data.dataset);
+    windows(training.data.dataset)
         .into_iter()
         .map(|samples| {
             let (seen, diverged) = error(training, samples);
@@ -88,7 +87,7 @@ fn horizons(training: &Context, held_out: Option<&Context>) -> Vec<Horizon> {
                 samples,
                 duration: step * (samples - 1) as f64,
                 training: seen,
-                held_out: held_out.map(|context| error(context, samples).0),
+                held_out: held_out.map(|model| error(model, samples).0),
                 baseline: baseline(training, samples),
                 diverged,
             }
@@ -97,11 +96,11 @@ fn horizons(training: &Context, held_out: Option<&Context>) -> Vec<Horizon> {
 }
 
 /// The guess that nothing moves: each segment's mean, in units of the noise.
-fn baseline(context: &Context, window: usize) -> f64 {
+fn baseline(model: &LawOnData, window: usize) -> f64 {
     let (mut squares, mut freedom) = (0.0, 0.0);
-    for segment in cut(&context.measured, window).list {
-        let run = &context.dataset.runs[segment.run];
-        for (values, noise) in run.values.iter().zip(context.law.noise()) {
+    for segment in cut_by(&model.data.packed, window, &model.options.fit.segments).list {
+        let run = &model.data.dataset.runs[segment.run];
+        for (values, noise) in run.values.iter().zip(model.law.noise()) {
             let seen: Vec<f64> = values[segment.first..=segment.last]
                 .iter()
                 .copied()
@@ -129,7 +128,7 @@ fn short(value: f64) -> String {
 }
 
 fn findings(
-    context: &Context,
+    model: &LawOnData,
     horizons: &[Horizon],
     maps: &[ResidualMap],
     energy: &[EnergyDrift],
@@ -156,7 +155,7 @@ fn findings(
     }
     let mut worst: Vec<&ResidualMap> = maps
         .iter()
-        .filter(|map| map.p_value * (maps.len() as f64) < TUNING.comparison.significant)
+        .filter(|map| map.p_value * (maps.len() as f64) < model.tuning().comparison.significant)
         .collect();
     worst.sort_by(|a, b| {
         (b.deviance / b.degrees as f64).total_cmp(&(a.deviance / a.degrees as f64))
@@ -188,7 +187,7 @@ fn findings(
             most.first,
             most.last,
             drifting.len(),
-            context.dataset.runs.len()
+            model.data.dataset.runs.len()
         ));
     }
     out

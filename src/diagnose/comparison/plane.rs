@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use super::hats::{centres, force_terms, hats};
-use crate::diagnose::context::Context;
-use crate::diagnose::tuning::TUNING;
+use crate::diagnose::law_on_data::LawOnData;
+use crate::diagnose::settling::settle;
 use crate::error::Result;
 use crate::expr::{Expr, System};
 
@@ -47,35 +47,30 @@ pub struct ForceNode {
 ///
 /// `motion` gives a component of the state (q, then p) at all samples.
 pub fn force_planes(
-    context: &Context,
+    model: &LawOnData,
     motion: &dyn Fn(usize) -> Vec<f64>,
 ) -> Result<Vec<ForcePlane>> {
-    let n = context.system().degrees();
+    let n = model.system().degrees();
+    let tuning = &model.tuning().comparison;
+    let count = tuning.plane_nodes;
     let mut planes = Vec::new();
-    for coordinate in 0..n.min(TUNING.comparison.planes) {
+    for coordinate in 0..n.min(tuning.planes) {
         let (q, p) = (motion(coordinate), motion(n + coordinate));
-        let (across, up) = (
-            centres(&mut q.clone(), TUNING.comparison.plane_nodes),
-            centres(&mut p.clone(), TUNING.comparison.plane_nodes),
-        );
+        let (across, up) = (centres(&mut q.clone(), count), centres(&mut p.clone(), count));
         if across.is_empty() || up.is_empty() {
             continue;
         }
         let counts = counts(&across, &up, q.iter().zip(&p));
-        let mut system = System::clone(context.system());
+        let mut system = System::clone(model.system());
         let symbols = system.state();
         let mut along = |row: usize, centres: &[f64]| {
             let variable = system.graph.symbol(symbols[row]);
             hats(&mut system.graph, variable, centres)
         };
         let (over_q, over_p) = (along(coordinate, &across), along(n + coordinate, &up));
-        let held: Vec<(usize, usize)> = (0..TUNING.comparison.plane_nodes
-            * TUNING.comparison.plane_nodes)
-            .map(|at| (at % TUNING.comparison.plane_nodes, at / TUNING.comparison.plane_nodes))
-            .filter(|&(column, row)| {
-                counts[row * TUNING.comparison.plane_nodes + column]
-                    >= TUNING.comparison.node_samples
-            })
+        let held: Vec<(usize, usize)> = (0..count * count)
+            .map(|at| (at % count, at / count))
+            .filter(|&(column, row)| counts[row * count + column] >= tuning.node_samples)
             .collect();
         let functions: Vec<Expr> = held
             .iter()
@@ -85,7 +80,7 @@ pub fn force_planes(
             continue;
         }
         let terms = force_terms(coordinate, &functions, &system);
-        let scores = context.settled().probe(system, &terms)?.scores;
+        let scores = settle(model.clone()).probe(system, &terms)?.scores;
         let score = scores.group(&(0..terms.len()).collect::<Vec<_>>());
         let known = score.coefficients.iter().zip(&score.standard_errors);
         let nodes = held
@@ -93,7 +88,7 @@ pub fn force_planes(
             .zip(known)
             .filter(|(_, (force, error))| force.is_finite() && error.is_finite())
             .map(|((column, row), (&force, &standard_error))| {
-                let samples = counts[row * TUNING.comparison.plane_nodes + column];
+                let samples = counts[row * count + column];
                 ForceNode { column, row, force, standard_error, samples }
             })
             .collect();

@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use crate::diagnose::context::Context;
-use crate::diagnose::tuning::TUNING;
+use crate::diagnose::law_on_data::LawOnData;
+use crate::diagnose::settling::{Settled, settle};
 use crate::dynamics::{Batch, Drive, Dynamics, Scratch, advance, observe};
 use crate::expr::Observed;
 use crate::fit::driving;
@@ -37,9 +37,10 @@ pub struct Prediction {
 
 /// Predictions of every run, in the order of the data, each over as long as its data have no
 /// hole.
-pub fn predictions(context: &Context, held_out: bool) -> Vec<Prediction> {
-    let rows = 2 * context.system().degrees();
-    let mut out: Vec<Prediction> = context
+pub fn predictions(model: &LawOnData, held_out: bool) -> Vec<Prediction> {
+    let rows = 2 * model.system().degrees();
+    let mut out: Vec<Prediction> = model
+        .data
         .dataset
         .runs
         .iter()
@@ -58,68 +59,69 @@ pub fn predictions(context: &Context, held_out: bool) -> Vec<Prediction> {
             }
         })
         .collect();
-    let law = Law::new(context);
+    let law = Law::new(model);
     let mut scratch = Scratch::new();
     let mut follow = |window: usize, out: &mut [Prediction]| {
-        let (segments, states, _) = context.settle(window);
+        let Settled { segments, states, .. } = settle(model.with_window(window));
         let all: Vec<(Segment, &[f64])> =
             segments.list.iter().copied().zip(states.iter()).collect();
-        for block in all.chunks(TUNING.comparison.lanes) {
+        for block in all.chunks(model.tuning().comparison.lanes) {
             law.follow(block, out, &mut scratch);
         }
     };
     let measured = |row: usize| {
-        let mut all = context.dataset.runs.iter().filter_map(|run| run.values.get(row)).flatten();
+        let mut all =
+            model.data.dataset.runs.iter().filter_map(|run| run.values.get(row)).flatten();
         all.any(|x| x.is_finite())
     };
-    let near = if context.system().observed == Observed::Momenta && (0..rows).all(measured) {
+    let near = if model.system().observed == Observed::Momenta && (0..rows).all(measured) {
         None
     } else {
         let mut near = out.clone();
-        follow(context.law.window(), &mut near);
+        follow(model.law.window(), &mut near);
         Some(near)
     };
-    follow(longest_run(context.dataset), &mut out);
+    follow(longest_run(model.data.dataset), &mut out);
     for (at, prediction) in out.iter_mut().enumerate() {
         prediction.states = match near.as_ref().and_then(|near| near.get(at)) {
             Some(near) => near.states.clone(),
             None => prediction.measured.clone(),
         };
         prediction.starts.sort_unstable();
-        prediction.error = error(prediction, context.law.noise());
+        prediction.error = error(prediction, model.law.noise());
     }
     out
 }
 
 /// The compiled model and its numbers.
 pub(super) struct Law<'a> {
-    context: &'a Context<'a>,
+    model: &'a LawOnData<'a>,
     dynamics: Dynamics,
     theta: Vec<f64>,
 }
 
 impl<'a> Law<'a> {
-    pub(super) fn new(context: &'a Context) -> Self {
-        let dynamics = context.law.dynamics();
-        let theta = context.law.theta(&dynamics);
-        Law { context, dynamics, theta }
+    pub(super) fn new(model: &'a LawOnData) -> Self {
+        let dynamics = model.law.dynamics();
+        let theta = model.law.theta(&dynamics);
+        Law { model, dynamics, theta }
     }
 
     /// H at states of 2n numbers, at one time; inputs are at rest.
     pub(super) fn energies(&self, states: &[Vec<f64>], time: f64) -> Vec<f64> {
-        let mut batch = Batch::new(self.context.system().degrees(), states.len());
+        let mut batch = Batch::new(self.model.system().degrees(), states.len());
         for (lane, state) in states.iter().enumerate() {
             batch.set(lane, time, state);
         }
-        batch.drive = Drive::new(self.context.system().inputs.len(), 1, states.len());
+        batch.drive = Drive::new(self.model.system().inputs.len(), 1, states.len());
         let mut out = vec![f64::NAN; states.len()];
         self.dynamics.energy(&batch, &self.theta, &mut out, &mut Scratch::new());
         out
     }
 
     fn follow(&self, block: &[(Segment, &[f64])], out: &mut [Prediction], scratch: &mut Scratch) {
-        let context = self.context;
-        let (degrees, lanes) = (context.system().degrees(), block.len());
+        let model = self.model;
+        let (degrees, lanes) = (model.system().degrees(), block.len());
         let rows = 2 * degrees;
         let mut batch = Batch::new(degrees, lanes);
         for (lane, (segment, state)) in block.iter().enumerate() {
@@ -133,19 +135,19 @@ impl<'a> Law<'a> {
         for sample in 0..samples {
             if sample > 0 {
                 for (lane, (segment, _)) in block.iter().enumerate() {
-                    let times = &context.dataset.runs[segment.run].times;
+                    let times = &model.data.dataset.runs[segment.run].times;
                     let at = segment.first + sample;
                     span[lane] = if at <= segment.last { times[at] - times[at - 1] } else { 0.0 };
                 }
                 let longest = span.iter().fold(0.0f64, |most, s| most.max(s.abs()));
-                let ratio = longest / context.law.stepping().longest * (1.0 - 1e-9);
+                let ratio = longest / model.law.stepping().longest * (1.0 - 1e-9);
                 let steps = ratio.ceil().max(1.0) as usize;
-                let method = context.law.stepping().method;
+                let method = model.law.stepping().method;
                 advance(&self.dynamics, method, &mut batch, &span, steps, &self.theta, scratch);
             }
             let places = block.iter().map(|(segment, _)| driving::at(*segment, sample));
-            driving::drive(&mut batch, &context.measured, places);
-            let observed = context.system().observed;
+            driving::drive(&mut batch, &model.data.packed, places);
+            let observed = model.system().observed;
             observe(&self.dynamics, observed, &batch, &self.theta, &mut seen, None, scratch);
             self.dynamics.energy(&batch, &self.theta, &mut energy, scratch);
             for (lane, (segment, _)) in block.iter().enumerate() {

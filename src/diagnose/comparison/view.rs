@@ -6,8 +6,8 @@ use serde::Serialize;
 use super::energies;
 use super::plane::{ForcePlane, force_planes};
 use super::predictions::{Law, Prediction, predictions};
-use crate::diagnose::context::Context;
-use crate::diagnose::tuning::TUNING;
+use crate::diagnose::law_on_data::LawOnData;
+use crate::diagnose::tuning::Comparison;
 use crate::error::Result;
 use crate::expr::{Observed, Variable};
 use crate::fit::segments::longest_run;
@@ -87,13 +87,13 @@ pub struct Portrait {
 /// # Errors
 ///
 /// When the data do not suffice to ask for a residual force.
-pub fn view(training: &Context, held_out: Option<&Context>) -> Result<View> {
+pub fn view(training: &LawOnData, held_out: Option<&LawOnData>) -> Result<View> {
     let system = training.system();
     let momenta_measured = system.observed == Observed::Momenta;
     let mut all = predictions(training, false);
     let seen = all.len();
-    if let Some(context) = held_out {
-        all.extend(predictions(context, true));
+    if let Some(model) = held_out {
+        all.extend(predictions(model, true));
     }
     let planes = force_planes(training, &|row| {
         all[..seen].iter().flat_map(|p| p.states[row].iter().copied()).collect()
@@ -114,9 +114,7 @@ pub fn view(training: &Context, held_out: Option<&Context>) -> Result<View> {
         momenta_measured,
         energies: [(Some(training), false), (held_out, true)]
             .into_iter()
-            .flat_map(|(context, held_out)| {
-                context.map(|c| series(c, held_out)).unwrap_or_default()
-            })
+            .flat_map(|(model, held_out)| model.map(|c| series(c, held_out)).unwrap_or_default())
             .collect(),
         portraits: portraits(training, &all),
         predictions: all,
@@ -124,35 +122,35 @@ pub fn view(training: &Context, held_out: Option<&Context>) -> Result<View> {
     })
 }
 
-fn series(context: &Context, held_out: bool) -> Vec<EnergySeries> {
+fn series(model: &LawOnData, held_out: bool) -> Vec<EnergySeries> {
     // Where the model follows whole runs, these are cut more finely than for training.
-    let window = context
+    let window = model
         .law
         .window()
-        .min((longest_run(context.dataset) / TUNING.comparison.energies).max(4));
-    let finer = context.with_window(window);
-    let runs = context.dataset.runs.iter().zip(energies(&finer));
+        .min((longest_run(model.data.dataset) / model.tuning().comparison.energies).max(4));
+    let finer = model.with_window(window);
+    let runs = model.data.dataset.runs.iter().zip(energies(&finer));
     runs.map(|(run, points)| EnergySeries { run: run.name.clone(), held_out, points }).collect()
 }
 
 /// The plane of every coordinate and its momentum; of two coordinates, also the plane of both.
-fn portraits(context: &Context, predictions: &[Prediction]) -> Vec<Portrait> {
-    let n = context.system().degrees();
-    let law = Law::new(context);
+fn portraits(model: &LawOnData, predictions: &[Prediction]) -> Vec<Portrait> {
+    let n = model.system().degrees();
+    let tuning = &model.tuning().comparison;
+    let law = Law::new(model);
     let start = predictions.iter().find_map(|p| p.times.first().copied()).unwrap_or(0.0);
     let spans: Vec<Option<(f64, f64, f64)>> = (0..2 * n)
         .map(|row| span(predictions.iter().flat_map(|p| p.states[row].iter().copied())))
         .collect();
     let reached = reached(predictions);
-    let mut planes: Vec<(usize, usize)> =
-        (0..n.min(TUNING.comparison.planes)).map(|i| (i, n + i)).collect();
+    let mut planes: Vec<(usize, usize)> = (0..n.min(tuning.planes)).map(|i| (i, n + i)).collect();
     if n == 2 {
         planes.insert(0, (0, 1));
     }
     let mut out = Vec::new();
     for (across, up) in planes {
         let (Some(x), Some(y)) = (spans[across], spans[up]) else { continue };
-        let (columns, rows) = (grid(x), grid(y));
+        let (columns, rows) = (grid(x, tuning), grid(y, tuning));
         let others = (0..2 * n).filter(|row| *row != across && *row != up);
         // The potential's own landscape: no momentum.
         let middle = |row: usize| match spans[row] {
@@ -205,10 +203,9 @@ fn span(values: impl Iterator<Item = f64>) -> Option<(f64, f64, f64)> {
     (count > 0.0 && spread && (high - low).is_finite()).then(|| (low, high, sum / count))
 }
 
-fn grid((low, high, _): (f64, f64, f64)) -> Vec<f64> {
-    let margin = TUNING.comparison.portrait_margin * (high - low);
+fn grid((low, high, _): (f64, f64, f64), tuning: &Comparison) -> Vec<f64> {
+    let (points, margin) = (tuning.portrait_points, tuning.portrait_margin);
+    let margin = margin * (high - low);
     let (low, high) = (low - margin, high + margin);
-    (0..TUNING.comparison.portrait_points)
-        .map(|i| low + (high - low) * i as f64 / (TUNING.comparison.portrait_points - 1) as f64)
-        .collect()
+    (0..points).map(|i| low + (high - low) * i as f64 / (points - 1) as f64).collect()
 }

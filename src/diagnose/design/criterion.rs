@@ -10,6 +10,7 @@
 
 use super::rival::{Known, Path};
 use crate::data::{Clock, Dataset, Run};
+use crate::diagnose::tuning::Tuning;
 use crate::fit::segments::{Segment, Segments, stretches, typical_step};
 use crate::fit::states::States;
 use crate::fit::uncertainty::covariance;
@@ -60,6 +61,8 @@ pub(super) struct Criterion<'a> {
     pub dataset: &'a Dataset,
     /// Samples of a segment.
     pub window: usize,
+    /// The numbers that it goes by.
+    pub tuning: &'a Tuning,
     /// The motion may not leave this.
     pub motion: Vec<Interval>,
     pub question: Question,

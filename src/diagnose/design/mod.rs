@@ -14,15 +14,14 @@ use rival::{Known, Rival};
 use search::{EvaluatedRun, about_as_good, at_rest, round_to, score, search};
 
 use crate::data::{Dataset, Run};
-use crate::diagnose::tuning::TUNING;
+use crate::diagnose::law_on_data::Measurements;
+use crate::diagnose::options::Options;
+use crate::diagnose::tuning::Design;
 use crate::error::{Error, ErrorKind, Result};
 use crate::fit::Monitor;
 use crate::fit::segments::typical_step;
 use crate::fit::uncertainty::covariance;
 use crate::simulate::Interval;
-
-/// A rival that is further behind than this is distinguished.
-pub const DISTINGUISHABLE: f64 = TUNING.ranking.indistinguishable;
 
 /// Looks for the run that brings most.
 ///
@@ -42,6 +41,7 @@ pub fn design(
     dataset: &Dataset,
     window: usize,
     allowed: &Allowed,
+    options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Plan> {
     let wanted = if *goal == Goal::Rivals { 2 } else { 1 };
@@ -64,7 +64,8 @@ pub fn design(
     }
     let judged = if *goal == Goal::Rivals { rivals } else { std::slice::from_ref(first) };
     monitor.stage("fitting the rivals", 0.4);
-    let known = informed(judged, dataset, window)?;
+    let tuning = &options.tuning;
+    let known = informed(judged, dataset, window, options)?;
     let (question, coefficient) = match goal {
         Goal::Rivals => (Question::Rivals, None),
         Goal::Coefficient(name) => {
@@ -78,9 +79,15 @@ pub fn design(
     let start = bounds(&allowed.start, &reach, 0.0);
     let wide: Vec<Interval> = start.iter().zip(&reach).map(|(a, b)| around(a, b)).collect();
     let motion = bounds(&allowed.motion, &wide, 1.0);
-    let samplings = samplings(dataset, allowed)?;
-    let mut criterion =
-        Criterion { known, dataset, window, motion: vec![everywhere; dimensions], question };
+    let samplings = samplings(dataset, allowed, &tuning.design)?;
+    let mut criterion = Criterion {
+        known,
+        dataset,
+        window,
+        tuning,
+        motion: vec![everywhere; dimensions],
+        question,
+    };
     let standings: Vec<f64> = criterion.known.iter().map(Known::standing).collect();
     let rivals = match question {
         Question::Rivals => ahead(judged, &standings),
@@ -116,7 +123,7 @@ pub fn design(
     let cheap = found
         .iter()
         .enumerate()
-        .filter(|(_, one)| about_as_good(one.score, best))
+        .filter(|(_, one)| about_as_good(one.score, best, tuning.design.enough))
         .min_by_key(|(at, one)| (samplings[one.sampling].times.len(), *at))
         .map_or(0, |(at, _)| at);
     let chosen = found.remove(cheap);
@@ -150,18 +157,29 @@ pub fn design(
 /// # Errors
 ///
 /// When a rival cannot be fitted to the measurements.
-pub fn standings(rivals: &[Rival], dataset: &Dataset, window: usize) -> Result<Vec<Standing>> {
-    let known = informed(rivals, dataset, window)?;
+pub fn standings(
+    rivals: &[Rival],
+    dataset: &Dataset,
+    window: usize,
+    options: &Options,
+) -> Result<Vec<Standing>> {
+    let known = informed(rivals, dataset, window, options)?;
     Ok(ahead(rivals, &known.iter().map(Known::standing).collect::<Vec<_>>()))
 }
 
 /// Rivals fitted to the same measurements, with the noise of the one that leaves least.
-fn informed<'a>(rivals: &'a [Rival], dataset: &Dataset, window: usize) -> Result<Vec<Known<'a>>> {
+fn informed<'a>(
+    rivals: &'a [Rival],
+    dataset: &'a Dataset,
+    window: usize,
+    options: &'a Options,
+) -> Result<Vec<Known<'a>>> {
     let rows = rivals.first().map_or(0, |rival| rival.law.noise().len());
     let noise: Vec<f64> = (0..rows)
         .map(|row| rivals.iter().map(|r| r.law.noise()[row]).fold(f64::INFINITY, f64::min))
         .collect();
-    rivals.iter().map(|rival| Known::new(rival, dataset, window, &noise)).collect()
+    let data = Measurements::of(dataset, options);
+    rivals.iter().map(|rival| Known::new(rival, &data, window, &noise, options)).collect()
 }
 
 fn ahead(rivals: &[Rival], standings: &[f64]) -> Vec<Standing> {
@@ -266,7 +284,7 @@ fn around(a: &Interval, b: &Interval) -> Interval {
 }
 
 /// Every duration with every step.
-fn samplings(dataset: &Dataset, allowed: &Allowed) -> Result<Vec<Sampling>> {
+fn samplings(dataset: &Dataset, allowed: &Allowed, tuning: &Design) -> Result<Vec<Sampling>> {
     let median = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);
         values.get(values.len() / 2).copied()
@@ -276,7 +294,7 @@ fn samplings(dataset: &Dataset, allowed: &Allowed) -> Result<Vec<Sampling>> {
     let from = allowed.from.or_else(|| median(ends().map(|(a, _)| a).collect())).unwrap_or(0.0);
     let steps = if allowed.steps.is_empty() { vec![typical] } else { allowed.steps.clone() };
     let usual = median(ends().map(|(a, b)| b - a).collect()).unwrap_or(0.0);
-    let least = steps.iter().copied().fold(0.0, f64::max) * (TUNING.design.shortest - 1) as f64;
+    let least = steps.iter().copied().fold(0.0, f64::max) * (tuning.shortest - 1) as f64;
     let durations = if allowed.durations.is_empty() {
         vec![usual.max(least)]
     } else {
@@ -286,11 +304,11 @@ fn samplings(dataset: &Dataset, allowed: &Allowed) -> Result<Vec<Sampling>> {
     for &duration in &durations {
         for &step in &steps {
             let intervals = (duration / step * (1.0 + 1e-9)).floor();
-            if !(intervals >= 1.0 && intervals < TUNING.design.longest as f64) {
+            if !(intervals >= 1.0 && intervals < tuning.longest as f64) {
                 return Err(Error::new(
                     ErrorKind::InvalidArgument,
                     format!("a run of {duration} with a sample every {step} is not possible"),
-                    format!("a run has from 2 to {} samples", TUNING.design.longest),
+                    format!("a run has from 2 to {} samples", tuning.longest),
                 ));
             }
             let times = (0..=intervals as usize).map(|i| from + i as f64 * step).collect();
@@ -311,7 +329,7 @@ fn repeated(criterion: &Criterion) -> Option<Vec<f64>> {
             *first = Some((segment.first, state));
         }
     }
-    let stride = runs.div_ceil(TUNING.design.repeats).max(1);
+    let stride = runs.div_ceil(criterion.tuning.design.repeats).max(1);
     let chosen: Vec<(Vec<f64>, Sampling)> = firsts
         .into_iter()
         .enumerate()
@@ -336,11 +354,12 @@ fn expected(criterion: &Criterion, values: &[f64], standings: &[f64]) -> Expecte
     if let Question::Unknown(_) = criterion.question {
         return Expected { gains: Vec::new(), standard_error: values.first().copied() };
     }
+    let distinguishable = criterion.tuning.ranking.indistinguishable;
     let gain = |((a, b), &deviance): ((usize, usize), &f64)| Gain {
         truth: criterion.known[a].rival.label.clone(),
         against: criterion.known[b].rival.label.clone(),
         deviance,
-        power: power(standings[b] - standings[a], deviance),
+        power: power(standings[b] - standings[a], deviance, distinguishable),
     };
     let gains = criterion.pairs().into_iter().zip(values).map(gain).collect();
     Expected { gains, standard_error: None }
@@ -348,9 +367,9 @@ fn expected(criterion: &Criterion, values: &[f64], standings: &[f64]) -> Expecte
 
 /// Probability that a difference of deviances distinguishes two models after it grew. Growth that
 /// is expected to be g is Gaussian of variance 4 g: twice the difference times the noise.
-fn power(now: f64, growth: f64) -> f64 {
+fn power(now: f64, growth: f64, distinguishable: f64) -> f64 {
     let spread = 2.0 * growth.max(1e-9).sqrt();
-    Normal::standard().cdf((now + growth - TUNING.ranking.indistinguishable) / spread)
+    Normal::standard().cdf((now + growth - distinguishable) / spread)
 }
 
 fn proposal(

@@ -4,20 +4,20 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use crate::data::{Dataset, Packed};
-use crate::diagnose::context::Context;
-use crate::diagnose::tuning::TUNING;
+use crate::data::Dataset;
+use crate::diagnose::law_on_data::{LawOnData, Measurements};
+use crate::diagnose::options::Options;
+use crate::diagnose::settling::problem;
 use crate::dynamics::{Batch, Dynamics, Method, MethodKind, Scratch, advance, observe};
 use crate::error::{Error, ErrorKind, Result};
-use crate::expr::{Bounds, Compiled, Observed, Scope};
+use crate::expr::{Compiled, Scope};
 use crate::fit::factor::Factor;
-use crate::fit::gauss_newton::refit;
-use crate::fit::pass::{Linearised, Problem, Stepping, Sums, settle_and_linearise};
-use crate::fit::segments::{Segments, cut, packed, typical_step};
+use crate::fit::gauss_newton::{self, Refit};
+use crate::fit::pass::{Linearised, Stepping, Sums, settle_and_linearise};
+use crate::fit::refit::{Integrator, Refitting, refitted};
+use crate::fit::segments::{Segments, cut_by, typical_step};
 use crate::fit::states::States;
-use crate::fit::train::Training;
-use crate::fit::tuning::TUNING as FIT;
-use crate::fit::{Law, Loss, Options, Silent};
+use crate::fit::{Law, Silent};
 
 /// A fitted model that claims to explain the measurements.
 #[derive(Debug, Clone)]
@@ -31,46 +31,45 @@ pub struct Rival {
 }
 
 impl Rival {
-    /// The model of a context as it is.
-    pub fn as_it_is(context: &Context, label: &str) -> Rival {
-        Rival { label: label.to_string(), statement: String::new(), law: context.law.clone() }
+    /// A law as it is.
+    pub fn as_it_is(law: &Law, label: &str) -> Rival {
+        Rival { label: label.to_string(), statement: String::new(), law: law.clone() }
     }
 
-    /// The model of a context with an effect in it, fitted to the context's measurements.
+    /// A law on data with an effect in it, fitted to these data.
     ///
-    /// `spec` is that of the context's system; `statement` adds the effect `label` to it.
+    /// `spec` is that of the law's system; `statement` adds the effect `label` to it.
     /// `start` holds first guesses of the coefficients of the effect's terms (zero where short).
     ///
     /// # Errors
     ///
     /// When the statement does not fit the spec, or the model cannot be fitted.
     pub fn with_effect(
-        context: &Context,
+        model: &LawOnData,
         spec: &Compiled,
         label: &str,
         statement: &str,
         start: &[f64],
     ) -> Result<Rival> {
-        let system = Scope::of(spec).extension(statement)?.onto(context.system());
+        let system = Scope::of(spec).extension(statement)?.onto(model.system());
         let system = Arc::new(system);
-        let mut law = context.law.on(&system);
+        let mut law = model.law.on(&system);
         let new = system.terms_where(|term| term.effect.as_deref() == Some(label));
         let guesses = start.iter().copied().chain(std::iter::repeat(0.0));
         for (id, guess) in new.into_iter().zip(guesses) {
             law = law.with_term(id, guess)?;
         }
-        let options = Options { window: Some(context.law.window()), ..Options::default() };
-        let mut training = Training::from_law(&law, context.measured.clone(), &options)?;
-        training.choose_integrator();
-        let mut fitted = training.refit(&Silent);
-        training.take(&mut fitted);
-        let mut stepping = training.law().stepping();
-        let usual = context.law.stepping().longest.min(typical_step(context.dataset));
-        stepping.longest = stepping.longest.max(usual / TUNING.design.finer_steps);
+        let (tuning, integrator) = (&model.options.fit, Integrator::Chosen);
+        let promise = tuning.refit.converged;
+        let how = Refitting { start: None, integrator, promise, tuning };
+        let law = refitted(&law, &model.data.packed, how)?.law;
+        let mut stepping = law.stepping();
+        let usual = model.law.stepping().longest.min(typical_step(model.data.dataset));
+        stepping.longest = stepping.longest.max(usual / model.tuning().design.finer_steps);
         Ok(Rival {
             label: label.to_string(),
             statement: statement.to_string(),
-            law: training.law().clone().with_stepping(stepping),
+            law: law.with_stepping(stepping),
         })
     }
 }
@@ -86,12 +85,11 @@ pub(super) struct Path {
 /// What a rival knows from the measurements so far.
 pub(super) struct Known<'a> {
     pub rival: &'a Rival,
-    stepping: Stepping,
+    /// The rival at its best on the measurements so far, in the noise that all are judged by.
+    pub model: LawOnData<'a>,
     pub dynamics: Dynamics,
     /// Coefficients, then the inner parameters in use, at their best.
     pub theta: Vec<f64>,
-    bounds: Vec<Bounds>,
-    weights: Vec<f64>,
     /// Segments of the measurements so far, and their initial states.
     pub segments: Segments,
     pub states: States,
@@ -104,17 +102,21 @@ pub(super) struct Known<'a> {
 impl<'a> Known<'a> {
     /// Fits a rival to the measurements so far, in segments of `window` samples, with the noise
     /// that all rivals are judged by.
-    pub fn new(rival: &'a Rival, dataset: &Dataset, window: usize, noise: &[f64]) -> Result<Self> {
-        let dynamics = rival.law.dynamics();
-        let (theta, bounds) = (rival.law.theta(&dynamics), rival.law.bounds(&dynamics));
-        let measured = packed(dataset);
-        let segments = cut(&measured, window);
-        let states = States::measured(&measured, &segments.list, dynamics.degrees());
-        let weights: Vec<f64> = noise.iter().map(|s| 1.0 / s.max(f64::MIN_POSITIVE)).collect();
+    pub fn new(
+        rival: &'a Rival,
+        data: &Measurements<'a>,
+        window: usize,
+        noise: &[f64],
+        options: &'a Options,
+    ) -> Result<Self> {
         let stepping = explicit(rival.law.stepping());
-        let problem = problem(rival, stepping, &measured, &segments, &weights);
-        let best =
-            refit(&problem, &dynamics, &bounds, &theta, states, FIT.refit.converged, &Silent);
+        let law = rival.law.clone().with_noise(noise.to_vec()).with_window(window);
+        let model = LawOnData { law: law.with_stepping(stepping), data: data.clone(), options };
+        let dynamics = model.law.dynamics();
+        let segments = cut_by(&data.packed, window, &options.fit.segments);
+        let states = States::measured(&data.packed, &segments.list, dynamics.degrees());
+        let theta = model.law.theta(&dynamics);
+        let best = fitted(&model, (&dynamics, &theta), &segments, states);
         if !best.sums().loss.is_finite() || best.sums().rows <= best.theta.len() {
             return Err(Error::new(
                 ErrorKind::InsufficientData,
@@ -125,24 +127,13 @@ impl<'a> Known<'a> {
         let factor = best.linearised.merged();
         let sums = best.sums().clone();
         let (theta, states) = (best.theta, best.states);
-        Ok(Known {
-            rival,
-            stepping,
-            dynamics,
-            theta,
-            bounds,
-            weights,
-            segments,
-            states,
-            factor,
-            sums,
-        })
+        Ok(Known { rival, model, dynamics, theta, segments, states, factor, sums })
     }
 
     /// Trajectories from (start, times) of each run; where one leaves the finite numbers, so do
     /// its states.
     pub fn predict(&self, runs: &[(&[f64], &[f64])]) -> Vec<Path> {
-        runs.par_chunks(TUNING.design.lanes)
+        runs.par_chunks(self.model.tuning().design.lanes)
             .flat_map_iter(|chunk| self.predict_block(chunk))
             .collect()
     }
@@ -160,7 +151,7 @@ impl<'a> Known<'a> {
         let mut paths: Vec<Path> = (0..lanes)
             .map(|_| Path { states: Vec::new(), observed: vec![Vec::new(); rows] })
             .collect();
-        let Stepping { method, longest } = self.stepping;
+        let Stepping { method, longest } = self.model.law.stepping();
         let samples = runs.iter().map(|(_, times)| times.len()).max().unwrap_or(0);
         for sample in 0..samples {
             if sample > 0 {
@@ -187,23 +178,23 @@ impl<'a> Known<'a> {
         paths
     }
 
-    /// The rival before other measurements, from guesses of the segments' initial states: one
+    /// The rival on other measurements, from guesses of the segments' initial states: one
     /// factor for each fold of the segments.
     pub fn before(&self, dataset: &Dataset, segments: &Segments, mut states: States) -> Linearised {
-        let measured = packed(dataset);
-        let problem = problem(self.rival, self.stepping, &measured, segments, &self.weights);
+        let model = self.on(dataset);
+        let weights = model.law.weights();
         let law = (&self.dynamics, &self.theta[..]);
-        settle_and_linearise(&problem, law, law, &mut states)
+        settle_and_linearise(&problem(&model, segments, &weights), law, law, &mut states)
     }
 
     /// The loss after a full refit to other measurements.
     pub fn refitted(&self, dataset: &Dataset, segments: &Segments, states: States) -> f64 {
-        let measured = packed(dataset);
-        let problem = problem(self.rival, self.stepping, &measured, segments, &self.weights);
-        let bounds = &self.bounds;
-        refit(&problem, &self.dynamics, bounds, &self.theta, states, FIT.refit.converged, &Silent)
-            .sums()
-            .loss
+        let start = (&self.dynamics, &self.theta[..]);
+        fitted(&self.on(dataset), start, segments, states).sums().loss
+    }
+
+    fn on<'b>(&'b self, dataset: &'b Dataset) -> LawOnData<'b> {
+        LawOnData::of(self.model.law.clone(), dataset, self.model.options)
     }
 
     /// Deviance so far, with a price of log(residuals) for every unknown.
@@ -224,27 +215,16 @@ fn explicit(stepping: Stepping) -> Stepping {
     }
 }
 
-/// Below this residuals are rounding, in units of the noise.
-const FLOOR: f64 = 1e-3;
-
-fn problem<'b>(
-    rival: &'b Rival,
-    stepping: Stepping,
-    measured: &'b Packed,
-    segments: &'b Segments,
-    weights: &'b [f64],
-) -> Problem<'b> {
-    let observed: Observed = rival.law.system().observed;
-    Problem {
-        measured,
-        segments,
-        observed,
-        weights,
-        loss: Loss::SQUARES,
-        stepping,
-        floor: FLOOR,
-        stream: None,
-        window: segments.longest(),
-        tuning: &FIT,
-    }
+/// Fits all numbers of a law to some segments, its steps and its noise as they are: the noise is
+/// that of all rivals, and the steps are those that a search over thousands of runs affords.
+fn fitted(
+    model: &LawOnData,
+    (dynamics, theta): (&Dynamics, &[f64]),
+    segments: &Segments,
+    states: States,
+) -> Refit {
+    let weights = model.law.weights();
+    let (problem, bounds) = (problem(model, segments, &weights), model.law.bounds(dynamics));
+    let promise = model.options.fit.refit.converged;
+    gauss_newton::refit(&problem, dynamics, &bounds, theta, states, promise, &Silent)
 }

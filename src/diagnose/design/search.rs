@@ -1,7 +1,7 @@
 //! The search for the best run: points spread over the bounds, then a compass.
 
 use super::criterion::{Criterion, PlannedRun, Question, Sampling};
-use crate::diagnose::tuning::TUNING;
+use crate::diagnose::tuning::Design;
 use crate::fit::Monitor;
 use crate::simulate::Interval;
 
@@ -37,15 +37,13 @@ pub(super) fn search(
     bounds: &[Interval],
     monitor: &dyn Monitor,
 ) -> SearchResult {
-    let points = points(
-        bounds,
-        if samplings.len() > 1 { TUNING.design.points_of_several } else { TUNING.design.points },
-    );
+    let tuning = &criterion.tuning.design;
+    let points = points(bounds, samplings.len() > 1, tuning);
     let mut all: Vec<EvaluatedRun> = Vec::new();
     let mut evaluated = 0;
     let mut stopped = false;
     for (s, sampling) in samplings.iter().enumerate() {
-        for chunk in points.chunks(TUNING.design.batch) {
+        for chunk in points.chunks(tuning.batch) {
             stopped = stopped || !all.is_empty() && monitor.stopped();
             if stopped {
                 break;
@@ -64,7 +62,7 @@ pub(super) fn search(
     // The cheapest sampling that is about as good as the best.
     let chosen = all
         .iter()
-        .filter(|found| about_as_good(found.score, best))
+        .filter(|found| about_as_good(found.score, best, tuning.enough))
         .map(|found| found.sampling)
         .min_by_key(|&s| samplings[s].times.len())
         .unwrap_or(0);
@@ -72,27 +70,23 @@ pub(super) fn search(
     let rests = |found: &EvaluatedRun| at_rest(&found.start);
     let mut resting = 0;
     for found in all.iter().filter(|found| found.sampling == chosen) {
-        let near = |other: &EvaluatedRun| {
-            distance(&found.start, &other.start, bounds) < TUNING.design.apart
-        };
+        let near =
+            |other: &EvaluatedRun| distance(&found.start, &other.start, bounds) < tuning.apart;
         let first_at_rest = rests(found) && resting == 0;
-        if first_at_rest || seeds.len() < TUNING.design.neighbourhoods && !seeds.iter().any(near) {
+        if first_at_rest || seeds.len() < tuning.neighbourhoods && !seeds.iter().any(near) {
             resting += usize::from(rests(found));
             seeds.push(found.clone());
         }
     }
-    let mut steps = vec![TUNING.design.first_step; seeds.len()];
+    let mut steps = vec![tuning.first_step; seeds.len()];
     let mut round = 0;
-    while !stopped
-        && round < TUNING.design.rounds
-        && steps.iter().any(|&step| step >= TUNING.design.last_step)
-    {
-        monitor.stage("moving the best", 0.7 + 0.2 * round as f64 / TUNING.design.rounds as f64);
+    while !stopped && round < tuning.rounds && steps.iter().any(|&step| step >= tuning.last_step) {
+        monitor.stage("moving the best", 0.7 + 0.2 * round as f64 / tuning.rounds as f64);
         round += 1;
         let mut polls: Vec<Vec<f64>> = Vec::new();
         let mut of: Vec<usize> = Vec::new();
         for (i, (seed, &step)) in seeds.iter().zip(&steps).enumerate() {
-            if step >= TUNING.design.last_step {
+            if step >= tuning.last_step {
                 polls.extend(around(seed, step, bounds));
                 of.resize(polls.len(), i);
             }
@@ -114,7 +108,7 @@ pub(super) fn search(
     }
     let stop = if stopped {
         "interrupted: the best so far was kept".to_string()
-    } else if steps.iter().any(|&step| step >= TUNING.design.last_step) {
+    } else if steps.iter().any(|&step| step >= tuning.last_step) {
         "the best start was still moving when the search had used up its rounds".to_string()
     } else {
         "moving the best start by a hundredth of its bounds gains nothing more".to_string()
@@ -136,13 +130,9 @@ pub(super) fn search(
     SearchResult { found, live, evaluated, stop }
 }
 
-/// Whether a score is about as good as the best. Standard errors have negative scores.
-pub(super) fn about_as_good(score: f64, best: f64) -> bool {
-    if best >= 0.0 {
-        score >= TUNING.design.enough * best
-    } else {
-        TUNING.design.enough * score >= best
-    }
+/// Whether a score is about as good as the best: brings the part `enough` of it. Standard errors have negative scores.
+pub(super) fn about_as_good(score: f64, best: f64, enough: f64) -> bool {
+    if best >= 0.0 { score >= enough * best } else { enough * score >= best }
 }
 
 /// What a run is worth: the growth of the deviance for the pair where it grows least, or the
@@ -167,7 +157,8 @@ pub(super) fn at_rest(start: &[f64]) -> bool {
 
 fn live(criterion: &Criterion, all: &[EvaluatedRun]) -> Vec<bool> {
     let count = if criterion.question == Question::Rivals { criterion.pairs().len() } else { 1 };
-    (0..count).map(|k| all.iter().any(|found| found.values[k] >= TUNING.design.hopeless)).collect()
+    let hopeless = criterion.tuning.design.hopeless;
+    (0..count).map(|k| all.iter().any(|found| found.values[k] >= hopeless)).collect()
 }
 
 fn rank(criterion: &Criterion, live: &[bool], all: &mut [EvaluatedRun]) {
@@ -203,7 +194,8 @@ fn judged(
 /// The points are multiples of powers of the inverse of the root of x^(d+1) = x + 1, the golden
 /// ratio in d dimensions, which leave no large hole (Roberts, "The unreasonable effectiveness
 /// of quasirandom sequences", 2018).
-fn points(bounds: &[Interval], count: usize) -> Vec<Vec<f64>> {
+fn points(bounds: &[Interval], several: bool, tuning: &Design) -> Vec<Vec<f64>> {
+    let count = if several { tuning.points_of_several } else { tuning.points };
     let degrees = bounds.len() / 2;
     let rest = bounds[degrees..].iter().all(|b| b.lower <= 0.0 && b.upper >= 0.0);
     let place = |unit: &[f64]| -> Vec<f64> {
@@ -216,7 +208,7 @@ fn points(bounds: &[Interval], count: usize) -> Vec<Vec<f64>> {
             start[degrees..].fill(0.0);
             start
         };
-        points.extend(spread(degrees, count.min(TUNING.design.points_at_rest)).iter().map(still));
+        points.extend(spread(degrees, count.min(tuning.points_at_rest)).iter().map(still));
     }
     if bounds.len() <= 4 {
         let corner = |k: usize| -> Vec<f64> {
@@ -286,7 +278,7 @@ mod tests {
     #[test]
     fn points_leave_no_large_hole_and_some_rest() {
         let side = Interval { lower: -1.0, upper: 3.0 };
-        let all = points(&[side, side], 192);
+        let all = points(&[side, side], false, &Design::default());
         assert!(all.iter().flatten().all(|x| (-1.0..=3.0).contains(x)));
         assert!(all.iter().filter(|start| at_rest(start)).count() >= 64);
         for i in 0..20 {

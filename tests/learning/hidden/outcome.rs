@@ -1,8 +1,8 @@
 //! What became of one hidden effect: whether it was named, and what adding it did.
 
 use leverrier::internals::diagnose::comparison::error;
-use leverrier::internals::diagnose::context::Context;
 use leverrier::internals::diagnose::diagnosis::{Diagnosis, RankedEffect, Verdict, diagnose};
+use leverrier::internals::diagnose::{self, LawOnData};
 use leverrier::internals::expr::build;
 use leverrier::internals::fit::{Model, Options, Silent, fit};
 
@@ -52,12 +52,22 @@ pub struct Outcome {
     pub model: Model,
 }
 
+impl Case {
+    /// What is missing from a model of the case.
+    pub fn diagnosis(&self, model: &Model) -> Diagnosis {
+        let law = model.law(&self.compiled.system).expect("the case's own");
+        let options = diagnose::Options::default();
+        let (training, held_out) = (&self.training, &self.held_out);
+        diagnose(&self.compiled, &law, training, held_out, &options, &Silent)
+            .unwrap_or_else(|error| panic!("{error}"))
+    }
+}
+
 /// Diagnoses a case in which `hidden` (a label such as `viscous_drag(q)`) is missing.
 pub fn outcome(case: &Case, hidden: &str) -> Outcome {
     let model = case.fit();
     let clock = std::time::Instant::now();
-    let diagnosis = diagnose(&case.compiled, &model, &case.training, &case.held_out, &Silent)
-        .unwrap_or_else(|error| panic!("{error}"));
+    let diagnosis = case.diagnosis(&model);
     let seconds = clock.elapsed().as_secs_f64();
     let names: Vec<&str> = diagnosis.ranking.iter().map(|l| l.effect.as_str()).collect();
     let mut group = diagnosis.indistinguishable.clone();
@@ -86,12 +96,11 @@ pub fn added(case: &Case, effect: &RankedEffect) -> f64 {
     let Ok(model) = fit(&compiled.system, &case.training, &Options::default(), &Silent) else {
         return f64::INFINITY;
     };
-    let Ok(mut context) = Context::new(&compiled.system, &model, &case.held_out) else {
-        return f64::INFINITY;
-    };
+    let Some(mut law) = model.law(&compiled.system) else { return f64::INFINITY };
     if case.noise.iter().all(|noise| *noise > 0.0) {
-        context = context.with_noise(case.noise.clone());
+        law = law.with_noise(case.noise.clone());
     }
-    let window = context.law.window();
-    error(&context, window).0
+    let window = law.window();
+    let options = diagnose::Options::default();
+    error(&LawOnData::of(law, &case.held_out, &options), window).0
 }

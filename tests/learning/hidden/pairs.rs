@@ -1,7 +1,7 @@
 //! Two effects at once, and whether the loop finds both and nothing else.
 
-use leverrier::internals::diagnose::discover::{Accepts, Discovery, discover};
-use leverrier::internals::fit::{Options, Silent};
+use leverrier::internals::diagnose::discover::{Discovery, DiscoveryOptions, discover};
+use leverrier::internals::fit::Silent;
 
 use super::bases::BASES;
 use super::case;
@@ -43,11 +43,10 @@ impl Pair {
     pub fn discovered(&self, noise: f64, seed: u64) -> (Discovery, Vec<String>) {
         let base = BASES.iter().find(|base| base.name == self.base).expect("a row of BASES");
         let case = case(base, self.statement, noise, seed);
-        let options = Options::default();
+        let options = DiscoveryOptions::default();
         let (text, training, held_out) = (&case.text, &case.training, &case.held_out);
-        let found =
-            discover("learned", text, training, held_out, &options, Accepts::Whole, &Silent)
-                .unwrap_or_else(|error| panic!("{error}"));
+        let found = discover("learned", text, training, held_out, &options, &Silent)
+            .unwrap_or_else(|error| panic!("{error}"));
         let mut labels: Vec<String> = found
             .steps
             .iter()

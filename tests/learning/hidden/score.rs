@@ -4,10 +4,10 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-use leverrier::internals::data::Dataset;
-use leverrier::internals::diagnose::context::Context;
 use leverrier::internals::diagnose::diagnosis::{RankedEffect, Verdict, diagnose};
-use leverrier::internals::diagnose::tuning::TUNING;
+use leverrier::internals::diagnose::refit::fitted_from_afar;
+use leverrier::internals::diagnose::settling::settle;
+use leverrier::internals::diagnose::{self, LawOnData};
 use leverrier::internals::expr::{Term, build};
 use leverrier::internals::fit::segments::{longest_run, packed};
 use leverrier::internals::fit::train::Training;
@@ -252,7 +252,10 @@ pub fn scored(plan: &Plan) -> Record {
             return record;
         }
     };
-    let told = match diagnose(&case.compiled, &model, &case.training, &case.held_out, &Silent) {
+    let law = model.law(&case.compiled.system).expect("the case's own");
+    let (training, held_out) = (&case.training, &case.held_out);
+    let options = diagnose::Options::default();
+    let told = match diagnose(&case.compiled, &law, training, held_out, &options, &Silent) {
         Ok(told) => told,
         Err(error) => {
             record.reason = error.to_string();
@@ -456,14 +459,17 @@ impl<'a> Weighing<'a> {
             Training::from_law(&law, Arc::new(packed(&case.training)), &options).ok()?;
         training.choose_integrator();
         let law = law.with_stepping(training.law().stepping());
-        let whole = longest_run(&case.training).min(TUNING.states.longest);
-        let short = Context::of(law, &case.training);
-        let fitted = short.refitted()?;
+        let options = diagnose::Options::default();
+        let whole = longest_run(&case.training).min(options.tuning.states.longest);
+        let short = LawOnData::of(law, &case.training, &options);
+        let fitted = fitted_from_afar(&short)?;
         let long = fitted.with_window(whole);
-        let whole_fit = long.refitted();
-        let of = |data: &Dataset, law: &Law| Context::of(law.clone(), data).settle(whole).2;
+        let whole_fit = fitted_from_afar(&long);
+        let of = |data, law: &Law| {
+            settle(LawOnData::of(law.clone().with_window(whole), data, &options)).sums
+        };
         let mut laws = vec![long.law];
-        laws.extend(whole_fit.map(|context| context.law));
+        laws.extend(whole_fit.map(|model| model.law));
         let left = laws.iter().map(|law| {
             let (sums, others) = (of(&case.training, law), of(&case.held_out, law));
             let held_out = (others.loss / others.rows.max(1) as f64).sqrt();

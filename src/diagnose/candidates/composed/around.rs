@@ -5,26 +5,27 @@ use super::leaves::Leaves;
 use super::search::Search;
 use super::statements::candidate_of;
 use crate::diagnose::candidates::Candidate;
-use crate::diagnose::context::{Context, Settled};
+use crate::diagnose::law_on_data::LawOnData;
 use crate::diagnose::refit::{Precision, Refit, Start, refit_whole};
 use crate::diagnose::scan::Scored;
 use crate::diagnose::score_test::Score;
-use crate::diagnose::tuning::TUNING;
+use crate::diagnose::settling::{Settled, settle};
 use crate::diagnose::window::followed;
 use crate::error::Result;
 use crate::expr::Scope;
 
-/// The longest segments of at most `TUNING.composed.window` samples over which the model strays
+/// The longest segments of a few samples over which the model strays
 /// from the data by a small part of their spread: there its misfit is linear in what causes it.
-pub(super) fn linear<'a>(context: &Context<'a>) -> Settled<'a> {
-    let spread = spreads(context);
-    let mut window = TUNING.composed.shortest;
-    let mut best = context.with_window(window).settled();
-    while window < TUNING.composed.window {
+pub(super) fn linear<'a>(model: &LawOnData<'a>) -> Settled<'a> {
+    let spread = spreads(model);
+    let tuning = &model.tuning().composed;
+    let mut window = tuning.shortest;
+    let mut best = settle(model.with_window(window));
+    while window < tuning.window {
         window *= 2;
-        let longer = context.with_window(window).settled();
+        let longer = settle(model.with_window(window));
         let strays = longer.sums.diverged > best.sums.diverged;
-        if strays || strayed(&longer, &spread) > TUNING.composed.strays {
+        if strays || strayed(&longer, &spread) > tuning.strays {
             break;
         }
         best = longer;
@@ -33,21 +34,21 @@ pub(super) fn linear<'a>(context: &Context<'a>) -> Settled<'a> {
 }
 
 /// Standard deviation of what was measured of each observable.
-fn spreads(context: &Context) -> Vec<f64> {
+fn spreads(model: &LawOnData) -> Vec<f64> {
     let of = |observable: usize| {
-        let all = context.measured.column(observable).iter().filter(|x| x.is_finite());
+        let all = model.data.packed.column(observable).iter().filter(|x| x.is_finite());
         let count = all.clone().count().max(1) as f64;
         let mean = all.clone().sum::<f64>() / count;
         (all.map(|x| (x - mean).powi(2)).sum::<f64>() / count).sqrt()
     };
-    (0..context.law.noise().len()).map(of).collect()
+    (0..model.law.noise().len()).map(of).collect()
 }
 
 /// Root mean square of what predictions are off by beside noise, in parts of the spread of the
 /// observable where that is most.
 fn strayed(settled: &Settled, spread: &[f64]) -> f64 {
     let sums = &settled.sums;
-    let noise = settled.context.law.noise();
+    let noise = settled.model.law.noise();
     let of = |i: usize| {
         let excess = (sums.squares[i] / sums.freedom[i].max(1.0) - 1.0).max(0.0);
         if spread[i] > 0.0 { excess.sqrt() * noise[i] / spread[i] } else { 0.0 }
@@ -86,24 +87,29 @@ impl<'a> Around<'a> {
             return Ok(None);
         }
         let scored = scored(coefficients);
-        let start = Start::scored(&settled.context, &candidate, &scored)?;
+        let start = Start::scored(&settled.model, &candidate, &scored)?;
         let Some(mut refit) = refit_whole(settled, &candidate, start, Precision::Ranking) else {
             return Ok(None);
         };
-        let window = followed(&refit, settled).min(TUNING.composed.followed);
-        if window > settled.context.law.window() {
-            let longer = settled.context.with_window(window).settled();
+        let window = followed(&refit, settled).min(settled.model.tuning().composed.followed);
+        if window > settled.model.law.window() {
+            let longer = settle(settled.model.with_window(window));
             let again = refit_whole(&longer, &candidate, refit.into(), Precision::Ranking);
             let Some(again) = again else { return Ok(None) };
             refit = again;
         }
-        Ok(Some(Around::from(&refit, &candidate, &settled.context, window)))
+        Ok(Some(Around::from(&refit, &candidate, &settled.model, window)))
     }
 
-    fn from(refit: &Refit, candidate: &Candidate, like: &Context<'a>, window: usize) -> Around<'a> {
+    fn from(
+        refit: &Refit,
+        candidate: &Candidate,
+        like: &LawOnData<'a>,
+        window: usize,
+    ) -> Around<'a> {
         let window = window.max(like.law.window());
-        let settled = refit.context(like).with_window(window).settled();
-        let law = &settled.context.law;
+        let settled = settle(refit.on(like).with_window(window));
+        let law = &settled.model.law;
         let dynamics = law.dynamics();
         let active = dynamics.active().iter().enumerate();
         let kept = active.filter(|(_, id)| !candidate.terms.contains(id)).map(|(place, _)| place);
@@ -117,11 +123,11 @@ impl<'a> Around<'a> {
     }
 
     /// Scores around this motion, for which what its composed terms do is to be explained again.
-    pub(super) fn search(&self, leaves: &Leaves, terms: &[(Composed, f64)]) -> Search {
+    pub(super) fn search(&self, leaves: &Leaves, terms: &[(Composed, f64)]) -> Search<'a> {
         let fitted = terms.iter().zip(&self.coefficients);
         let restored: Vec<(Composed, f64)> =
             fitted.map(|((term, _), &coefficient)| (term.clone(), coefficient)).collect();
-        let spacing = TUNING.composed.second_spacing;
+        let spacing = self.settled.model.tuning().composed.second_spacing;
         Search::of(&self.settled, leaves, &self.kept, spacing, &restored)
     }
 }

@@ -4,10 +4,11 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use crate::diagnose::context::Context;
+use crate::diagnose::law_on_data::LawOnData;
+use crate::diagnose::settling::Settled;
 use crate::dynamics::{Batch, Dynamics, KeptScratch, advance, observe};
 use crate::fit::driving;
-use crate::fit::segments::{Segment, Segments};
+use crate::fit::segments::Segment;
 use crate::fit::states::States;
 
 /// Trajectories that are followed side by side.
@@ -33,18 +34,14 @@ pub(super) struct Course {
 
 /// The trajectories of some segments from their states, with `between` points from sample to
 /// sample. Segments that leave the finite numbers are left out.
-pub(super) fn courses(
-    context: &Context,
-    segments: &Segments,
-    states: &States,
-    between: usize,
-) -> Vec<Course> {
-    let dynamics = context.law.dynamics();
-    let theta = context.law.theta(&dynamics);
+pub(super) fn courses(settled: &Settled, between: usize) -> Vec<Course> {
+    let Settled { model, segments, states, .. } = settled;
+    let dynamics = model.law.dynamics();
+    let theta = model.law.theta(&dynamics);
     let all: Vec<(usize, Segment)> = segments.list.iter().copied().enumerate().collect();
     all.par_chunks(LANES)
         .map_init(KeptScratch::new, |scratch, chunk| {
-            let together = Together { context, dynamics: &dynamics, theta: &theta, between };
+            let together = Together { model, dynamics: &dynamics, theta: &theta, between };
             together.follow(chunk, states, scratch)
         })
         .flatten_iter()
@@ -53,7 +50,7 @@ pub(super) fn courses(
 
 /// What the trajectories of a chunk have in common.
 struct Together<'a> {
-    context: &'a Context<'a>,
+    model: &'a LawOnData<'a>,
     dynamics: &'a Dynamics,
     theta: &'a [f64],
     between: usize,
@@ -66,11 +63,11 @@ impl Together<'_> {
         states: &States,
         scratch: &mut KeptScratch,
     ) -> Vec<Course> {
-        let &Together { context, dynamics, theta, between } = self;
+        let &Together { model, dynamics, theta, between } = self;
         let (lanes, size) = (chunk.len(), 2 * dynamics.degrees());
         let mut batch = Batch::with_tangents(dynamics.degrees(), lanes, dynamics.unknowns());
         let columns = batch.columns();
-        let measured = &context.measured;
+        let measured = &model.data.packed;
         let mut courses = Vec::with_capacity(lanes);
         for (lane, (index, segment)) in chunk.iter().enumerate() {
             let times = measured.times_of(segment.run);
@@ -88,7 +85,7 @@ impl Together<'_> {
                 weights: Vec::new(),
             });
         }
-        let weights = context.weights();
+        let weights = model.law.weights();
         let longest = chunk.iter().map(|(_, segment)| segment.samples()).max().unwrap_or(0);
         let mut out = vec![0.0; size * lanes];
         let mut tangent = vec![0.0; size * columns * lanes];
@@ -112,7 +109,7 @@ impl Together<'_> {
             }
             let places = chunk.iter().map(|(_, segment)| driving::at(*segment, sample));
             driving::drive(&mut batch, measured, places);
-            let observed = context.system().observed;
+            let observed = model.system().observed;
             observe(dynamics, observed, &batch, theta, &mut out, Some(&mut tangent), scratch);
             for (lane, (_, segment)) in chunk.iter().enumerate() {
                 if sample >= segment.samples() || lost[lane] {
@@ -149,13 +146,13 @@ impl Together<'_> {
         if sample >= segment.samples() {
             return 0.0;
         }
-        let times = self.context.measured.times_of(segment.run);
+        let times = self.model.data.packed.times_of(segment.run);
         let at = segment.first + sample;
         (times[at] - times[at - 1]) / self.between as f64
     }
 
     fn move_on(&self, batch: &mut Batch, spans: &[f64], scratch: &mut KeptScratch) {
-        let stepping = self.context.law.stepping();
+        let stepping = self.model.law.stepping();
         let longest = spans.iter().fold(0.0f64, |most, span| most.max(span.abs()));
         let steps = (longest / stepping.longest * (1.0 - 1e-9)).ceil().max(1.0) as usize;
         advance(self.dynamics, stepping.method, batch, spans, steps, self.theta, scratch);

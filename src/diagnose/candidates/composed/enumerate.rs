@@ -14,7 +14,7 @@ use super::expression::{Composed, action};
 use super::leaves::Jet;
 use super::library::{Library, Part};
 use super::responses::{Action, Channels, Responses, TOGETHER};
-use crate::diagnose::tuning::TUNING;
+use crate::diagnose::tuning;
 use crate::expr::Place;
 use crate::fit::Monitor;
 
@@ -51,18 +51,18 @@ pub(super) struct Enumerated {
 /// Terms that are looked at between two questions whether to stop.
 const CHUNK: usize = 20_000;
 
-/// Scores about `most` distinct terms, the shortest, and keeps the best `keep`.
+/// Scores about as many distinct terms as the tuning says, the shortest, and keeps the best.
 ///
 /// `variance` is that of the weighted residuals.
 pub(super) fn enumerate(
     library: &Library,
     responses: &Responses,
-    (most, keep): (usize, usize),
     variance: f64,
+    tuning: &tuning::Composed,
     monitor: &dyn Monitor,
 ) -> Enumerated {
     let channels = responses.channels;
-    let drafts = drafts(library, channels, most);
+    let drafts = drafts(library, channels, tuning);
     let mut seen = FxHashSet::default();
     let mut found: Vec<Found> = Vec::new();
     let merit = |found: &Found| 0.5 * found.fall / variance - found.composed.price;
@@ -99,20 +99,19 @@ pub(super) fn enumerate(
         for (group, falls) in groups.iter().zip(scored) {
             for ((order, draft), fall) in group.iter().zip(falls) {
                 if fall > 0.0 {
-                    let composed =
-                        draft.composed(library, (*order as f64).ln() + TUNING.composed.unnamed);
+                    let composed = draft.composed(library, (*order as f64).ln() + tuning.unnamed);
                     found.push(Found { composed, fall });
                 }
             }
         }
         found.sort_by(|a, b| merit(b).total_cmp(&merit(a)));
-        found.truncate(keep);
+        found.truncate(tuning.kept);
     }
     Enumerated { found, distinct: seen.len() }
 }
 
 /// All drafts up to the length that makes about as many as are wanted, the shortest first.
-fn drafts(library: &Library, channels: Channels, most: usize) -> Vec<Draft> {
+fn drafts(library: &Library, channels: Channels, tuning: &tuning::Composed) -> Vec<Draft> {
     let others = &library.others;
     let mut tails: Vec<([Option<u32>; 2], f64)> = vec![([None, None], 0.0)];
     tails.extend(others.iter().enumerate().map(|(i, p)| ([Some(i as u32), None], p.length)));
@@ -132,7 +131,7 @@ fn drafts(library: &Library, channels: Channels, most: usize) -> Vec<Draft> {
         heads.iter().map(of).sum()
     };
     // Each product stands at some places; a third of all is the same as another.
-    let wanted = most * 3 / 2 / (1 + channels.degrees);
+    let wanted = tuning.expressions * 3 / 2 / (1 + channels.degrees);
     let (mut low, mut high) = (0.0, 64.0);
     for _ in 0..40 {
         let middle = 0.5 * (low + high);

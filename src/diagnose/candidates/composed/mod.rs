@@ -38,27 +38,10 @@ use self::library::Library;
 use self::search::Search;
 use self::statements::candidate_of;
 use super::Candidate;
-use crate::diagnose::context::Context;
-use crate::diagnose::tuning::TUNING;
+use crate::diagnose::law_on_data::LawOnData;
 use crate::error::Result;
 use crate::expr::Scope;
 use crate::fit::Monitor;
-
-/// How much a search for composed terms may look at.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Budget {
-    /// Distinct expressions, about.
-    pub expressions: usize,
-    /// Candidates that it hands on, at most.
-    pub candidates: usize,
-}
-
-impl Default for Budget {
-    fn default() -> Budget {
-        let tuning = &TUNING.composed;
-        Budget { expressions: tuning.expressions, candidates: tuning.candidates }
-    }
-}
 
 /// What a search for composed terms found.
 pub struct Composition {
@@ -76,11 +59,10 @@ pub struct Composition {
 /// When a leader's terms are not of its own system.
 pub fn composed(
     scope: &mut Scope,
-    context: &Context,
-    budget: Budget,
+    model: &LawOnData,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Candidate>> {
-    Ok(composition(scope, context, budget, monitor)?.candidates)
+    Ok(composition(scope, model, monitor)?.candidates)
 }
 
 /// The same, with how many expressions were looked at.
@@ -90,28 +72,26 @@ pub fn composed(
 /// As for [`composed`].
 pub fn composition(
     scope: &mut Scope,
-    context: &Context,
-    budget: Budget,
+    model: &LawOnData,
     monitor: &dyn Monitor,
 ) -> Result<Composition> {
-    let tuning = &TUNING.composed;
+    let tuning = &model.tuning().composed;
     let nothing = Composition { candidates: Vec::new(), distinct: 0 };
-    if context.system().degrees() > tuning.coordinates {
+    if model.system().degrees() > tuning.coordinates {
         return Ok(nothing);
     }
     monitor.stage("terms composed from the variables", 0.0);
-    let context = &context.thinned(context.most.min(TUNING.scan.samples));
-    let settled = linear(context);
-    let leaves = Leaves::of(context.system());
-    let kept: Vec<usize> = (0..settled.context.law.dynamics().unknowns()).collect();
+    let model = &model.thinned(model.data.most.min(model.tuning().scan.samples));
+    let settled = linear(model);
+    let leaves = Leaves::of(model.system());
+    let kept: Vec<usize> = (0..settled.model.law.dynamics().unknowns()).collect();
     let first = Search::of(&settled, &leaves, &kept, tuning.first_spacing, &[]);
     if first.responses.rows == 0 {
         return Ok(nothing);
     }
     let library = Library::of(&leaves, &first.jets);
     let variance = first.variance(first.responses.squares);
-    let seen =
-        enumerate(&library, &first.responses, (budget.expressions, tuning.kept), variance, monitor);
+    let seen = enumerate(&library, &first.responses, variance, tuning, monitor);
     let distinct = seen.distinct;
     let mut terms = first.refined(seen.found);
     let mut chosen = first.chosen(&terms);
@@ -138,7 +118,7 @@ pub fn composition(
     }
     let candidates = chosen
         .iter()
-        .take(budget.candidates)
+        .take(tuning.candidates)
         .filter_map(|choice| candidate_of(scope, &leaves, &choice.terms, false));
     Ok(Composition { candidates: candidates.collect(), distinct })
 }

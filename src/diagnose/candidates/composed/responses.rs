@@ -14,10 +14,8 @@ use rayon::prelude::*;
 
 use super::course::{Course, courses, frequency};
 use super::states::PhasePoints;
-use crate::diagnose::context::Context;
+use crate::diagnose::settling::Settled;
 use crate::expr::Observed;
-use crate::fit::segments::Segments;
-use crate::fit::states::States;
 
 /// Channels that a term acts on: rates of the momenta (kicks), rates of the coordinates (drifts),
 /// and what the instrument adds to each observable.
@@ -109,23 +107,18 @@ impl Responses {
     /// From the model before some segments, nodes `spacing` radians of the fastest motion apart.
     ///
     /// `kept` are the model's unknowns that are eliminated, by their places in theta.
-    pub(super) fn of(
-        context: &Context,
-        segments: &Segments,
-        states: &States,
-        kept: &[usize],
-        spacing: f64,
-    ) -> Responses {
-        let mut found = courses(context, segments, states, PANEL);
+    pub(super) fn of(settled: &Settled, kept: &[usize], spacing: f64) -> Responses {
+        let model = &settled.model;
+        let mut found = courses(settled, PANEL);
         let turning = frequency(&found);
-        let span = context.measured.typical_step();
+        let span = model.data.packed.typical_step();
         let panels = (turning * span / PANEL_ANGLE).ceil().clamp(1.0, 4.0) as usize;
         if panels > 1 {
-            found = courses(context, segments, states, PANEL * panels);
+            found = courses(settled, PANEL * panels);
         }
         let between = PANEL * panels;
-        let channels = Channels { degrees: context.system().degrees() };
-        let velocities = context.system().observed == Observed::Velocities;
+        let channels = Channels { degrees: model.system().degrees() };
+        let velocities = model.system().observed == Observed::Velocities;
         let apart = spacing / turning.max(f64::MIN_POSITIVE);
         let built: Vec<(Segment, Vec<Vec<f64>>)> = found
             .par_iter()

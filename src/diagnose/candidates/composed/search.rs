@@ -8,40 +8,41 @@ use super::front::{Choice, choices, leaders};
 use super::leaves::Leaves;
 use super::refine::refined;
 use super::responses::{Action, Responses, TOGETHER};
-use crate::diagnose::context::Settled;
-use crate::diagnose::tuning::TUNING;
+use crate::diagnose::settling::Settled;
+use crate::diagnose::tuning::Tuning;
 
 /// What scores are made of around one motion.
-pub(super) struct Search {
+pub(super) struct Search<'a> {
     pub(super) jets: LeafJets,
     pub(super) responses: Responses,
+    tuning: &'a Tuning,
 }
 
-impl Search {
+impl<'a> Search<'a> {
     /// Around the motion of a model; `kept` are those of its unknowns, by their places in theta,
     /// that stay free, and nodes are `spacing` radians of the fastest motion apart. What the
     /// `restored` terms do, each times a coefficient, is to be explained besides.
     pub(super) fn of(
-        settled: &Settled,
+        settled: &Settled<'a>,
         leaves: &Leaves,
         kept: &[usize],
         spacing: f64,
         restored: &[(Composed, f64)],
-    ) -> Search {
-        let Settled { context, segments, states, .. } = settled;
-        let mut responses = Responses::of(context, segments, states, kept, spacing);
-        let jets = LeafJets::of(leaves, context.law.parameters(), &responses.points);
+    ) -> Search<'a> {
+        let model = &settled.model;
+        let mut responses = Responses::of(settled, kept, spacing);
+        let jets = LeafJets::of(leaves, model.law.parameters(), &responses.points);
         let actions: Vec<(f64, Action)> = restored
             .iter()
             .map(|(term, c)| (*c, term.action(&jets.nodes, responses.channels)))
             .collect();
         responses.restore(&actions);
-        Search { jets, responses }
+        Search { jets, responses, tuning: model.tuning() }
     }
 
     /// Variance of the weighted residuals when so many squares are left.
     pub(super) fn variance(&self, left: f64) -> f64 {
-        (left / self.responses.rows.max(1) as f64).max(TUNING.scan.least_variance)
+        (left / self.responses.rows.max(1) as f64).max(self.tuning.scan.least_variance)
     }
 
     /// The variance when the best of some terms is in the model.
@@ -91,7 +92,7 @@ impl Search {
                 forms.push(one);
             }
         }
-        let leaders = forms.len().min(TUNING.composed.refined);
+        let leaders = forms.len().min(self.tuning.composed.refined);
         let mut refined_terms: Vec<(Composed, f64)> = forms[..leaders]
             .par_iter()
             .map(|one| refined(&one.composed, one.fall, &self.jets, &self.responses))
@@ -106,12 +107,12 @@ impl Search {
     /// the others by how much worse they are. What is no better than to say nothing is not on it.
     pub(super) fn chosen(&self, terms: &[(Composed, f64)]) -> Vec<Choice> {
         let rows = self.responses.rows;
-        let few = &terms[..terms.len().min(TUNING.composed.joined)];
+        let few = &terms[..terms.len().min(self.tuning.composed.joined)];
         let variance = self.best_variance(few);
         let all = choices(few, &self.jets, &self.responses, variance);
         let least = all.iter().map(|choice| choice.left).fold(f64::INFINITY, f64::min);
         let variance = self.variance(least);
-        let mut front = leaders(all, variance, rows, TUNING.composed.rivals);
+        let mut front = leaders(all, variance, rows, self.tuning.composed.rivals);
         let nothing = 0.5 * self.responses.squares / variance;
         front.retain(|choice| choice.whole(variance, rows) < nothing);
         front

@@ -5,7 +5,9 @@ use super::leaves::Leaves;
 use super::search::Search;
 use super::shapes::SHAPES;
 use crate::data::Dataset;
-use crate::diagnose::context::{Context, Settled};
+use crate::diagnose::law_on_data::LawOnData;
+use crate::diagnose::options::Options;
+use crate::diagnose::settling::{Settled, settle};
 use crate::expr::{Place, Scope, System, build};
 use crate::fit::Law;
 use crate::simulate::Simulator;
@@ -25,9 +27,10 @@ fn measured(text: &str) -> Dataset {
     data
 }
 
-fn settled<'a>(text: &str, data: &'a Dataset) -> Settled<'a> {
+fn settled<'a>(text: &str, data: &'a Dataset, options: &'a Options) -> Settled<'a> {
     let law = Law::known(build("model", text).expect("a spec").system).expect("a law");
-    Context::of(law.with_noise(vec![1e-3; 2]).with_window(16), data).settled()
+    let law = law.with_noise(vec![1e-3; 2]).with_window(16);
+    settle(LawOnData::of(law, data, options))
 }
 
 /// The place in the table of a shape.
@@ -48,8 +51,9 @@ fn term(place: Place, factors: &[(usize, &str, f64)]) -> Composed {
 #[test]
 fn a_score_is_that_of_a_pass_over_the_data() {
     let data = measured("coordinates q\nmomenta p\nT = p^2/2\nV = -cos(q) + 0.002*q^4\n");
-    let settled = settled(PENDULUM, &data);
-    let leaves = Leaves::of(settled.context.system());
+    let options = Options::default();
+    let settled = settled(PENDULUM, &data, &options);
+    let leaves = Leaves::of(settled.model.system());
     let search = Search::of(&settled, &leaves, &[], 0.12, &[]);
     let mut scope = Scope::of(&build("model", PENDULUM).expect("a spec"));
     let cases = [
@@ -69,7 +73,7 @@ fn a_score_is_that_of_a_pass_over_the_data() {
         let fall =
             search.responses.fall(&term.action(&search.jets.nodes, search.responses.channels));
         let extension = scope.extension(statement).expect("a statement");
-        let mut system = System::clone(settled.context.system());
+        let mut system = System::clone(settled.model.system());
         let (_, own) = extension.terms().next().expect("a term");
         let probe = extension.import(own, &mut system.graph, &Default::default());
         let scores = settled.probe(system, &[probe]).expect("a score").scores;
@@ -88,8 +92,9 @@ fn what_stands_in_the_model_is_not_scored() {
     let how = (law.stepping(), 16);
     let terms = vec![(ids[0], 0.5), (ids[1], 0.25)];
     let law = Law::new(system, terms, Vec::new(), vec![1e-3; 2], how).expect("a law");
-    let settled = Context::of(law, &data).settled();
-    let leaves = Leaves::of(settled.context.system());
+    let options = Options::default();
+    let settled = settle(LawOnData::of(law, &data, &options));
+    let leaves = Leaves::of(settled.model.system());
     let search = Search::of(&settled, &leaves, &[0, 1], 0.12, &[]);
     let fall = |power: &str| {
         let term = term(Place::Potential, &[(0, power, 0.0)]);
@@ -103,8 +108,9 @@ fn what_stands_in_the_model_is_not_scored() {
 fn what_terms_do_is_explained_again_where_it_is_restored() {
     let data = measured("coordinates q\nmomenta p\nT = p^2/2\nV = -cos(q) + 0.05*q^4\n");
     let with = "coordinates q\nmomenta p\nT = p^2/2\nV = -cos(q) + 0.05*q^4\n";
-    let settled = settled(with, &data);
-    let leaves = Leaves::of(settled.context.system());
+    let options = Options::default();
+    let settled = settled(with, &data, &options);
+    let leaves = Leaves::of(settled.model.system());
     let quartic = term(Place::Potential, &[(0, "{x}^4", 0.0)]);
     let search = Search::of(&settled, &leaves, &[], 0.12, &[(quartic.clone(), 0.05)]);
     let left = |term: &Composed| {

@@ -1,0 +1,86 @@
+//! A law on data: what every question about the misfit is asked of.
+
+use std::sync::Arc;
+
+use super::options::Options;
+use super::tuning::Tuning;
+use crate::data::{Dataset, Packed};
+use crate::expr::System;
+use crate::fit::Law;
+use crate::fit::segments::packed_by;
+
+/// Measurements that a law is held against.
+#[derive(Clone)]
+pub struct Measurements<'a> {
+    /// As they were read.
+    pub dataset: &'a Dataset,
+    /// The same, run after run.
+    pub packed: Arc<Packed>,
+    /// Samples that questions are asked of, at most; they are spread over all segments.
+    pub most: usize,
+}
+
+impl<'a> Measurements<'a> {
+    /// All samples of a data set.
+    pub fn of(dataset: &'a Dataset, options: &Options) -> Measurements<'a> {
+        let packed = Arc::new(packed_by(dataset, &options.fit.segments));
+        Measurements { dataset, packed, most: usize::MAX }
+    }
+}
+
+/// A law, the measurements that it is held against, and the numbers that this goes by.
+///
+/// The law's noise is what residuals are weighed by, its steps integrate predictions, and its
+/// window is the length of a segment.
+#[derive(Clone)]
+pub struct LawOnData<'a> {
+    /// The law.
+    pub law: Law,
+    /// The measurements.
+    pub data: Measurements<'a>,
+    /// What was chosen about the diagnosis.
+    pub options: &'a Options,
+}
+
+impl<'a> LawOnData<'a> {
+    /// A law on all samples of a data set.
+    pub fn of(law: Law, dataset: &'a Dataset, options: &'a Options) -> LawOnData<'a> {
+        LawOnData { law, data: Measurements::of(dataset, options), options }
+    }
+
+    /// What the law is of.
+    pub fn system(&self) -> &Arc<System> {
+        self.law.system()
+    }
+
+    /// The numbers that the diagnosis goes by.
+    pub fn tuning(&self) -> &'a Tuning {
+        &self.options.tuning
+    }
+
+    /// Another law on the same measurements.
+    pub fn with_law(&self, law: Law) -> LawOnData<'a> {
+        LawOnData { law, ..self.clone() }
+    }
+
+    /// The same over segments of another length, in samples.
+    pub fn with_window(&self, window: usize) -> LawOnData<'a> {
+        self.with_law(self.law.clone().with_window(window))
+    }
+
+    /// The same with residuals weighed by another noise of each observable.
+    pub fn with_noise(&self, noise: Vec<f64>) -> LawOnData<'a> {
+        self.with_law(self.law.clone().with_noise(noise))
+    }
+
+    /// The same law on other measurements.
+    pub fn with_data(&self, data: &Measurements<'a>) -> LawOnData<'a> {
+        LawOnData { data: data.clone(), ..self.clone() }
+    }
+
+    /// The same law on a part of its measurements.
+    pub fn thinned(&self, most: usize) -> LawOnData<'a> {
+        let data = Measurements { most, ..self.data.clone() };
+        LawOnData { data, ..self.clone() }
+    }
+}

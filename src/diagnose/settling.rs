@@ -1,0 +1,129 @@
+//! The best initial state of every segment: what a law leaves of its data where the state at the
+//! start of each segment is free.
+
+use super::law_on_data::LawOnData;
+use crate::dynamics::Dynamics;
+use crate::fit::Loss;
+use crate::fit::pass::{self, Problem, Sums};
+use crate::fit::segments::{Segments, cut_by};
+use crate::fit::states::States;
+
+/// A law on data, with the best state of every segment of the law's window.
+pub struct Settled<'a> {
+    /// The law and the data.
+    pub model: LawOnData<'a>,
+    /// Segments of the law's window.
+    pub segments: Segments,
+    /// Their best states.
+    pub states: States,
+    /// What is left then.
+    pub sums: Sums,
+}
+
+/// A law on all of some data, and on a part of them where there are many.
+pub struct Parts<'a> {
+    /// All of them.
+    pub all: Settled<'a>,
+    /// A part, spread over all segments.
+    pub part: Option<Settled<'a>>,
+}
+
+/// Below this part of the noise residuals are rounding, or the integrator's: it adds a part 1e-6
+/// to the variance.
+const FLOOR: f64 = 1e-3;
+
+/// What a pass over some segments works on: residuals are weighed by the law's noise, of which
+/// `weights` are the inverse, and integrated by its steps.
+pub(super) fn problem<'b>(
+    model: &'b LawOnData,
+    segments: &'b Segments,
+    weights: &'b [f64],
+) -> Problem<'b> {
+    Problem {
+        measured: &model.data.packed,
+        segments,
+        observed: model.system().observed,
+        weights,
+        loss: Loss::SQUARES,
+        stepping: model.law.stepping(),
+        floor: FLOOR,
+        stream: None,
+        window: model.law.window(),
+        tuning: &model.options.fit,
+    }
+}
+
+/// The best states of all segments.
+pub fn settle(model: LawOnData) -> Settled {
+    let window = model.law.window();
+    let tuning = &model.tuning().states;
+    let whole = cut_by(&model.data.packed, window, &model.options.fit.segments);
+    let segments = whole.spread(model.data.most);
+    let mut states = States::measured_by(&model.law, &model.data.packed, &segments.list);
+    // Over many periods the misfit has many minima, and what was measured first need not
+    // lie near the lowest: the first samples of each segment bring its state there.
+    let dynamics = model.law.dynamics();
+    let theta = model.law.theta(&dynamics);
+    let weights = model.law.weights();
+    let mut look = tuning.first_samples;
+    while look < window {
+        let short = segments.shortened(look);
+        pass::settle(&problem(&model, &short, &weights), &dynamics, &theta, &mut states);
+        look *= tuning.growth;
+    }
+    let sums = patiently(&model, &segments, (&dynamics, &theta), &mut states);
+    Settled { model, segments, states, sums }
+}
+
+/// The best states of all segments of all the data, and of a part of them where there are many.
+pub fn settle_parts(model: LawOnData) -> Parts {
+    let most = model.tuning().scan.samples;
+    let many = model.data.dataset.samples().min(model.data.most) > most;
+    let part = many.then(|| settle(model.thinned(most)));
+    Parts { all: settle(model), part }
+}
+
+/// Improves the states of some segments until they are settled, and sums up what is left.
+pub(super) fn settle_from(model: &LawOnData, segments: &Segments, states: &mut States) -> Sums {
+    let dynamics = model.law.dynamics();
+    let theta = model.law.theta(&dynamics);
+    patiently(model, segments, (&dynamics, &theta), states)
+}
+
+/// Long segments of a rough model take their time: what has not settled would look like something
+/// missing.
+fn patiently(
+    model: &LawOnData,
+    segments: &Segments,
+    (dynamics, theta): (&Dynamics, &[f64]),
+    states: &mut States,
+) -> Sums {
+    let tuning = &model.tuning().states;
+    let weights = model.law.weights();
+    let problem = problem(model, segments, &weights);
+    let mut sums = pass::settle(&problem, dynamics, theta, states);
+    for _ in 0..tuning.retries {
+        if sums.unsettled == 0 {
+            break;
+        }
+        let further = pass::settle(&problem, dynamics, theta, states);
+        let settled = further.loss >= sums.loss * (1.0 - tuning.settled);
+        sums = further;
+        if settled {
+            break;
+        }
+    }
+    sums
+}
+
+impl Settled<'_> {
+    /// Residuals in units of the noise: `[segment][observable][sample]`, not a number where there
+    /// is none.
+    pub fn residuals(&self) -> Vec<Vec<Vec<f64>>> {
+        let Settled { model, segments, states, .. } = self;
+        let dynamics = model.law.dynamics();
+        let theta = model.law.theta(&dynamics);
+        let weights = model.law.weights();
+        pass::residuals(&problem(model, segments, &weights), &dynamics, &theta, states)
+    }
+}
