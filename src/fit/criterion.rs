@@ -58,6 +58,7 @@ pub fn complexity(graph: &Graph, expr: Expr) -> u32 {
             Node::Product(parts) => parts
                 .iter()
                 .map(|(base, exponent)| {
+                    // Larger ones would not fit into the number, and are as far from simple.
                     let size = exponent.value().abs().ceil().min(1e6) as u32;
                     let odd = u32::from(exponent.value() < 0.0 || exponent.value().fract() != 0.0);
                     known[base].saturating_mul(size).saturating_add(odd)

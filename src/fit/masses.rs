@@ -7,21 +7,17 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::tuning::MassTuning;
 use crate::data::Packed;
 use crate::eval::{Backend, Inputs, compile};
 use crate::expr::{Expr, Graph, Observed, Place, Symbol, System, Term, TermId};
 
-/// Samples of a window: the length at which the weak form explains most is taken.
-const LENGTHS: [usize; 7] = [9, 17, 33, 65, 129, 257, 513];
-/// Windows of one length, spread over all runs.
-const WINDOWS: usize = 96;
-/// Larger function spaces have no guess.
-const MOST_TERMS: usize = 24;
-/// Part of the known force that the guess has to explain.
-const EXPLAINED: f64 = 0.5;
-
 /// Coefficients 1/(2 m) of the squares p_i^2 that are learned, where something known tells them.
-pub(super) fn first_masses(system: &System, measured: &Packed) -> Vec<(TermId, f64)> {
+pub(super) fn first_masses(
+    system: &System,
+    measured: &Packed,
+    tuning: &MassTuning,
+) -> Vec<(TermId, f64)> {
     let n = system.degrees();
     let seen = |row: usize| measured.column(row).iter().any(|x| x.is_finite());
     if system.inputs.is_empty() || system.observed == Observed::Velocities {
@@ -30,11 +26,16 @@ pub(super) fn first_masses(system: &System, measured: &Packed) -> Vec<(TermId, f
     if (n..2 * n).any(seen) || !(0..n).all(seen) {
         return Vec::new();
     }
-    (0..n).filter_map(|i| first_mass(system, measured, i)).collect()
+    (0..n).filter_map(|i| first_mass(system, measured, i, tuning)).collect()
 }
 
 /// The same of one coordinate.
-fn first_mass(system: &System, measured: &Packed, i: usize) -> Option<(TermId, f64)> {
+fn first_mass(
+    system: &System,
+    measured: &Packed,
+    i: usize,
+    tuning: &MassTuning,
+) -> Option<(TermId, f64)> {
     let mut graph = system.graph.clone();
     let momentum = Symbol::Momentum(i);
     let square = {
@@ -44,7 +45,7 @@ fn first_mass(system: &System, measured: &Packed, i: usize) -> Option<(TermId, f
     let is_square = |term: &Term| term.place == Place::Kinetic && term.expr == square;
     let (id, term) = system.terms_with_ids().find(|(_, term)| is_square(term))?;
     let energy = graph.sum(&[system.kinetic, system.potential, system.hamiltonian]);
-    if graph.depends_on(energy, momentum) || system.terms.len() > MOST_TERMS {
+    if graph.depends_on(energy, momentum) || system.terms.len() > tuning.terms {
         return None;
     }
     // K, then the columns of the terms.
@@ -62,14 +63,14 @@ fn first_mass(system: &System, measured: &Packed, i: usize) -> Option<(TermId, f
     let forces = Forces::new(system, &graph, &outputs);
     let of_length = |&length: &usize| {
         let mut rows = Vec::new();
-        for (run, first) in windows(measured, length) {
+        for (run, first) in windows(measured, length, tuning) {
             rows.push(forces.weak_row(measured, run, first, length, i)?);
         }
         explained(&rows)
     };
-    let found = LENGTHS.iter().filter_map(of_length).max_by(|a, b| a.0.total_cmp(&b.0));
+    let found = tuning.lengths.iter().filter_map(of_length).max_by(|a, b| a.0.total_cmp(&b.0));
     let (part, mass) = found?;
-    let sound = part > EXPLAINED && mass.is_finite() && mass > 0.0;
+    let sound = part > tuning.explained && mass.is_finite() && mass > 0.0;
     sound.then(|| (id, term.bounds.clamp(0.5 / mass)))
 }
 
@@ -105,6 +106,7 @@ fn explained(rows: &[Vec<f64>]) -> Option<(f64, f64)> {
     let scaled = |r: usize, k: usize| if norms[k] > 0.0 { rows[r][k] / norms[k] } else { 0.0 };
     let matrix = DMatrix::from_fn(rows.len(), columns, scaled);
     let known = DVector::from_fn(rows.len(), |r, _| rows[r][columns] / of_known);
+    // Directions that are rounding of columns of norm one are left out.
     let solved = matrix.clone().svd(true, true).solve(&known, 1e-9).ok()?;
     let left = (known - matrix * &solved).norm_squared();
     let part = 1.0 - left * rows.len() as f64 / (rows.len() - columns) as f64;
@@ -112,22 +114,22 @@ fn explained(rows: &[Vec<f64>]) -> Option<(f64, f64)> {
 }
 
 /// First samples of windows of a length, without a hole, spread over all runs.
-fn windows(measured: &Packed, length: usize) -> Vec<(usize, usize)> {
+fn windows(measured: &Packed, length: usize, tuning: &MassTuning) -> Vec<(usize, usize)> {
     let typical = measured.typical_step();
     let whole = |run: usize, first: usize| {
         let times = &measured.times_of(run)[first..first + length];
-        times.windows(2).all(|pair| pair[1] - pair[0] <= 4.0 * typical)
+        times.windows(2).all(|pair| pair[1] - pair[0] <= tuning.hole * typical)
     };
     let all: usize = (0..measured.runs())
         .map(|run| (measured.times_of(run).len() + 1).saturating_sub(length))
         .sum();
-    let stride = (all / WINDOWS).max(length / 3).max(1);
+    let stride = (all / tuning.windows.max(1)).max(length / 3).max(1);
     let mut found = Vec::new();
     for run in 0..measured.runs() {
         let last = (measured.times_of(run).len() + 1).saturating_sub(length);
         found.extend((0..last).step_by(stride).filter(|&at| whole(run, at)).map(|at| (run, at)));
     }
-    found.truncate(4 * WINDOWS);
+    found.truncate(4 * tuning.windows);
     found
 }
 

@@ -74,6 +74,7 @@ fn scale(cells: &[f64]) -> ObservableScale {
     let spread = if variance > 0.0 { variance.sqrt() } else { mean.abs().max(1.0) };
     ObservableScale {
         spread: (count > 0.0).then_some(spread),
+        // Sums of a few terms, each rounded; of a column of zeros it must not vanish.
         rounding: (8.0 * f64::EPSILON * largest).max(1e-300),
         measured: count as usize,
     }

@@ -138,7 +138,7 @@ impl<'a> Training<'a> {
         let mut states = States::measured(&measured, &segments.list, degrees);
         let spread = spreads(&scales, &states);
         let mut first_squares = gauge::unit_masses(system);
-        first_squares.extend(first_masses(system, &measured));
+        first_squares.extend(first_masses(system, &measured, &options.tuning.masses));
         let Choice { stepping, accuracy } =
             stepping::coarse(system, options, separable, typical, &rounding)?;
         let law = Law::new(

@@ -26,6 +26,9 @@
 pub struct Tuning {
     /// How runs are cut into segments, and kept in folds.
     pub segments: SegmentTuning,
+    /// First guesses of masses where momenta are not measured and a measured input sets their
+    /// scale.
+    pub masses: MassTuning,
     /// When derivatives of trajectories are integrated by a cheaper method than the
     /// trajectories. Their error slows Gauss-Newton and does not move where it ends;
     /// `benches/fit.rs` and `learning::recovery`.
@@ -78,6 +81,31 @@ pub struct SegmentTuning {
     /// A segment may last this many times as long as its samples would take at the typical
     /// interval: half of them may be lost.
     pub slack: f64,
+}
+
+/// First guesses of masses where momenta are not measured and a measured input sets their scale.
+/// A wrong guess costs rounds of the fit, or its way; the test `learning::driven`.
+///
+/// ```
+/// let mut options = leverrier::Options::default();
+/// options.tuning.masses.windows = 200;
+/// assert_ne!(options, leverrier::Options::default());
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct MassTuning {
+    /// Samples of a window, each twice as many intervals as the one before: the length at which the
+    /// weak form explains most is taken. A window has to span a part of the motion, and not a turn.
+    pub lengths: [usize; 7],
+    /// Windows of one length, spread over all runs: four for each of the unknowns that the largest
+    /// space has.
+    pub windows: usize,
+    /// Function spaces of more terms have no guess.
+    pub terms: usize,
+    /// Part of the known force that the guess has to explain.
+    pub explained: f64,
+    /// A window has no interval of more than this many times the typical one.
+    pub hole: f64,
 }
 
 /// When derivatives of trajectories are integrated by a cheaper method than the trajectories.
@@ -425,6 +453,13 @@ pub struct ConclusionTuning {
 /// The usual numbers.
 pub(crate) const TUNING: Tuning = Tuning {
     segments: SegmentTuning { folds: 16, hole: 10.0, stretch: 8192, slack: 2.0 },
+    masses: MassTuning {
+        lengths: [9, 17, 33, 65, 129, 257, 513],
+        windows: 96,
+        terms: 24,
+        explained: 0.5,
+        hole: 4.0,
+    },
     tangents: TangentTuning { deviation: 1e-4, least_deviation: 1e-5, above_order: 4, steps: 2 },
     settling: SettlingTuning {
         steps: 8,
@@ -538,6 +573,7 @@ macro_rules! usual {
 
 usual! {
     SegmentTuning: segments,
+    MassTuning: masses,
     TangentTuning: tangents,
     SettlingTuning: settling,
     SteppingTuning: stepping,
