@@ -2,7 +2,7 @@
 //!
 //! [`diagnosis`] is the way from candidates to a verdict, a file for each phase. A new kind of
 //! candidate goes to `candidates`, a new view of the misfit to `comparison`, a new criterion for
-//! the next run to `design`; numbers to tune stand in `tuning`.
+//! the next run to `design`; numbers to tune stand in `tuning`, a field of the [`Options`].
 
 pub mod candidates;
 mod columns;

@@ -3,7 +3,8 @@
 //! [`fit`] is the whole of it, and [`fit_stream`] for data larger than memory. The parts, in the order in which data pass through them:
 //! segments are cut ([`segments`]), integrated and their unknown initial states eliminated by variable
 //! projection ([`pass`]), gathered in a triangular factor ([`factor`]) on which the support is searched
-//! ([`path`], [`support`]) and refitted ([`gauss_newton`]); rounds of this are [`train`].
+//! ([`path`], [`support`]) and refitted ([`gauss_newton`]); rounds of this are [`train`]. [`refit`] fits
+//! the numbers of a law again and searches nothing.
 
 mod block;
 mod blocking;
