@@ -65,7 +65,8 @@ fn outliers(
     if count < instrument.readings {
         return None;
     }
-    // The median absolute deviation: outliers do not move it.
+    // The median absolute deviation, which outliers do not move, over that of a normal number of
+    // variance one, 1 / 1.4826.
     let scale = 1.4826 * *sizes.select_nth_unstable_by(count / 2, f64::total_cmp).1;
     if scale * noise <= verdict.resolved * resolution || scale <= 0.0 {
         return None;
@@ -84,7 +85,9 @@ fn outliers(
             }
         }
     }
-    // The scale itself is uncertain, and not quite the same along a segment.
+    // The scale itself is uncertain: the median absolute deviation of n normal numbers has the
+    // relative standard error 1.17 / sqrt(n), of which two are allowed for; and it is not quite the
+    // same along a segment, for which it gives a twentieth.
     let sure = 0.95 * (1.0 - 2.4 / (count as f64).sqrt()).max(0.5);
     let tail = 2.0 * Normal::standard().sf(instrument.far * sure);
     let expected = count as f64 * tail;
@@ -122,7 +125,7 @@ fn quantisation(name: &str, row: usize, model: &LawOnData, noise: f64) -> Option
     values.sort_by(f64::total_cmp);
     let range = values.last()? - values.first()?;
     let slack = tuning.slack * range;
-    let step = common_step(&values, slack)?;
+    let step = common_step(&values, slack, tuning.step)?;
     values.dedup_by(|a, b| (*a - *b).abs() < 0.5 * step);
     // The standard deviation of rounding: a step over the square root of twelve.
     let rounding = step / 12.0f64.sqrt();
@@ -138,7 +141,7 @@ fn quantisation(name: &str, row: usize, model: &LawOnData, noise: f64) -> Option
         on: name.to_string(),
         share,
         size: step,
-        // Each reading of a continuum falls on the grid by chance.
+        // Each reading of a continuum falls on the grid by chance; fifty of them say enough.
         p_value: (2.0 * slack / step).powi(count.min(50) as i32),
         sentence: format!(
             "column {name} is rounded to steps of {}{unit} ({} values in {count} readings), which \
@@ -151,8 +154,8 @@ fn quantisation(name: &str, row: usize, model: &LawOnData, noise: f64) -> Option
 }
 
 /// The largest step of which all differences of sorted values are multiples, but for `slack`;
-/// none where they have no step that is large against it.
-fn common_step(values: &[f64], slack: f64) -> Option<f64> {
+/// none where they have no step that is so many `times` as large.
+fn common_step(values: &[f64], slack: f64, times: f64) -> Option<f64> {
     let mut step = 0.0f64;
     for pair in values.windows(2) {
         let mut rest = pair[1] - pair[0];
@@ -167,12 +170,12 @@ fn common_step(values: &[f64], slack: f64) -> Option<f64> {
                 break;
             }
             (rest, step) = (step, left);
-            if step <= 100.0 * slack {
+            if step <= times * slack {
                 return None;
             }
         }
     }
-    (step > 100.0 * slack).then_some(step)
+    (step > times * slack).then_some(step)
 }
 
 /// A step without the digits that rounding in binary adds.
@@ -196,7 +199,8 @@ mod tests {
             let mut values = list.to_vec();
             values.sort_by(f64::total_cmp);
             let range = values[values.len() - 1] - values[0];
-            common_step(&values, crate::diagnose::tuning::Instrument::default().slack * range)
+            let tuning = Tuning::default().instrument;
+            common_step(&values, tuning.slack * range, tuning.step)
         };
         let close = |step: Option<f64>, is: f64| assert!((step.unwrap() - is).abs() < 1e-6 * is);
         close(of(&[0.0, 0.01, 0.03, 0.07, 0.08, 1.0]), 0.01);

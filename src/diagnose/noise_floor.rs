@@ -5,8 +5,7 @@
 //! left there is the instrument's.
 
 use super::law_on_data::LawOnData;
-use super::settling::Settled;
-use super::settling::{settle, settle_from};
+use super::settling::{Settled, settle, settle_from};
 use super::tuning::NoiseFloor;
 use crate::data::Dataset;
 use crate::fit::scales::{fewest_samples, scales};
@@ -63,13 +62,14 @@ fn measured(model: &LawOnData) -> Vec<Option<Measured>> {
             let enough = sums.freedom[i] > tuning.residuals && sums.squares[i].is_finite();
             known[i] = enough.then(|| (0.5 / sums.freedom[i]).sqrt());
             if enough {
+                // Data without noise leave nothing, of which there is no logarithm.
                 let factor = (sums.squares[i] / sums.freedom[i]).sqrt().max(1e-9);
                 *noise *= factor;
                 moved = moved.max(factor.ln().abs());
             }
         }
         judge.law = judge.law.with_noise(next);
-        if moved < 0.01 {
+        if moved < tuning.steady {
             break;
         }
     }
@@ -92,7 +92,8 @@ fn roughness(dataset: &Dataset, row: usize, tuning: &NoiseFloor) -> Option<f64> 
     // (order, root of the sum of squares of its binomial coefficients)
     const ORDERS: [(usize, f64); 4] =
         [(4, 8.366_600_265), (6, 30.397_368_307), (8, 113.446_022_4), (10, 429.832_525_5)];
-    // Intervals that differ by less than this part are equal.
+    // Intervals that differ by less than this part are equal: times that were written with seven
+    // digits or more.
     const EVEN: f64 = 1e-6;
     // The median of the absolute value of a normal number.
     const MEDIAN: f64 = 0.674_489_75;

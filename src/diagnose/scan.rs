@@ -8,6 +8,7 @@ use super::window::longer;
 use crate::error::Result;
 use crate::expr::{System, Term};
 use crate::fit::Monitor;
+use crate::fit::column::Column;
 
 /// The best grid point of one candidate.
 #[derive(Debug, Clone)]
@@ -178,7 +179,7 @@ fn choose(
     let mut column = 0;
     for (c, values) in tries {
         let count = all[*c].columns();
-        let columns: Vec<usize> = (column..column + count).collect();
+        let columns: Vec<Column> = (column..column + count).map(Column::new).collect();
         column += count;
         let score = scores.group(&columns);
         let unknowns = score.degrees + values.len();

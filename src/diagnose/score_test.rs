@@ -9,6 +9,7 @@
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
+use crate::fit::column::Column;
 use crate::fit::factor::Factor;
 
 /// The evidence for a group of columns.
@@ -60,8 +61,8 @@ impl Scores {
         self.norms.len()
     }
 
-    /// The score of a group of probes together.
-    pub fn group(&self, columns: &[usize]) -> Score {
+    /// The score of a group of probes together; the first probe is column 0.
+    pub fn group(&self, columns: &[Column]) -> Score {
         let (basis, kept) = self.basis(columns);
         let heights = basis.tr_mul(&self.target);
         let deviance = heights.norm_squared() / self.variance;
@@ -75,7 +76,7 @@ impl Scores {
     }
 
     /// The problem with some probes taken into the model.
-    pub fn given(&self, columns: &[usize]) -> Scores {
+    pub fn given(&self, columns: &[Column]) -> Scores {
         let (basis, kept) = self.basis(columns);
         let mut next = self.clone();
         next.design = &self.design - &basis * basis.tr_mul(&self.design);
@@ -91,7 +92,7 @@ impl Scores {
 
     /// How much of one group's effect another group can imitate, 0 to 1: the squared cosine of
     /// the smallest angle between what they do.
-    pub fn overlap(&self, first: &[usize], second: &[usize]) -> f64 {
+    pub fn overlap(&self, first: &[Column], second: &[Column]) -> f64 {
         let (a, _) = self.basis(first);
         let (b, _) = self.basis(second);
         if a.ncols() == 0 || b.ncols() == 0 {
@@ -101,13 +102,14 @@ impl Scores {
         cosines.max().powi(2).min(1.0)
     }
 
-    /// An orthonormal basis of the columns' span; columns that add nothing are left out.
-    fn basis(&self, columns: &[usize]) -> (DMatrix<f64>, Vec<usize>) {
+    /// An orthonormal basis of the columns' span, and the places in the list of those that are kept:
+    /// columns that add nothing are left out.
+    fn basis(&self, columns: &[Column]) -> (DMatrix<f64>, Vec<usize>) {
         let rows = self.design.nrows();
         let mut basis: Vec<DVector<f64>> = Vec::new();
         let mut kept = Vec::new();
         for (place, &column) in columns.iter().enumerate() {
-            let mut rest = self.design.column(column).clone_owned();
+            let mut rest = self.design.column(column.position()).clone_owned();
             for _ in 0..2 {
                 for q in &basis {
                     let shadow = q.dot(&rest);
@@ -123,10 +125,10 @@ impl Scores {
         (DMatrix::from_fn(rows, basis.len(), |r, c| basis[c][r]), kept)
     }
 
-    fn solve(&self, columns: &[usize], kept: &[usize]) -> (Vec<f64>, Vec<f64>) {
+    fn solve(&self, columns: &[Column], kept: &[usize]) -> (Vec<f64>, Vec<f64>) {
         let mut coefficients = vec![0.0; columns.len()];
         let mut errors = vec![f64::INFINITY; columns.len()];
-        let chosen: Vec<usize> = kept.iter().map(|&place| columns[place]).collect();
+        let chosen: Vec<usize> = kept.iter().map(|&place| columns[place].position()).collect();
         if chosen.is_empty() {
             return (coefficients, errors);
         }
@@ -153,6 +155,10 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
     use rand_pcg::Pcg64;
 
+    const PROBE: [Column; 1] = [Column::new(0)];
+    const OTHER: [Column; 1] = [Column::new(1)];
+    const COPY: [Column; 1] = [Column::new(2)];
+
     /// Rows y = 2 x0 + c x1 + noise, with probes x1, x2 and a copy of x1.
     fn scores(c: f64, seed: u64) -> Scores {
         let mut generator = Pcg64::seed_from_u64(seed);
@@ -172,26 +178,26 @@ mod tests {
     #[test]
     fn what_is_there_is_found_with_its_size() {
         let scores = scores(0.05, 1);
-        let score = scores.group(&[0]);
+        let score = scores.group(&PROBE);
         assert!((score.coefficients[0] - 0.05).abs() < 4.0 * score.standard_errors[0]);
         assert!((score.standard_errors[0] - 0.1 / 20.0).abs() < 5e-4);
         assert!(score.p_value < 1e-12);
-        assert!(scores.group(&[1]).p_value > 1e-3);
-        assert!(scores.given(&[0]).group(&[1]).p_value > 1e-3);
+        assert!(scores.group(&OTHER).p_value > 1e-3);
+        assert!(scores.given(&PROBE).group(&OTHER).p_value > 1e-3);
     }
 
     #[test]
     fn a_copy_cannot_be_told_apart_and_adds_nothing() {
         let scores = scores(0.05, 2);
-        assert!(scores.overlap(&[0], &[2]) > 0.999_999);
-        assert!(scores.overlap(&[0], &[1]) < 0.1);
-        assert_eq!(scores.group(&[0, 2]).degrees, 1);
-        assert_eq!(scores.given(&[0]).group(&[2]).degrees, 0);
+        assert!(scores.overlap(&PROBE, &COPY) > 0.999_999);
+        assert!(scores.overlap(&PROBE, &OTHER) < 0.1);
+        assert_eq!(scores.group(&[PROBE[0], COPY[0]]).degrees, 1);
+        assert_eq!(scores.given(&PROBE).group(&COPY).degrees, 0);
     }
 
     #[test]
     fn without_an_effect_the_p_values_are_uniform() {
-        let small = (0..400).filter(|&seed| scores(0.0, seed).group(&[0]).p_value < 0.1).count();
+        let small = (0..400).filter(|&seed| scores(0.0, seed).group(&PROBE).p_value < 0.1).count();
         assert!((20..=62).contains(&small), "{small} of 400 below 0.1");
     }
 }

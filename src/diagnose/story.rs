@@ -369,6 +369,7 @@ pub fn sort_by_description_length(stories: &mut Vec<Story>, tuning: &Tuning) {
     let mut both: Vec<(f64, Story)> = lengths.into_iter().zip(stories.drain(..)).collect();
     let least = both.iter().map(|(length, _)| *length).fold(f64::INFINITY, f64::min);
     let step = tuning.ranking.same;
+    // Whole numbers are exact in an f64 up to 9e15.
     both.sort_by_key(|(length, _)| ((length - least) / step).floor().min(1e15) as u64);
     stories.extend(both.into_iter().map(|(_, story)| story));
 }

@@ -49,6 +49,9 @@ pub struct Sufficiency {
 pub struct NoiseFloor {
     /// Rounds of weights and variances (MINQUE, Rao, J. Multivar. Anal. 1, 1971), at most.
     pub rounds: usize,
+    /// They end when the logarithm of no noise moves by more: 5000 residuals tell it to one per
+    /// cent, 1 / sqrt(2 * 5000).
+    pub steady: f64,
     /// Independent residuals below which a column's estimate is worth nothing.
     pub residuals: f64,
     /// Standard errors that the short estimate is below the model's before it is believed: the
@@ -106,6 +109,54 @@ pub struct Candidates {
     /// Systems of more coordinates are not asked for bumps of two variables: their number grows
     /// with the square.
     pub bump_coordinates: usize,
+    /// Where inner parameters of effects of the catalogue are looked for.
+    pub grids: Grids,
+}
+
+/// Where inner parameters of effects of the catalogue are looked for, in parts of what the data
+/// reach. An effect that is not found from the nearest point of its grid shows in the rows of
+/// docs/hidden-effects.md that hide it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grids {
+    /// Lengths, in parts of the range of the coordinate.
+    pub lengths: Axis,
+    /// Wave numbers, in waves over the range of the coordinate.
+    pub wave_numbers: Axis,
+    /// Momenta, in parts of the largest.
+    pub momenta: Axis,
+    /// Rates: the smallest over the duration of a run, the largest over the time between samples.
+    pub rates: Axis,
+    /// Durations: the shortest in times between samples, the longest in durations of a run.
+    pub durations: Axis,
+    /// Places are even over the range of the coordinate but for this part at either end: what a
+    /// motion runs into, it hardly gets beyond.
+    pub place_margin: f64,
+    /// Places.
+    pub places: usize,
+    /// How far places beyond the range are from either end of it, in parts of the range.
+    pub beyond: Axis,
+    /// Instants are even over all times but for this part of a run at either end: a change needs
+    /// data before and after it.
+    pub instant_margin: f64,
+    /// Instants.
+    pub instants: usize,
+    /// Exponents, between the whole ones, which other effects have.
+    pub exponents: [f64; 3],
+    /// Powers, most of them between the whole ones.
+    pub powers: [f64; 6],
+    /// Highest frequency, in parts of the sampling rate: no mechanical data show faster ones.
+    pub highest_frequency: f64,
+}
+
+/// Values of an inner parameter, each the same number of times the one before it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Axis {
+    /// The smallest.
+    pub from: f64,
+    /// The largest.
+    pub to: f64,
+    /// How many.
+    pub points: usize,
 }
 
 /// The search for composed terms.
@@ -146,6 +197,45 @@ pub struct Composed {
     pub first_spacing: f64,
     /// The same in later looks: a fourth harmonic to a thousandth.
     pub second_spacing: f64,
+    /// Radians of the fastest motion that a panel of Simpson's rule spans, at most: its error is
+    /// then below 0.3^4 / 180 of the integral, some 5e-5,
+    pub panel_angle: f64,
+    /// with so many panels between two samples, at most.
+    pub panels: usize,
+    /// An action that keeps less than this part of its squares beside the model is spanned by it:
+    /// Simpson's rule leaves some 1e-9 of them.
+    pub spanned: f64,
+    /// The same of the model's own unknowns beside one another, which are integrated with it.
+    pub spanned_unknowns: f64,
+    /// Subexpressions of the spec that become leaves, at most: the largest ones are rarely what
+    /// another term is made of.
+    pub known_parts: usize,
+    /// Coordinates up to which distances of two bodies in a plane are leaves.
+    pub plane_coordinates: usize,
+    /// Products of powers of coordinates and momenta, at most.
+    pub monomials: usize,
+    /// Other functions of one leaf, at most.
+    pub others: usize,
+    /// Those of them that are multiplied with one another, at most.
+    pub multiplied: usize,
+    /// Nats that a term which a sensor adds may cost: an instrument adds simple things.
+    pub sensor_length: f64,
+    /// States at which two expressions are compared.
+    pub compared_at: usize,
+    /// First step of the search for inner numbers, in parts of the logarithm of a length or of the
+    /// range of a centre,
+    pub first_step: f64,
+    /// last step: a length to a fiftieth of a per cent, less than noise tells,
+    pub last_step: f64,
+    /// and scores of one term, at most.
+    pub scores: usize,
+    /// Terms that a second one is joined with.
+    pub beam: usize,
+    /// Part of its squares that a second column keeps beside the first, at least: with less of its
+    /// own its coefficient is known a thousand times worse than alone.
+    pub apart: f64,
+    /// The same of the terms that the motion is followed by: a hundred times.
+    pub apart_together: f64,
 }
 
 /// Scores of all candidates over their grids.
@@ -265,6 +355,8 @@ pub struct Instrument {
     pub coarse: f64,
     /// Multiples of a step are exact but for this part of the column's range.
     pub slack: f64,
+    /// A step is one where it is this many times what multiples of it may be off by.
+    pub step: f64,
     /// Readings that show whether a column is rounded, at least.
     pub readings: usize,
 }
@@ -274,8 +366,17 @@ pub struct Instrument {
 pub struct Comparison {
     /// Hats of a map of the residual force.
     pub hats: usize,
-    /// p-value below which a map is spoken of, all maps counted.
+    /// p-value below which a map is spoken of, all maps counted,
     pub significant: f64,
+    /// and so many of them at most.
+    pub maps: usize,
+    /// An energy drifts where its slope is this many standard errors.
+    pub drifts: f64,
+    /// An error grows where that over the longest predictions is this many times that over the
+    /// shortest: the standard error of one over 13 residuals is a fifth of it.
+    pub grows: f64,
+    /// Part of the values on either side that a range leaves out: the outermost per cent.
+    pub outermost: f64,
     /// Nodes on each side of a force plane.
     pub plane_nodes: usize,
     /// Samples that a node of it needs.
@@ -336,6 +437,7 @@ const TUNING: Tuning = Tuning {
     sufficiency: Sufficiency { residuals: 20, held_out_residuals: 8 },
     noise_floor: NoiseFloor {
         rounds: 6,
+        steady: 0.01,
         residuals: 20.0,
         below: 3.0,
         stories: 3,
@@ -355,6 +457,21 @@ const TUNING: Tuning = Tuning {
         same_number: 1e-10,
         unnamed_degree: 4,
         bump_coordinates: 3,
+        grids: Grids {
+            lengths: Axis { from: 0.1, to: 1.0, points: 4 },
+            wave_numbers: Axis { from: 0.5, to: 8.0, points: 24 },
+            momenta: Axis { from: 0.1, to: 1.0, points: 4 },
+            rates: Axis { from: 0.5, to: 0.5, points: 6 },
+            durations: Axis { from: 2.0, to: 1.0, points: 6 },
+            place_margin: 0.02,
+            places: 13,
+            beyond: Axis { from: 0.1, to: 1.0, points: 4 },
+            instant_margin: 0.05,
+            instants: 16,
+            exponents: [0.5, 1.5, 2.5],
+            powers: [-3.0, -1.5, -0.5, 0.5, 1.5, 3.0],
+            highest_frequency: 0.25,
+        },
     },
     composed: Composed {
         coordinates: 6,
@@ -373,6 +490,23 @@ const TUNING: Tuning = Tuning {
         strays: 0.03,
         first_spacing: 0.3,
         second_spacing: 0.15,
+        panel_angle: 0.6,
+        panels: 4,
+        spanned: 1e-7,
+        spanned_unknowns: 1e-12,
+        known_parts: 24,
+        plane_coordinates: 6,
+        monomials: 500,
+        others: 2_400,
+        multiplied: 260,
+        sensor_length: 9.0,
+        compared_at: 24,
+        first_step: 0.12,
+        last_step: 2e-4,
+        scores: 120,
+        beam: 8,
+        apart: 1e-6,
+        apart_together: 1e-4,
     },
     scan: Scan {
         columns_together: 240,
@@ -422,11 +556,16 @@ const TUNING: Tuning = Tuning {
         significant: 1e-3,
         coarse: 0.5,
         slack: 1e-9,
+        step: 100.0,
         readings: 20,
     },
     comparison: Comparison {
         hats: 9,
         significant: 1e-3,
+        maps: 4,
+        drifts: 4.0,
+        grows: 1.2,
+        outermost: 0.01,
         plane_nodes: 7,
         node_samples: 4,
         planes: 6,

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use crate::data::{Dataset, Run};
-use crate::diagnose::tuning::Candidates;
+use crate::diagnose::tuning::{Axis, Candidates};
 use crate::expr::System;
 use crate::fit::segments::{longest_run, typical_step};
 use crate::spec::effects::ScanBy;
@@ -95,37 +95,44 @@ impl<'a> Reach<'a> {
             tuning.points
         };
         let even = |a: f64, b: f64, count: usize| evenly(a, b, count.min(most).max(2));
-        let ratio = |a: f64, b: f64, count: usize| -> Vec<f64> {
-            let count = count.min(most).max(2);
+        // Each axis between its ends times what its numbers are parts of.
+        let ratio = |axis: Axis, (first, last): (f64, f64)| -> Vec<f64> {
+            let (a, b) = (axis.from * first, axis.to * last);
+            let count = axis.points.min(most).max(2);
             (0..count).map(|i| a * (b / a).powf(i as f64 / (count - 1) as f64)).collect()
         };
+        let grids = &tuning.grids;
         let axes: Vec<Vec<f64>> = scans
             .iter()
             .map(|scan| match scan {
                 ScanBy::Frequency => {
-                    // Half a turn more over a run is a new frequency; above the fastest that
-                    // mechanical data show, a quarter of the sampling rate, nothing is looked for.
+                    // Half a turn more over a run is a new frequency.
                     let finest = std::f64::consts::PI / duration;
-                    let highest = 0.25 * turn / step;
+                    let highest = grids.highest_frequency * turn / step;
                     let count = (highest / finest) as usize;
                     let most = if scans.len() > 1 { most } else { tuning.frequencies };
                     evenly(2.0 * finest, highest.max(3.0 * finest), count.clamp(2, most))
                 }
-                // What a motion runs into, it hardly gets beyond.
-                ScanBy::Position => even(lower + 0.02 * spread, upper - 0.02 * spread, 13),
+                ScanBy::Position => {
+                    let margin = grids.place_margin * spread;
+                    even(lower + margin, upper - margin, grids.places)
+                }
                 ScanBy::Beyond => {
-                    let away = ratio(0.1 * spread, spread, 4);
+                    let away = ratio(grids.beyond, (spread, spread));
                     let below = away.iter().rev().map(|away| lower - away);
                     below.chain(away.iter().map(|away| upper + away)).collect()
                 }
-                ScanBy::Length => ratio(0.1 * spread, spread, 4),
-                ScanBy::WaveNumber => ratio(0.5 * turn / spread, 8.0 * turn / spread, 24),
-                ScanBy::Instant => even(start + 0.05 * duration, end - 0.05 * duration, 16),
-                ScanBy::Duration => ratio(2.0 * step, duration, 6),
-                ScanBy::Exponent => vec![0.5, 1.5, 2.5],
-                ScanBy::Power => vec![-3.0, -1.5, -0.5, 0.5, 1.5, 3.0],
-                ScanBy::Momentum => ratio(0.1 * momentum, momentum, 4),
-                ScanBy::Rate => ratio(0.5 / duration, 0.5 / step, 6),
+                ScanBy::Length => ratio(grids.lengths, (spread, spread)),
+                ScanBy::WaveNumber => ratio(grids.wave_numbers, (turn / spread, turn / spread)),
+                ScanBy::Instant => {
+                    let margin = grids.instant_margin * duration;
+                    even(start + margin, end - margin, grids.instants)
+                }
+                ScanBy::Duration => ratio(grids.durations, (step, duration)),
+                ScanBy::Exponent => grids.exponents.to_vec(),
+                ScanBy::Power => grids.powers.to_vec(),
+                ScanBy::Momentum => ratio(grids.momenta, (momentum, momentum)),
+                ScanBy::Rate => ratio(grids.rates, (1.0 / duration, 1.0 / step)),
             })
             .collect();
         every_choice(&axes)

@@ -93,6 +93,7 @@ fn states(system: &System, dataset: &Dataset, most: usize) -> Vec<Vec<f64>> {
                 let value = run.values.get(row).and_then(|cells| cells.get(at)).copied();
                 value.filter(|value| value.is_finite())
             };
+            // No two of them in a ratio that a system could have a reason for.
             let missing = |row: usize| 0.4 + ((1 + row) as f64 * 1.7 + at as f64).sin();
             let mut state: Vec<f64> =
                 (0..n).map(|row| cell(row).unwrap_or_else(|| missing(row))).collect();

@@ -6,17 +6,19 @@
 
 use crate::expr::{Bounds, Expr, Function, Graph, Place, System, Term};
 
-/// Centres of hats over the values of a variable: even over all but the outermost percents.
+/// Centres of hats over the values of a variable: even over all but the part `outermost` of them on
+/// either side.
 ///
 /// Empty when the values do not spread.
-pub fn centres(values: &mut Vec<f64>, count: usize) -> Vec<f64> {
+pub fn centres(values: &mut Vec<f64>, count: usize, outermost: f64) -> Vec<f64> {
     values.retain(|x| x.is_finite());
     if values.len() < 2 * count || count < 2 {
         return Vec::new();
     }
     values.sort_by(f64::total_cmp);
     let at = |share: f64| values[(share * (values.len() - 1) as f64).round() as usize];
-    let (lower, upper) = (at(0.01), at(0.99));
+    let (lower, upper) = (at(outermost), at(1.0 - outermost));
+    // A spread that is rounding is none.
     if upper - lower <= 1e-12 * upper.abs().max(lower.abs()) {
         return Vec::new();
     }
@@ -99,9 +101,9 @@ mod tests {
 
     #[test]
     fn centres_need_a_spread() {
-        assert!(centres(&mut vec![2.0; 50], 5).is_empty());
+        assert!(centres(&mut vec![2.0; 50], 5, 0.01).is_empty());
         let mut even: Vec<f64> = (0..=1000).map(|i| i as f64 / 1000.0).collect();
-        let centres = centres(&mut even, 5);
+        let centres = centres(&mut even, 5, 0.01);
         assert!((centres[0] - 0.01).abs() < 1e-12 && (centres[4] - 0.99).abs() < 1e-12);
     }
 }

@@ -7,6 +7,7 @@ use crate::diagnose::law_on_data::LawOnData;
 use crate::diagnose::settling::{Settled, settle};
 use crate::error::Result;
 use crate::expr::{Expr, Symbol, System, Term};
+use crate::fit::column::Column;
 use crate::fit::segments::longest_run;
 
 /// The force that is missing (or too much), piecewise linear in one variable.
@@ -47,7 +48,7 @@ pub fn residual_maps(model: &LawOnData) -> Result<Vec<ResidualMap>> {
     Ok(layout
         .into_iter()
         .map(|(on, against, centres, columns)| {
-            let score = scores.group(&columns.collect::<Vec<_>>());
+            let score = scores.group(&columns.map(Column::new).collect::<Vec<_>>());
             ResidualMap {
                 on: model.system().coordinates[on].name.clone(),
                 against,
@@ -79,7 +80,8 @@ pub fn strongest_map(model: &LawOnData) -> Result<Option<ResidualMap>> {
 /// Variables that the force may depend on: name, expression, centres of hats over the data.
 fn variables(model: &LawOnData, system: &mut System) -> Vec<(String, Expr, Vec<f64>)> {
     let Settled { segments, states, .. } = settle(model.clone());
-    let hats = model.tuning().comparison.hats;
+    let tuning = &model.tuning().comparison;
+    let centres = |values: &mut Vec<f64>| centres(values, tuning.hats, tuning.outermost);
     let n = system.degrees();
     let mut variables = Vec::new();
     for (row, symbol) in system.state().into_iter().enumerate() {
@@ -89,7 +91,7 @@ fn variables(model: &LawOnData, system: &mut System) -> Vec<(String, Expr, Vec<f
             values.extend(measured);
         }
         let name = if row < n { &system.coordinates[row] } else { &system.momenta[row - n] };
-        let centres = centres(&mut values, hats);
+        let centres = centres(&mut values);
         if !centres.is_empty() {
             let name = name.name.clone();
             variables.push((name, system.graph.symbol(symbol), centres));
@@ -104,7 +106,7 @@ fn variables(model: &LawOnData, system: &mut System) -> Vec<(String, Expr, Vec<f
         })
         .collect();
     let pairs = longest_run(model.data.dataset) <= 2;
-    let times = if pairs { Vec::new() } else { centres(&mut times, hats) };
+    let times = if pairs { Vec::new() } else { centres(&mut times) };
     if !times.is_empty() {
         variables.push((system.time.name.clone(), system.graph.symbol(Symbol::Time), times));
     }

@@ -133,15 +133,17 @@ fn findings(
     maps: &[ResidualMap],
     energy: &[EnergyDrift],
 ) -> Vec<String> {
+    let tuning = &model.tuning().comparison;
     let mut out = Vec::new();
     if let (Some(first), Some(last)) = (horizons.first(), horizons.last()) {
+        // Data without noise leave nothing over short predictions.
         let growth = last.training / first.training.max(1e-9);
         out.push(if first.samples == last.samples {
             format!(
                 "the error over {} samples is {:.2} times the noise",
                 last.samples, last.training
             )
-        } else if growth < 1.2 {
+        } else if growth < tuning.grows {
             format!(
                 "the error stays at {:.2} times the noise from {} samples to {}",
                 last.training, first.samples, last.samples
@@ -153,14 +155,12 @@ fn findings(
             )
         });
     }
-    let mut worst: Vec<&ResidualMap> = maps
-        .iter()
-        .filter(|map| map.p_value * (maps.len() as f64) < model.tuning().comparison.significant)
-        .collect();
+    let mut worst: Vec<&ResidualMap> =
+        maps.iter().filter(|map| map.p_value * (maps.len() as f64) < tuning.significant).collect();
     worst.sort_by(|a, b| {
         (b.deviance / b.degrees as f64).total_cmp(&(a.deviance / a.degrees as f64))
     });
-    for map in worst.iter().take(4) {
+    for map in worst.iter().take(tuning.maps) {
         let peak = map
             .points
             .iter()
@@ -177,8 +177,10 @@ fn findings(
             ));
         }
     }
-    let drifting: Vec<&EnergyDrift> =
-        energy.iter().filter(|e| e.rate.abs() > 4.0 * e.rate_error && e.rate_error > 0.0).collect();
+    let drifting: Vec<&EnergyDrift> = energy
+        .iter()
+        .filter(|e| e.rate.abs() > tuning.drifts * e.rate_error && e.rate_error > 0.0)
+        .collect();
     if let Some(most) = drifting.iter().max_by(|a, b| a.rate.abs().total_cmp(&b.rate.abs())) {
         let how = if most.rate < 0.0 { "loses" } else { "gains" };
         out.push(format!(

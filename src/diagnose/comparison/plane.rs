@@ -7,6 +7,7 @@ use crate::diagnose::law_on_data::LawOnData;
 use crate::diagnose::settling::settle;
 use crate::error::Result;
 use crate::expr::{Expr, System};
+use crate::fit::column::Column;
 
 /// The force that is missing over (q, p) of one coordinate, bilinear between nodes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -53,10 +54,11 @@ pub fn force_planes(
     let n = model.system().degrees();
     let tuning = &model.tuning().comparison;
     let count = tuning.plane_nodes;
+    let nodes = |values: &[f64]| centres(&mut values.to_vec(), count, tuning.outermost);
     let mut planes = Vec::new();
     for coordinate in 0..n.min(tuning.planes) {
         let (q, p) = (motion(coordinate), motion(n + coordinate));
-        let (across, up) = (centres(&mut q.clone(), count), centres(&mut p.clone(), count));
+        let (across, up) = (nodes(&q), nodes(&p));
         if across.is_empty() || up.is_empty() {
             continue;
         }
@@ -81,7 +83,7 @@ pub fn force_planes(
         }
         let terms = force_terms(coordinate, &functions, &system);
         let scores = settle(model.clone()).probe(system, &terms)?.scores;
-        let score = scores.group(&(0..terms.len()).collect::<Vec<_>>());
+        let score = scores.group(&Column::all(terms.len()).collect::<Vec<_>>());
         let known = score.coefficients.iter().zip(&score.standard_errors);
         let nodes = held
             .into_iter()

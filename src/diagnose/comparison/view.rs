@@ -142,7 +142,7 @@ fn portraits(model: &LawOnData, predictions: &[Prediction]) -> Vec<Portrait> {
     let spans: Vec<Option<(f64, f64, f64)>> = (0..2 * n)
         .map(|row| span(predictions.iter().flat_map(|p| p.states[row].iter().copied())))
         .collect();
-    let reached = reached(predictions);
+    let reached = reached(predictions, tuning.outermost);
     let mut planes: Vec<(usize, usize)> = (0..n.min(tuning.planes)).map(|i| (i, n + i)).collect();
     if n == 2 {
         planes.insert(0, (0, 1));
@@ -181,14 +181,14 @@ fn portraits(model: &LawOnData, predictions: &[Prediction]) -> Vec<Portrait> {
     out
 }
 
-/// The energies of all predictions but the outermost percent on either side.
-fn reached(predictions: &[Prediction]) -> Option<(f64, f64)> {
+/// The energies of all predictions but the part `outermost` of them on either side.
+fn reached(predictions: &[Prediction], outermost: f64) -> Option<(f64, f64)> {
     let mut all: Vec<f64> =
         predictions.iter().flat_map(|p| &p.energy).copied().filter(|e| e.is_finite()).collect();
     all.sort_by(f64::total_cmp);
     let last = all.len().checked_sub(1)?;
     let at = |share: f64| all[(share * last as f64).round() as usize];
-    Some((at(0.01), at(0.99)))
+    Some((at(outermost), at(1.0 - outermost)))
 }
 
 /// Smallest, largest and mean value; none where they do not vary.
@@ -199,6 +199,7 @@ fn span(values: impl Iterator<Item = f64>) -> Option<(f64, f64, f64)> {
         sum += x;
         count += 1.0;
     }
+    // A spread that is rounding is none.
     let spread = high - low > 1e-12 * low.abs().max(high.abs());
     (count > 0.0 && spread && (high - low).is_finite()).then(|| (low, high, sum / count))
 }

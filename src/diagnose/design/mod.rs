@@ -368,6 +368,7 @@ fn expected(criterion: &Criterion, values: &[f64], standings: &[f64]) -> Expecte
 /// Probability that a difference of deviances distinguishes two models after it grew. Growth that
 /// is expected to be g is Gaussian of variance 4 g: twice the difference times the noise.
 fn power(now: f64, growth: f64, distinguishable: f64) -> f64 {
+    // Where nothing grows nothing spreads, and the sign of what is known decides.
     let spread = 2.0 * growth.max(1e-9).sqrt();
     Normal::standard().cdf((now + growth - distinguishable) / spread)
 }

@@ -13,6 +13,7 @@ use crate::diagnose::settling::{Settled, settle};
 use crate::diagnose::window::followed;
 use crate::error::Result;
 use crate::expr::Scope;
+use crate::fit::column::Column;
 
 /// The longest segments of a few samples over which the model strays
 /// from the data by a small part of their spread: there its misfit is linear in what causes it.
@@ -62,8 +63,8 @@ pub(super) struct Around<'a> {
     pub(super) settled: Settled<'a>,
     /// Coefficients of the composed terms.
     coefficients: Vec<f64>,
-    /// Places in theta of the unknowns that the model had before.
-    kept: Vec<usize>,
+    /// Columns of the unknowns that the model had before.
+    kept: Vec<Column>,
 }
 
 impl<'a> Around<'a> {
@@ -116,7 +117,7 @@ impl<'a> Around<'a> {
         let count = dynamics.active().len();
         let inner = dynamics.parameters().iter().enumerate();
         let inner = inner.filter(|(_, id)| !candidate.parameters.contains(id));
-        let kept: Vec<usize> = kept.chain(inner.map(|(place, _)| count + place)).collect();
+        let kept = kept.chain(inner.map(|(place, _)| count + place)).map(Column::new).collect();
         let of = |id| law.coefficient(id).unwrap_or(0.0);
         let coefficients = candidate.terms.iter().map(|&id| of(id)).collect();
         Around { settled, coefficients, kept }

@@ -11,7 +11,7 @@ use crate::fit::driving;
 use crate::fit::segments::Segment;
 use crate::fit::states::States;
 
-/// Trajectories that are followed side by side.
+/// Trajectories that are followed side by side; it changes cost alone.
 const LANES: usize = 32;
 
 /// The trajectory of one segment.

@@ -27,13 +27,6 @@ struct Draft {
     length: f64,
 }
 
-/// Other parts that are multiplied with one another, at most.
-const MOST_MULTIPLIED: usize = 260;
-
-/// Nats beyond a monomial of a place's simplest that a sensor may cost: an instrument adds simple
-/// things.
-const LONGEST_OF_SENSOR: f64 = 9.0;
-
 /// A distinct expression with the fall of the squares that it brings.
 pub(super) struct Found {
     pub(super) composed: Composed,
@@ -48,7 +41,7 @@ pub(super) struct Enumerated {
     pub(super) distinct: usize,
 }
 
-/// Terms that are looked at between two questions whether to stop.
+/// Terms that are looked at between two questions whether to stop; it changes cost alone.
 const CHUNK: usize = 20_000;
 
 /// Scores about as many distinct terms as the tuning says, the shortest, and keeps the best.
@@ -115,7 +108,7 @@ fn drafts(library: &Library, channels: Channels, tuning: &tuning::Composed) -> V
     let others = &library.others;
     let mut tails: Vec<([Option<u32>; 2], f64)> = vec![([None, None], 0.0)];
     tails.extend(others.iter().enumerate().map(|(i, p)| ([Some(i as u32), None], p.length)));
-    let multiplied = &others[..others.len().min(MOST_MULTIPLIED)];
+    let multiplied = &others[..others.len().min(tuning.multiplied)];
     for (i, a) in multiplied.iter().enumerate() {
         // A part times itself is not a simpler form of anything.
         for (j, b) in multiplied.iter().enumerate().skip(i + 1) {
@@ -144,7 +137,7 @@ fn drafts(library: &Library, channels: Channels, tuning: &tuning::Composed) -> V
                 continue;
             }
             let draft = Draft { monomial, others, place: Place::Potential, length: head + tail };
-            all.extend(draft.placed(library, channels));
+            all.extend(draft.placed(library, channels, tuning.sensor_length));
         }
     }
     all.sort_by(|a, b| a.length.total_cmp(&b.length));
@@ -162,8 +155,9 @@ impl Draft {
         self.parts(library).any(|part| part.depends(component))
     }
 
-    /// The same at every place where it makes sense.
-    fn placed(self, library: &Library, channels: Channels) -> Vec<Draft> {
+    /// The same at every place where it makes sense; in a sensor, where it costs less than
+    /// `sensor_length` nats.
+    fn placed(self, library: &Library, channels: Channels, sensor_length: f64) -> Vec<Draft> {
         let n = channels.degrees;
         let coordinates = (0..n).any(|i| self.depends(library, i));
         let momenta = (n..2 * n).any(|i| self.depends(library, i));
@@ -177,7 +171,7 @@ impl Draft {
         let cost = if energy == Place::Hamiltonian { ln(6) } else { ln(3) };
         let mut all = vec![at(energy, cost)];
         all.extend((0..n).map(|i| at(Place::Force(i), ln(3) + ln(n))));
-        if self.length < LONGEST_OF_SENSOR {
+        if self.length < sensor_length {
             all.extend((0..2 * n).map(|i| at(Place::Sensor(i), ln(6) + ln(2 * n))));
         }
         all
@@ -222,6 +216,7 @@ impl Key {
         let count = (action.values.len() / action.channels.len().max(1)).max(1);
         let norm = action.values.iter().map(|x| x * x).sum::<f64>().sqrt();
         let size = action.values.iter().fold(0.0f64, |most, x| most.max(x.abs()));
+        // What is smaller has squares that are no numbers any more.
         if !(norm.is_finite() && size > 1e-100) {
             return None;
         }
@@ -233,6 +228,7 @@ impl Key {
             second += value * direction(2 * place + 1);
         }
         let sign = if first < 0.0 { -1.0 } else { 1.0 };
+        // Rounding moves a direction by some 1e-14, and no two forms are as near as 1e-8.
         let cell = |x: f64| (sign * x / norm * 1e8).round() as i64;
         Some(Key(cell(first), cell(second)))
     }

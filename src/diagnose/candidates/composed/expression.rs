@@ -242,14 +242,13 @@ pub(super) struct LeafJets {
     pub(super) ranges: Vec<(f64, f64)>,
 }
 
-/// States at which two expressions are compared.
-pub(super) const COMPARED_AT: usize = 24;
-
 impl LeafJets {
+    /// Leaves at some points; expressions are compared at so many of them.
     pub(super) fn of(
         leaves: &Leaves,
         parameters: &[f64],
         points: &super::states::PhasePoints,
+        compared_at: usize,
     ) -> LeafJets {
         let nodes = leaves.jets(parameters, points);
         let range = |jet: &Jet| {
@@ -258,7 +257,7 @@ impl LeafJets {
         };
         LeafJets {
             ranges: nodes.iter().map(range).collect(),
-            few: leaves.jets(parameters, &points.sample(COMPARED_AT)),
+            few: leaves.jets(parameters, &points.sample(compared_at)),
             nodes,
         }
     }

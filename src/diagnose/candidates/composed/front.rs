@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::expression::{Composed, LeafJets};
-use super::responses::Responses;
+use super::expression::Composed;
+use super::search::Search;
 
 /// One or two composed terms with what they leave, to first order.
 #[derive(Debug, Clone)]
@@ -39,19 +39,10 @@ impl Choice {
     }
 }
 
-/// Terms that a second one is joined with.
-const BEAM: usize = 8;
-
-/// Part of its squares that a second column keeps beside the first, at least.
-const APART: f64 = 1e-6;
-
 /// All terms alone, and the best second ones beside the best of them.
-pub(super) fn choices(
-    terms: &[(Composed, f64)],
-    jets: &LeafJets,
-    responses: &Responses,
-    variance: f64,
-) -> Vec<Choice> {
+pub(super) fn choices(terms: &[(Composed, f64)], search: &Search, variance: f64) -> Vec<Choice> {
+    let Search { jets, responses, tuning } = search;
+    let tuning = &tuning.composed;
     let target = responses.target();
     let squares = target.norm_squared();
     let columns: Vec<DVector<f64>> = terms
@@ -76,7 +67,7 @@ pub(super) fn choices(
         let whole = |i: usize| all[i].whole(variance, responses.rows);
         whole(a).total_cmp(&whole(b))
     });
-    for &first in order.iter().take(BEAM) {
+    for &first in order.iter().take(tuning.beam) {
         let basis = columns[first].normalize();
         let height = basis.dot(&target);
         let mut best: Option<(usize, f64, f64)> = None;
@@ -86,7 +77,7 @@ pub(super) fn choices(
             }
             let shadow = basis.dot(column);
             let own = column.norm_squared() - shadow * shadow;
-            if own <= APART * column.norm_squared() {
+            if own <= tuning.apart * column.norm_squared() {
                 continue;
             }
             let gain = (column.dot(&target) - shadow * height).powi(2) / own;
@@ -118,15 +109,15 @@ pub(super) fn joint(columns: &[&DVector<f64>], target: &DVector<f64>) -> Option<
     Some(solved.iter().copied().collect())
 }
 
-/// Forward selection of up to `most` terms that together leave the least: what the motion is to
-/// be followed by, not what it is to be explained by.
+/// Forward selection of a few terms that together leave the least: what the motion is to be
+/// followed by, not what it is to be explained by.
 pub(super) fn together(
     terms: &[(Composed, f64)],
-    jets: &LeafJets,
-    responses: &Responses,
+    search: &Search,
     variance: f64,
-    most: usize,
 ) -> Vec<(Composed, f64)> {
+    let Search { jets, responses, tuning } = search;
+    let tuning = &tuning.composed;
     let target = responses.target();
     let columns: Vec<DVector<f64>> = terms
         .par_iter()
@@ -135,11 +126,11 @@ pub(super) fn together(
     let mut rests = columns.clone();
     let mut left = target.clone();
     let mut chosen: Vec<usize> = Vec::new();
-    while chosen.len() < most {
+    while chosen.len() < tuning.together {
         let mut best: Option<(usize, f64)> = None;
         for (at, rest) in rests.iter().enumerate() {
             let own = rest.norm_squared();
-            if own <= 1e-4 * columns[at].norm_squared() || own == 0.0 {
+            if own <= tuning.apart_together * columns[at].norm_squared() || own == 0.0 {
                 continue;
             }
             let merit = 0.5 * rest.dot(&left).powi(2) / own / variance - terms[at].0.price;

@@ -5,6 +5,7 @@ use rustc_hash::FxHashSet;
 
 use super::shapes::Shape;
 use super::states::PhasePoints;
+use crate::diagnose::tuning;
 use crate::eval::{Backend, Inputs, compile};
 use crate::expr::{Expr, Function, Graph, Node, Symbol, System, Variable};
 
@@ -96,16 +97,9 @@ impl Jet {
     }
 }
 
-/// Subexpressions of the spec that become leaves, at most: the largest ones are rarely what
-/// another term is made of.
-const MOST_KNOWN: usize = 24;
-
-/// Coordinates up to which squares of pairs of pairs are leaves.
-const MOST_OF_PLANES: usize = 6;
-
 impl Leaves {
     /// The leaves of a system.
-    pub(super) fn of(system: &System) -> Leaves {
+    pub(super) fn of(system: &System, tuning: &tuning::Composed) -> Leaves {
         let n = system.degrees();
         let state = system.state();
         let mut graph = system.graph.clone();
@@ -127,7 +121,8 @@ impl Leaves {
         } else {
             LeafUnit::Unknown
         };
-        let known = known_parts(system).into_iter().map(|expr| (expr, unknown.clone()));
+        let known =
+            known_parts(system, tuning.known_parts).into_iter().map(|expr| (expr, unknown.clone()));
         add(known.collect(), 2.0 * ln_2);
         let mut near = Vec::new();
         for of in [0..n, n..2 * n] {
@@ -147,7 +142,7 @@ impl Leaves {
         add(near, 3.0 * ln_2);
         let mut far = Vec::new();
         // Distances of two bodies in a plane.
-        if (4..=MOST_OF_PLANES).contains(&n) {
+        if (4..=tuning.plane_coordinates).contains(&n) {
             let all: Vec<(usize, usize)> = pairs(0..n).collect();
             for (i, &(a, b)) in all.iter().enumerate() {
                 for &(c, d) in &all[i + 1..] {
@@ -251,8 +246,8 @@ fn is_monomial(graph: &Graph, expr: Expr) -> bool {
 }
 
 /// Subexpressions of the known parts and of the function space that depend on the state and not
-/// on time, the shortest first.
-fn known_parts(system: &System) -> Vec<Expr> {
+/// on time, the shortest first, `most` of them.
+fn known_parts(system: &System, most: usize) -> Vec<Expr> {
     let graph = &system.graph;
     let roots: Vec<Expr> = [system.kinetic, system.potential, system.hamiltonian]
         .into_iter()
@@ -281,5 +276,5 @@ fn known_parts(system: &System) -> Vec<Expr> {
         .map(|expr| (graph.topological(&[expr]).len(), expr))
         .collect();
     parts.sort_by_key(|&(size, expr)| (size, expr));
-    parts.into_iter().take(MOST_KNOWN).map(|(_, expr)| expr).collect()
+    parts.into_iter().take(most).map(|(_, expr)| expr).collect()
 }

@@ -3,6 +3,7 @@
 use super::expression::{Factor, LeafJets, product};
 use super::leaves::{Jet, Leaves};
 use super::shapes::{Inner, SHAPES};
+use crate::diagnose::tuning;
 
 /// A product of factors, evaluated.
 pub(super) struct Part {
@@ -43,21 +44,15 @@ pub(super) struct Library {
 /// What one more factor costs.
 const ONE_MORE: f64 = std::f64::consts::LN_2;
 
-/// Monomials that are kept.
-const MOST_MONOMIALS: usize = 500;
-
-/// Other parts that are kept.
-const MOST_OTHERS: usize = 2_400;
-
 impl Library {
-    pub(super) fn of(leaves: &Leaves, jets: &LeafJets) -> Library {
-        let mut monomials: Vec<Part> = monomials(leaves, jets)
+    pub(super) fn of(leaves: &Leaves, jets: &LeafJets, tuning: &tuning::Composed) -> Library {
+        let mut monomials: Vec<Part> = monomials(leaves, jets, tuning.monomials)
             .into_iter()
             .filter_map(|(factors, length)| Part::of(factors, length, jets))
             .collect();
         let mut others: Vec<(Factor, f64)> = others(leaves, jets);
         others.sort_by(|a, b| a.1.total_cmp(&b.1));
-        others.truncate(MOST_OTHERS);
+        others.truncate(tuning.others);
         let mut others: Vec<Part> = others
             .into_iter()
             .filter_map(|(factor, length)| Part::of(vec![factor], length, jets))
@@ -68,8 +63,8 @@ impl Library {
     }
 }
 
-/// Products of positive powers of coordinates and momenta, the shortest first.
-fn monomials(leaves: &Leaves, jets: &LeafJets) -> Vec<(Vec<Factor>, f64)> {
+/// Products of positive powers of coordinates and momenta, the shortest first, `most` of them.
+fn monomials(leaves: &Leaves, jets: &LeafJets, most: usize) -> Vec<(Vec<Factor>, f64)> {
     let plain = leaves.list.iter().enumerate().filter(|(_, leaf)| leaf.component.is_some());
     let mut all: Vec<(Vec<Factor>, f64)> = vec![(Vec::new(), 0.0)];
     for (at, leaf) in plain {
@@ -88,11 +83,11 @@ fn monomials(leaves: &Leaves, jets: &LeafJets) -> Vec<(Vec<Factor>, f64)> {
             }));
         }
         next.sort_by(|a, b| a.1.total_cmp(&b.1));
-        next.truncate(2 * MOST_MONOMIALS);
+        next.truncate(2 * most);
         all = next;
     }
     all.retain(|(factors, _)| !factors.is_empty());
-    all.truncate(MOST_MONOMIALS);
+    all.truncate(most);
     all
 }
 

@@ -42,6 +42,7 @@ use crate::diagnose::law_on_data::LawOnData;
 use crate::error::Result;
 use crate::expr::Scope;
 use crate::fit::Monitor;
+use crate::fit::column::Column;
 
 /// What a search for composed terms found.
 pub struct Composition {
@@ -83,13 +84,13 @@ pub fn composition(
     monitor.stage("terms composed from the variables", 0.0);
     let model = &model.thinned(model.data.most.min(model.tuning().scan.samples));
     let settled = linear(model);
-    let leaves = Leaves::of(model.system());
-    let kept: Vec<usize> = (0..settled.model.law.dynamics().unknowns()).collect();
+    let leaves = Leaves::of(model.system(), tuning);
+    let kept: Vec<Column> = Column::all(settled.model.law.dynamics().unknowns()).collect();
     let first = Search::of(&settled, &leaves, &kept, tuning.first_spacing, &[]);
     if first.responses.rows == 0 {
         return Ok(nothing);
     }
-    let library = Library::of(&leaves, &first.jets);
+    let library = Library::of(&leaves, &first.jets, tuning);
     let variance = first.variance(first.responses.squares);
     let seen = enumerate(&library, &first.responses, variance, tuning, monitor);
     let distinct = seen.distinct;
@@ -97,7 +98,7 @@ pub fn composition(
     let mut chosen = first.chosen(&terms);
     let few = &terms[..terms.len().min(tuning.joined)];
     let variance = first.best_variance(few);
-    let mut leaders = together(few, &first.jets, &first.responses, variance, tuning.together);
+    let mut leaders = together(few, &first, variance);
     for _ in 0..tuning.rounds {
         if monitor.stopped() || leaders.is_empty() {
             break;

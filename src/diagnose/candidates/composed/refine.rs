@@ -1,24 +1,16 @@
 //! Inner numbers of composed terms, moved to where the score is best.
 
-use super::expression::{Composed, LeafJets};
+use super::expression::Composed;
 use super::library::bounds;
-use super::responses::Responses;
+use super::search::Search;
 use super::shapes::Inner;
-
-/// First step, in parts of the logarithm of a length or of the range of a centre or exponent.
-const FIRST_STEP: f64 = 0.12;
-
-/// Last step.
-const LAST_STEP: f64 = 2e-4;
-
-/// Scores of one term, at most.
-const MOST_SCORES: usize = 120;
 
 /// A coordinate of the search: a logarithm where the number is a length or a rate.
 fn moved(inner: Inner, number: f64, step: f64, (lower, upper): (f64, f64)) -> f64 {
     let number = match inner {
         Inner::Length | Inner::Scale | Inner::WaveNumber => number * step.exp(),
         Inner::Centre => number + step * (upper - lower),
+        // The first step is half of an exponent.
         Inner::Exponent => number + 4.0 * step,
     };
     number.clamp(lower, upper)
@@ -26,12 +18,9 @@ fn moved(inner: Inner, number: f64, step: f64, (lower, upper): (f64, f64)) -> f6
 
 /// The term with the inner numbers that the score likes best, by a compass search from those
 /// that it has, and the fall of the squares there.
-pub(super) fn refined(
-    start: &Composed,
-    fall: f64,
-    jets: &LeafJets,
-    responses: &Responses,
-) -> (Composed, f64) {
+pub(super) fn refined(start: &Composed, fall: f64, search: &Search) -> (Composed, f64) {
+    let Search { jets, responses, tuning } = search;
+    let tuning = &tuning.composed;
     let inner = start.inner();
     let mut best = (start.clone(), fall);
     if inner.is_empty() {
@@ -39,9 +28,9 @@ pub(super) fn refined(
     }
     let ranges: Vec<(f64, f64)> =
         inner.iter().map(|&(at, _, kind)| bounds(&start.factors[at], kind, jets)).collect();
-    let mut step = FIRST_STEP;
+    let mut step = tuning.first_step;
     let mut scores = 0;
-    while step > LAST_STEP && scores < MOST_SCORES {
+    while step > tuning.last_step && scores < tuning.scores {
         let mut better = false;
         for (place, &(_, _, kind)) in inner.iter().enumerate() {
             for sign in [1.0, -1.0] {

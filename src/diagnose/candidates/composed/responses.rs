@@ -16,6 +16,7 @@ use super::course::{Course, courses, frequency};
 use super::states::PhasePoints;
 use crate::diagnose::settling::Settled;
 use crate::expr::Observed;
+use crate::fit::column::Column;
 
 /// Channels that a term acts on: rates of the momenta (kicks), rates of the coordinates (drifts),
 /// and what the instrument adds to each observable.
@@ -47,11 +48,8 @@ impl Channels {
     }
 }
 
-/// Terms that are scored side by side.
+/// Terms that are scored side by side; it changes cost alone.
 pub(super) const TOGETHER: usize = 8;
-
-/// A column that keeps less than this part of its squares beside the model is spanned by it.
-const SPANNED: f64 = 1e-7;
 
 /// One segment.
 struct Segment {
@@ -86,6 +84,8 @@ pub(super) struct Responses {
     pub(super) rows: usize,
     segments: Vec<Segment>,
     unknowns: usize,
+    /// An action that keeps less than this part of its squares beside the model is spanned by it.
+    spanned: f64,
 }
 
 /// A term's values at all nodes, channel after channel.
@@ -100,19 +100,18 @@ pub(super) struct Action {
 /// Points from sample to sample, at least: Simpson's rule takes them in twos.
 const PANEL: usize = 2;
 
-/// Angle of the fastest motion, in radians, that a panel of Simpson's rule may span.
-const PANEL_ANGLE: f64 = 0.6;
-
 impl Responses {
     /// From the model before some segments, nodes `spacing` radians of the fastest motion apart.
     ///
-    /// `kept` are the model's unknowns that are eliminated, by their places in theta.
-    pub(super) fn of(settled: &Settled, kept: &[usize], spacing: f64) -> Responses {
+    /// `kept` are the columns of the model's unknowns that are eliminated.
+    pub(super) fn of(settled: &Settled, kept: &[Column], spacing: f64) -> Responses {
         let model = &settled.model;
         let mut found = courses(settled, PANEL);
         let turning = frequency(&found);
         let span = model.data.packed.typical_step();
-        let panels = (turning * span / PANEL_ANGLE).ceil().clamp(1.0, 4.0) as usize;
+        let tuning = &model.tuning().composed;
+        let panels = (turning * span / tuning.panel_angle).ceil() as usize;
+        let panels = panels.clamp(1, tuning.panels.max(1));
         if panels > 1 {
             found = courses(settled, PANEL * panels);
         }
@@ -142,8 +141,9 @@ impl Responses {
             rows,
             segments: list,
             unknowns: kept.len(),
+            spanned: tuning.spanned,
         };
-        responses.orthonormalise();
+        responses.orthonormalise(tuning.spanned_unknowns);
         responses.rows = responses.rows.saturating_sub(responses.unknowns);
         responses.finish();
         responses
@@ -162,8 +162,8 @@ impl Responses {
     }
 
     /// An orthonormal basis of the unknowns' columns over all segments (modified Gram-Schmidt,
-    /// each column twice); columns that others span are left out.
-    fn orthonormalise(&mut self) {
+    /// each column twice); columns that others span but for the part `spanned` are left out.
+    fn orthonormalise(&mut self, spanned: f64) {
         let dot = |segments: &[Segment], a: usize, b: usize| -> f64 {
             segments.iter().map(|s| s.base.column(a).dot(&s.base.column(b))).sum()
         };
@@ -180,7 +180,7 @@ impl Responses {
                 }
             }
             let left = dot(&self.segments, column, column);
-            if left > 1e-12 * whole && left > 0.0 {
+            if left > spanned * whole && left > 0.0 {
                 let scale = left.sqrt().recip();
                 for segment in &mut self.segments {
                     let basis = segment.base.column(column) * scale;
@@ -255,7 +255,7 @@ impl Responses {
         for lane in 0..LANES {
             let spanned: f64 = shadows.iter().map(|shadow| shadow[lane].powi(2)).sum();
             let own = whole[lane] - spanned;
-            let seen = own > SPANNED * whole[lane] && own.is_finite();
+            let seen = own > self.spanned * whole[lane] && own.is_finite();
             falls[lane] = if seen { gain[lane].powi(2) / own } else { 0.0 };
         }
         falls
@@ -359,7 +359,7 @@ fn segment(
     channels: Channels,
     between: usize,
     apart: f64,
-    kept: &[usize],
+    kept: &[Column],
     velocities: bool,
 ) -> (Segment, Vec<Vec<f64>>) {
     let (size, n) = (channels.moving(), channels.degrees);
@@ -416,7 +416,8 @@ fn segment(
         })
     };
     let states = stack(&|tangent, row, column| tangent[(row, column)], size);
-    let mut base = stack(&|tangent, row, column| tangent[(row, size + kept[column])], kept.len());
+    let mut base =
+        stack(&|tangent, row, column| tangent[(row, size + kept[column].position())], kept.len());
     let mut target =
         DVector::from_fn(rows, |row, _| course.residuals[row / observables][row % observables]);
     // A state that the rows do not determine has a direction that is rounding: it is left out.
@@ -453,6 +454,7 @@ fn orthonormal(mut columns: DMatrix<f64>) -> DMatrix<f64> {
             }
         }
         let left = rest.norm();
+        // What is less is rounding: derivatives are known to 1e-15 or so times their growth.
         if left > 1e-9 * whole && left > 0.0 {
             columns.set_column(count, &(rest / left));
             count += 1;

@@ -10,28 +10,29 @@ use super::refine::refined;
 use super::responses::{Action, Responses, TOGETHER};
 use crate::diagnose::settling::Settled;
 use crate::diagnose::tuning::Tuning;
+use crate::fit::column::Column;
 
 /// What scores are made of around one motion.
 pub(super) struct Search<'a> {
     pub(super) jets: LeafJets,
     pub(super) responses: Responses,
-    tuning: &'a Tuning,
+    pub(super) tuning: &'a Tuning,
 }
 
 impl<'a> Search<'a> {
-    /// Around the motion of a model; `kept` are those of its unknowns, by their places in theta,
-    /// that stay free, and nodes are `spacing` radians of the fastest motion apart. What the
+    /// Around the motion of a model; `kept` are the columns of those of its unknowns that stay free, and nodes are `spacing` radians of the fastest motion apart. What the
     /// `restored` terms do, each times a coefficient, is to be explained besides.
     pub(super) fn of(
         settled: &Settled<'a>,
         leaves: &Leaves,
-        kept: &[usize],
+        kept: &[Column],
         spacing: f64,
         restored: &[(Composed, f64)],
     ) -> Search<'a> {
         let model = &settled.model;
         let mut responses = Responses::of(settled, kept, spacing);
-        let jets = LeafJets::of(leaves, model.law.parameters(), &responses.points);
+        let compared_at = model.tuning().composed.compared_at;
+        let jets = LeafJets::of(leaves, model.law.parameters(), &responses.points, compared_at);
         let actions: Vec<(f64, Action)> = restored
             .iter()
             .map(|(term, c)| (*c, term.action(&jets.nodes, responses.channels)))
@@ -93,10 +94,8 @@ impl<'a> Search<'a> {
             }
         }
         let leaders = forms.len().min(self.tuning.composed.refined);
-        let mut refined_terms: Vec<(Composed, f64)> = forms[..leaders]
-            .par_iter()
-            .map(|one| refined(&one.composed, one.fall, &self.jets, &self.responses))
-            .collect();
+        let mut refined_terms: Vec<(Composed, f64)> =
+            forms[..leaders].par_iter().map(|one| refined(&one.composed, one.fall, self)).collect();
         let others = forms.drain(leaders..).map(|one| (one.composed, one.fall));
         refined_terms.extend(others);
         refined_terms.sort_by(|a, b| merit(&b.0, b.1).total_cmp(&merit(&a.0, a.1)));
@@ -109,7 +108,7 @@ impl<'a> Search<'a> {
         let rows = self.responses.rows;
         let few = &terms[..terms.len().min(self.tuning.composed.joined)];
         let variance = self.best_variance(few);
-        let all = choices(few, &self.jets, &self.responses, variance);
+        let all = choices(few, self, variance);
         let least = all.iter().map(|choice| choice.left).fold(f64::INFINITY, f64::min);
         let variance = self.variance(least);
         let mut front = leaders(all, variance, rows, self.tuning.composed.rivals);

@@ -10,6 +10,7 @@ use crate::diagnose::options::Options;
 use crate::diagnose::settling::{Settled, settle};
 use crate::expr::{Place, Scope, System, build};
 use crate::fit::Law;
+use crate::fit::column::Column;
 use crate::simulate::Simulator;
 
 const PENDULUM: &str = "coordinates q\nmomenta p\nT = p^2/2\nV = -cos(q)\n";
@@ -53,7 +54,7 @@ fn a_score_is_that_of_a_pass_over_the_data() {
     let data = measured("coordinates q\nmomenta p\nT = p^2/2\nV = -cos(q) + 0.002*q^4\n");
     let options = Options::default();
     let settled = settled(PENDULUM, &data, &options);
-    let leaves = Leaves::of(settled.model.system());
+    let leaves = Leaves::of(settled.model.system(), &options.tuning.composed);
     let search = Search::of(&settled, &leaves, &[], 0.12, &[]);
     let mut scope = Scope::of(&build("model", PENDULUM).expect("a spec"));
     let cases = [
@@ -77,7 +78,7 @@ fn a_score_is_that_of_a_pass_over_the_data() {
         let (_, own) = extension.terms().next().expect("a term");
         let probe = extension.import(own, &mut system.graph, &Default::default());
         let scores = settled.probe(system, &[probe]).expect("a score").scores;
-        let expected = scores.group(&[0]).deviance * scores.variance;
+        let expected = scores.group(&[Column::new(0)]).deviance * scores.variance;
         assert!((fall / expected - 1.0).abs() < 2e-3, "{statement}: {fall}, {expected} by a pass");
     }
 }
@@ -94,8 +95,8 @@ fn what_stands_in_the_model_is_not_scored() {
     let law = Law::new(system, terms, Vec::new(), vec![1e-3; 2], how).expect("a law");
     let options = Options::default();
     let settled = settle(LawOnData::of(law, &data, &options));
-    let leaves = Leaves::of(settled.model.system());
-    let search = Search::of(&settled, &leaves, &[0, 1], 0.12, &[]);
+    let leaves = Leaves::of(settled.model.system(), &options.tuning.composed);
+    let search = Search::of(&settled, &leaves, &Column::all(2).collect::<Vec<_>>(), 0.12, &[]);
     let fall = |power: &str| {
         let term = term(Place::Potential, &[(0, power, 0.0)]);
         search.responses.fall(&term.action(&search.jets.nodes, search.responses.channels))
@@ -110,7 +111,7 @@ fn what_terms_do_is_explained_again_where_it_is_restored() {
     let with = "coordinates q\nmomenta p\nT = p^2/2\nV = -cos(q) + 0.05*q^4\n";
     let options = Options::default();
     let settled = settled(with, &data, &options);
-    let leaves = Leaves::of(settled.model.system());
+    let leaves = Leaves::of(settled.model.system(), &options.tuning.composed);
     let quartic = term(Place::Potential, &[(0, "{x}^4", 0.0)]);
     let search = Search::of(&settled, &leaves, &[], 0.12, &[(quartic.clone(), 0.05)]);
     let left = |term: &Composed| {
