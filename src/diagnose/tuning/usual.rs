@@ -1,0 +1,201 @@
+//! The usual numbers of the diagnosis.
+
+use super::{
+    Axis, Candidates, Comparison, Composed, Design, Discovery, Grids, Instrument, NoiseFloor,
+    Ranking, Scan, States, Sufficiency, Tuning, Verdict,
+};
+
+/// The usual numbers.
+const TUNING: Tuning = Tuning {
+    sufficiency: Sufficiency { residuals: 20, held_out_residuals: 8 },
+    noise_floor: NoiseFloor {
+        rounds: 6,
+        steady: 0.01,
+        residuals: 20.0,
+        below: 3.0,
+        stories: 3,
+        moved: 0.05,
+        strays: 100.0,
+    },
+    states: States { first_samples: 8, growth: 4, retries: 6, settled: 1e-4, longest: 20_000 },
+    candidates: Candidates {
+        points: 48,
+        frequencies: 600,
+        points_together: 60,
+        declared_points: 24,
+        declared_points_together: 64,
+        numbers: 60,
+        number_terms: 5_000,
+        number_states: 24,
+        same_number: 1e-10,
+        unnamed_degree: 4,
+        bump_coordinates: 3,
+        grids: Grids {
+            lengths: Axis { from: 0.1, to: 1.0, points: 4 },
+            wave_numbers: Axis { from: 0.5, to: 8.0, points: 24 },
+            momenta: Axis { from: 0.1, to: 1.0, points: 4 },
+            rates: Axis { from: 0.5, to: 0.5, points: 6 },
+            durations: Axis { from: 2.0, to: 1.0, points: 6 },
+            place_margin: 0.02,
+            places: 13,
+            beyond: Axis { from: 0.1, to: 1.0, points: 4 },
+            instant_margin: 0.05,
+            instants: 16,
+            exponents: [0.5, 1.5, 2.5],
+            powers: [-3.0, -1.5, -0.5, 0.5, 1.5, 3.0],
+            highest_frequency: 0.25,
+        },
+    },
+    composed: Composed {
+        coordinates: 6,
+        expressions: 150_000,
+        candidates: 12,
+        kept: 3_000,
+        refined: 120,
+        unnamed: 7.0,
+        joined: 300,
+        together: 4,
+        rivals: 5.0,
+        rounds: 3,
+        shortest: 4,
+        window: 32,
+        followed: 40,
+        strays: 0.03,
+        first_spacing: 0.3,
+        second_spacing: 0.15,
+        panel_angle: 0.6,
+        panels: 4,
+        spanned: 1e-7,
+        spanned_unknowns: 1e-12,
+        known_parts: 24,
+        plane_coordinates: 6,
+        monomials: 500,
+        others: 2_400,
+        multiplied: 260,
+        sensor_length: 9.0,
+        compared_at: 24,
+        first_step: 0.12,
+        last_step: 2e-4,
+        scores: 120,
+        beam: 8,
+        apart: 1e-6,
+        apart_together: 1e-4,
+    },
+    scan: Scan {
+        columns_together: 240,
+        columns_apart: 28,
+        least_variance: 0.1,
+        samples: 1_200,
+        spanned: 1e-5,
+        significant: 1e-3,
+    },
+    ranking: Ranking {
+        first_refits: 8,
+        later_refits: 3,
+        deviance_left: 0.1,
+        at_bound: 1e-6,
+        beyond_grid: 0.5,
+        indistinguishable: 6.0,
+        same: 0.25,
+        finish_within: 50.0,
+        finish_within_part: 0.01,
+        finished: 4,
+        refitted_part: 0.75,
+        strays: 10.0,
+        least_variance: 1e-12,
+    },
+    verdict: Verdict {
+        effects: 4,
+        beginnings: 3,
+        beam: 3,
+        branches: 2,
+        unnamed_beam: 1,
+        unnamed_branches: 6,
+        standard_errors: 4.0,
+        cancellation: 4.0,
+        at_noise: 4.0,
+        reaches: 1.1,
+        negligible: 1e-12,
+        part: 0.97,
+        unmistakable: 1e-6,
+        resolved: 10.0,
+    },
+    discovery: Discovery { additions: 8 },
+    instrument: Instrument {
+        shortest: 6,
+        longest: 12,
+        far: 4.5,
+        spike: 0.8,
+        significant: 1e-3,
+        coarse: 0.5,
+        slack: 1e-9,
+        step: 100.0,
+        readings: 20,
+    },
+    comparison: Comparison {
+        hats: 9,
+        significant: 1e-3,
+        maps: 4,
+        drifts: 4.0,
+        grows: 1.2,
+        outermost: 0.01,
+        plane_nodes: 7,
+        node_samples: 4,
+        planes: 6,
+        portrait_points: 81,
+        portrait_margin: 0.15,
+        energies: 16,
+        lanes: 64,
+    },
+    design: Design {
+        longest: 20_000,
+        shortest: 21,
+        repeats: 16,
+        points: 192,
+        points_of_several: 96,
+        points_at_rest: 64,
+        batch: 128,
+        hopeless: 3.0,
+        enough: 0.95,
+        neighbourhoods: 3,
+        apart: 0.15,
+        first_step: 1.0 / 8.0,
+        last_step: 1.0 / 100.0,
+        rounds: 24,
+        finer_steps: 8.0,
+        lanes: 32,
+    },
+};
+
+macro_rules! usual {
+    ($($name:ident: $field:ident,)*) => {
+        $(impl Default for $name {
+            /// The usual numbers.
+            fn default() -> Self {
+                TUNING.$field
+            }
+        })*
+    };
+}
+
+usual! {
+    Sufficiency: sufficiency,
+    NoiseFloor: noise_floor,
+    States: states,
+    Candidates: candidates,
+    Composed: composed,
+    Scan: scan,
+    Ranking: ranking,
+    Verdict: verdict,
+    Discovery: discovery,
+    Instrument: instrument,
+    Comparison: comparison,
+    Design: design,
+}
+
+impl Default for Tuning {
+    /// The usual numbers.
+    fn default() -> Self {
+        TUNING
+    }
+}
