@@ -4,6 +4,7 @@
 //! ```console
 //! $ cargo run --release --example hidden_effects                 # the whole design; goes on
 //! $ cargo run --release --example hidden_effects -- --cases 240  # the first tenth of it
+//! $ cargo run --release --example hidden_effects -- --turns 5    # those with short runs alone
 //! $ cargo run --release --example hidden_effects -- --threads 1
 //! $ cargo run --release --example hidden_effects -- --page       # the page of what was run
 //! $ cargo run --release --example hidden_effects -- --case 17    # one case, with all that is told
@@ -47,6 +48,9 @@ struct Arguments {
     /// How many cases of the design, from its beginning
     #[arg(long, default_value_t = CASES)]
     cases: usize,
+    /// Of these, only those with so many turns in a run (5, 12, 30, 80 or 200)
+    #[arg(long)]
+    turns: Option<f64>,
     /// How many at once
     #[arg(long, default_value_t = 1)]
     threads: usize,
@@ -59,6 +63,9 @@ struct Arguments {
     /// Run this case alone, and say all about it
     #[arg(long)]
     case: Option<usize>,
+    /// Only list the cases
+    #[arg(long)]
+    list: bool,
     /// With --case: write its spec and measurements to a folder instead
     #[arg(long)]
     write: Option<PathBuf>,
@@ -76,11 +83,12 @@ fn line(record: &Record) -> String {
         let all: Vec<&str> = of.iter().map(|one| one.label.as_str()).collect();
         all.join(" and ")
     };
+    let is_run = !(record.verdict.is_empty() && record.reason.is_empty());
     format!(
         "{:>4} {:<22} {:<12} {:<11} reach {:<4} noise {:<5} {:<11} {:>3.0} turns {:<12} {:<15} \
          {:6.1} s | {} | {}{}",
         record.number,
-        record.mark().text(),
+        if is_run { record.mark().text() } else { "" },
         record.kind,
         record.base,
         record.reach.0,
@@ -92,9 +100,9 @@ fn line(record: &Record) -> String {
         record.seconds,
         labels(&record.hidden),
         labels(&record.story),
-        match (record.hidden.is_empty(), record.identifiable()) {
-            (false, false) => " (not identifiable)",
-            _ => "",
+        match is_run && !record.hidden.is_empty() && !record.identifiable() {
+            true => " (not identifiable)",
+            false => "",
         },
     )
 }
@@ -108,9 +116,15 @@ fn run(plan: &Plan) -> Record {
 fn main() {
     let arguments = Arguments::parse();
     let number = arguments.case.map_or(arguments.cases, |case| case + 1);
-    let design = plans(number);
+    let mut design = plans(number);
+    if let Some(turns) = arguments.turns.filter(|_| arguments.case.is_none()) {
+        design.retain(|plan| plan.periods == turns);
+    }
     if let Some(plan) = arguments.case.and_then(|case| design.get(case)) {
         return one(plan, arguments.write);
+    }
+    if arguments.list {
+        return design.iter().for_each(|plan| println!("{}", line(&Record::of(plan))));
     }
     let done: HashSet<usize> = records(&arguments.results).iter().map(|one| one.number).collect();
     if !arguments.page {

@@ -12,9 +12,10 @@ const NINETY_FIVE: f64 = 1.959_964;
 /// The whole page of some cases of a design of `all`.
 pub fn page(records: &[Record], all: usize) -> String {
     let mut out = format!(
-        "{HEAD}\n**On this page: {} of the {all} cases of the design**, its first ones; any first part is a \
-         sample of the whole.\n",
-        records.len()
+        "{HEAD}\n**On this page: {} of the {all} cases of the design.** Any first part of it is a sample of \
+         the whole, but short runs take less time: here are {}.\n",
+        records.len(),
+        PERIODS.map(|periods| parts(records, periods)).join(", "),
     );
     figures(&mut out, records);
     for (title, of) in FACTORS {
@@ -42,7 +43,7 @@ A case is drawn from the product of
 - its strength: it moves the samples by 0.02, 0.2, 1 or 2 of their spread, or as far as it can move them;
 - noise of 0, 0.1, 1 and 5 % of each column's spread: white (half of the cases), correlated, rounded to the
   instrument's steps, or with velocities that are filtered differences of the noisy positions;
-- runs of 5 to 200 turns of a unit oscillator, 8 runs to 2, with 32 samples a turn to 10;
+- runs of 5 to 200 turns of a unit oscillator, 8 runs to 2, with 32 samples a turn to 8;
 - what the spec knows: all numbers, half of them, none;
 - what is seen: states, positions alone, irregular times with gaps and lost cells, one long run;
 
@@ -52,7 +53,8 @@ samples) is held out.
 **Identifiable** is what the data can tell: with the true terms in the model, all numbers fitted over whole
 runs and weighed by the true noise, twice the log-likelihood grows by more than 25 (five standard
 deviations) and the price of the unknowns (their number times the logarithm of that of the readings); of
-several members by that much for each. A stranger has no terms: there the model as it is must leave
+several members by that much for each; correlated noise counts as the fewer independent readings that say
+as much. A stranger has no terms: there the model as it is must leave
 more than noise.
 
 **Right** is strict: the names and coordinates of what is hidden and no other, and every number within five
@@ -61,6 +63,21 @@ as well as the truth does (a deviance less than 6 higher, held-out errors within
 says it cannot tell from the true one. **Wrong** are all other stories. In filtered velocities, a shifted
 clock of the momentum is there, and counts as nothing.
 ";
+
+/// How many cases have so many turns in a run, and up to where in the design.
+fn parts(records: &[Record], periods: f64) -> String {
+    let here = || records.iter().filter(|one| one.periods == periods);
+    match here().map(|one| one.number).max() {
+        Some(last) => {
+            let last = last + 1;
+            format!(
+                "{} with runs of {periods} turns (of the first {last} of the design)",
+                here().count()
+            )
+        }
+        None => format!("none with runs of {periods}"),
+    }
+}
 
 /// A share of some cases.
 struct Share {

@@ -4,11 +4,15 @@
 use std::collections::HashSet;
 
 use crate::hidden::bases::{BASES, Base};
+use crate::hidden::design::{Colour, Kind, NOISES, PERIODS, Plan, REACHES, plans};
 use crate::hidden::outcome::{Outcome, outcome};
 use crate::hidden::pairs::PAIRS;
+use crate::hidden::score::{Mark, Record, scored};
 use crate::hidden::strangers::STRANGERS;
 use crate::hidden::{case, statement};
 use leverrier::internals::diagnose::diagnosis::Verdict;
+use rayon::prelude::*;
+
 use leverrier::internals::spec::effects::{by_name, catalogue};
 
 fn base(name: &str) -> &'static Base {
@@ -100,4 +104,62 @@ fn two_effects_at_once_are_discovered_and_nothing_else() {
         let (found, effects) = pair.discovered(0.01, 1);
         assert_eq!(effects, pair.effects, "{}", found.stop);
     }
+}
+
+#[test]
+fn any_first_part_of_the_design_is_a_sample_of_it() {
+    let all = plans(2400);
+    for count in [240, 2400] {
+        let here = &all[..count];
+        let of = |kind: Kind| here.iter().filter(|plan| plan.kind == kind).count();
+        for (kind, share) in Kind::SHARES {
+            assert_eq!(of(kind), share * count / 24, "{kind:?}");
+        }
+        let evenly = |what: &str, levels: usize, is: &dyn Fn(&Plan, usize) -> bool| {
+            for level in 0..levels {
+                let met = here.iter().filter(|plan| is(plan, level)).count();
+                let expected = count / levels;
+                assert!(met.abs_diff(expected) < count / 20, "{what} {level}: {met} of {count}");
+            }
+        };
+        evenly("strength", REACHES.len(), &|plan, level| plan.reach == REACHES[level]);
+        evenly("noise", NOISES.len(), &|plan, level| plan.noise == NOISES[level]);
+        evenly("turns", PERIODS.len(), &|plan, level| plan.periods == PERIODS[level]);
+    }
+    let alone: HashSet<String> = all
+        .iter()
+        .filter(|plan| plan.kind == Kind::Single)
+        .flat_map(Plan::labels)
+        .filter_map(|label| Some(label.split_once('(')?.0.to_string()))
+        .collect();
+    for row in catalogue().filter(|row| !row.template.is_empty()) {
+        assert!(alone.contains(row.name), "{} is hidden nowhere", row.name);
+    }
+}
+
+/// A part of the design that takes little: the shortest runs of at most two coordinates before
+/// white noise. The example runs the whole of it.
+#[test]
+fn of_a_part_of_the_design_nothing_false_is_told() {
+    let cheap = |plan: &&Plan| {
+        let short = plan.periods == PERIODS[0] && plan.base.starts.len() <= 4;
+        let at_once = matches!(plan.kind, Kind::Nothing | Kind::Single | Kind::Group);
+        let white = plan.noise > 0.0 && plan.colour == Colour::White;
+        let moderate = plan.kind == Kind::Nothing || (0.1..1.5).contains(&plan.reach);
+        short && at_once && white && moderate
+    };
+    let all = plans(800);
+    let part: Vec<&Plan> = all.iter().filter(cheap).take(20).collect();
+    let records: Vec<Record> = part.into_par_iter().map(scored).collect();
+    let count = |mark: Mark| records.iter().filter(|one| one.mark() == mark).count();
+    let told: Vec<String> = records
+        .iter()
+        .map(|one| format!("{} {:?} {:.1} s: {}", one.number, one.mark(), one.seconds, one.reason))
+        .collect();
+    let told = told.join("\n");
+    println!("{told}");
+    let named = |one: &&Record| one.is(Kind::Nothing) && one.mark() != Mark::Right;
+    assert_eq!(records.iter().filter(named).count(), 0, "{told}");
+    assert!(count(Mark::Wrong) + count(Mark::Beside) <= 1, "{told}");
+    assert!(count(Mark::Right) >= 14, "{told}");
 }

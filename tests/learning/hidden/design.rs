@@ -195,6 +195,16 @@ pub struct Plan {
     pub seed: u64,
 }
 
+impl Plan {
+    /// Labels of the effects that are hidden.
+    pub fn labels(&self) -> Vec<String> {
+        match &self.what {
+            What::Statements(all) => all.iter().map(|(label, _)| label.clone()).collect(),
+            _ => Vec::new(),
+        }
+    }
+}
+
 /// A number in `0..count`: in each stretch of `count` values of `k`, every one once, shuffled.
 fn level(factor: u64, k: usize, count: usize) -> usize {
     let block = (k / count) as u64;

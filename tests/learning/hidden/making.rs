@@ -43,7 +43,7 @@ const FINE: usize = 10;
 /// What the velocity filter keeps of its last output.
 const MEMORY: f64 = 0.8;
 /// What one deviation of correlated noise keeps of the one before it.
-const CORRELATION: f64 = 0.7;
+pub const CORRELATION: f64 = 0.7;
 /// Runs that strengths are found with.
 const TRIAL_RUNS: usize = 3;
 /// Terms of one effect have coefficients that differ: this ratio from one to the next.
@@ -61,10 +61,10 @@ impl Sampling {
     fn of(plan: &Plan) -> Sampling {
         let (runs, per_turn) = match plan.periods {
             x if x < 8.0 => (8, 32.0),
-            x if x < 20.0 => (8, 24.0),
-            x if x < 50.0 => (5, 16.0),
-            x if x < 100.0 => (3, 12.0),
-            _ => (2, 10.0),
+            x if x < 20.0 => (6, 20.0),
+            x if x < 50.0 => (4, 16.0),
+            x if x < 100.0 => (2, 12.0),
+            _ => (2, 8.0),
         };
         let one = plan.seen == Seen::LongRun;
         // One run instead of several short ones is as long as they together, up to a point.

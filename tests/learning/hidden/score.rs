@@ -9,14 +9,15 @@ use leverrier::internals::diagnose::refit::fitted_from_afar;
 use leverrier::internals::diagnose::settling::settle;
 use leverrier::internals::diagnose::{self, LawOnData};
 use leverrier::internals::expr::{Term, build};
+use leverrier::internals::fit::refit::{Integrator, Refitting, refitted};
 use leverrier::internals::fit::segments::{longest_run, packed};
 use leverrier::internals::fit::train::Training;
-use leverrier::internals::fit::{Law, Model, Options, Silent};
+use leverrier::internals::fit::{Law, Model, Monitor, Options, fit};
 use leverrier::internals::spec::edit::insert;
 use serde::{Deserialize, Serialize};
 
-use super::design::{Kind, Plan};
-use super::making::{Made, Truth, made};
+use super::design::{Colour, Kind, Plan};
+use super::making::{CORRELATION, Made, Truth, made};
 
 /// A member of a story: what is true, or what is told.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -92,7 +93,7 @@ pub enum Mark {
     TooLittle,
     /// A story with something in it that is not there.
     Wrong,
-    /// The case could not be made.
+    /// The case could not be made or fitted, or took too long.
     Unmade,
 }
 
@@ -108,7 +109,7 @@ impl Mark {
             Mark::Nothing => "nothing missing",
             Mark::TooLittle => "too little data",
             Mark::Wrong => "wrong name",
-            Mark::Unmade => "not made",
+            Mark::Unmade => "not made, or not finished",
         }
     }
 }
@@ -120,7 +121,7 @@ impl Record {
             number: plan.number,
             kind: plan.kind.text().to_string(),
             base: plan.base.name.to_string(),
-            hidden: Vec::new(),
+            hidden: plan.labels().into_iter().map(|one| member(one, &[], &[])).collect(),
             reach: (plan.reach, 0.0),
             noise: plan.noise,
             colour: plan.colour.text().to_string(),
@@ -229,6 +230,20 @@ fn deviations<'a>(truth: &'a Member, told: &'a Member) -> impl Iterator<Item = f
     both.map(|(truth, (value, error))| (value - truth).abs() / error.max(1e-300))
 }
 
+/// Seconds that a case may take.
+const PATIENCE: f64 = 200.0;
+
+/// Waits for so long, and no longer.
+struct Patience(Instant);
+
+impl Monitor for Patience {
+    fn stage(&self, _: &str, _: f64) {}
+
+    fn stopped(&self) -> bool {
+        self.0.elapsed().as_secs_f64() > PATIENCE
+    }
+}
+
 /// Runs a case of the design.
 pub fn scored(plan: &Plan) -> Record {
     let mut record = Record::of(plan);
@@ -239,30 +254,27 @@ pub fn scored(plan: &Plan) -> Record {
     let Made { case, truth, moved } = &made;
     record.reach.1 = *moved;
     record.hidden = truth.iter().map(|one| member(one.label.clone(), &one.numbers, &[])).collect();
-    let clock = Instant::now();
-    let model = match leverrier::internals::fit::fit(
-        &case.compiled.system,
-        &case.training,
-        &Options::default(),
-        &Silent,
-    ) {
-        Ok(model) => model,
+    let clock = Patience(Instant::now());
+    let (system, options) = (&case.compiled.system, Options::default());
+    let told = fit(system, &case.training, &options, &clock).and_then(|model| {
+        let law = model.law(system).expect("the case's own");
+        let (training, held_out) = (&case.training, &case.held_out);
+        let how = diagnose::Options::default();
+        let told = diagnose(&case.compiled, &law, training, held_out, &how, &clock)?;
+        Ok((model, told))
+    });
+    record.seconds = clock.0.elapsed().as_secs_f64();
+    let (model, told) = match told {
+        Ok(told) if !clock.stopped() => told,
+        Ok(_) => {
+            record.reason = format!("not finished in {PATIENCE} s");
+            return record;
+        }
         Err(error) => {
             record.reason = error.to_string();
             return record;
         }
     };
-    let law = model.law(&case.compiled.system).expect("the case's own");
-    let (training, held_out) = (&case.training, &case.held_out);
-    let options = diagnose::Options::default();
-    let told = match diagnose(&case.compiled, &law, training, held_out, &options, &Silent) {
-        Ok(told) => told,
-        Err(error) => {
-            record.reason = error.to_string();
-            return record;
-        }
-    };
-    record.seconds = clock.elapsed().as_secs_f64();
     record.verdict = match told.verdict {
         Verdict::Missing => "missing",
         Verdict::NothingMissing => "nothing missing",
@@ -283,6 +295,12 @@ pub fn scored(plan: &Plan) -> Record {
     let samples = (case.training.samples() * case.noise.len()).max(2) as f64;
     record.price = 25.0 + unknowns as f64 * samples.ln();
     judge(&mut record, &made, &model, &told.story);
+    // Deviations that go with one another say as little as so many fewer that do not.
+    if plan.colour == Colour::Correlated {
+        let fewer = (1.0 - CORRELATION) / (1.0 + CORRELATION);
+        record.gain = record.gain.map(|gain| fewer * gain);
+        record.lacks = record.lacks.map(|(lacks, error, truth)| (fewer * lacks, error, truth));
+    }
     record
 }
 
@@ -462,14 +480,22 @@ impl<'a> Weighing<'a> {
         let options = diagnose::Options::default();
         let whole = longest_run(&case.training).min(options.tuning.states.longest);
         let short = LawOnData::of(law, &case.training, &options);
-        let fitted = fitted_from_afar(&short)?;
-        let long = fitted.with_window(whole);
-        let whole_fit = fitted_from_afar(&long);
-        let of = |data, law: &Law| {
-            settle(LawOnData::of(law.clone().with_window(whole), data, &options)).sums
+        let tuning = &options.fit;
+        let (integrator, promise) = (Integrator::Kept, tuning.refit.converged);
+        let at_once = |law: &Law| {
+            let how = Refitting { start: None, integrator, promise, tuning };
+            let law = law.clone().with_window(whole);
+            Some(refitted(&law, &short.data.packed, how).ok()?.law)
         };
-        let mut laws = vec![long.law];
-        laws.extend(whole_fit.map(|model| model.law));
+        // As it starts, and fitted in two ways: where nothing is to be learned, there is nothing
+        // to fit, and long runs have many minima.
+        let near = at_once(&short.law);
+        let far = fitted_from_afar(&short).and_then(|model| at_once(&model.law));
+        let laws: Vec<Law> = [Some(short.law.clone()), near, far].into_iter().flatten().collect();
+        let of = |data, law: &Law| {
+            let law = law.clone().with_noise(self.noise.clone()).with_window(whole);
+            settle(LawOnData::of(law, data, &options)).sums
+        };
         let left = laws.iter().map(|law| {
             let (sums, others) = (of(&case.training, law), of(&case.held_out, law));
             let held_out = (others.loss / others.rows.max(1) as f64).sqrt();
