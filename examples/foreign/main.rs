@@ -15,6 +15,7 @@
 )]
 
 mod record;
+mod stars;
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -32,15 +33,19 @@ fn main() {
         println!("{text}");
         page.push_str(&text);
     }
+    let text = stars::page(&folder);
+    println!("{text}");
+    page.push_str(&text);
     std::fs::write("docs/foreign.md", page).expect("docs/ is writable");
 }
 
 const HEAD: &str = "# Data that others measured
 
 Made by `cargo run --release --example foreign FOLDER`; the folder holds the files, which are not
-part of this project. Each model is fitted to the training record alone; a test is simulated from its
-input, and what is printed is the root mean square of measured minus simulated. Figures of others are
-as published, or (marked *) measured on the same files by other means.
+part of this project. Where there is an input, each model is fitted to the training record alone; a
+test is simulated from its input, and what is printed is the root mean square of measured minus
+simulated. Figures of others are as published, or (marked *) measured on the same files by other
+means.
 ";
 
 /// A law of one spec, learned from the training record, and how long that took.

@@ -97,7 +97,14 @@ impl<'a> Field<'a, '_> {
             if longer == window || self.monitor.stopped() {
                 return Refitted { judged, data, held_out };
             }
-            starts = judged.into_iter().map(|(c, judged)| (c, judged.refit.into())).collect();
+            let variance = yardstick(&judged, self.variance);
+            let merit = best.map_or(0.0, |(_, best)| best.merit(variance));
+            let tuning = &data.all.model.tuning().ranking;
+            let enough = (tuning.refitted_part * merit).min(merit - tuning.finish_within);
+            let (near, far): (Vec<_>, Vec<_>) =
+                judged.into_iter().partition(|(_, one)| one.merit(variance) >= enough);
+            set_aside = far.into_iter().map(|(c, judged)| (c, judged.refit)).collect();
+            starts = near.into_iter().map(|(c, judged)| (c, judged.refit.into())).collect();
             data = settle_parts(data.all.model.with_window(longer));
         }
     }
@@ -175,11 +182,14 @@ fn rank(refitted: Refitted, scored: f64, tests: usize) -> Ranking {
     // Of those that explain equally well the one with the fewest unknowns comes first, and of
     // two names for the same motion the one that comes first in the catalogue: rounding does
     // not choose.
-    let equal = |(_, one): &&(usize, Judged)| behind(one) < tuning.indistinguishable;
+    // Beside a large misfit, differences far below it are those of integrators and digits.
+    let negligible = data.all.model.tuning().verdict.negligible * best;
+    let (same, step) = (tuning.indistinguishable.max(negligible), tuning.same.max(negligible));
+    let equal = |(_, one): &&(usize, Judged)| behind(one) < same;
     let close = effects.iter().take_while(equal).count();
     effects[..close].sort_by_key(|(candidate, one)| {
         let unknowns = one.refit.effect.coefficient.len();
-        (unknowns, (behind(one) / tuning.same) as usize, *candidate)
+        (unknowns, (behind(one) / step) as usize, *candidate)
     });
     let effects = effects.into_iter().map(|(_, one)| one).collect();
     let window = data.all.model.law.window();

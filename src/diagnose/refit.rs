@@ -16,6 +16,7 @@ use crate::error::Result;
 use crate::expr::{Bounds, Scope, System, TermId};
 use crate::fit::Law;
 use crate::fit::factor::Factor;
+use crate::fit::gauss_newton::LeastGain;
 use crate::fit::pass::Sums;
 use crate::fit::refit::{Integrator, Refitted, Refitting, refitted};
 use crate::fit::segments::cut_by;
@@ -281,17 +282,28 @@ impl Fitted {
 /// Fits all numbers of a law to the segments of a model, by Gauss-Newton from where they are.
 /// `None` where it cannot be fitted.
 pub fn fitted(settled: &Settled, law: &Law, precision: Precision) -> Option<Fitted> {
+    fitted_until(settled, law, precision, 0.0)
+}
+
+/// The same, until a step promises less than these squares, if not before.
+fn fitted_until(
+    settled: &Settled,
+    law: &Law,
+    precision: Precision,
+    squares: f64,
+) -> Option<Fitted> {
     let Settled { model, segments, states, sums } = settled;
     let noise = model.law.noise();
     let law = law.clone().with_noise(noise.to_vec()).with_window(model.law.window());
     let tuning = &model.options.fit;
-    let promise = match precision {
+    let part = match precision {
         Precision::Rough => tuning.refit.rough,
         Precision::Ranking => model.tuning().ranking.deviance_left / sums.rows.max(1) as f64,
         Precision::Full => tuning.refit.converged,
     };
+    let least = LeastGain { part, squares };
     let integrator = Integrator::Chosen;
-    let how = Refitting { start: Some((segments, states)), integrator, promise, tuning };
+    let how = Refitting { start: Some((segments, states)), integrator, least, tuning };
     let Refitted { law, linearised, resolution } = refitted(&law, &model.data.packed, how).ok()?;
     let (factor, sums) = (linearised.merged(), linearised.sums);
     let variance = variance_of(&sums, &model.tuning().ranking);
@@ -308,11 +320,11 @@ pub fn fitted(settled: &Settled, law: &Law, precision: Precision) -> Option<Fitt
 /// another model may be far off. `None` where they cannot be fitted.
 pub fn fitted_from_afar<'a>(model: &LawOnData<'a>) -> Option<LawOnData<'a>> {
     let tuning = &model.options.fit;
-    let (integrator, promise) = (Integrator::Kept, tuning.refit.converged);
+    let (integrator, least) = (Integrator::Kept, tuning.refit.converged.into());
     let (noise, whole) = (model.law.noise(), model.law.window());
     let mut law = model.law.clone();
     for window in [model.tuning().states.first_samples.min(whole), whole] {
-        let how = Refitting { start: None, integrator, promise, tuning };
+        let how = Refitting { start: None, integrator, least, tuning };
         law = refitted(&law.with_window(window), &model.data.packed, how).ok()?.law;
         // The noise is that of the model, whatever these fits leave.
         law = law.with_noise(noise.to_vec());
@@ -332,7 +344,11 @@ fn with_candidate(
     start: Start,
     precision: Precision,
 ) -> Option<Refit> {
-    let Fitted { law, sums, resolved, .. } = fitted(settled, &start.law, precision)?;
+    // What is nothing beside the model's own misfit is not worth a step before one story is told:
+    // clean data have many digits.
+    let negligible = settled.model.tuning().verdict.negligible * settled.sums.loss;
+    let Fitted { law, sums, resolved, .. } =
+        fitted_until(settled, &start.law, precision, negligible)?;
     let terms = candidate.terms.iter().filter_map(|&id| law.coefficient_with_error(id));
     let inner = candidate.parameters.iter().filter_map(|&id| law.parameter_with_error(id));
     let (coefficient, standard_error): (Vec<f64>, Vec<f64>) = terms.chain(inner).unzip();

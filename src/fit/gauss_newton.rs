@@ -40,6 +40,21 @@ impl StopReason {
     }
 }
 
+/// What a step has to promise to be taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LeastGain {
+    /// Part of the loss.
+    pub part: f64,
+    /// Weighted squares beside that.
+    pub squares: f64,
+}
+
+impl From<f64> for LeastGain {
+    fn from(part: f64) -> LeastGain {
+        LeastGain { part, squares: 0.0 }
+    }
+}
+
 /// The best theta of one support.
 pub struct Refit {
     /// Coefficients of the support, then the inner parameters that it uses.
@@ -62,7 +77,7 @@ impl Refit {
 }
 
 /// Minimises the loss over theta within `bounds` (one for each of theta), from `start`, until a
-/// step promises less than the part `promise` of it.
+/// step promises less than the least gain.
 ///
 /// Levenberg's damping is added only after a full step has failed, and grows until one pays. An
 /// inner parameter moves by no more than its own size at a step: far from there the linearised
@@ -74,7 +89,7 @@ pub fn refit(
     bounds: &[Bounds],
     start: &[f64],
     states: States,
-    promise: f64,
+    least: LeastGain,
     monitor: &dyn Monitor,
 ) -> Refit {
     let tuning = &problem.tuning.refit;
@@ -107,7 +122,7 @@ pub fn refit(
             let step = step(&factor, theta, &near, damping);
             if invisible(
                 step.promise,
-                promise,
+                least,
                 &here.linearised.sums,
                 (problem.floor, tuning.rounding),
             ) {
@@ -212,14 +227,14 @@ impl Minimisation<'_> {
 }
 
 /// Whether the data cannot see a step that promises to lower the loss by so much: it is less than
-/// the part `promise` of it, or than the part `rounding` of the squares of the floor.
+/// the least gain, or than the part `rounding` of the squares of the floor.
 pub(super) fn invisible(
     fall: f64,
-    promise: f64,
+    least: LeastGain,
     sums: &Sums,
     (floor, rounding): (f64, f64),
 ) -> bool {
-    fall <= promise * sums.loss + rounding * floor.powi(2) * sums.rows as f64
+    fall <= least.part * sums.loss + least.squares + rounding * floor.powi(2) * sums.rows as f64
 }
 
 struct Step {

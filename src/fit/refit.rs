@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::gauss_newton::LeastGain;
 use super::law::Law;
 use super::monitor::Silent;
 use super::options::Options;
@@ -21,8 +22,8 @@ pub struct Refitting<'a> {
     pub start: Option<(&'a Segments, &'a States)>,
     /// By what trajectories are integrated.
     pub integrator: Integrator,
-    /// The fit ends when a step promises less than this part of the loss.
-    pub promise: f64,
+    /// The fit ends when a step promises less.
+    pub least: LeastGain,
     /// The numbers that it goes by.
     pub tuning: &'a Tuning,
 }
@@ -63,7 +64,7 @@ pub fn refitted(law: &Law, measured: &Arc<Packed>, how: Refitting) -> Result<Ref
     if how.integrator == Integrator::Chosen {
         training.choose_integrator();
     }
-    let mut refit = training.refit_until(how.promise, &Silent);
+    let mut refit = training.refit_until(how.least, &Silent);
     training.take(&mut refit);
     let (law, resolution) = (training.law().clone(), training.accuracy.resolution.clone());
     Ok(Refitted { law, linearised: refit.linearised, resolution })

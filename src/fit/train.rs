@@ -13,7 +13,7 @@ use super::compiled::Compiled;
 use super::criterion::{Criterion, choice_costs, complexity};
 use super::factor::Factor;
 use super::gauge;
-use super::gauss_newton::{Refit, StopReason, invisible, refit};
+use super::gauss_newton::{LeastGain, Refit, StopReason, invisible, refit};
 use super::law::Law;
 use super::masses::first_masses;
 use super::monitor::Monitor;
@@ -347,7 +347,12 @@ impl<'a> Training<'a> {
         let mut change = -nalgebra::DVector::from_vec(self.law.coefficient_of_each_term());
         candidate.values.iter().for_each(|&(column, value)| change[column] += value);
         let moved = (merged.design() * change).norm_squared();
-        invisible(moved, self.promise(), sums, (self.floor(), self.options.tuning.refit.rounding))
+        invisible(
+            moved,
+            self.promise().into(),
+            sums,
+            (self.floor(), self.options.tuning.refit.rounding),
+        )
     }
 
     /// Takes the coefficients of a candidate that is confirmed: what a refit would find is known.
@@ -403,27 +408,27 @@ impl<'a> Training<'a> {
         self.law.set_support(&self.terms_of(candidate));
         self.law.set_parameters(&moved);
         let states = std::mem::take(&mut self.states);
-        let mut refit = self.refit_from(states, self.promise(), monitor);
+        let mut refit = self.refit_from(states, self.promise().into(), monitor);
         self.take(&mut refit);
         refit
     }
 
     /// Refits the present support from the present values.
     pub fn refit(&self, monitor: &dyn Monitor) -> Refit {
-        self.refit_until(self.promise(), monitor)
+        self.refit_until(self.promise().into(), monitor)
     }
 
-    /// The same until a step promises less than the part `promise` of the loss.
-    pub fn refit_until(&self, promise: f64, monitor: &dyn Monitor) -> Refit {
-        self.refit_from(self.states.clone(), promise, monitor)
+    /// The same until a step promises less than the least gain.
+    pub fn refit_until(&self, least: LeastGain, monitor: &dyn Monitor) -> Refit {
+        self.refit_from(self.states.clone(), least, monitor)
     }
 
-    fn refit_from(&self, states: States, promise: f64, monitor: &dyn Monitor) -> Refit {
+    fn refit_from(&self, states: States, least: LeastGain, monitor: &dyn Monitor) -> Refit {
         let (dynamics, theta) = self.compile();
         let weights = self.weights();
         let problem = self.problem(&weights);
         let bounds = self.law.bounds(&dynamics);
-        refit(&problem, &dynamics, &bounds, &theta, states, promise, monitor)
+        refit(&problem, &dynamics, &bounds, &theta, states, least, monitor)
     }
 
     /// Makes the result of a refit the present model, moves its states here, and estimates the

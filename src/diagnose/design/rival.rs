@@ -60,8 +60,8 @@ impl Rival {
             law = law.with_term(id, guess)?;
         }
         let (tuning, integrator) = (&model.options.fit, Integrator::Chosen);
-        let promise = tuning.refit.converged;
-        let how = Refitting { start: None, integrator, promise, tuning };
+        let least = tuning.refit.converged.into();
+        let how = Refitting { start: None, integrator, least, tuning };
         let law = refitted(&law, &model.data.packed, how)?.law;
         let mut stepping = law.stepping();
         let usual = model.law.stepping().longest.min(typical_step(model.data.dataset));
@@ -225,6 +225,6 @@ fn fitted(
 ) -> Refit {
     let weights = model.law.weights();
     let (problem, bounds) = (problem(model, segments, &weights), model.law.bounds(dynamics));
-    let promise = model.options.fit.refit.converged;
-    gauss_newton::refit(&problem, dynamics, &bounds, theta, states, promise, &Silent)
+    let least = model.options.fit.refit.converged.into();
+    gauss_newton::refit(&problem, dynamics, &bounds, theta, states, least, &Silent)
 }
