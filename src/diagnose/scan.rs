@@ -65,7 +65,7 @@ pub fn significant<'a>(
     let mut scores = scan(&data.all, data.part.as_ref(), candidates)?;
     let mut tests = scores.tests;
     while !scores.scored.iter().any(|s| s.p_value < most) && !monitor.stopped() {
-        let Some(window) = longer(&data.all.model, 0.0) else { break };
+        let Some(window) = longer(&data.all.model) else { break };
         data = settle_parts(model.with_window(window));
         scores = scan(&data.all, data.part.as_ref(), candidates)?;
         tests += scores.tests;

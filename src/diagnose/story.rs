@@ -2,12 +2,12 @@
 
 use super::evidence::Judged;
 use super::law_on_data::{LawOnData, Measurements};
-use super::misfit::excess;
+use super::misfit::{error_of, excess};
 use super::noise_floor::noise_of;
 use super::refit::{Precision, RankedEffect, fitted, fitted_from_afar};
 use super::settling::settle;
 use super::tuning::Tuning;
-use super::window::{longer, longest};
+use super::window::doubled;
 use crate::error::Result;
 use crate::expr::{ParameterId, Scope, TermId};
 use crate::fit::Monitor;
@@ -183,6 +183,7 @@ impl<'a> Story<'a> {
     /// again where they no longer do.
     pub fn grow(&mut self, question: &Question) {
         let mut refitted = false;
+        self.explains = false;
         loop {
             if self.excess_of(&self.sums) > 0.0 {
                 // Numbers that were fitted to short segments need not hold for long ones.
@@ -190,39 +191,49 @@ impl<'a> Story<'a> {
                     refitted = true;
                     continue;
                 }
-                if !self.leaves_next_to_nothing(question) {
+                self.raise_negligible(self.model.law.window(), question);
+                if self.excess_of(&self.sums) > 0.0 {
                     return;
                 }
             }
-            let Some(window) = longer(&self.model, self.negligible.sqrt()) else {
-                self.explains = !self.is_short_of_whole_runs();
+            let Some(window) = doubled(&self.model) else {
+                self.explains = true;
                 return;
             };
+            let longer = settle(self.model.with_window(window)).sums;
+            if !self.follows(&longer, window, question) {
+                return;
+            }
             self.model = self.model.with_window(window);
-            self.sums = settle(self.model.clone()).sums;
+            self.sums = longer;
             refitted = false;
         }
     }
 
-    /// Whether what it leaves of segments of the present length is nothing beside what the model
-    /// without a change leaves of them: clean data say more digits than an integrator keeps.
-    fn leaves_next_to_nothing(&mut self, question: &Question) -> bool {
+    /// Whether it keeps to longer segments, by what it leaves of them.
+    fn follows(&mut self, longer: &Sums, window: usize, question: &Question) -> bool {
+        let ((_, lost), (error, more)) = (error_of(&self.sums), error_of(longer));
+        let strays = self.model.tuning().ranking.strays;
+        let near = |story: &Story| error < strays.max(story.negligible.sqrt());
+        if more <= lost && !near(self) {
+            self.raise_negligible(window, question);
+        }
+        more <= lost && near(self)
+    }
+
+    /// Takes for negligible what is nothing beside what the model without a change leaves of
+    /// segments of a length: clean data say more digits than an integrator keeps.
+    fn raise_negligible(&mut self, window: usize, question: &Question) {
         if self.members.is_empty() || question.monitor.stopped() {
-            return false;
+            return;
         }
         let bare = question.model.with_noise(self.model.law.noise().to_vec());
-        let sums = settle(bare.with_window(self.model.law.window())).sums;
+        let sums = settle(bare.with_window(window)).sums;
         let part = self.model.tuning().verdict.negligible;
         let negligible = part * sums.loss / sums.rows.max(1) as f64;
         if negligible.is_finite() {
             self.negligible = self.negligible.max(negligible);
         }
-        self.excess_of(&self.sums) == 0.0
-    }
-
-    /// Whether segments could still become longer.
-    fn is_short_of_whole_runs(&self) -> bool {
-        self.model.law.window() < longest(&self.model)
     }
 
     /// Fits all numbers again, over segments of the present length; whether that helps.

@@ -6,16 +6,19 @@ use super::refit::Refit;
 use super::settling::Settled;
 use crate::fit::segments::longest_run;
 
-/// Twice as long segments, if the model keeps to all of them, or leaves an error that is negligible,
-/// in units of the noise; `None` where it does not, or where there are none.
-pub fn longer(model: &LawOnData, negligible: f64) -> Option<usize> {
+/// Samples of segments twice as long, or of whole runs; `None` where they are that already.
+pub fn doubled(model: &LawOnData) -> Option<usize> {
     let window = (2 * model.law.window()).min(longest(model));
-    if window <= model.law.window() {
-        return None;
-    }
+    (window > model.law.window()).then_some(window)
+}
+
+/// Twice as long segments, if the model keeps to all of them; `None` where it does not, or where
+/// there are none.
+pub fn longer(model: &LawOnData) -> Option<usize> {
+    let window = doubled(model)?;
     let (_, lost) = error(model, model.law.window());
     let (far, more) = error(model, window);
-    (more <= lost && far < model.tuning().ranking.strays.max(negligible)).then_some(window)
+    (more <= lost && far < model.tuning().ranking.strays).then_some(window)
 }
 
 /// Samples of the longest segments that a law on data is held against.
