@@ -6,7 +6,7 @@ use super::law_on_data::{LawOnData, Measurements};
 use super::misfit::error_of;
 use super::refit::{Precision, Refit, Start, refit, refit_whole};
 use super::scan::{Scored, significant};
-use super::settling::{Parts, settle_parts};
+use super::settling::{Parts, Settled, settle, settle_parts};
 use super::tuning;
 use super::window::followed;
 use crate::error::Result;
@@ -95,6 +95,7 @@ impl<'a> Field<'a, '_> {
             let best = judged.first();
             let longer = best.map_or(window, |(_, best)| followed(&best.refit, &data.all));
             if longer == window || self.monitor.stopped() {
+                let judged = self.simpler_again(judged, &data, &held_out);
                 return Refitted { judged, data, held_out };
             }
             let variance = yardstick(&judged, self.variance);
@@ -151,6 +152,46 @@ impl<'a> Field<'a, '_> {
             usable(&judged).then_some((c, judged))
         });
         finished.collect()
+    }
+
+    /// Simpler candidates on the coordinates of the best one start once more, from the states that
+    /// it has found: those of the model without either may lie where the simpler one, which has
+    /// fewer ways to go, does not find out.
+    fn simpler_again(
+        &self,
+        judged: Vec<(usize, Judged)>,
+        data: &Parts<'a>,
+        held_out: &Parts,
+    ) -> Vec<(usize, Judged)> {
+        let variance = yardstick(&judged, self.variance);
+        let merit = |one: &Judged| one.merit(variance);
+        let unknowns = |one: &Judged| one.refit.effect.coefficient.len();
+        let all = judged.iter().map(|(_, one)| one);
+        let Some(best) = all.max_by(|a, b| merit(a).total_cmp(&merit(b))) else { return judged };
+        let (most, on) = (unknowns(best), best.refit.effect.on.clone());
+        let least = merit(best) - data.all.model.tuning().ranking.indistinguishable;
+        let behind =
+            |one: &Judged| unknowns(one) < most && merit(one) < least && one.refit.effect.on == on;
+        if !judged.iter().any(|(_, one)| behind(one)) {
+            return judged;
+        }
+        let Settled { model, segments, sums, .. } = &data.all;
+        let states = settle(best.refit.on(model)).states;
+        let (model, segments, sums) = (model.clone(), segments.clone(), sums.clone());
+        let start = Settled { model, segments, states, sums };
+        let again = |candidate: usize, one: &Judged| {
+            let from = Start::from(&one.refit);
+            let candidate = &self.candidates[candidate];
+            let refit = refit_whole(&start, candidate, from, Precision::Ranking)?;
+            let again = Judged::by(refit, &data.all, &held_out.all);
+            (again.fall > one.fall).then_some(again)
+        };
+        let each = judged.into_iter().map(|(candidate, one)| {
+            let tried = behind(&one) && !self.monitor.stopped();
+            let better = if tried { again(candidate, &one) } else { None };
+            (candidate, better.unwrap_or(one))
+        });
+        each.collect()
     }
 }
 

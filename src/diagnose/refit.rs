@@ -149,6 +149,12 @@ impl Start {
     }
 }
 
+impl From<&Refit> for Start {
+    fn from(refit: &Refit) -> Start {
+        Start { law: refit.law.clone(), p_value: refit.effect.p_value }
+    }
+}
+
 impl From<Refit> for Start {
     fn from(refit: Refit) -> Start {
         Start { law: refit.law, p_value: refit.effect.p_value }
