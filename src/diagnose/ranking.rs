@@ -4,7 +4,7 @@ use super::candidates::Candidate;
 use super::evidence::Judged;
 use super::law_on_data::{LawOnData, Measurements};
 use super::misfit::error_of;
-use super::refit::{Precision, Refit, Start, refit, refit_whole};
+use super::refit::{Precision, Refit, Start, fitted_from_afar, refit, refit_whole};
 use super::scan::{Scored, significant};
 use super::settling::{Parts, Settled, settle, settle_parts};
 use super::tuning;
@@ -154,9 +154,10 @@ impl<'a> Field<'a, '_> {
         finished.collect()
     }
 
-    /// Simpler candidates on the coordinates of the best one start once more, from the states that
-    /// it has found: those of the model without either may lie where the simpler one, which has
-    /// fewer ways to go, does not find out.
+    /// Simpler candidates on the coordinates of the best one start once more: from numbers that
+    /// short segments give, and the states that the best one has found. What is linear over a whole
+    /// run without the effect may lie where the simpler one, which has fewer ways to go, does not
+    /// find out.
     fn simpler_again(
         &self,
         judged: Vec<(usize, Judged)>,
@@ -180,7 +181,8 @@ impl<'a> Field<'a, '_> {
         let (model, segments, sums) = (model.clone(), segments.clone(), sums.clone());
         let start = Settled { model, segments, states, sums };
         let again = |candidate: usize, one: &Judged| {
-            let from = Start::from(&one.refit);
+            let near = fitted_from_afar(&one.refit.on(&start.model));
+            let from = Start::again(&one.refit, near.map(|model| model.law));
             let candidate = &self.candidates[candidate];
             let refit = refit_whole(&start, candidate, from, Precision::Ranking)?;
             let again = Judged::by(refit, &data.all, &held_out.all);

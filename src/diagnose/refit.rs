@@ -147,11 +147,10 @@ impl Start {
         }
         Ok(Start { law, p_value: scored.p_value })
     }
-}
 
-impl From<&Refit> for Start {
-    fn from(refit: &Refit) -> Start {
-        Start { law: refit.law.clone(), p_value: refit.effect.p_value }
+    /// A refit once more, from other numbers where there are some.
+    pub fn again(refit: &Refit, law: Option<Law>) -> Start {
+        Start { law: law.unwrap_or_else(|| refit.law.clone()), p_value: refit.effect.p_value }
     }
 }
 
