@@ -142,7 +142,7 @@ fn a_refit_ends_with_settled_states() {
     }
     training.start_from(&law);
     for promise in [1e-2, 1e-9] {
-        let refit = training.refit_until(promise, &Silent);
+        let refit = training.refit_until(promise.into(), &Silent);
         assert_eq!(refit.sums().promised, 0.0);
         assert_eq!(refit.sums().unsettled, 0);
     }

@@ -481,9 +481,9 @@ impl<'a> Weighing<'a> {
         let whole = longest_run(&case.training).min(options.tuning.states.longest);
         let short = LawOnData::of(law, &case.training, &options);
         let tuning = &options.fit;
-        let (integrator, promise) = (Integrator::Kept, tuning.refit.converged);
+        let (integrator, least) = (Integrator::Kept, tuning.refit.converged.into());
         let at_once = |law: &Law| {
-            let how = Refitting { start: None, integrator, promise, tuning };
+            let how = Refitting { start: None, integrator, least, tuning };
             let law = law.clone().with_window(whole);
             Some(refitted(&law, &short.data.packed, how).ok()?.law)
         };
