@@ -98,14 +98,7 @@ impl<'a> Field<'a, '_> {
                 let judged = self.simpler_again(judged, &data, &held_out);
                 return Refitted { judged, data, held_out };
             }
-            let variance = yardstick(&judged, self.variance);
-            let merit = best.map_or(0.0, |(_, best)| best.merit(variance));
-            let tuning = &data.all.model.tuning().ranking;
-            let enough = (tuning.refitted_part * merit).min(merit - tuning.finish_within);
-            let (near, far): (Vec<_>, Vec<_>) =
-                judged.into_iter().partition(|(_, one)| one.merit(variance) >= enough);
-            set_aside = far.into_iter().map(|(c, judged)| (c, judged.refit)).collect();
-            starts = near.into_iter().map(|(c, judged)| (c, judged.refit.into())).collect();
+            starts = judged.into_iter().map(|(c, judged)| (c, judged.refit.into())).collect();
             data = settle_parts(data.all.model.with_window(longer));
         }
     }
