@@ -89,8 +89,9 @@ fn left(
         .expect("a law of its own system");
     // What is added may ask for another integrator.
     let options = Options::default();
-    let mut training = Training::from_law(&law, Arc::new(packed(&case.training)), &options)
-        .expect("a law of its own system");
+    let measured = Arc::new(packed(&case.training, &options.tuning.segments));
+    let mut training =
+        Training::from_law(&law, measured, &options).expect("a law of its own system");
     training.choose_integrator();
     let law = law.with_stepping(training.law().stepping());
     let options = diagnose::Options::default();

@@ -17,11 +17,11 @@ use serde::Serialize;
 
 use super::candidates::candidates;
 use super::comparison::ResidualMap;
+pub use super::effect::RankedEffect;
 use super::law_on_data::{LawOnData, Measurements};
 use super::noise_floor::noise_floor;
 use super::options::Options;
 use super::ranking::{Ranking, ranking};
-pub use super::refit::RankedEffect;
 use super::search::stories;
 use super::story::Question;
 use super::sufficiency::lacking_beside;
@@ -147,7 +147,8 @@ impl Diagnosis {
 ///
 /// # Errors
 ///
-/// When the law belongs to another spec, or the data do not suffice to score a candidate.
+/// When the law belongs to another spec, the data do not suffice to score a candidate, or a number
+/// of the options is none that a diagnosis can go by.
 pub fn diagnose(
     spec: &Compiled,
     law: &Law,
@@ -156,6 +157,7 @@ pub fn diagnose(
     options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Diagnosis> {
+    options.check()?;
     spec.system.positions(law.support())?;
     let tuning = &options.tuning;
     let held_out = Measurements::of(held_out, options);

@@ -4,10 +4,10 @@ use serde::Serialize;
 
 use super::candidates::NumberChange;
 use super::diagnosis::{Diagnosis, RankedEffect, Verdict, diagnose};
+use super::effect::written_into;
 use super::law_on_data::LawOnData;
 use super::misfit::error;
 use super::options::Options;
-use super::refit::written_into;
 use super::window::longest;
 use crate::data::Dataset;
 use crate::error::Result;

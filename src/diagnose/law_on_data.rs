@@ -7,7 +7,7 @@ use super::tuning::Tuning;
 use crate::data::{Dataset, Packed};
 use crate::expr::System;
 use crate::fit::Law;
-use crate::fit::segments::packed_by;
+use crate::fit::segments::packed;
 
 /// Measurements that a law is held against.
 #[derive(Clone)]
@@ -23,7 +23,7 @@ pub struct Measurements<'a> {
 impl<'a> Measurements<'a> {
     /// All samples of a data set.
     pub fn of(dataset: &'a Dataset, options: &Options) -> Measurements<'a> {
-        let packed = Arc::new(packed_by(dataset, &options.fit.segments));
+        let packed = Arc::new(packed(dataset, &options.fit.segments));
         Measurements { dataset, packed, most: usize::MAX }
     }
 }

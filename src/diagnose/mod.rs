@@ -10,6 +10,7 @@ pub mod comparison;
 pub mod design;
 pub mod diagnosis;
 pub mod discover;
+mod effect;
 mod evidence;
 pub mod instrument;
 pub mod law_on_data;
@@ -25,6 +26,7 @@ pub mod settling;
 mod story;
 pub mod sufficiency;
 pub mod tuning;
+mod tuning_check;
 mod verdict;
 mod window;
 

@@ -4,89 +4,24 @@
 use std::sync::Arc;
 
 use nalgebra::DVector;
-use serde::Serialize;
 
 use super::candidates::{Candidate, NumberChange, Origin};
+use super::effect::RankedEffect;
 use super::law_on_data::LawOnData;
 use super::misfit::excess;
 use super::scan::Scored;
 use super::settling::{Parts, Settled, settle, settle_from};
 use super::tuning::Ranking;
 use crate::error::Result;
-use crate::expr::{Bounds, Scope, System, TermId};
+use crate::expr::{Bounds, System, TermId};
 use crate::fit::Law;
 use crate::fit::factor::Factor;
 use crate::fit::gauss_newton::LeastGain;
 use crate::fit::pass::Sums;
 use crate::fit::refit::{Integrator, Refitted, Refitting, refitted};
-use crate::fit::segments::cut_by;
+use crate::fit::segments::cut;
 use crate::fit::uncertainty::covariance;
-use crate::spec::edit;
 use crate::spec::effects::ScanBy;
-
-/// An effect that was refitted in full and ranked.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct RankedEffect {
-    /// `viscous_drag(theta)`.
-    pub effect: String,
-    /// Coordinates or observables that it is on.
-    pub on: Vec<String>,
-    /// The statement that adds it to the spec.
-    pub snippet: String,
-    /// Coefficient of each of its terms, then its inner parameters.
-    pub coefficient: Vec<f64>,
-    /// Standard errors, in the order of `coefficient`.
-    pub standard_error: Vec<f64>,
-    /// Probability that noise does as well, corrected for all candidates and grid points.
-    pub p_value: f64,
-    /// Fall of the training deviance in the full refit.
-    pub deviance: f64,
-    /// The number of the spec that should be another one, where it is that and no effect.
-    pub number: Option<NumberChange>,
-    /// In units of the noise.
-    pub held_out_error_before: f64,
-    /// The same with the effect in the model.
-    pub held_out_error_after: f64,
-    /// As a member of a story: what would explain as much in its place.
-    pub indistinguishable: Vec<String>,
-}
-
-impl RankedEffect {
-    /// A scope with it: its statement stands there, or the number is an inner parameter.
-    ///
-    /// # Errors
-    /// It makes no sense in the scope.
-    pub fn added_to(&self, scope: &Scope) -> Result<Scope> {
-        match &self.number {
-            Some(change) => {
-                let value = self.coefficient.last().copied().unwrap_or(change.was);
-                scope.freed(&change.known, value)
-            }
-            None => scope.with(&self.snippet),
-        }
-    }
-
-    /// The text of a spec with it: its statement, or the number changed. A number must have been
-    /// found in this text, and be changed before statements are added.
-    pub fn written_into(&self, text: &str) -> String {
-        written_into(text, &self.snippet, self.number.as_ref(), &self.coefficient)
-    }
-}
-
-/// The text of a spec with a statement, or with a number changed to the last of the coefficients.
-pub(super) fn written_into(
-    text: &str,
-    statement: &str,
-    number: Option<&NumberChange>,
-    coefficient: &[f64],
-) -> String {
-    match number {
-        Some(change) => {
-            change.known.edited(text, coefficient.last().copied().unwrap_or(change.was))
-        }
-        None => edit::insert(text, statement),
-    }
-}
 
 /// A model with one more effect, fitted.
 pub struct Refit {
@@ -215,7 +150,7 @@ impl Refit {
     /// are looked for once more from what was measured.
     pub fn left_of_all(&self, model: &LawOnData) -> Sums {
         let segments = &model.options.fit.segments;
-        let count = cut_by(&model.data.packed, model.law.window(), segments).list.len();
+        let count = cut(&model.data.packed, model.law.window(), segments).list.len();
         let by_fit = self.left_by_fit(model.law.window(), count);
         if let Some(sums) = by_fit.filter(|sums| sums.unsettled == 0) {
             return sums.clone();

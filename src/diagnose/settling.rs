@@ -5,7 +5,7 @@ use super::law_on_data::LawOnData;
 use crate::dynamics::Dynamics;
 use crate::fit::Loss;
 use crate::fit::pass::{self, Problem, Sums};
-use crate::fit::segments::{Segments, cut_by};
+use crate::fit::segments::{Segments, cut};
 use crate::fit::states::States;
 
 /// A law on data, with the best state of every segment of the law's window.
@@ -57,7 +57,7 @@ pub(super) fn problem<'b>(
 pub fn settle(model: LawOnData) -> Settled {
     let window = model.law.window();
     let tuning = &model.tuning().states;
-    let whole = cut_by(&model.data.packed, window, &model.options.fit.segments);
+    let whole = cut(&model.data.packed, window, &model.options.fit.segments);
     let segments = whole.spread(model.data.most);
     let mut states = States::measured_by(&model.law, &model.data.packed, &segments.list);
     // Over many periods the misfit has many minima, and what was measured first need not

@@ -1,10 +1,11 @@
 //! A story: changes to a model that are judged as one.
 
+use super::effect::RankedEffect;
 use super::evidence::Judged;
 use super::law_on_data::{LawOnData, Measurements};
 use super::misfit::{error_of, excess};
 use super::noise_floor::noise_of;
-use super::refit::{Precision, RankedEffect, fitted, fitted_from_afar};
+use super::refit::{Precision, fitted, fitted_from_afar};
 use super::settling::settle;
 use super::tuning::Tuning;
 use super::window::doubled;

@@ -5,9 +5,9 @@ use std::fmt::Write as _;
 
 use super::comparison::strongest_map;
 use super::diagnosis::{Diagnosis, Verdict};
+use super::effect::RankedEffect;
 use super::law_on_data::LawOnData;
 use super::misfit::{error_of, excess};
-use super::refit::RankedEffect;
 use super::settling::settle;
 use super::story::{Question, Story, description_lengths};
 use super::tuning::Tuning;

@@ -19,9 +19,9 @@ use super::monitor::Monitor;
 use super::options::Options;
 use super::pass::Stepping;
 use super::path::soft_threshold;
-use super::rounding::NOT_ZERO;
+use super::rounding::{NOT_ZERO, WHOLE_STEPS};
 use super::scales::scales;
-use super::segments::{Segment, cut_by, packed_by};
+use super::segments::{Segment, cut, packed};
 use super::states::States;
 use super::stepping;
 use crate::data::{Dataset, Packed};
@@ -149,15 +149,14 @@ impl<'a> ProximalDescent<'a> {
     fn new(system: &'a System, dataset: &Dataset, options: &'a Options) -> Result<Self> {
         let tuning = &options.tuning.first_order;
         let dynamics = Dynamics::whole(system, Backend::default());
-        let measured = packed_by(dataset, &options.tuning.segments);
+        let measured = packed(dataset, &options.tuning.segments);
         let typical = measured.typical_step();
         let scales = scales(&measured, 2 * system.degrees());
         let rounding: Vec<f64> = scales.iter().map(|scale| scale.rounding).collect();
         let separable = dynamics.separable();
         let integrator = stepping::coarse(system, options, separable, typical, &rounding)?;
         let segments =
-            cut_by(&measured, options.window.unwrap_or(tuning.window), &options.tuning.segments)
-                .list;
+            cut(&measured, options.window.unwrap_or(tuning.window), &options.tuning.segments).list;
         let (held_back, training): (Vec<_>, Vec<_>) = segments
             .into_iter()
             .enumerate()
@@ -243,7 +242,7 @@ impl<'a> ProximalDescent<'a> {
             })
             .collect();
         let widest = span.iter().fold(0.0f64, |m, s| m.max(s.abs()));
-        (span, (widest / self.longest * (1.0 - 1e-9)).ceil().max(1.0) as usize)
+        (span, (widest / self.longest * (1.0 - WHOLE_STEPS)).ceil().max(1.0) as usize)
     }
 
     /// Weighted residuals of one sample, and the cotangents of their loss.

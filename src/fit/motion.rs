@@ -7,7 +7,6 @@
 
 use super::block::Block;
 use super::pass::Problem;
-use super::rounding::WHOLE_STEPS;
 use crate::dynamics::{Batch, Drive, Dynamics, Method, MethodKind, Scratch, advance};
 
 /// Equations of motion with the theta that they move by.
@@ -87,8 +86,7 @@ impl<'a> Motion<'a> {
     /// Goes on by `span[lane]`.
     pub(super) fn advance(&mut self, span: &[f64], scratch: &mut Scratch) {
         let stepping = self.problem.stepping;
-        let longest = span.iter().fold(0.0f64, |m, s| m.max(s.abs()));
-        let steps = (longest / stepping.longest * (1.0 - WHOLE_STEPS)).ceil().max(1.0) as usize;
+        let steps = stepping.steps(span);
         // The states go by the present model alone, which has fewer terms.
         let (present, held) = self.propagation.present;
         let (dynamics, theta) = self.propagation.by.unwrap_or(self.propagation.present);

@@ -16,7 +16,7 @@ use super::factor::Factor;
 use super::gathered::Gathered;
 use super::loss::Loss;
 use super::motion::{Equations, Propagation};
-use super::rounding::ABSORBED;
+use super::rounding::{ABSORBED, WHOLE_STEPS};
 use super::rows::DesignRows;
 use super::segments::{Segment, Segments, blocks};
 use super::settling::{Responses, TangentRequest, expected_steps, settled, steps_of_few};
@@ -34,6 +34,14 @@ pub struct Stepping {
     pub method: Method,
     /// No step is longer.
     pub longest: f64,
+}
+
+impl Stepping {
+    /// Steps that the longest of some spans takes, one at least.
+    pub fn steps(&self, spans: &[f64]) -> usize {
+        let longest = spans.iter().fold(0.0f64, |most, span| most.max(span.abs()));
+        (longest / self.longest * (1.0 - WHOLE_STEPS)).ceil().max(1.0) as usize
+    }
 }
 
 /// What a pass works on.

@@ -1,7 +1,7 @@
 //! Segments: the stretches of measurement whose initial state is one unknown.
 
 use super::blocking::BLOCKING;
-use super::tuning::{SegmentTuning, TUNING};
+use super::tuning::SegmentTuning;
 use std::iter::StepBy;
 use std::ops::Range;
 
@@ -109,19 +109,9 @@ impl Segments {
 /// Samples of the shortest segment: one transition.
 pub const SHORTEST: usize = 2;
 
-/// A data set as it is worked on, by the usual numbers: runs of one fold lie next to each other.
-pub fn packed(dataset: &Dataset) -> Packed {
-    packed_by(dataset, &TUNING.segments)
-}
-
-/// The same with other numbers.
-pub fn packed_by(dataset: &Dataset, tuning: &SegmentTuning) -> Packed {
+/// A data set as it is worked on: runs of one fold lie next to each other.
+pub fn packed(dataset: &Dataset, tuning: &SegmentTuning) -> Packed {
     Packed::of(dataset, tuning.folds)
-}
-
-/// Cuts every run into segments as [`cut_by`] does, by the usual numbers.
-pub fn cut(measured: &Packed, window: usize) -> Segments {
-    cut_by(measured, window, &TUNING.segments)
 }
 
 /// Cuts every run into segments of at most `window` samples that share no sample.
@@ -129,7 +119,7 @@ pub fn cut(measured: &Packed, window: usize) -> Segments {
 /// A hole ends a segment, and so does twice the usual duration of a window. What is left over
 /// at the end of a run joins the segment before it if it is a single sample. Within a fold
 /// segments are sorted by length, so that blocks of them are nearly rectangular.
-pub fn cut_by(measured: &Packed, window: usize, tuning: &SegmentTuning) -> Segments {
+pub fn cut(measured: &Packed, window: usize, tuning: &SegmentTuning) -> Segments {
     let runs = measured.runs();
     let typical = measured.typical_step();
     let of = |runs: StepBy<Range<usize>>| {
@@ -196,12 +186,16 @@ pub(super) fn cut_run(
 
 /// First and last samples of the segments of one run, in a data set whose usual interval
 /// between samples is `typical`.
-pub fn stretches(times: &[f64], window: usize, typical: f64) -> Vec<(usize, usize)> {
+pub fn stretches(
+    times: &[f64],
+    window: usize,
+    typical: f64,
+    tuning: &SegmentTuning,
+) -> Vec<(usize, usize)> {
     let mut found = Vec::new();
     let pair = times.len() == 2;
-    cut_run(times, (window, typical, &TUNING.segments), pair, true, |first, last| {
-        found.push((first, last))
-    });
+    let add = |first, last| found.push((first, last));
+    cut_run(times, (window, typical, tuning), pair, true, add);
     found
 }
 
@@ -246,7 +240,8 @@ mod tests {
     #[test]
     fn pairs_stay_pairs() {
         let data = dataset(vec![run(&[0.0, 0.1]), run(&[0.0, 7.0])]);
-        let all = cut(&packed(&data), 16).list;
+        let tuning = SegmentTuning::default();
+        let all = cut(&packed(&data, &tuning), 16, &tuning).list;
         assert_eq!(all.len(), 2);
         assert!(all.iter().all(|s| s.samples() == 2));
     }
@@ -258,7 +253,8 @@ mod tests {
         let data = dataset(vec![run(&times)]);
         for window in [2, 3, 5, 8, 64] {
             let mut used = vec![0; times.len()];
-            let segments = cut(&packed(&data), window);
+            let tuning = SegmentTuning::default();
+            let segments = cut(&packed(&data, &tuning), window, &tuning);
             let longest = segments.list.iter().map(|segment| segment.samples()).max();
             assert_eq!(Some(segments.longest()), longest);
             for segment in segments.list {

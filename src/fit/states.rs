@@ -152,6 +152,7 @@ mod tests {
     use super::*;
     use crate::data::{Clock, Dataset, Run};
     use crate::fit::segments::packed;
+    use crate::fit::tuning::SegmentTuning;
 
     #[test]
     fn a_missing_momentum_starts_as_the_slope() {
@@ -169,6 +170,7 @@ mod tests {
             inputs: Vec::new(),
         };
         let segment = Segment { run: 0, first: 0, last: 2 };
-        assert_eq!(States::measured(&packed(&data), &[segment; 2], 1).of(1), [0.0, 1.0]);
+        let packed = packed(&data, &SegmentTuning::default());
+        assert_eq!(States::measured(&packed, &[segment; 2], 1).of(1), [0.0, 1.0]);
     }
 }

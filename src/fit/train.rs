@@ -21,7 +21,7 @@ use super::options::Options;
 use super::pass::{Linearised, Problem, Sums, settle, settle_and_linearise};
 use super::rounding::NO_FREEDOM;
 use super::scales::{fewest_samples, scales, spreads};
-use super::segments::{Segment, Segments, cut_by, packed_by};
+use super::segments::{Segment, Segments, cut, packed};
 use super::states::States;
 use super::stepping::{self, Accuracy, Choice};
 use super::stream::Stream;
@@ -88,7 +88,7 @@ impl<'a> Training<'a> {
     pub fn new(system: &Arc<System>, dataset: &Dataset, options: &'a Options) -> Result<Self> {
         let compile = || Compiled::whole(system, options);
         let (measured, compiled) =
-            rayon::join(|| packed_by(dataset, &options.tuning.segments), compile);
+            rayon::join(|| packed(dataset, &options.tuning.segments), compile);
         Training::begin(system, Arc::new(measured), options, compiled)
     }
 
@@ -131,7 +131,7 @@ impl<'a> Training<'a> {
         let window = options.window.unwrap_or(shortest).clamp(2, longest.max(2));
         let rounding: Vec<f64> = scales.iter().map(|scale| scale.rounding).collect();
         let (segments, separable) = rayon::join(
-            || not_empty(cut_by(&measured, window, &options.tuning.segments)),
+            || not_empty(cut(&measured, window, &options.tuning.segments)),
             || compiled.of_all(system).separable(),
         );
         let segments = segments?;
@@ -179,7 +179,7 @@ impl<'a> Training<'a> {
 
     /// Cuts the data anew; every segment starts from its own measurements.
     pub fn recut(&mut self, window: usize) -> Result<()> {
-        let segments = not_empty(cut_by(&self.measured, window, &self.options.tuning.segments))?;
+        let segments = not_empty(cut(&self.measured, window, &self.options.tuning.segments))?;
         let before = std::mem::replace(&mut self.segments, segments);
         self.law.set_window(window);
         // Over many periods the misfit has many minima: what a state was before is a nearer start

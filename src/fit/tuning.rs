@@ -451,7 +451,7 @@ pub struct ConclusionTuning {
 }
 
 /// The usual numbers.
-pub(crate) const TUNING: Tuning = Tuning {
+const TUNING: Tuning = Tuning {
     segments: SegmentTuning { folds: 16, hole: 10.0, stretch: 8192, slack: 2.0 },
     masses: MassTuning {
         lengths: [9, 17, 33, 65, 129, 257, 513],

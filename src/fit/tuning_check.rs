@@ -10,7 +10,7 @@ impl Tuning {
     ///
     /// A count of something that there must be one of is zero, or a number is not positive and
     /// finite; [`ErrorKind::InvalidArgument`].
-    pub(super) fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         let Tuning { segments, stepping, rounds, course, support, first_order, .. } = self;
         let counts = [
             ("segments.folds", segments.folds, 1),

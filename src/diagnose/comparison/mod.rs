@@ -18,7 +18,7 @@ use super::law_on_data::LawOnData;
 pub use super::misfit::error;
 use crate::data::Dataset;
 use crate::error::Result;
-use crate::fit::segments::{cut_by, longest_run, typical_step};
+use crate::fit::segments::{cut, longest_run, typical_step};
 
 /// A model held against measurements.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -57,6 +57,7 @@ pub struct Horizon {
 
 /// Compares a model with the runs that it was trained on, and with held-out ones.
 pub fn compare(training: &LawOnData, held_out: Option<&LawOnData>) -> Result<Comparison> {
+    training.options.check()?;
     let horizons = horizons(training, held_out);
     let maps = residual_maps(training)?;
     let energy = energy_drift(training);
@@ -98,7 +99,7 @@ fn horizons(training: &LawOnData, held_out: Option<&LawOnData>) -> Vec<Horizon> 
 /// The guess that nothing moves: each segment's mean, in units of the noise.
 fn baseline(model: &LawOnData, window: usize) -> f64 {
     let (mut squares, mut freedom) = (0.0, 0.0);
-    for segment in cut_by(&model.data.packed, window, &model.options.fit.segments).list {
+    for segment in cut(&model.data.packed, window, &model.options.fit.segments).list {
         let run = &model.data.dataset.runs[segment.run];
         for (values, noise) in run.values.iter().zip(model.law.noise()) {
             let seen: Vec<f64> = values[segment.first..=segment.last]

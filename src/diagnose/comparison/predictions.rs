@@ -59,7 +59,7 @@ pub fn predictions(model: &LawOnData, held_out: bool) -> Vec<Prediction> {
             }
         })
         .collect();
-    let law = Law::new(model);
+    let law = CompiledLaw::new(model);
     let mut scratch = Scratch::new();
     let mut follow = |window: usize, out: &mut [Prediction]| {
         let Settled { segments, states, .. } = settle(model.with_window(window));
@@ -93,18 +93,18 @@ pub fn predictions(model: &LawOnData, held_out: bool) -> Vec<Prediction> {
     out
 }
 
-/// The compiled model and its numbers.
-pub(super) struct Law<'a> {
+/// A law on data, its equations compiled.
+pub(super) struct CompiledLaw<'a> {
     model: &'a LawOnData<'a>,
     dynamics: Dynamics,
     theta: Vec<f64>,
 }
 
-impl<'a> Law<'a> {
+impl<'a> CompiledLaw<'a> {
     pub(super) fn new(model: &'a LawOnData) -> Self {
         let dynamics = model.law.dynamics();
         let theta = model.law.theta(&dynamics);
-        Law { model, dynamics, theta }
+        CompiledLaw { model, dynamics, theta }
     }
 
     /// H at states of 2n numbers, at one time; inputs are at rest.
@@ -139,10 +139,8 @@ impl<'a> Law<'a> {
                     let at = segment.first + sample;
                     span[lane] = if at <= segment.last { times[at] - times[at - 1] } else { 0.0 };
                 }
-                let longest = span.iter().fold(0.0f64, |most, s| most.max(s.abs()));
-                let ratio = longest / model.law.stepping().longest * (1.0 - 1e-9);
-                let steps = ratio.ceil().max(1.0) as usize;
-                let method = model.law.stepping().method;
+                let (steps, method) =
+                    (model.law.stepping().steps(&span), model.law.stepping().method);
                 advance(&self.dynamics, method, &mut batch, &span, steps, &self.theta, scratch);
             }
             let places = block.iter().map(|(segment, _)| driving::at(*segment, sample));

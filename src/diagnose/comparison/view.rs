@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::energies;
 use super::plane::{ForcePlane, force_planes};
-use super::predictions::{Law, Prediction, predictions};
+use super::predictions::{CompiledLaw, Prediction, predictions};
 use crate::diagnose::law_on_data::LawOnData;
 use crate::diagnose::tuning::Comparison;
 use crate::error::Result;
@@ -123,7 +123,8 @@ pub fn view(training: &LawOnData, held_out: Option<&LawOnData>) -> Result<View> 
 }
 
 fn series(model: &LawOnData, held_out: bool) -> Vec<EnergySeries> {
-    // Where the model follows whole runs, these are cut more finely than for training.
+    // Where the model follows whole runs, these are cut more finely than for training, but not so
+    // that a state is known from fewer than four samples.
     let window = model
         .law
         .window()
@@ -137,7 +138,7 @@ fn series(model: &LawOnData, held_out: bool) -> Vec<EnergySeries> {
 fn portraits(model: &LawOnData, predictions: &[Prediction]) -> Vec<Portrait> {
     let n = model.system().degrees();
     let tuning = &model.tuning().comparison;
-    let law = Law::new(model);
+    let law = CompiledLaw::new(model);
     let start = predictions.iter().find_map(|p| p.times.first().copied()).unwrap_or(0.0);
     let spans: Vec<Option<(f64, f64, f64)>> = (0..2 * n)
         .map(|row| span(predictions.iter().flat_map(|p| p.states[row].iter().copied())))

@@ -10,7 +10,7 @@
 
 use super::rival::{Known, Path};
 use crate::data::{Clock, Dataset, Run};
-use crate::diagnose::tuning::Tuning;
+use crate::diagnose::options::Options;
 use crate::fit::segments::{Segment, Segments, stretches, typical_step};
 use crate::fit::states::States;
 use crate::fit::uncertainty::covariance;
@@ -61,8 +61,8 @@ pub(super) struct Criterion<'a> {
     pub dataset: &'a Dataset,
     /// Samples of a segment.
     pub window: usize,
-    /// The numbers that it goes by.
-    pub tuning: &'a Tuning,
+    /// What was chosen about the diagnosis.
+    pub options: &'a Options,
     /// The motion may not leave this.
     pub motion: Vec<Interval>,
     pub question: Question,
@@ -160,7 +160,7 @@ impl Criterion<'_> {
         for (run, &i) in chosen.iter().enumerate() {
             let Sampling { times, typical } = planned[i].sampling;
             let from = segments.list.len();
-            let mut parts = stretches(times, self.window, *typical);
+            let mut parts = stretches(times, self.window, *typical, &self.options.fit.segments);
             // Side by side, segments of one length waste no samples.
             parts.sort_by_key(|(first, last)| (last - first, *first));
             let of = |(first, last)| Segment { run, first, last };

@@ -44,6 +44,7 @@ pub fn design(
     options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Plan> {
+    options.check()?;
     let wanted = if *goal == Goal::Rivals { 2 } else { 1 };
     let Some(first) = rivals.first().filter(|_| rivals.len() >= wanted) else {
         return Err(Error::new(
@@ -84,7 +85,7 @@ pub fn design(
         known,
         dataset,
         window,
-        tuning,
+        options,
         motion: vec![everywhere; dimensions],
         question,
     };
@@ -259,6 +260,7 @@ fn reach(known: &Known, dataset: &Dataset) -> Vec<Interval> {
     }
     for side in &mut reach {
         if side.lower > side.upper {
+            // Nothing is known: units are chosen so that numbers are about one.
             *side = Interval { lower: -1.0, upper: 1.0 };
         }
         // Numbers that people would say.
@@ -303,6 +305,7 @@ fn samplings(dataset: &Dataset, allowed: &Allowed, tuning: &Design) -> Result<Ve
     let mut out = Vec::new();
     for &duration in &durations {
         for &step in &steps {
+            // A whole number of steps may be less by rounding.
             let intervals = (duration / step * (1.0 + 1e-9)).floor();
             if !(intervals >= 1.0 && intervals < tuning.longest as f64) {
                 return Err(Error::new(
@@ -329,7 +332,7 @@ fn repeated(criterion: &Criterion) -> Option<Vec<f64>> {
             *first = Some((segment.first, state));
         }
     }
-    let stride = runs.div_ceil(criterion.tuning.design.repeats).max(1);
+    let stride = runs.div_ceil(criterion.options.tuning.design.repeats).max(1);
     let chosen: Vec<(Vec<f64>, Sampling)> = firsts
         .into_iter()
         .enumerate()
@@ -354,7 +357,7 @@ fn expected(criterion: &Criterion, values: &[f64], standings: &[f64]) -> Expecte
     if let Question::Unknown(_) = criterion.question {
         return Expected { gains: Vec::new(), standard_error: values.first().copied() };
     }
-    let distinguishable = criterion.tuning.ranking.indistinguishable;
+    let distinguishable = criterion.options.tuning.ranking.indistinguishable;
     let gain = |((a, b), &deviance): ((usize, usize), &f64)| Gain {
         truth: criterion.known[a].rival.label.clone(),
         against: criterion.known[b].rival.label.clone(),

@@ -15,7 +15,7 @@ use crate::fit::factor::Factor;
 use crate::fit::gauss_newton::{self, Refit};
 use crate::fit::pass::{Linearised, Stepping, Sums, settle_and_linearise};
 use crate::fit::refit::{Integrator, Refitting, refitted};
-use crate::fit::segments::{Segments, cut_by, typical_step};
+use crate::fit::segments::{Segments, cut, typical_step};
 use crate::fit::states::States;
 use crate::fit::{Law, Silent};
 
@@ -113,7 +113,7 @@ impl<'a> Known<'a> {
         let law = rival.law.clone().with_noise(noise.to_vec()).with_window(window);
         let model = LawOnData { law: law.with_stepping(stepping), data: data.clone(), options };
         let dynamics = model.law.dynamics();
-        let segments = cut_by(&data.packed, window, &options.fit.segments);
+        let segments = cut(&data.packed, window, &options.fit.segments);
         let states = States::measured(&data.packed, &segments.list, dynamics.degrees());
         let theta = model.law.theta(&dynamics);
         let best = fitted(&model, (&dynamics, &theta), &segments, states);
@@ -151,15 +151,15 @@ impl<'a> Known<'a> {
         let mut paths: Vec<Path> = (0..lanes)
             .map(|_| Path { states: Vec::new(), observed: vec![Vec::new(); rows] })
             .collect();
-        let Stepping { method, longest } = self.model.law.stepping();
+        let stepping = self.model.law.stepping();
         let samples = runs.iter().map(|(_, times)| times.len()).max().unwrap_or(0);
         for sample in 0..samples {
             if sample > 0 {
                 for (span, (_, times)) in span.iter_mut().zip(runs) {
                     *span = times.get(sample).map_or(0.0, |time| time - times[sample - 1]);
                 }
-                let most = span.iter().fold(0.0f64, |most, s| most.max(s.abs()));
-                let steps = (most / longest * (1.0 - 1e-9)).ceil().max(1.0) as usize;
+                let steps = stepping.steps(&span);
+                let method = stepping.method;
                 let dynamics = &self.dynamics;
                 advance(dynamics, method, &mut batch, &span, steps, &self.theta, &mut scratch);
             }

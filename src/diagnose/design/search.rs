@@ -37,7 +37,7 @@ pub(super) fn search(
     bounds: &[Interval],
     monitor: &dyn Monitor,
 ) -> SearchResult {
-    let tuning = &criterion.tuning.design;
+    let tuning = &criterion.options.tuning.design;
     let points = points(bounds, samplings.len() > 1, tuning);
     let mut all: Vec<EvaluatedRun> = Vec::new();
     let mut evaluated = 0;
@@ -157,7 +157,7 @@ pub(super) fn at_rest(start: &[f64]) -> bool {
 
 fn live(criterion: &Criterion, all: &[EvaluatedRun]) -> Vec<bool> {
     let count = if criterion.question == Question::Rivals { criterion.pairs().len() } else { 1 };
-    let hopeless = criterion.tuning.design.hopeless;
+    let hopeless = criterion.options.tuning.design.hopeless;
     (0..count).map(|k| all.iter().any(|found| found.values[k] >= hopeless)).collect()
 }
 

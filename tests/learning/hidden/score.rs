@@ -473,8 +473,12 @@ impl<'a> Weighing<'a> {
             Law::new(system.clone(), terms.collect(), parameters, self.noise.clone(), how).ok()?;
         // What is added may ask for another integrator.
         let options = Options::default();
-        let mut training =
-            Training::from_law(&law, Arc::new(packed(&case.training)), &options).ok()?;
+        let mut training = Training::from_law(
+            &law,
+            Arc::new(packed(&case.training, &options.tuning.segments)),
+            &options,
+        )
+        .ok()?;
         training.choose_integrator();
         let law = law.with_stepping(training.law().stepping());
         let options = diagnose::Options::default();

@@ -153,8 +153,7 @@ impl Together<'_> {
 
     fn move_on(&self, batch: &mut Batch, spans: &[f64], scratch: &mut KeptScratch) {
         let stepping = self.model.law.stepping();
-        let longest = spans.iter().fold(0.0f64, |most, span| most.max(span.abs()));
-        let steps = (longest / stepping.longest * (1.0 - 1e-9)).ceil().max(1.0) as usize;
+        let steps = stepping.steps(spans);
         advance(self.dynamics, stepping.method, batch, spans, steps, self.theta, scratch);
     }
 }

@@ -1,0 +1,72 @@
+//! What is said of a change that a spec may lack: an effect with its numbers, or another number.
+
+use serde::Serialize;
+
+use super::candidates::NumberChange;
+use crate::error::Result;
+use crate::expr::Scope;
+use crate::spec::edit;
+
+/// An effect that was refitted in full and ranked.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RankedEffect {
+    /// `viscous_drag(theta)`.
+    pub effect: String,
+    /// Coordinates or observables that it is on.
+    pub on: Vec<String>,
+    /// The statement that adds it to the spec.
+    pub snippet: String,
+    /// Coefficient of each of its terms, then its inner parameters.
+    pub coefficient: Vec<f64>,
+    /// Standard errors, in the order of `coefficient`.
+    pub standard_error: Vec<f64>,
+    /// Probability that noise does as well, corrected for all candidates and grid points.
+    pub p_value: f64,
+    /// Fall of the training deviance in the full refit.
+    pub deviance: f64,
+    /// The number of the spec that should be another one, where it is that and no effect.
+    pub number: Option<NumberChange>,
+    /// In units of the noise.
+    pub held_out_error_before: f64,
+    /// The same with the effect in the model.
+    pub held_out_error_after: f64,
+    /// As a member of a story: what would explain as much in its place.
+    pub indistinguishable: Vec<String>,
+}
+
+impl RankedEffect {
+    /// A scope with it: its statement stands there, or the number is an inner parameter.
+    ///
+    /// # Errors
+    /// It makes no sense in the scope.
+    pub fn added_to(&self, scope: &Scope) -> Result<Scope> {
+        match &self.number {
+            Some(change) => {
+                let value = self.coefficient.last().copied().unwrap_or(change.was);
+                scope.freed(&change.known, value)
+            }
+            None => scope.with(&self.snippet),
+        }
+    }
+
+    /// The text of a spec with it: its statement, or the number changed. A number must have been
+    /// found in this text, and be changed before statements are added.
+    pub fn written_into(&self, text: &str) -> String {
+        written_into(text, &self.snippet, self.number.as_ref(), &self.coefficient)
+    }
+}
+
+/// The text of a spec with a statement, or with a number changed to the last of the coefficients.
+pub(super) fn written_into(
+    text: &str,
+    statement: &str,
+    number: Option<&NumberChange>,
+    coefficient: &[f64],
+) -> String {
+    match number {
+        Some(change) => {
+            change.known.edited(text, coefficient.last().copied().unwrap_or(change.was))
+        }
+        None => edit::insert(text, statement),
+    }
+}
