@@ -55,10 +55,10 @@ runs and weighed by the true noise, twice the log-likelihood grows by more than 
 deviations) and the price of the unknowns (their number times the logarithm of that of the readings); of
 several members by that much for each; correlated noise counts as the fewer independent readings that say
 as much. A stranger has no terms: there the model as it is must leave
-more than noise.
+more than noise. What was not finished, or could not be weighed, counts as identifiable.
 
 **Right** is strict: the names and coordinates of what is hidden and no other, and every number within five
-of its standard errors. **Equal** are stories with another name that fit training runs and held-out runs
+of its standard errors, or, without noise, right to one part in a million. **Equal** are stories with another name that fit training runs and held-out runs
 as well as the truth does (a deviance less than 6 higher, held-out errors within 1 %), or that the program
 says it cannot tell from the true one. **Wrong** are all other stories. In filtered velocities, a shifted
 clock of the momentum is there, and counts as nothing.
@@ -283,7 +283,7 @@ fn marks(out: &mut String, records: &[Record]) {
 /// How long it took.
 fn seconds(out: &mut String, records: &[Record]) {
     out.push_str(
-        "\n## Seconds\n\nFit and diagnosis together, on one thread.\n\n| turns in a run | cases | median | nine of ten \
+        "\n## Seconds\n\nFit and diagnosis together, by the clock on the wall, whatever else the machine had to do.\n\n| turns in a run | cases | median | nine of ten \
          below | longest | above 60 |\n|---|---|---|---|---|---|\n",
     );
     for periods in PERIODS {

@@ -143,12 +143,13 @@ impl Record {
         self.kind == kind.text()
     }
 
-    /// Whether the data could tell what is hidden, by the likelihood of the truth.
+    /// Whether the data could tell what is hidden, by the likelihood of the truth. Where that is not
+    /// known, because the case was not finished or the truth could not be fitted, they could.
     pub fn identifiable(&self) -> bool {
-        // What was found with its numbers is so by these: squares of numbers over their errors.
         match self.gain {
-            Some(gain) => gain > self.price,
-            None => self.verdict == "missing",
+            Some(gain) => gain > self.price || gain < -25.0,
+            // What was found is so by its own numbers: squares of them over their errors.
+            None => self.reason != RUNS_AWAY,
         }
     }
 
@@ -183,7 +184,10 @@ impl Record {
                 return Mark::Beside;
             }
             let near = |truth: &Member| {
-                says(truth).is_some_and(|one| deviations(truth, one).all(|off| off <= 5.0))
+                says(truth).is_some_and(|one| {
+                    let exact = self.noise == 0.0 && are_alike(&truth.numbers, &one.numbers);
+                    exact || deviations(truth, one).all(|off| off <= 5.0)
+                })
             };
             return if self.hidden.iter().all(near) { Mark::Right } else { Mark::Off };
         }
@@ -224,11 +228,19 @@ impl Record {
     }
 }
 
+/// Whether numbers are the same to one part in a million.
+fn are_alike(truth: &[f64], told: &[f64]) -> bool {
+    truth.iter().zip(told).all(|(truth, told)| (told - truth).abs() <= 1e-6 * truth.abs())
+}
+
 /// How far the numbers of a member are from the true ones, in standard errors.
 fn deviations<'a>(truth: &'a Member, told: &'a Member) -> impl Iterator<Item = f64> + 'a {
     let both = truth.numbers.iter().zip(told.numbers.iter().zip(&told.errors));
     both.map(|(truth, (value, error))| (value - truth).abs() / error.max(1e-300))
 }
+
+/// Why a case cannot be made.
+const RUNS_AWAY: &str = "what is hidden runs away at any strength";
 
 /// Seconds that a case may take.
 const PATIENCE: f64 = 200.0;
@@ -248,7 +260,7 @@ impl Monitor for Patience {
 pub fn scored(plan: &Plan) -> Record {
     let mut record = Record::of(plan);
     let Some(made) = made(plan) else {
-        record.reason = "what is hidden runs away at any strength".to_string();
+        record.reason = RUNS_AWAY.to_string();
         return record;
     };
     let Made { case, truth, moved } = &made;
