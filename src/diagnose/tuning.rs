@@ -323,7 +323,7 @@ pub struct Verdict {
     /// integrator: a story that explains clean data to a millionth of the misfit is not incomplete
     /// for the rest.
     pub negligible: f64,
-    /// What the leader of the ranking leaves of the error on held-out runs, at most, to be offered
+    /// What an effect of the ranking leaves of the error on held-out runs, at most, to be offered
     /// as a part of an explanation where no story holds.
     pub part: f64,
     /// p-value below which a residual force without a name is there, all maps counted.

@@ -62,9 +62,10 @@ pub fn judge<'a>(
     unexplained(question, diagnosis, (&bare, &before), &stories, fault)
 }
 
-/// The leader of the ranking where it is worth being asked for though something else is missing
-/// beside it: it is clearly not zero, and held-out runs are predicted better with it. Beside what is
-/// missing every number looks significant, so that no longer story is a part of the explanation.
+/// The effect of the ranking that is worth being asked for though something else is missing beside
+/// it: it is clearly not zero, and held-out runs are predicted best with it. Beside what is missing
+/// every number looks significant: runs that nothing was fitted to decide, and no longer story is a
+/// part of the explanation.
 fn part_of(diagnosis: &Diagnosis, tuning: &Tuning) -> Vec<RankedEffect> {
     let leads = |one: &&RankedEffect| {
         let mut numbers = one.coefficient.iter().zip(&one.standard_error);
@@ -72,7 +73,9 @@ fn part_of(diagnosis: &Diagnosis, tuning: &Tuning) -> Vec<RankedEffect> {
         let stands = one.number.is_some() || numbers.all(|(value, e)| value.abs() >= clear * e);
         stands && one.held_out_error_after < tuning.verdict.part * one.held_out_error_before
     };
-    diagnosis.ranking.first().filter(leads).cloned().into_iter().collect()
+    let after = |one: &&RankedEffect| one.held_out_error_after;
+    let leading = diagnosis.ranking.iter().filter(leads);
+    leading.min_by(|a, b| after(a).total_cmp(&after(b))).cloned().into_iter().collect()
 }
 
 /// The members of a story, the errors before and after all of it with the first and the last.
