@@ -108,10 +108,18 @@ fn one_force_on_a_body_or_on_all_coordinates_is_one_effect() {
 }
 
 #[test]
-fn what_the_catalogue_lacks_is_composed() {
+fn a_coupling_of_squares_is_told() {
     let known = "T = (px^2 + py^2)/2\nV = (x^2 + y^2)/2\n";
     let product = "T = (px^2 + py^2)/2\nV = (x^2 + y^2)/2 + 0.5*x^2*y^2\n";
-    let names = ["V (x*y)^2", "V x^2*y^2", "quadratic_cross_coupling(x, y)"];
+    let names = ["quartic_cross_coupling(x, y)"];
+    told(&base(PLANE, product, known, PLANE_STARTS), 0.01, &[1, 2], &names, 1.0);
+}
+
+#[test]
+fn what_the_catalogue_lacks_is_composed() {
+    let known = "T = (px^2 + py^2)/2\nV = (x^2 + y^2)/2\n";
+    let product = "T = (px^2 + py^2)/2\nV = (x^2 + y^2)/2 + 0.5*x^4*y^2\n";
+    let names = ["V (x*x*y)^2", "V (x^2*y)^2", "V x^4*y^2"];
     told(&base(PLANE, product, known, PLANE_STARTS), 0.01, &[1, 2], &names, 0.5);
 }
 
