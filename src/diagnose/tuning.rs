@@ -326,6 +326,9 @@ pub struct Verdict {
     /// What an effect of the ranking leaves of the error on held-out runs, at most, to be offered
     /// as a part of an explanation where no story holds.
     pub part: f64,
+    /// Errors on held-out runs that differ by less than this part of them are alike: an error of
+    /// some hundred residuals is known to a few percent.
+    pub part_within: f64,
     /// p-value below which a residual force without a name is there, all maps counted.
     pub unmistakable: f64,
     /// Residuals this many times the resolution of the integrator are the measurements' own.

@@ -63,9 +63,9 @@ pub fn judge<'a>(
 }
 
 /// The effect of the ranking that is worth being asked for though something else is missing beside
-/// it: it is clearly not zero, and held-out runs are predicted best with it. Beside what is missing
-/// every number looks significant: runs that nothing was fitted to decide, and no longer story is a
-/// part of the explanation.
+/// it: it is clearly not zero, and held-out runs are predicted as well with it as with any. Beside
+/// what is missing every number looks significant: runs that nothing was fitted to have their say,
+/// and no longer story is a part of the explanation.
 fn part_of(diagnosis: &Diagnosis, tuning: &Tuning) -> Vec<RankedEffect> {
     let leads = |one: &&RankedEffect| {
         let mut numbers = one.coefficient.iter().zip(&one.standard_error);
@@ -73,9 +73,10 @@ fn part_of(diagnosis: &Diagnosis, tuning: &Tuning) -> Vec<RankedEffect> {
         let stands = one.number.is_some() || numbers.all(|(value, e)| value.abs() >= clear * e);
         stands && one.held_out_error_after < tuning.verdict.part * one.held_out_error_before
     };
-    let after = |one: &&RankedEffect| one.held_out_error_after;
-    let leading = diagnosis.ranking.iter().filter(leads);
-    leading.min_by(|a, b| after(a).total_cmp(&after(b))).cloned().into_iter().collect()
+    let least = diagnosis.ranking.iter().filter(leads).map(|one| one.held_out_error_after);
+    let enough = least.fold(f64::INFINITY, f64::min) * (1.0 + tuning.verdict.part_within);
+    let mut leading = diagnosis.ranking.iter().filter(leads);
+    leading.find(|one| one.held_out_error_after <= enough).cloned().into_iter().collect()
 }
 
 /// The members of a story, the errors before and after all of it with the first and the last.
