@@ -1,7 +1,8 @@
 //! Which numbers a diagnosis can go by.
 
 use super::options::Options;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::Result;
+use crate::fit::tuning_check::require;
 
 impl Options {
     /// Refuses numbers that a diagnosis cannot go by.
@@ -9,7 +10,7 @@ impl Options {
     /// # Errors
     ///
     /// A count of something that there must be one of is zero, or a number is not positive and
-    /// finite; [`ErrorKind::InvalidArgument`].
+    /// finite; [`ErrorKind::InvalidArgument`](crate::ErrorKind::InvalidArgument).
     pub(super) fn check(&self) -> Result<()> {
         self.fit.check()?;
         let tuning = &self.tuning;
@@ -35,9 +36,6 @@ impl Options {
             ("design.batch", design.batch, 1),
             ("design.lanes", design.lanes, 1),
         ];
-        if let Some((name, value, least)) = counts.iter().find(|(_, value, least)| value < least) {
-            return Err(wrong(name, &value.to_string(), &format!("at least {least}")));
-        }
         let sizes = [
             ("noise_floor.strays", tuning.noise_floor.strays),
             ("composed.panel_angle", composed.panel_angle),
@@ -51,19 +49,8 @@ impl Options {
             ("design.last_step", design.last_step),
             ("design.finer_steps", design.finer_steps),
         ];
-        match sizes.iter().find(|(_, value)| !(value.is_finite() && *value > 0.0)) {
-            Some((name, value)) => Err(wrong(name, &value.to_string(), "positive and finite")),
-            None => Ok(()),
-        }
+        require("diagnosis.tuning", &counts, &sizes)
     }
-}
-
-fn wrong(name: &str, value: &str, wanted: &str) -> Error {
-    Error::new(
-        ErrorKind::InvalidArgument,
-        format!("`tuning.{name}` of the diagnosis is {value}"),
-        format!("it must be {wanted}"),
-    )
 }
 
 #[cfg(test)]

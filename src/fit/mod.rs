@@ -52,7 +52,7 @@ mod streamed;
 pub mod support;
 pub mod train;
 pub mod tuning;
-mod tuning_check;
+pub(crate) mod tuning_check;
 pub mod uncertainty;
 
 pub use gauss_newton::StopReason;

@@ -560,6 +560,7 @@ const TUNING: Tuning = Tuning {
     },
 };
 
+/// Each part of a `TUNING` in scope is what its type is by default.
 macro_rules! usual {
     ($($name:ident: $field:ident,)*) => {
         $(impl Default for $name {
@@ -570,6 +571,8 @@ macro_rules! usual {
         })*
     };
 }
+
+pub(crate) use usual;
 
 usual! {
     SegmentTuning: segments,

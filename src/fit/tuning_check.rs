@@ -29,10 +29,6 @@ impl Tuning {
             ("segments.stretch", usize::try_from(segments.stretch).unwrap_or(usize::MAX), 1),
             ("conclusion.draws", self.conclusion.draws, 1),
         ];
-        let small = counts.iter().find(|(_, value, least)| value < least);
-        if let Some((name, value, least)) = small {
-            return Err(wrong(name, &value.to_string(), &format!("at least {least}")));
-        }
         let RefitTuning { converged, rough, first_damping, more_damping, .. } = self.refit;
         let sizes = [
             ("segments.hole", segments.hole),
@@ -50,19 +46,32 @@ impl Tuning {
             ("first_order.rate", first_order.rate),
             ("first_order.last_rate", first_order.last_rate),
         ];
-        match sizes.iter().find(|(_, value)| !(value.is_finite() && *value > 0.0)) {
-            Some((name, value)) => Err(wrong(name, &value.to_string(), "positive and finite")),
-            None => Ok(()),
-        }
+        require("tuning", &counts, &sizes)
     }
 }
 
-fn wrong(name: &str, value: &str, wanted: &str) -> Error {
-    Error::new(
-        ErrorKind::InvalidArgument,
-        format!("`tuning.{name}` is {value}"),
-        format!("it must be {wanted}"),
-    )
+/// Refuses counts (a name, the value, the least) that are too small, and sizes that are not positive
+/// and finite; `of` is what holds them.
+///
+/// # Errors
+///
+/// The first of them; [`ErrorKind::InvalidArgument`].
+pub(crate) fn require(
+    of: &str,
+    counts: &[(&str, usize, usize)],
+    sizes: &[(&str, f64)],
+) -> Result<()> {
+    let wrong = |name: &str, value: String, wanted: String| {
+        let message = format!("`{of}.{name}` is {value}");
+        Err(Error::new(ErrorKind::InvalidArgument, message, format!("it must be {wanted}")))
+    };
+    if let Some((name, value, least)) = counts.iter().find(|(_, value, least)| value < least) {
+        return wrong(name, value.to_string(), format!("at least {least}"));
+    }
+    match sizes.iter().find(|(_, value)| !(value.is_finite() && *value > 0.0)) {
+        Some((name, value)) => wrong(name, value.to_string(), "positive and finite".to_string()),
+        None => Ok(()),
+    }
 }
 
 #[cfg(test)]

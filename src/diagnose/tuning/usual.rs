@@ -4,6 +4,7 @@ use super::{
     Axis, Candidates, Comparison, Composed, Design, Discovery, Grids, Instrument, NoiseFloor,
     Ranking, Scan, States, Sufficiency, Tuning, Verdict,
 };
+use crate::fit::tuning::usual;
 
 /// The usual numbers.
 const TUNING: Tuning = Tuning {
@@ -167,17 +168,6 @@ const TUNING: Tuning = Tuning {
         lanes: 32,
     },
 };
-
-macro_rules! usual {
-    ($($name:ident: $field:ident,)*) => {
-        $(impl Default for $name {
-            /// The usual numbers.
-            fn default() -> Self {
-                TUNING.$field
-            }
-        })*
-    };
-}
 
 usual! {
     Sufficiency: sufficiency,
