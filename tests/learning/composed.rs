@@ -1,17 +1,13 @@
 //! Terms that no catalogue has, hidden in simulated measurements and composed again. `cargo run
 //! --release --example composed` runs more of them.
 
-use crate::hidden::bases::{BASES, Base};
+use crate::hidden::bases::base;
 use crate::hidden::{Case, case, case_reaching};
 use leverrier::internals::diagnose::candidates::composed::{Composition, composition};
 use leverrier::internals::diagnose::noise_floor::noise_floor;
 use leverrier::internals::diagnose::{LawOnData, Options};
 use leverrier::internals::expr::Scope;
 use leverrier::internals::fit::Silent;
-
-fn base(name: &str) -> &'static Base {
-    BASES.iter().find(|base| base.name == name).unwrap_or_else(|| panic!("no base {name}"))
-}
 
 fn search(case: &Case, expressions: usize) -> Composition {
     let model = case.fit();

@@ -3,7 +3,7 @@
 
 use std::collections::HashSet;
 
-use crate::hidden::bases::{BASES, Base};
+use crate::hidden::bases::{BASES, base};
 use crate::hidden::design::{Colour, Kind, NOISES, PERIODS, Plan, REACHES, plans};
 use crate::hidden::outcome::{Outcome, outcome};
 use crate::hidden::pairs::PAIRS;
@@ -14,10 +14,6 @@ use leverrier::internals::diagnose::diagnosis::Verdict;
 use rayon::prelude::*;
 
 use leverrier::internals::spec::effects::{by_name, catalogue};
-
-fn base(name: &str) -> &'static Base {
-    BASES.iter().find(|base| base.name == name).unwrap_or_else(|| panic!("no base {name}"))
-}
 
 fn hidden_in(name: &str, effect: &str, on: &[&str], noise: f64, seed: u64) -> Outcome {
     let arguments: Vec<String> = on.iter().map(|argument| argument.to_string()).collect();

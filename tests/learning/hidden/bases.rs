@@ -19,6 +19,11 @@ pub struct Base {
     pub hidden: &'static [(&'static str, &'static [&'static str])],
 }
 
+/// The system of the benchmark with this name.
+pub fn base(name: &str) -> &'static Base {
+    BASES.iter().find(|base| base.name == name).unwrap_or_else(|| panic!("no base {name}"))
+}
+
 /// The systems of the benchmark.
 pub static BASES: &[Base] = &[
     Base {

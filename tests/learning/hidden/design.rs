@@ -9,7 +9,7 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 
-use super::bases::{BASES, Base};
+use super::bases::{BASES, Base, base};
 use super::making::may_be_filtered;
 use super::statement;
 use super::strangers::STRANGERS;
@@ -250,13 +250,11 @@ fn plan(number: usize, kind: Kind, k: usize) -> Plan {
         }
         Kind::Group => {
             let (name, effect, on) = GROUPS[of(0, GROUPS.len())];
-            let base = BASES.iter().find(|base| base.name == name).expect("a row of BASES");
-            (base, What::Statements(vec![effect_on(effect, on)]))
+            (base(name), What::Statements(vec![effect_on(effect, on)]))
         }
         Kind::Number => {
             let row = of(0, NUMBERS.len());
-            let base = BASES.iter().find(|base| base.name == NUMBERS[row].base);
-            (base.expect("a row of BASES"), What::Number(row))
+            (base(NUMBERS[row].base), What::Number(row))
         }
         Kind::Composed => {
             let all = hidden_terms();
@@ -272,8 +270,7 @@ fn plan(number: usize, kind: Kind, k: usize) -> Plan {
                 None => (PARTNERS[row].base, What::Partner(row)),
                 Some(rest) => (STRANGERS[others[rest]].base, What::Stranger(others[rest])),
             };
-            let base = BASES.iter().find(|base| base.name == name).expect("a row of BASES");
-            (base, what)
+            (base(name), what)
         }
     };
     let known = [Known::All, Known::Half, Known::None][of(5, 3)];

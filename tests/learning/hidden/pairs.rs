@@ -3,7 +3,7 @@
 use leverrier::internals::diagnose::discover::{Discovery, DiscoveryOptions, discover};
 use leverrier::internals::fit::Silent;
 
-use super::bases::BASES;
+use super::bases::base;
 use super::case;
 
 /// Two effects hidden in one base.
@@ -41,7 +41,7 @@ impl Pair {
     /// What the loop finds, and its labels, sorted: where the data could not tell a step's effect
     /// from a hidden one, the hidden one's.
     pub fn discovered(&self, noise: f64, seed: u64) -> (Discovery, Vec<String>) {
-        let base = BASES.iter().find(|base| base.name == self.base).expect("a row of BASES");
+        let base = base(self.base);
         let case = case(base, self.statement, noise, seed);
         let options = DiscoveryOptions::default();
         let (text, training, held_out) = (&case.text, &case.training, &case.held_out);

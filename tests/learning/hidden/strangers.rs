@@ -4,7 +4,7 @@ use leverrier::internals::data::{Clock, Dataset, Run};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use super::bases::{BASES, Base};
+use super::bases::{Base, base};
 use super::{Case, case_reaching, difference, measured, space, starts, times};
 
 /// Something that acts and that no effect describes.
@@ -79,7 +79,7 @@ impl Stranger {
 
     /// Measurements with the stranger in them.
     pub fn case(&self, noise: f64, seed: u64) -> Case {
-        let base = BASES.iter().find(|base| base.name == self.base).expect("a row of BASES");
+        let base = base(self.base);
         match self.how {
             How::Statement(statement) => case_reaching(REACH, base, statement, noise, seed),
             How::Delay(delay) => hidden(base, noise, seed, |strength| {
