@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::batch::{Batch, Scratch};
 use super::flow::{Flow, FlowSource};
+use super::internal;
 use super::methods::Method;
 use crate::error::Result;
 use crate::eval::{Backend, Evaluator, Inputs, Series, StepSource, Steps, compile, compile_steps};
@@ -54,9 +55,9 @@ pub struct Dynamics {
 const WORTH_A_LOOP: usize = 400;
 
 /// g or v: n expressions, and for each the derivatives by the active coefficients.
-struct Gradient {
-    rows: Vec<Expr>,
-    linear: Vec<Vec<(usize, Expr)>>,
+pub(super) struct Gradient {
+    pub(super) rows: Vec<Expr>,
+    pub(super) linear: Vec<Vec<(usize, Expr)>>,
 }
 
 impl fmt::Debug for Dynamics {
@@ -125,12 +126,15 @@ impl Dynamics {
         let rates = |graph: &mut Graph, active: &[usize]| {
             let mut slope = Gradient::conservative(graph, system, active, known, &state[..degrees]);
             slope.subtract_forces(graph, system, active);
-            let velocity = Gradient::conservative(graph, system, active, known, &state[degrees..]);
+            let mut velocity =
+                Gradient::conservative(graph, system, active, known, &state[degrees..]);
+            internal::set_rates(graph, system, active, &mut slope, &mut velocity);
             (slope, velocity)
         };
         let (mut slope, mut velocity) = rates(&mut graph, &active);
         let mut separable = are_separable(&graph, &slope, &velocity);
-        if !probes.is_empty() && !separable {
+        let internal = !system.known_rates().is_empty();
+        if !probes.is_empty() && (internal || !separable) {
             // Methods for such systems take every term in their stride.
             active.append(&mut probes);
             (slope, velocity) = rates(&mut graph, &active);
@@ -167,7 +171,9 @@ impl Dynamics {
             .collect();
         let pushes =
             |&k: &usize| system.terms[k].parts().any(|(place, _)| matches!(place, Place::Force(_)));
-        let forced = !system.forces.iter().all(|&f| graph.is_zero(f)) || active.iter().any(pushes);
+        let forced = internal
+            || !system.forces.iter().all(|&f| graph.is_zero(f))
+            || active.iter().any(pushes);
         active.append(&mut probes);
         let unknowns = active
             .iter()

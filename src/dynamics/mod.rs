@@ -18,6 +18,7 @@ mod explicit;
 mod flow;
 mod implicit;
 mod integrate;
+mod internal;
 mod methods;
 mod observe;
 mod splitting;

@@ -48,6 +48,7 @@ pub fn known_system(
         velocities: Vec::new(),
         time: variable("t".to_string()),
         inputs: Vec::new(),
+        hidden: Vec::new(),
         parameters: Vec::new(),
         kinetic,
         potential,

@@ -33,6 +33,7 @@ fn place_name(simplified: &Simplified, place: Place) -> String {
         Place::Potential => "V".to_string(),
         Place::Hamiltonian => "H".to_string(),
         Place::Force(i) => format!("force {}", simplified.names.of(Symbol::Coordinate(i))),
+        Place::Rate(i) => format!("rate {}", simplified.names.of(Symbol::Coordinate(i))),
         Place::Sensor(i) => {
             let degrees = simplified.names.coordinates.len();
             let symbol =

@@ -118,6 +118,7 @@ fn place(place: Place, system: &System, names: &Names) -> Value {
         Place::Potential => json!("V"),
         Place::Hamiltonian => json!("H"),
         Place::Force(i) => json!({ "force": names.of(Symbol::Coordinate(i)) }),
+        Place::Rate(i) => json!({ "rate": names.of(Symbol::Coordinate(i)) }),
         Place::Sensor(i) => json!({ "sensor": system.observables().get(i) }),
     }
 }

@@ -59,9 +59,13 @@ pub fn equations(export: &Export) -> Result<Vec<Equation>> {
         out.push(equation(format!("F_{{{}}}", variable(Symbol::Coordinate(i))), force));
     }
     for i in 0..n {
-        out.push(equation(letters::dotted(&names.of(Symbol::Coordinate(i))), gradient[n + i]));
+        let law = system.internal(i).map(|_| part(Place::Rate(i))).unwrap_or(gradient[n + i]);
+        out.push(equation(letters::dotted(&names.of(Symbol::Coordinate(i))), law));
     }
     for (i, &slope) in slopes.iter().enumerate() {
+        if system.internal(i).is_some() {
+            continue;
+        }
         out.push(equation(letters::dotted(&names.of(Symbol::Momentum(i))), slope));
     }
     // The instrument comes last: it moves nothing.

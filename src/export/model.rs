@@ -70,15 +70,24 @@ impl Model {
         }
         let energy = system.energy(law.support())?;
         let forces = system.force(law.support())?;
+        let rates = system.rates(law.support())?;
         let state = system.state();
         let n = system.degrees();
         let constants = constants(export);
         let graph = &mut system.graph;
         let gradient = graph.gradient(energy, &state);
-        let velocities = gradient[n..].to_vec();
+        let mut velocities = gradient[n..].to_vec();
         let mut accelerations = Vec::with_capacity(n);
         let mut change = vec![(1.0, graph.derivative(energy, Symbol::Time))];
+        for &(i, rate) in &rates {
+            velocities[i] = rate;
+            change.push((1.0, graph.multiply(gradient[i], rate)));
+        }
         for (i, &force) in forces.iter().enumerate() {
+            if rates.iter().any(|&(state, _)| state == i) {
+                accelerations.push(graph.number(0.0));
+                continue;
+            }
             accelerations.push(graph.subtract(force, gradient[i]));
             change.push((1.0, graph.multiply(force, velocities[i])));
         }

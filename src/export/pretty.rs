@@ -47,11 +47,12 @@ impl Pretty {
             (Place::Hamiltonian, system.hamiltonian),
         ];
         known.extend(system.forces.iter().enumerate().map(|(i, &f)| (Place::Force(i), f)));
+        known.extend(system.known_rates());
         known.extend(system.sensors.iter().enumerate().map(|(i, &s)| (Place::Sensor(i), s)));
         let mut parts = Vec::new();
         for (place, known) in known {
             let own = |graph: &mut Graph, expr| match place {
-                Place::Sensor(_) => graph.substitute(expr, &by_number),
+                Place::Sensor(_) | Place::Rate(_) => graph.substitute(expr, &by_number),
                 _ => expr,
             };
             let mut sum = vec![(1.0, own(&mut graph, known))];

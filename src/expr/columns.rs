@@ -58,9 +58,11 @@ impl System {
     /// Where the observables stand when no `data` statement says otherwise.
     pub fn observed_columns(&self) -> Vec<ObservedColumn> {
         let observables = self.observables();
-        let column =
-            |name: String| ObservedColumn { candidates: candidates(&name), name, scale: 1.0 };
-        observables.into_iter().map(column).collect()
+        let column = |(at, name): (usize, String)| {
+            let candidates = if self.is_hidden(at) { Vec::new() } else { candidates(&name) };
+            ObservedColumn { candidates, name, scale: 1.0 }
+        };
+        observables.into_iter().enumerate().map(column).collect()
     }
 
     /// Where the inputs stand when no `data` statement says otherwise.
@@ -184,6 +186,14 @@ fn observable(
         _ => variable.to_string(),
     };
     let found = observables.iter().position(|observed| observed.name == name);
+    if found.is_some_and(|at| system.is_hidden(at)) {
+        lowering.report(
+            Diagnostic::error(variable.site.0, format!("`{name}` is hidden"))
+                .label("nobody measures it")
+                .hint("declare it with `coordinates` and `momenta` if a column holds it"),
+        );
+        return None;
+    }
     if found.is_none() {
         let names: Vec<&str> = observables.iter().map(|observed| observed.name.as_str()).collect();
         let state = system.momenta.iter().any(|momentum| momentum.name == name);

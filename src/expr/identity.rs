@@ -72,6 +72,7 @@ impl Mark {
             Place::Hamiltonian => (2, 0),
             Place::Force(row) => (3, row),
             Place::Sensor(row) => (4, row),
+            Place::Rate(row) => (5, row),
         };
         (row as u32).to_le_bytes().into_iter().fold(self.byte(kind), Mark::byte)
     }

@@ -109,6 +109,7 @@ fn sample_fields(system: &System) -> Option<DMatrix<f64>> {
     for (k, place, expr) in parts(|place| !place.is_energy()) {
         match place {
             Place::Force(i) => roots.push((k, n + i, 1.0, expr)),
+            Place::Rate(i) => roots.push((k, i, 1.0, expr)),
             Place::Sensor(i) => roots.push((k, 2 * n + i, 1.0, expr)),
             _ => {}
         }

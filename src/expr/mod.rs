@@ -27,5 +27,8 @@ pub use lower::{Compiled, DeclaredCandidate, Extension, KnownNumber, MOST_TERMS,
 pub use print::Names;
 pub(crate) use print::Precedence;
 pub use space::{FunctionSpace, SpaceInput, SpaceKnown, SpaceParameter, SpaceTerm, SpaceVariable};
-pub use system::{Bounds, InputVariable, Observed, Parameter, Place, System, Term, Variable};
+pub(crate) use system::without_others;
+pub use system::{
+    Bounds, Hidden, InputVariable, Observed, Parameter, Place, System, Term, Variable,
+};
 pub use unit::Unit;

@@ -119,6 +119,10 @@ impl System {
                 let name = self.coordinates.get(i).map_or("?", |variable| variable.name.as_str());
                 format!("force {name}")
             }
+            Place::Rate(i) => {
+                let name = self.coordinates.get(i).map_or("?", |variable| variable.name.as_str());
+                format!("rate {name}")
+            }
             Place::Sensor(i) => {
                 let observables = self.observables();
                 format!("sensor {}", observables.get(i).map_or("?", String::as_str))
@@ -152,7 +156,8 @@ impl FunctionSpace {
         ];
         let forces = system.forces.iter().enumerate().map(|(i, &expr)| (Place::Force(i), expr));
         let sensors = system.sensors.iter().enumerate().map(|(i, &expr)| (Place::Sensor(i), expr));
-        for (place, expr) in fixed.into_iter().chain(forces).chain(sensors) {
+        let rates = system.known_rates();
+        for (place, expr) in fixed.into_iter().chain(forces).chain(rates).chain(sensors) {
             if !system.graph.is_zero(expr) {
                 let expression = system.graph.text(expr, &names);
                 known.push(SpaceKnown { place: system.place_name(place), expression });

@@ -1,5 +1,7 @@
 //! A dynamical system with unknown parts: what a spec means, as expressions.
 
+use std::collections::HashMap;
+
 use super::graph::{Expr, Graph, Symbol};
 use super::identity::TermId;
 use super::print::Names;
@@ -28,6 +30,23 @@ pub struct InputVariable {
     pub between: Interpolation,
 }
 
+/// What moves and is not measured: a coordinate with its momentum, or an internal state of first
+/// order (a memory, a temperature, the lag of a sensor).
+///
+/// An internal state w stands in the list of coordinates and is read like one, but dw/dt is an
+/// expression of its own. What stands as its momentum is always zero and moves nothing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hidden {
+    /// Its place among the coordinates.
+    pub coordinate: usize,
+    /// Where its value at the start of a run is looked for from.
+    pub start: f64,
+    /// The same of its momentum; 0 for an internal state.
+    pub momentum: f64,
+    /// dw/dt of an internal state; `None` for a coordinate, which moves by H and its force.
+    pub rate: Option<Expr>,
+}
+
 /// What the second half of the observables is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Observed {
@@ -48,6 +67,8 @@ pub enum Place {
     Hamiltonian,
     /// The generalised force on coordinate i, outside H.
     Force(usize),
+    /// The rate of change of the internal state that stands in the place of coordinate i.
+    Rate(usize),
     /// What the instrument adds to observable i, in the order of [`System::observables`].
     Sensor(usize),
 }
@@ -56,6 +77,11 @@ impl Place {
     /// Whether it is a part of H.
     pub fn is_energy(self) -> bool {
         matches!(self, Place::Kinetic | Place::Potential | Place::Hamiltonian)
+    }
+
+    /// Whether it may name rates of the state, which follow from what moves it.
+    pub fn follows_motion(self) -> bool {
+        matches!(self, Place::Sensor(_) | Place::Rate(_))
     }
 
     /// Whether it is a part of the instrument, and moves nothing.
@@ -173,6 +199,8 @@ pub struct System {
     pub time: Variable,
     /// Measured inputs; `inputs[i]` is `Symbol::Input(i, 0)`.
     pub inputs: Vec<InputVariable>,
+    /// What moves and is not measured, in the order of the coordinates.
+    pub hidden: Vec<Hidden>,
     /// Inner parameters; `parameters[j]` is `Symbol::Parameter(j)`.
     pub parameters: Vec<Parameter>,
     /// The known part of T(p).
@@ -194,6 +222,47 @@ impl System {
     /// Number of degrees of freedom n; the state has 2n components.
     pub fn degrees(&self) -> usize {
         self.coordinates.len()
+    }
+
+    /// The internal state of first order that stands in the place of a coordinate; `None` where a
+    /// coordinate stands there.
+    pub fn internal(&self, coordinate: usize) -> Option<&Hidden> {
+        self.hidden.iter().find(|part| part.coordinate == coordinate && part.rate.is_some())
+    }
+
+    /// The known part of the rate of every internal state, with its place.
+    pub fn known_rates(&self) -> Vec<(Place, Expr)> {
+        let rate = |part: &Hidden| Some((Place::Rate(part.coordinate), part.rate?));
+        self.hidden.iter().filter_map(rate).collect()
+    }
+
+    /// The rates of all internal states by their places among the coordinates, learned terms
+    /// included; coefficients of terms that are not `active` are zero in them.
+    ///
+    /// # Errors
+    ///
+    /// A term belongs to another system.
+    pub fn rates(&mut self, active: &[TermId]) -> Result<Vec<(usize, Expr)>> {
+        let active = self.positions(active)?;
+        let states = self.known_rates();
+        let mut rates = Vec::with_capacity(states.len());
+        for (place, known) in states {
+            let Place::Rate(i) = place else { continue };
+            let total = self.total(known, place, &active);
+            rates.push((i, without_others(&mut self.graph, total, &active)));
+        }
+        Ok(rates)
+    }
+
+    /// Whether no column ever holds an observable, in the order of [`System::observables`].
+    pub fn is_hidden(&self, observable: usize) -> bool {
+        let n = self.degrees();
+        self.hidden.iter().any(|part| [part.coordinate, n + part.coordinate].contains(&observable))
+    }
+
+    /// Degrees of freedom that have a coordinate and a momentum: internal states are none.
+    pub fn mechanical(&self) -> Vec<usize> {
+        (0..self.degrees()).filter(|&i| self.internal(i).is_none()).collect()
     }
 
     /// q_1 .. q_n, p_1 .. p_n.
@@ -277,4 +346,15 @@ impl System {
         }
         self.graph.linear(0.0, &parts)
     }
+}
+
+/// An expression with zero for the coefficients of all terms but some.
+pub(crate) fn without_others(graph: &mut Graph, expr: Expr, active: &[usize]) -> Expr {
+    let zero = graph.number(0.0);
+    let others = graph.symbols(&[expr]).into_iter().filter(|symbol| match symbol {
+        Symbol::Coefficient(k) => !active.contains(k),
+        _ => false,
+    });
+    let zeros: HashMap<Symbol, Expr> = others.map(|symbol| (symbol, zero)).collect();
+    if zeros.is_empty() { expr } else { graph.substitute(expr, &zeros) }
 }

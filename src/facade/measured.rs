@@ -90,11 +90,13 @@ pub fn of_samples(
 ) -> Result<(Dataset, DataReport)> {
     let observables = compiled.system.observables();
     let inputs = compiled.system.measured_inputs();
-    let degrees = compiled.system.degrees();
+    let seen = |row: &usize| !compiled.system.is_hidden(*row);
+    let degrees = (0..compiled.system.degrees()).filter(seen).count();
     let driving = inputs.iter().map(|input| input.name.clone());
     let given = values.len().checked_sub(inputs.len());
-    let Some(measured) = given.filter(|given| [degrees, observables.len()].contains(given)) else {
-        let wanted: Vec<String> = observables.iter().cloned().chain(driving).collect();
+    let Some(measured) = given.filter(|given| [degrees, 2 * degrees].contains(given)) else {
+        let named = observables.iter().enumerate().filter(|(row, _)| seen(row));
+        let wanted: Vec<String> = named.map(|(_, name)| name.clone()).chain(driving).collect();
         return Err(Error::new(
             ErrorKind::InvalidArgument,
             format!("{} columns of values for {}", values.len(), wanted.join(", ")),
@@ -111,7 +113,9 @@ pub fn of_samples(
     let (time, run) = (unused("t"), unused("run"));
     let mut columns = vec![(time.clone(), Values::Numbers(times))];
     columns.extend(runs.map(|runs| (run.clone(), runs)));
-    let named = observables.iter().take(measured).cloned().chain(driving).zip(values);
+    let given: Vec<usize> = (0..observables.len()).filter(seen).take(measured).collect();
+    let named = observables.iter().enumerate().filter(|(row, _)| given.contains(row));
+    let named = named.map(|(_, name)| name.clone()).chain(driving).zip(values);
     columns.extend(named.map(|(name, values)| (name, Values::Numbers(values))));
     let mut table = in_memory(columns.into_iter())?;
     let mut mapping = Mapping {
@@ -123,8 +127,10 @@ pub fn of_samples(
     mapping.inputs = (inputs.iter())
         .map(|input| InputMap { column: ObservableMap::plain(&input.name), between: input.between })
         .collect();
-    for absent in mapping.observables.iter_mut().skip(measured) {
-        (absent.required, absent.columns) = (false, Vec::new());
+    for (row, absent) in mapping.observables.iter_mut().enumerate() {
+        if !given.contains(&row) {
+            (absent.required, absent.columns) = (false, Vec::new());
+        }
     }
     if pairs(compiled) && runs.is_none() {
         mapping.run = Some(number_pairs(&mut table, None)?);
@@ -246,7 +252,8 @@ fn mapping(compiled: &Compiled, table: &Table) -> Result<Mapping> {
         .into_iter()
         .enumerate()
         .map(|(row, column)| ObservableMap {
-            required: row < degrees || some_measured && !column.candidates.is_empty(),
+            required: !system.is_hidden(row)
+                && (row < degrees || some_measured && !column.candidates.is_empty()),
             name: column.name,
             columns: column.candidates,
             scale: column.scale,

@@ -388,6 +388,10 @@ pub fn fingerprint(system: &System) -> String {
     for variable in variables {
         line(&[&variable.name, variable.unit_text.as_deref().unwrap_or("")]);
     }
+    for part in &system.hidden {
+        let name = system.coordinates.get(part.coordinate).map_or("", |of| of.name.as_str());
+        line(&["hidden", name, &part.rate.map(text).unwrap_or_default()]);
+    }
     for input in &system.inputs {
         line(&["input", &input.variable.name, input.between.keyword()]);
     }

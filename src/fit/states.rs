@@ -9,6 +9,7 @@ use super::blocking::BLOCKING;
 use super::law::Law;
 use super::segments::Segment;
 use crate::data::Packed;
+use crate::expr::System;
 
 /// The initial state of every segment, in the order of the segments: 2n numbers each, side by
 /// side in memory.
@@ -40,7 +41,19 @@ impl States {
     pub fn measured_by(law: &Law, measured: &Packed, segments: &[Segment]) -> States {
         let mut states = States::measured(measured, segments, law.system().degrees());
         states.weigh(measured, law);
+        states.set_hidden(law.system());
         states
+    }
+
+    /// Starts what nobody measures from where the spec says.
+    pub(super) fn set_hidden(&mut self, system: &System) {
+        let degrees = system.degrees();
+        for state in self.values.chunks_exact_mut(self.size.max(1)) {
+            for part in &system.hidden {
+                state[part.coordinate] = part.start;
+                state[degrees + part.coordinate] = part.momentum;
+            }
+        }
     }
 
     /// Makes momenta that are nowhere measured, and stand as velocities, those of a law.

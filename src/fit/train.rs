@@ -127,7 +127,11 @@ impl<'a> Training<'a> {
             ));
         }
         let longest = measured.longest_run();
-        let shortest = fewest_samples(&scales, measured.samples()).min(longest);
+        let mut shortest = fewest_samples(&scales, measured.samples()).min(longest);
+        if !system.hidden.is_empty() {
+            // A few samples tell nothing of what acts on them unseen.
+            shortest = shortest.max(options.tuning.segments.hidden).min(longest);
+        }
         let window = options.window.unwrap_or(shortest).clamp(2, longest.max(2));
         let rounding: Vec<f64> = scales.iter().map(|scale| scale.rounding).collect();
         let (segments, separable) = rayon::join(
@@ -149,6 +153,7 @@ impl<'a> Training<'a> {
             (stepping, window),
         )?;
         states.weigh(&measured, &law);
+        states.set_hidden(system);
         Ok(Training {
             law,
             options,

@@ -81,6 +81,8 @@ pub struct SegmentTuning {
     /// A segment may last this many times as long as its samples would take at the typical
     /// interval: half of them may be lost.
     pub slack: f64,
+    /// Samples of the first segments where something moves unseen. `learning::hidden_parts`.
+    pub hidden: usize,
 }
 
 /// First guesses of masses where momenta are not measured and a measured input sets their scale.
@@ -452,7 +454,7 @@ pub struct ConclusionTuning {
 
 /// The usual numbers.
 const TUNING: Tuning = Tuning {
-    segments: SegmentTuning { folds: 16, hole: 10.0, stretch: 8192, slack: 2.0 },
+    segments: SegmentTuning { folds: 16, hole: 10.0, stretch: 8192, slack: 2.0, hidden: 1024 },
     masses: MassTuning {
         lengths: [9, 17, 33, 65, 129, 257, 513],
         windows: 96,

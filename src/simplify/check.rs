@@ -37,6 +37,7 @@ impl Samples {
             Place::Potential => Some(system.potential),
             Place::Hamiltonian => Some(system.hamiltonian),
             Place::Force(i) => system.forces.get(i).copied(),
+            Place::Rate(i) => system.internal(i).and_then(|state| state.rate),
             Place::Sensor(i) => system.sensors.get(i).copied(),
         };
         let mut terms: Vec<(f64, Expr)> = known.into_iter().map(|known| (1.0, known)).collect();

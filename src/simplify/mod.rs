@@ -273,6 +273,7 @@ impl SpecifiedPart {
             Place::Potential => system.potential,
             Place::Hamiltonian => system.hamiltonian,
             Place::Force(i) => *system.forces.get(i)?,
+            Place::Rate(i) => system.internal(i)?.rate?,
             Place::Sensor(i) => *system.sensors.get(i)?,
         };
         let terms: Vec<(usize, Expr)> = (fitted.law.terms().enumerate())

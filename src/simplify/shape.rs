@@ -63,6 +63,7 @@ impl TaylorMatch {
             Place::Potential => "V",
             Place::Hamiltonian => "H",
             Place::Force(_) => "the force",
+            Place::Rate(_) => "the rate",
             Place::Sensor(_) => "what the instrument adds",
         };
         let ordinal = |power: usize| match power {

@@ -42,6 +42,10 @@ pub enum StatementKind {
     Time { name: Word, unit: Option<UnitText> },
     /// `input u [N] { linear }`
     Input { name: Word, unit: Option<UnitText>, between: Between },
+    /// `hidden z [m] = 0.1 with p_z = 2`: a coordinate that nobody measures.
+    Hidden(HiddenStart, Option<HiddenStart>),
+    /// `state w [N] = 0 { w' = a*rate(x) - b*w }`: an internal state of first order.
+    State { of: HiddenStart, rate: Expression },
     /// `data "file.csv" { time t [s]  run trial }`
     Data { file: Word, items: Vec<DataItem> },
     /// `constant g = 9.81 [m/s^2]`
@@ -67,6 +71,15 @@ pub enum StatementKind {
     Candidates(Vec<Candidate>),
     /// `constrain -1 <= k <= 5`: operands with a relation between each and the next.
     Constrain { first: Operand, rest: Vec<(Relation, Operand)> },
+}
+
+/// `z [m] = 0.1`: what nobody measures, and what its value at the start of a run is looked for from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HiddenStart {
+    pub name: Word,
+    pub unit: Option<UnitText>,
+    pub start: Option<Expression>,
+    pub site: Site,
 }
 
 /// What an input does between its samples; its word as it was written.

@@ -46,6 +46,13 @@ impl Display for Statement {
                 bracket(f, unit)?;
                 write!(f, " {{ {} }}", between.interpolation)
             }
+            StatementKind::Hidden(coordinate, momentum) => {
+                write!(f, "hidden {coordinate}")?;
+                momentum.iter().try_for_each(|momentum| write!(f, " with {momentum}"))
+            }
+            StatementKind::State { of, rate } => {
+                write!(f, "state {of} {{ {}' = {rate} }}", of.name.text)
+            }
             StatementKind::Data { file, items } => {
                 write!(f, "data \"{}\"", file.text)?;
                 if items.is_empty() {
@@ -102,6 +109,14 @@ impl Display for Statement {
                     .try_for_each(|(relation, operand)| write!(f, " {} {operand}", relation.sign()))
             }
         }
+    }
+}
+
+impl Display for HiddenStart {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        f.write_str(&self.name.text)?;
+        bracket(f, &self.unit)?;
+        self.start.iter().try_for_each(|start| write!(f, " = {start}"))
     }
 }
 

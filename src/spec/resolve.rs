@@ -76,6 +76,19 @@ pub struct Input<'a> {
     pub between: &'a Between,
 }
 
+/// A statement `hidden z with p_z` or `state w { w' = ... }`.
+#[derive(Debug, Clone, Copy)]
+pub struct Hidden<'a> {
+    pub of: &'a HiddenStart,
+    pub momentum: Option<&'a HiddenStart>,
+    /// The law of an internal state of first order, which has no momentum.
+    pub rate: Option<&'a Expression>,
+    /// Its place among the coordinates.
+    pub coordinate: usize,
+    /// The effect that it came with.
+    pub effect: Option<&'a str>,
+}
+
 /// A statement `param a = ...`.
 #[derive(Debug, Clone, Copy)]
 pub struct Parameter<'a> {
@@ -114,6 +127,8 @@ pub struct Resolved<'a> {
     pub implied_momenta: bool,
     pub time: Option<(&'a Word, Option<&'a UnitText>)>,
     pub inputs: Vec<Input<'a>>,
+    /// Coordinates that nobody measures, behind those that are, in the order of the text.
+    pub hidden: Vec<Hidden<'a>>,
     pub data: Option<(&'a Word, &'a [DataItem])>,
     pub constants: Vec<(&'a Word, &'a Expression)>,
     pub parameters: Vec<Parameter<'a>>,
@@ -139,6 +154,8 @@ pub fn resolve<'a>(spec: &'a SyntaxTree, diagnostics: &mut Vec<Diagnostic>) -> R
         "velocities",
         "time",
         "input",
+        "hidden",
+        "state",
         "data",
         "constant",
         "let",
@@ -153,6 +170,7 @@ pub fn resolve<'a>(spec: &'a SyntaxTree, diagnostics: &mut Vec<Diagnostic>) -> R
         resolver.statement(statement, &mut seen);
     }
     resolver.pair_up();
+    resolver.append_hidden(spec);
     resolver.name_time();
     bodies::resolve(spec, &mut resolver.out, resolver.diagnostics);
     if !lost(&["T", "V", "H"]) && !resolver.out.lost_names {
@@ -222,6 +240,8 @@ impl<'a> Resolver<'a, '_> {
                 self.name(&name.text, meaning, name.site.0);
                 self.out.inputs.push(Input { name, unit: unit.as_ref(), between });
             }
+            // They come behind all that is measured.
+            StatementKind::Hidden(..) | StatementKind::State { .. } => {}
             StatementKind::Data { file, items } => {
                 self.once("data", span, seen);
                 self.out.data = Some((file, items));
@@ -395,6 +415,47 @@ impl<'a> Resolver<'a, '_> {
         }
         if self.out.momenta.is_empty() {
             self.imply_momenta();
+        }
+    }
+
+    /// Coordinates that nobody measures, and internal states, behind those that are declared: an
+    /// addition to the spec leaves the places of all others as they are.
+    ///
+    /// An internal state stands in the list of coordinates too, with a momentum that has no name,
+    /// is always zero and moves nothing: one layout of the state serves all.
+    fn append_hidden(&mut self, spec: &'a SyntaxTree) {
+        let velocities = !self.out.velocities.is_empty();
+        for statement in &spec.statements {
+            let (of, momentum, rate) = match &statement.kind {
+                StatementKind::Hidden(of, momentum) => (of, momentum.as_ref(), None),
+                StatementKind::State { of, rate } => (of, None, Some(rate)),
+                _ => continue,
+            };
+            let coordinate = self.out.coordinates.len();
+            let span = of.name.site.0;
+            let name = &of.name.text;
+            self.name(name, Meaning::Variable(Role::Coordinates, coordinate), span);
+            self.out.coordinates.push(Declared { name: name.clone(), unit: of.unit.clone(), span });
+            let declared = |name: String| Declared { name, unit: None, span };
+            let meaning = Meaning::Variable(Role::Momenta, coordinate);
+            let partner = match momentum {
+                _ if rate.is_some() => declared(format!("momentum of {name}")),
+                None => declared(format!("p_{name}")),
+                Some(given) => Declared {
+                    name: given.name.text.clone(),
+                    unit: given.unit.clone(),
+                    span: given.name.site.0,
+                },
+            };
+            if rate.is_none() {
+                self.name(&partner.name, meaning, partner.span);
+            }
+            self.out.momenta.push(partner);
+            if velocities {
+                self.out.velocities.push(declared(format!("rate of {name}")));
+            }
+            let effect = statement.effect.as_deref();
+            self.out.hidden.push(Hidden { of, momentum, rate, coordinate, effect });
         }
     }
 

@@ -102,6 +102,7 @@ impl Builder {
             velocities: Vec::new(),
             time: variable("t", Some("s")),
             inputs: Vec::new(),
+            hidden: Vec::new(),
             parameters: Vec::new(),
             kinetic: zero,
             potential: zero,

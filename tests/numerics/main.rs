@@ -21,6 +21,7 @@ mod functions;
 mod hostile_text;
 mod instruction_counts;
 mod integrators;
+mod internal_states;
 mod language;
 mod meaning;
 mod numbers;

@@ -35,6 +35,7 @@ fn system(degrees: usize) -> System {
         velocities: Vec::new(),
         time: variable("t".into()),
         inputs: Vec::new(),
+        hidden: Vec::new(),
         parameters: Vec::new(),
         kinetic: zero,
         potential: zero,

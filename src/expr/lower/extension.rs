@@ -10,7 +10,7 @@ use std::sync::Arc;
 use super::terms::DraftTerm;
 use super::value::Value;
 use super::{Compiled, Lowering, Named};
-use crate::diagnostic::{Severity, Span};
+use crate::diagnostic::{Diagnostic, Severity, Span};
 use crate::error::{Error, Result};
 use crate::expr::graph::{Expr, Graph, Symbol};
 use crate::expr::identity::{Mark, ParameterId, TermId};
@@ -114,6 +114,11 @@ impl Changes {
                 Place::Potential => Some(&mut system.potential),
                 Place::Hamiltonian => Some(&mut system.hamiltonian),
                 Place::Force(i) => system.forces.get_mut(i),
+                Place::Rate(i) => {
+                    let mut hidden = system.hidden.iter_mut();
+                    let of = hidden.find(|hidden| hidden.coordinate == i);
+                    of.and_then(|hidden| hidden.rate.as_mut())
+                }
                 Place::Sensor(i) => system.sensors.get_mut(i),
             };
             if let Some(standing) = standing {
@@ -150,6 +155,7 @@ struct Counts {
     energies: usize,
     forces: usize,
     sensors: usize,
+    hidden: usize,
 }
 
 /// What a lowering leaves that does not borrow from the syntax tree.
@@ -177,6 +183,7 @@ impl Scope {
         lowering.define_parameters(0);
         lowering.find_shared();
         lowering.motion(&resolved.energies, &resolved.forces);
+        lowering.internal_states(&resolved.hidden);
         lowering.instruments(&resolved.sensors);
         // The system was made by the same steps: its graph begins with all of this one's.
         lowering.graph = compiled.system.graph.clone();
@@ -246,6 +253,14 @@ impl Scope {
         spec.lost.extend(tree.lost);
         let expanded = crate::spec::expand(&spec, &mut diagnostics);
         let resolved = resolve(&expanded, &mut diagnostics);
+        if let Some(hidden) = resolved.hidden.get(self.lowered.hidden) {
+            let span = Span::new(0, statements.len());
+            diagnostics.push(
+                Diagnostic::error(span, format!("`{}` would move unseen", hidden.of.name.text))
+                    .label("such a part cannot be added to a model that stands")
+                    .hint("write it into the spec, and fit that"),
+            );
+        }
         let mut lowering = Lowering::of_compiled(&resolved, &self.compiled);
         standing.into_lowering(&mut lowering);
         let sound = |list: &[crate::diagnostic::Diagnostic]| {
@@ -276,7 +291,7 @@ impl Scope {
         lowering.motion(&resolved.energies[from.energies..], &resolved.forces[from.forces..]);
         let moves = lowering.known.len() > self.standing.known.len()
             || lowering.drafts != self.standing.drafts;
-        if lowering.flow.is_some() && moves {
+        if moves && (lowering.flow.is_some() || !resolved.hidden.is_empty()) {
             self.instruments_again(lowering);
         }
         lowering.instruments(&resolved.sensors[from.sensors..]);
@@ -301,23 +316,24 @@ impl Scope {
         changes
     }
 
-    /// Lowers the spec's own sensors again, into the places of their terms: rates of the state in
-    /// them are those of the extended model.
+    /// Lowers the spec's own internal states and sensors again, into the places of their terms: rates
+    /// of the state in them are those of the extended model.
     fn instruments_again(&self, lowering: &mut Lowering) {
         lowering.flow = None;
-        lowering.flow();
-        let places = lowering.drafts.iter().enumerate().filter(|(_, d)| d.place.is_sensor());
+        let places = lowering.drafts.iter().enumerate().filter(|(_, d)| d.place.follows_motion());
         let places: Vec<usize> = places.map(|(k, _)| k).collect();
         for draft in &mut lowering.drafts {
-            draft.also.retain(|part| !part.place.is_sensor());
+            draft.also.retain(|part| !part.place.follows_motion());
         }
         lowering.index.retain(|_, at| !places.contains(at));
         for at in lowering.shared.values_mut() {
             *at = at.filter(|at| !places.contains(at));
         }
-        lowering.known.retain(|(place, ..)| !place.is_sensor());
+        lowering.known.retain(|(place, ..)| !place.follows_motion());
+        lowering.flow();
         let resolved = lowering.resolved;
         let end = lowering.drafts.len();
+        lowering.internal_states(&resolved.hidden);
         lowering.instruments(&resolved.sensors[..self.lowered.sensors]);
         let again = lowering.drafts.split_off(end);
         let moved = |at: &mut usize| {
@@ -373,6 +389,7 @@ impl Counts {
             energies: resolved.energies.len(),
             forces: resolved.forces.len(),
             sensors: resolved.sensors.len(),
+            hidden: resolved.hidden.len(),
         }
     }
 }

@@ -3,11 +3,13 @@
 mod bounds;
 mod candidates;
 mod extension;
+mod hidden;
 mod loops;
 mod names;
 mod numbers;
 mod sensors;
 mod terms;
+mod units;
 mod value;
 
 use std::collections::{HashMap, HashSet};
@@ -132,6 +134,8 @@ enum Context {
     Number,
     Energy(EnergyPart),
     Force,
+    /// The law of an internal state.
+    Rate,
     Sensor,
 }
 
@@ -262,7 +266,8 @@ impl<'a> Lowering<'a> {
         self.check_bodies();
         self.find_shared();
         self.motion(&self.resolved.energies, &self.resolved.forces);
-        // What the instrument adds may depend on the whole motion.
+        // Internal states may depend on velocities, and what the instrument adds on the whole motion.
+        self.internal_states(&self.resolved.hidden);
         self.instruments(&self.resolved.sensors);
         let energy_unit = self.energy_unit(canonical);
         self.check_known(energy_unit, canonical.is_some());
@@ -340,6 +345,7 @@ impl<'a> Lowering<'a> {
         let degrees = coordinates.len();
         let forces = (0..degrees).map(|i| self.known_part(Place::Force(i))).collect();
         let sensors = (0..2 * degrees).map(|i| self.known_part(Place::Sensor(i))).collect();
+        let hidden = self.hidden_parts();
         System {
             name: resolved.title.as_deref().map_or_else(|| "system".to_string(), visible),
             graph: std::mem::take(&mut self.graph),
@@ -354,6 +360,7 @@ impl<'a> Lowering<'a> {
                 unit_text: resolved.time.and_then(|(_, unit)| unit).map(|unit| unit.text.clone()),
             },
             inputs: self.input_variables(),
+            hidden,
             parameters: parameters.iter().map(|(parameter, _)| parameter.clone()).collect(),
             kinetic,
             potential,
@@ -361,134 +368,6 @@ impl<'a> Lowering<'a> {
             forces,
             sensors,
             terms,
-        }
-    }
-
-    /// [q] [p] / [t], which is the unit of H, and where it comes from.
-    fn canonical_unit(&mut self) -> Option<(Unit, Span)> {
-        let time = self.time?;
-        let mut first: Option<(Unit, Span)> = None;
-        for i in 0..self.coordinates.len() {
-            let (Some(q), Some(p)) = (self.coordinates[i], self.momenta[i]) else { continue };
-            let Some(unit) = q.times(p).and_then(|action| action.over(time)) else { continue };
-            let span = self.resolved.momenta[i].span;
-            match first {
-                None => first = Some((unit, span)),
-                Some((energy, at)) if !energy.agrees(unit) => {
-                    let name = &self.resolved.coordinates[i].name;
-                    let message = format!(
-                        "units clash: [{energy}] and [{unit}] cannot both be the unit of H"
-                    );
-                    let hint = format!(
-                        "coordinate * momentum / time must be the same for all; with `{name}` it is [{unit}]"
-                    );
-                    self.report(
-                        Diagnostic::error(span, message)
-                            .label(format!("makes H a quantity in [{unit}]"))
-                            .hint(hint)
-                            .related(at, format!("makes H a quantity in [{energy}]")),
-                    );
-                }
-                Some(_) => {}
-            }
-        }
-        first
-    }
-
-    /// A velocity is measured in units of its coordinate over time.
-    fn check_velocities(&mut self) {
-        let Some(time) = self.time else { return };
-        for i in 0..self.velocities.len() {
-            let (Some(q), Some(v)) = (self.coordinates[i], self.velocities[i]) else { continue };
-            let Some(expected) = q.over(time) else { continue };
-            if !expected.agrees(v) {
-                let declared = &self.resolved.velocities[i];
-                let message = format!("units clash: [{v}] is not a velocity in [{expected}]");
-                let label = format!("`{}` is in [{v}]", declared.name);
-                let coordinate = &self.resolved.coordinates[i];
-                let diagnostic = Diagnostic::error(declared.span, message)
-                    .label(label)
-                    .hint("a velocity has the unit of its coordinate over that of time")
-                    .related(coordinate.span, format!("`{}` is in [{q}]", coordinate.name));
-                self.report(diagnostic);
-            }
-        }
-    }
-
-    /// The coordinates of a body are in one unit, and so are their momenta.
-    fn check_bodies(&mut self) {
-        let resolved = self.resolved;
-        for body in &resolved.bodies {
-            for (declared, units) in [
-                (&resolved.coordinates, self.coordinates.clone()),
-                (&resolved.momenta, self.momenta.clone()),
-            ] {
-                let known = |&at: &usize| Some((units.get(at).copied()??, declared.get(at)?));
-                let known: Vec<(Unit, &Declared)> =
-                    body.coordinates.iter().filter_map(known).collect();
-                let Some(&(first, from)) = known.first() else { continue };
-                let other = known.iter().find(|(unit, _)| !first.agrees(*unit));
-                let Some(&(unit, other)) = other else { continue };
-                let name = &body.name.text;
-                let message = format!("units clash: the body `{name}` has [{first}] and [{unit}]");
-                let diagnostic = Diagnostic::error(body.name.site.0, message)
-                    .label("its axes cannot be turned")
-                    .hint("only coordinates of one unit make a body")
-                    .related(from.span, format!("`{}` is in [{first}]", from.name))
-                    .related(other.span, format!("`{}` is in [{unit}]", other.name));
-                self.report(diagnostic);
-                break;
-            }
-        }
-    }
-
-    /// The unit of H: from the variables, or else from the first known part that has one.
-    fn energy_unit(&self, canonical: Option<(Unit, Span)>) -> Option<(Unit, Span)> {
-        canonical.or_else(|| {
-            let known = self.known.iter();
-            known
-                .filter(|(place, ..)| place.is_energy())
-                .find_map(|(_, value, span)| value.unit.map(|unit| (unit, *span)))
-        })
-    }
-
-    /// Every known part of H is in the unit of H, every known force in that of a force.
-    fn check_known(&mut self, energy: Option<(Unit, Span)>, canonical: bool) {
-        self.check_known_sensors();
-        let Some((energy, from)) = energy else { return };
-        let origin = if canonical {
-            format!("coordinate, momentum and time make H a quantity in [{energy}]")
-        } else {
-            format!("this part makes H a quantity in [{energy}]")
-        };
-        for (place, value, span) in self.known.clone() {
-            let Some(unit) = value.unit else { continue };
-            let (expected, what) = match place {
-                Place::Force(i) => match self.coordinates.get(i).copied().flatten() {
-                    Some(q) => (energy.over(q), "a force here"),
-                    None => continue,
-                },
-                Place::Sensor(_) => continue,
-                _ => (Some(energy), "H"),
-            };
-            let Some(expected) = expected.filter(|expected| !expected.agrees(unit)) else {
-                continue;
-            };
-            self.report(
-                Diagnostic::error(
-                    span,
-                    format!("units clash: this is in [{unit}], but {what} is in [{expected}]"),
-                )
-                .label(format!("in [{unit}]"))
-                .hint(if unit.is_number() {
-                    format!("give its numbers their units, as in `2 [{expected}]`")
-                } else if unit.same_kind(expected) {
-                    "both measure the same; write all units in one size".to_string()
-                } else {
-                    "correct a unit, or give a constant the one that is missing".to_string()
-                })
-                .related(from, origin.clone()),
-            );
         }
     }
 

@@ -342,7 +342,7 @@ fn places(system: &System) -> Vec<(Place, crate::expr::Expr)> {
     ];
     let forces = system.forces.iter().enumerate().map(|(i, &expr)| (Place::Force(i), expr));
     let sensors = system.sensors.iter().enumerate().map(|(i, &expr)| (Place::Sensor(i), expr));
-    energies.into_iter().chain(forces).chain(sensors).collect()
+    energies.into_iter().chain(forces).chain(system.known_rates()).chain(sensors).collect()
 }
 
 /// The expression of a statement in which numbers are looked for.

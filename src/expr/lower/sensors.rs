@@ -1,5 +1,7 @@
 //! What the instrument adds, rates of the state, and coefficients that several places share.
 
+use std::collections::HashMap;
+
 use super::super::graph::{Expr, Symbol};
 use super::super::system::Place;
 use super::super::unit::Unit;
@@ -113,7 +115,9 @@ impl Lowering<'_> {
         let value = self.value(argument)?;
         let symbols = self.graph.symbols(&[value.expr]);
         let of_state = |s: &Symbol| matches!(s, Symbol::Coordinate(_) | Symbol::Momentum(_));
-        if self.context != Context::Sensor && symbols.iter().any(of_state) {
+        if self.context == Context::Rate {
+            self.require_velocity(&symbols, span)?;
+        } else if self.context != Context::Sensor && symbols.iter().any(of_state) {
             self.report(
                 Diagnostic::error(span, "`rate` stands in a sensor only")
                     .label("the rate follows from this model, and cannot be a part of it")
@@ -196,8 +200,13 @@ impl Lowering<'_> {
         let n = self.coordinates.len();
         let mut energy: Vec<(f64, Expr)> = Vec::new();
         let mut forces: Vec<Vec<(f64, Expr)>> = vec![Vec::new(); n];
+        // Nothing but its own law moves an internal state.
+        let internal = self.resolved.hidden.iter().filter(|hidden| hidden.rate.is_some());
+        let mut rates: HashMap<usize, Vec<(f64, Expr)>> =
+            internal.map(|hidden| (hidden.coordinate, Vec::new())).collect();
         let mut take = |place: Place, expr: Expr| match place {
             Place::Force(i) => forces.get_mut(i).into_iter().for_each(|f| f.push((1.0, expr))),
+            Place::Rate(i) => rates.entry(i).or_default().push((1.0, expr)),
             Place::Sensor(_) => {}
             _ => energy.push((1.0, expr)),
         };
@@ -212,10 +221,17 @@ impl Lowering<'_> {
         let energy = self.graph.linear(0.0, &energy);
         let mut flow = Vec::with_capacity(2 * n);
         for i in 0..n {
-            let rate = self.graph.derivative(energy, Symbol::Momentum(i));
+            let rate = match rates.get(&i) {
+                Some(parts) => self.graph.linear(0.0, parts),
+                None => self.graph.derivative(energy, Symbol::Momentum(i)),
+            };
             flow.push((Symbol::Coordinate(i), rate));
         }
         for (i, mut force) in forces.into_iter().enumerate() {
+            if rates.contains_key(&i) {
+                flow.push((Symbol::Momentum(i), self.graph.number(0.0)));
+                continue;
+            }
             force.push((-1.0, self.graph.derivative(energy, Symbol::Coordinate(i))));
             flow.push((Symbol::Momentum(i), self.graph.linear(0.0, &force)));
         }
@@ -300,6 +316,7 @@ impl Lowering<'_> {
                 Place::Force(i) => energy
                     .zip(self.coordinates.get(i).copied().flatten())
                     .and_then(|(h, q)| h.over(q)),
+                Place::Rate(i) => self.rate_unit(i),
                 Place::Sensor(i) => self.observable_unit(i),
                 _ => energy,
             };

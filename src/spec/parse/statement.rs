@@ -17,13 +17,15 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::spec::ast::*;
 
 /// Every word that begins a statement.
-pub const STATEMENTS: [&str; 19] = [
+pub const STATEMENTS: [&str; 21] = [
     "system",
     "coordinates",
     "momenta",
     "velocities",
     "time",
     "input",
+    "hidden",
+    "state",
     "data",
     "constant",
     "let",
@@ -39,8 +41,8 @@ pub const STATEMENTS: [&str; 19] = [
     "constrain",
 ];
 
-/// statement = system | variables | time | input | data | constant | parameter | energy | force
-///           | sensor | body | effect | candidates | constrain ;
+/// statement = system | variables | time | input | hidden | state | data | constant | parameter
+///           | energy | force | sensor | body | effect | candidates | constrain ;
 pub fn statement(input: Tokens) -> Parsed<Statement> {
     let Some(first) = input.first() else { return Err(Fault::expected(input, "a statement")) };
     let (rest, kind) = match first.text {
@@ -48,6 +50,8 @@ pub fn statement(input: Tokens) -> Parsed<Statement> {
         "coordinates" | "momenta" | "velocities" => cut(variables).parse(input)?,
         "time" => cut(time).parse(input)?,
         "input" => cut(self::input).parse(input)?,
+        "hidden" => cut(hidden).parse(input)?,
+        "state" => cut(state).parse(input)?,
         "data" => cut(data).parse(input)?,
         "constant" | "let" => cut(constant).parse(input)?,
         "param" => cut(parameter).parse(input)?,
@@ -174,6 +178,44 @@ fn between(input: Tokens) -> Parsed<Between> {
 
 fn ways() -> String {
     Interpolation::ALL.map(Interpolation::keyword).join(", ")
+}
+
+/// hidden = "hidden" , hidden_start , [ "with" , hidden_start ] ;
+fn hidden(input: Tokens) -> Parsed<StatementKind> {
+    let (rest, coordinate) = preceded(keyword("hidden"), hidden_start).parse(input)?;
+    let (rest, momentum) = opt(preceded(keyword("with"), cut(hidden_start))).parse(rest)?;
+    Ok((rest, StatementKind::Hidden(coordinate, momentum)))
+}
+
+/// hidden_start = name , [ unit ] , [ "=" , expression ] ;
+fn hidden_start(input: Tokens) -> Parsed<HiddenStart> {
+    let (rest, (name, unit)) = (name, opt(unit)).parse(input)?;
+    let (rest, start) = opt(preceded(mark("="), cut(expression))).parse(rest)?;
+    let site = Site(Span::new(input.place().start, rest.taken));
+    Ok((rest, HiddenStart { name, unit, start, site }))
+}
+
+/// state = "state" , hidden_start , "{" , name , "'" , "=" , expression , "}" ;
+fn state(input: Tokens) -> Parsed<StatementKind> {
+    let (rest, of) = preceded(keyword("state"), hidden_start).parse(input)?;
+    let own = &of.name.text;
+    if mark("{")(rest).is_err() {
+        return Err(Fault::fatal(
+            Diagnostic::error(of.name.site.0, format!("the rate of `{own}` is not given"))
+                .label("this internal state")
+                .hint(format!("write its law behind it, as in `{{ {own}' = rate(x) - {own} }}`")),
+        ));
+    }
+    let (rest, (name, ())) = preceded(mark("{"), (name, mark("'"))).parse(rest)?;
+    if name.text != *own {
+        return Err(Fault::fatal(
+            Diagnostic::error(name.site.0, format!("this is the rate of `{}`", name.text))
+                .label(format!("the rate of `{own}` is needed here"))
+                .hint(format!("write `{own}' = ...`; every state has a statement of its own")),
+        ));
+    }
+    let (rest, ((), rate, ())) = (mark("="), cut(expression), mark("}")).parse(rest)?;
+    Ok((rest, StatementKind::State { of, rate }))
 }
 
 /// data = "data" , quoted , [ "{" , { data_item , [ "," | ";" ] } , "}" ] ;

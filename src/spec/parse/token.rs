@@ -146,11 +146,13 @@ fn next<'a>(
 }
 
 /// Statements that begin with a word of their own and go on with a name or a text.
-const OPENERS: [&str; 12] = [
+const OPENERS: [&str; 14] = [
     "system",
     "coordinates",
     "momenta",
     "velocities",
+    "hidden",
+    "state",
     "data",
     "constant",
     "let",

@@ -123,6 +123,7 @@ impl Composed {
             Place::Potential => "V".to_string(),
             Place::Hamiltonian => "H".to_string(),
             Place::Force(i) => format!("force {}", system.coordinates[i].name),
+            Place::Rate(i) => format!("rate {}", system.coordinates[i].name),
             Place::Sensor(i) => format!("sensor {}", system.observables()[i]),
         };
         format!("{place} += span{{ {term}: {text} }}")
@@ -136,6 +137,7 @@ impl Composed {
         };
         match self.place {
             Place::Force(i) => vec![channels.kick(i)],
+            Place::Rate(i) => vec![channels.drift(i)],
             Place::Sensor(i) => vec![channels.sensor(i)],
             _ => {
                 let kicks = (0..n).filter(|&i| depends(i)).map(|i| channels.kick(i));
@@ -173,6 +175,10 @@ pub(super) fn action(place: Place, parts: &[&Jet], channels: Channels) -> Action
         Place::Kinetic | Place::Potential | Place::Hamiltonian => energy(&mut action),
         Place::Force(i) => {
             action.channels.push(channels.kick(i));
+            push_value(&mut action.values, parts);
+        }
+        Place::Rate(i) => {
+            action.channels.push(channels.drift(i));
             push_value(&mut action.values, parts);
         }
         Place::Sensor(i) => {

@@ -107,6 +107,7 @@ fn place_name(system: &System, place: Place) -> String {
         Place::Potential => "V".to_string(),
         Place::Hamiltonian => "H".to_string(),
         Place::Force(i) => format!("force on {}:", system.coordinates[i].name),
+        Place::Rate(i) => format!("rate of {}:", system.coordinates[i].name),
         Place::Sensor(i) => format!("sensor {}:", system.observables()[i]),
     }
 }
@@ -117,7 +118,7 @@ fn acted_on(system: &System, leaves: &Leaves, terms: &[Composed]) -> Vec<String>
     let mut on = Vec::new();
     for term in terms {
         match term.place {
-            Place::Force(i) => on.push(system.coordinates[i].name.clone()),
+            Place::Force(i) | Place::Rate(i) => on.push(system.coordinates[i].name.clone()),
             Place::Sensor(i) => on.push(system.observables()[i].clone()),
             _ => {
                 for factor in &term.factors {
