@@ -19,6 +19,7 @@ pub mod noise_floor;
 pub mod options;
 mod ranking;
 pub mod refit;
+mod restarting;
 pub mod scan;
 mod score_test;
 mod search;

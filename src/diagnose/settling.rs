@@ -2,6 +2,7 @@
 //! start of each segment is free.
 
 use super::law_on_data::LawOnData;
+use super::restarting::restarted;
 use crate::dynamics::Dynamics;
 use crate::fit::Loss;
 use crate::fit::pass::{self, Problem, Sums};
@@ -71,7 +72,11 @@ pub fn settle(model: LawOnData) -> Settled {
         pass::settle(&problem(&model, &short, &weights), &dynamics, &theta, &mut states);
         look *= tuning.growth;
     }
-    let sums = patiently(&model, &segments, (&dynamics, &theta), &mut states);
+    let law = (&dynamics, theta.as_slice());
+    let mut sums = patiently(&model, &segments, law, &mut states);
+    if restarted(&model, &segments, law, &mut states) {
+        sums = patiently(&model, &segments, law, &mut states);
+    }
     Settled { model, segments, states, sums }
 }
 

@@ -14,6 +14,8 @@ pub struct Tuning {
     pub sufficiency: Sufficiency,
     /// The noise of the instrument.
     pub noise_floor: NoiseFloor,
+    /// Noise whose samples are not independent.
+    pub autocorrelation: Autocorrelation,
     /// Best initial states of segments.
     pub states: States,
     /// Which candidates are tried, and where.
@@ -68,6 +70,25 @@ pub struct NoiseFloor {
     pub strays: f64,
 }
 
+/// Noise whose samples are not independent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Autocorrelation {
+    /// Highest order of the autoregressive process: filters of instruments have one or two poles.
+    pub order: usize,
+    /// Lags whose autocorrelations are looked at, at most; a quarter of the longest run if that is
+    /// less.
+    pub lags: usize,
+    /// Readings below which nothing can be said.
+    pub samples: f64,
+    /// Noise has forgotten an innovation after this part of the longest run, one over it.
+    pub memory: usize,
+    /// Errors of this many times the noise are no noise: over two samples that of a process with
+    /// the memory of 30 of them looks four times smaller than it is.
+    pub largest: f64,
+    /// p-value below which what such a process leaves is not white.
+    pub significant: f64,
+}
+
 /// The search for the best initial state of every segment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct States {
@@ -81,6 +102,11 @@ pub struct States {
     pub settled: f64,
     /// Samples of the longest segments that a model is held against.
     pub longest: usize,
+    /// Squares for each residual, in those of half the segments, that make a segment stray: its
+    /// state starts again from where the segment before it goes on to.
+    pub strays: f64,
+    /// Times that this is done, at most: a good state goes on by one segment each time.
+    pub restarts: usize,
 }
 
 /// Grids of inner parameters, and terms without a name.
@@ -362,6 +388,9 @@ pub struct Instrument {
     pub slack: f64,
     /// A step is one where it is this many times what multiples of it may be off by.
     pub step: f64,
+    /// A story explains so many times more of rounded readings than of what the model without it
+    /// would have read: errors that return with the motion feign as much again by chance.
+    pub feigned: f64,
     /// Readings that show whether a column is rounded, at least.
     pub readings: usize,
 }

@@ -17,6 +17,7 @@ impl Options {
         let (composed, comparison, design) = (&tuning.composed, &tuning.comparison, &tuning.design);
         let counts = [
             ("states.first_samples", tuning.states.first_samples, 1),
+            ("autocorrelation.memory", tuning.autocorrelation.memory, 1),
             ("states.growth", tuning.states.growth, 2),
             ("states.longest", tuning.states.longest, 2),
             ("candidates.points", tuning.candidates.points, 2),
@@ -38,6 +39,8 @@ impl Options {
         ];
         let sizes = [
             ("noise_floor.strays", tuning.noise_floor.strays),
+            ("autocorrelation.largest", tuning.autocorrelation.largest),
+            ("states.strays", tuning.states.strays),
             ("composed.panel_angle", composed.panel_angle),
             ("composed.first_spacing", composed.first_spacing),
             ("composed.second_spacing", composed.second_spacing),

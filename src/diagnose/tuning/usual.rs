@@ -1,8 +1,8 @@
 //! The usual numbers of the diagnosis.
 
 use super::{
-    Axis, Candidates, Comparison, Composed, Design, Discovery, Grids, Instrument, NoiseFloor,
-    Ranking, Scan, States, Sufficiency, Tuning, Verdict,
+    Autocorrelation, Axis, Candidates, Comparison, Composed, Design, Discovery, Grids, Instrument,
+    NoiseFloor, Ranking, Scan, States, Sufficiency, Tuning, Verdict,
 };
 use crate::fit::tuning::usual;
 
@@ -18,7 +18,23 @@ const TUNING: Tuning = Tuning {
         moved: 0.05,
         strays: 100.0,
     },
-    states: States { first_samples: 8, growth: 4, retries: 6, settled: 1e-4, longest: 20_000 },
+    autocorrelation: Autocorrelation {
+        order: 3,
+        lags: 100,
+        samples: 100.0,
+        memory: 8,
+        largest: 4.0,
+        significant: 1e-3,
+    },
+    states: States {
+        first_samples: 8,
+        growth: 4,
+        retries: 6,
+        settled: 1e-4,
+        longest: 20_000,
+        strays: 25.0,
+        restarts: 8,
+    },
     candidates: Candidates {
         points: 48,
         frequencies: 600,
@@ -130,6 +146,7 @@ const TUNING: Tuning = Tuning {
         spike: 0.8,
         significant: 1e-3,
         coarse: 0.5,
+        feigned: 3.0,
         slack: 1e-9,
         step: 100.0,
         readings: 20,
@@ -172,6 +189,7 @@ const TUNING: Tuning = Tuning {
 usual! {
     Sufficiency: sufficiency,
     NoiseFloor: noise_floor,
+    Autocorrelation: autocorrelation,
     States: states,
     Candidates: candidates,
     Composed: composed,
