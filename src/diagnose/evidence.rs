@@ -10,7 +10,7 @@ pub struct Judged {
     pub refit: Refit,
     /// Fall of the weighted squares of all segments.
     pub fall: f64,
-    /// What is left of them for each independent residual.
+    /// What is left of them for each residual, times the residuals for each independent one.
     pub variance: f64,
     /// What its unknowns and the choice among grid points cost (as in the trainer's criterion).
     pub price: f64,
@@ -42,9 +42,11 @@ impl Judged {
         // Runs that it does not follow any more are no gain.
         refit.effect.held_out_error_after = if more > lost { f64::INFINITY } else { after };
         let least = data.model.tuning().ranking.least_variance;
+        // Samples that are alike say one thing together.
+        let each = data.model.autocorrelation_time;
         Judged {
             fall: data.sums.loss - left.loss,
-            variance: (left.loss / left.rows.max(1) as f64).max(least),
+            variance: (left.loss / left.rows.max(1) as f64).max(least) * each,
             price: price(&refit, left.rows),
             held_out_fall: if fall.is_finite() && more <= lost { fall } else { 0.0 },
             refit,

@@ -41,7 +41,7 @@ pub fn detect(model: &LawOnData) -> Vec<Detection> {
         let series: Vec<&[f64]> =
             residuals.iter().filter_map(|segment| Some(segment.get(i)?.as_slice())).collect();
         found.extend(outliers(name, &series, known, names.len(), tuning));
-        found.extend(quantisation(name, i, model, floor[i]));
+        found.extend(quantisation(name, i, model, floor.sizes[i]));
     }
     found
 }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::autocorrelation::Noise;
 use super::options::Options;
 use super::tuning::Tuning;
 use crate::data::{Dataset, Packed};
@@ -40,12 +41,16 @@ pub struct LawOnData<'a> {
     pub data: Measurements<'a>,
     /// What was chosen about the diagnosis.
     pub options: &'a Options,
+    /// Samples for each independent one, at least 1: the integrated autocorrelation time of the
+    /// noise.
+    pub autocorrelation_time: f64,
 }
 
 impl<'a> LawOnData<'a> {
     /// A law on all samples of a data set.
     pub fn of(law: Law, dataset: &'a Dataset, options: &'a Options) -> LawOnData<'a> {
-        LawOnData { law, data: Measurements::of(dataset, options), options }
+        let data = Measurements::of(dataset, options);
+        LawOnData { law, data, options, autocorrelation_time: 1.0 }
     }
 
     /// What the law is of.
@@ -68,9 +73,17 @@ impl<'a> LawOnData<'a> {
         self.with_law(self.law.clone().with_window(window))
     }
 
-    /// The same with residuals weighed by another noise of each observable.
-    pub fn with_noise(&self, noise: Vec<f64>) -> LawOnData<'a> {
-        self.with_law(self.law.clone().with_noise(noise))
+    /// What residuals are weighed by.
+    pub fn noise(&self) -> Noise {
+        let autocorrelation_time = self.autocorrelation_time;
+        Noise { sizes: self.law.noise().to_vec(), autocorrelation_time }
+    }
+
+    /// The same with residuals weighed by another noise.
+    pub fn with_noise(&self, noise: impl Into<Noise>) -> LawOnData<'a> {
+        let Noise { sizes, autocorrelation_time } = noise.into();
+        let law = self.law.clone().with_noise(sizes);
+        LawOnData { autocorrelation_time, ..self.with_law(law) }
     }
 
     /// The same law on other measurements.

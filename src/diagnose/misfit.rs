@@ -2,7 +2,6 @@
 
 use super::law_on_data::LawOnData;
 use super::settling::settle;
-use super::tuning::Verdict;
 use crate::fit::pass::Sums;
 
 /// Error in units of the noise over segments of `window` samples, and segments that diverged;
@@ -21,11 +20,13 @@ pub(super) fn error_of(sums: &Sums) -> (f64, usize) {
 
 /// Squares a residual in excess of the noise; zero for a model at the noise, which leaves one
 /// square for each independent residual. What cannot be predicted is not explained.
-pub(super) fn excess(sums: &Sums, tuning: &Verdict) -> f64 {
+pub(super) fn excess(sums: &Sums, model: &LawOnData) -> f64 {
     if sums.rows == 0 {
         return f64::INFINITY;
     }
     let rows = sums.rows.max(1) as f64;
     let excess = sums.loss / rows - 1.0;
-    if excess < tuning.at_noise * (2.0 / rows).sqrt() { 0.0 } else { excess }
+    let independent = rows / model.autocorrelation_time;
+    let at_noise = model.tuning().verdict.at_noise * (2.0 / independent).sqrt();
+    if excess < at_noise { 0.0 } else { excess }
 }

@@ -4,6 +4,7 @@
 //! candidate goes to `candidates`, a new view of the misfit to `comparison`, a new criterion for
 //! the next run to `design`; numbers to tune stand in `tuning`, a field of the [`Options`].
 
+pub mod autocorrelation;
 pub mod candidates;
 mod columns;
 pub mod comparison;

@@ -4,6 +4,7 @@
 //! segments, the more. Over one or two samples even a poor model is nearly right, so what is
 //! left there is the instrument's.
 
+use super::autocorrelation::{Noise, correlated_noise};
 use super::law_on_data::LawOnData;
 use super::settling::{Settled, settle, settle_from};
 use super::tuning::NoiseFloor;
@@ -14,7 +15,15 @@ use crate::fit::scales::{fewest_samples, scales};
 /// estimate where that is not clearly larger, or where there are too few residuals. Where the data
 /// are far smoother than these predictions are good, what is not smooth in the data. Never less
 /// than what the integrator resolves.
-pub fn noise_floor(model: &LawOnData) -> Vec<f64> {
+///
+/// Where whole runs leave more, but nothing besides noise of a short memory, it is that noise.
+pub fn noise_floor(model: &LawOnData) -> Noise {
+    let noise = Noise::from(shortest(model));
+    correlated_noise(&model.with_noise(noise.clone())).unwrap_or(noise)
+}
+
+/// The noise over the shortest predictions, or the model's.
+fn shortest(model: &LawOnData) -> Vec<f64> {
     let tuning = &model.tuning().noise_floor;
     let own = model.law.noise();
     let measured = measured(model);

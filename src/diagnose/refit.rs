@@ -172,7 +172,7 @@ impl Refit {
         let model = self.on(&settled.model);
         let mut states = settled.states.clone();
         let near = settle_from(&model, &settled.segments, &mut states);
-        if gained(&near, settled) && excess(&near, &model.tuning().verdict) == 0.0 {
+        if gained(&near, settled) && excess(&near, &model) == 0.0 {
             return near;
         }
         let afresh = settle(model).sums;
@@ -247,7 +247,7 @@ fn fitted_until(
     let Refitted { law, linearised, resolution } = refitted(&law, &model.data.packed, how).ok()?;
     let (factor, sums) = (linearised.merged(), linearised.sums);
     let variance = variance_of(&sums, &model.tuning().ranking);
-    let covariance = covariance(&factor, variance.min(1.0));
+    let covariance = covariance(&factor, variance.min(1.0) * model.autocorrelation_time);
     // The noise is that of the model, whatever this fit leaves.
     let law = law.with_noise(noise.to_vec()).with_window(model.law.window());
     let used = law.dynamics().parameters().to_vec();

@@ -131,7 +131,8 @@ fn score(
     // One yardstick for all: what is left where the most is explained.
     let least = probed.iter().map(|(_, scores)| scores.variance).fold(f64::INFINITY, f64::min);
     let smallest = settled.model.tuning().scan.least_variance;
-    let variance = if least.is_finite() { least.max(smallest) } else { 1.0 };
+    let each = settled.model.autocorrelation_time;
+    let variance = each * if least.is_finite() { least.max(smallest) } else { 1.0 };
     let mut best: Vec<Option<Scored>> = vec![None; all.len()];
     for (tries, mut scores) in probed {
         scores.variance = variance;

@@ -1,5 +1,6 @@
 //! A story: changes to a model that are judged as one.
 
+use super::autocorrelation::{Noise, correlated_noise};
 use super::effect::RankedEffect;
 use super::evidence::Judged;
 use super::law_on_data::{LawOnData, Measurements};
@@ -8,7 +9,7 @@ use super::noise_floor::noise_of;
 use super::refit::{Precision, fitted, fitted_from_afar};
 use super::settling::settle;
 use super::tuning::Tuning;
-use super::window::doubled;
+use super::window::{doubled, longest};
 use crate::error::Result;
 use crate::expr::{ParameterId, Scope, TermId};
 use crate::fit::Monitor;
@@ -117,6 +118,10 @@ impl<'a> Story<'a> {
     /// Takes the noise from the shortest predictions of this story: before a precise sensor a strong
     /// force shows even there, and is taken for noise as long as the model lacks it.
     fn measure_noise(&mut self, question: &Question<'a, '_>) {
+        // What is left of whole runs is noise already.
+        if self.model.autocorrelation_time > 1.0 {
+            return;
+        }
         let tuning = &self.model.tuning().noise_floor;
         for _ in 0..tuning.stories {
             let noise = noise_of(&self.model);
@@ -125,7 +130,7 @@ impl<'a> Story<'a> {
             if moved < tuning.moved || question.monitor.stopped() {
                 return;
             }
-            self.hold_against(noise);
+            self.hold_against(noise.into());
             if self.excess_of(&self.sums) > 0.0 {
                 self.refit(Precision::Full);
             }
@@ -139,13 +144,13 @@ impl<'a> Story<'a> {
         if sums.rows > 0 && mean < self.negligible {
             return 0.0;
         }
-        excess(sums, &self.model.tuning().verdict)
+        excess(sums, &self.model)
     }
 
     /// Judges what it leaves by another noise of each observable.
-    pub fn hold_against(&mut self, noise: Vec<f64>) {
-        let logs = self.model.law.noise().iter().zip(&noise).map(|(old, new)| (old / new).ln());
-        self.negligible *= (2.0 * logs.sum::<f64>() / noise.len().max(1) as f64).exp();
+    pub fn hold_against(&mut self, noise: Noise) {
+        let smaller = self.model.noise().log_size() - noise.log_size();
+        self.negligible *= (2.0 * smaller / noise.sizes.len().max(1) as f64).exp();
         self.model = self.model.with_noise(noise);
         self.sums = settle(self.model.clone()).sums;
         self.explains &= self.excess_of(&self.sums) == 0.0;
@@ -183,8 +188,33 @@ impl<'a> Story<'a> {
     /// Holds the story against longer segments as long as it leaves noise, its numbers fitted
     /// again where they no longer do.
     pub fn grow(&mut self, question: &Question) {
+        self.explains = self.leaves_white_noise(question)
+            || !question.monitor.stopped() && self.leaves_correlated_noise();
+    }
+
+    /// Whether all that it leaves of whole runs is noise of a short memory, larger than it looks
+    /// over short segments; the story is then held against that.
+    fn leaves_correlated_noise(&mut self) -> bool {
+        let near = |error: f64| error < self.model.tuning().autocorrelation.largest;
+        if !near(error_of(&self.sums).0) {
+            return false;
+        }
+        let settled = settle(self.model.with_window(longest(&self.model)));
+        if !near(error_of(&settled.sums).0) {
+            return false;
+        }
+        let Some(found) = fitted(&settled, &self.model.law, Precision::Full) else { return false };
+        let model = settled.model.with_law(found.law);
+        let Some(noise) = correlated_noise(&model) else { return false };
+        self.model = model;
+        self.hold_against(noise);
+        self.excess_of(&self.sums) == 0.0
+    }
+
+    /// Whether it leaves noise of segments of every length, up to whole runs; the longest of them
+    /// are kept.
+    fn leaves_white_noise(&mut self, question: &Question) -> bool {
         let mut refitted = false;
-        self.explains = false;
         loop {
             if self.excess_of(&self.sums) > 0.0 {
                 // Numbers that were fitted to short segments need not hold for long ones.
@@ -194,16 +224,13 @@ impl<'a> Story<'a> {
                 }
                 self.raise_negligible(self.model.law.window(), question);
                 if self.excess_of(&self.sums) > 0.0 {
-                    return;
+                    return false;
                 }
             }
-            let Some(window) = doubled(&self.model) else {
-                self.explains = true;
-                return;
-            };
+            let Some(window) = doubled(&self.model) else { return true };
             let longer = settle(self.model.with_window(window)).sums;
             if !self.follows(&longer, window, question) {
-                return;
+                return false;
             }
             self.model = self.model.with_window(window);
             self.sums = longer;
@@ -228,7 +255,7 @@ impl<'a> Story<'a> {
         if self.members.is_empty() || question.monitor.stopped() {
             return;
         }
-        let bare = question.model.with_noise(self.model.law.noise().to_vec());
+        let bare = question.model.with_noise(self.model.noise());
         let sums = settle(bare.with_window(window)).sums;
         let part = self.model.tuning().verdict.negligible;
         let negligible = part * sums.loss / sums.rows.max(1) as f64;
@@ -291,12 +318,12 @@ impl<'a> Story<'a> {
 
     /// Squares that are left over segments of `window` samples before such a noise, and independent
     /// residuals.
-    fn squares(&self, window: usize, noise: &[f64]) -> (f64, f64) {
-        let same = noise == self.model.law.noise();
+    fn squares(&self, window: usize, noise: &Noise) -> (f64, f64) {
+        let same = noise.sizes == self.model.law.noise();
         if same && window == self.model.law.window() {
             return (self.sums.loss, self.sums.rows.max(1) as f64);
         }
-        let sums = settle(self.model.with_noise(noise.to_vec()).with_window(window)).sums;
+        let sums = settle(self.model.with_noise(noise.clone()).with_window(window)).sums;
         (sums.loss, sums.rows.max(1) as f64)
     }
 
@@ -353,22 +380,27 @@ pub fn description_lengths(stories: &[&Story], tuning: &Tuning) -> Vec<f64> {
     let negligible = stories.iter().map(|story| story.negligible).fold(0.0, f64::max);
     let least = negligible.max(tuning.scan.least_variance);
     let variance = if mean.is_finite() { mean.max(least) } else { 1.0 };
+    let variance = variance * noise.autocorrelation_time;
     let both = stories.iter().zip(&squares);
     both.map(|(story, (loss, _))| loss / variance + story.price()).collect()
 }
 
-/// The noise of the story that leaves the least of it: what all are judged by.
-fn least_noise(stories: &[&Story]) -> Option<Vec<f64>> {
-    let size = |story: &Story| story.model.law.noise().iter().map(|s| s.ln()).sum::<f64>();
-    let least = stories.iter().min_by(|a, b| size(a).total_cmp(&size(b)))?;
-    Some(least.model.law.noise().to_vec())
+/// The noise of the story that leaves the least of it: what all are judged by. Where a story leaves
+/// nothing but correlated noise of whole runs, it is that of a story that explains whole runs: over
+/// short segments every model leaves less.
+fn least_noise(stories: &[&Story]) -> Option<Noise> {
+    let correlated = |story: &&&Story| story.explains && story.model.autocorrelation_time > 1.0;
+    let any = stories.iter().any(|story| correlated(&story));
+    let judged = stories.iter().filter(|story| story.explains || !any);
+    let noises = judged.map(|story| story.model.noise());
+    noises.min_by(|a, b| a.log_size().total_cmp(&b.log_size()))
 }
 
 /// Judges all stories by the noise of the one that leaves the least of it.
 pub fn agree_on_noise(stories: &mut [Story]) {
     let Some(noise) = least_noise(&stories.iter().collect::<Vec<_>>()) else { return };
     for story in stories {
-        if story.model.law.noise() != noise.as_slice() {
+        if story.model.noise() != noise {
             story.hold_against(noise.clone());
         }
     }

@@ -38,7 +38,7 @@ pub fn judge<'a>(
     let tuning = question.model.tuning();
     let mut bare = stories.remove(place);
     if let Some(best) = stories.first() {
-        bare.hold_against(best.model.law.noise().to_vec());
+        bare.hold_against(best.model.noise());
     }
     let before = unseen(question, &bare);
     let enough = bare.explains && before.at_noise;
@@ -172,7 +172,7 @@ fn unexplained(
     }
     diagnosis.verdict = Verdict::Unexplained;
     let last = stories.first().unwrap_or(bare);
-    let more_than_noise = excess(&last.sums, &question.model.tuning().verdict) > 0.0;
+    let more_than_noise = excess(&last.sums, &last.model) > 0.0;
     diagnosis.shape = if more_than_noise { strongest_map(&last.model)? } else { None };
     let unnamed = |story: &Story| story.members.iter().find(|one| !one.named).cloned();
     let lead = stories.iter().find_map(unnamed);

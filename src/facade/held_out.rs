@@ -130,7 +130,7 @@ impl Law {
         // A model that fails takes a part of what it lacks for noise; the floor is the instrument's.
         let noise = match noise {
             Some(noise) => noise.to_vec(),
-            None => noise_floor(&model),
+            None => noise_floor(&model).sizes,
         };
         if noise.len() != training.observables().len() || !noise.iter().all(|x| *x > 0.0) {
             return Err(Error::new(

@@ -263,7 +263,8 @@ fn floor_of_both(workspace: &Workspace, old: &LawOnData, new: &LawOnData) -> Vec
         let training = Measurements::of(&workspace.split.training, model.options);
         noise_floor(&LawOnData { data: training, ..model.clone() })
     };
-    floor(old).into_iter().zip(floor(new)).map(|(a, b)| a.min(b)).collect()
+    let both = floor(old).sizes.into_iter().zip(floor(new).sizes);
+    both.map(|(a, b)| a.min(b)).collect()
 }
 
 /// Terms of an effect in a model, then its inner parameters: name, value, standard error.

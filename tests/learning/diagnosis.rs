@@ -15,14 +15,14 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
 /// A system as it is known, and as it is learned.
-struct Base {
+pub struct Base {
     variables: &'static str,
     law: &'static str,
     space: &'static str,
     degrees: usize,
 }
 
-const PENDULUM: Base = Base {
+pub const PENDULUM: Base = Base {
     variables: "coordinates q\nmomenta p\n",
     law: "T = p^2/2\nV = -cos(q)\n",
     space: "T = p^2/2\nV = span{ cos(q) }\n",
@@ -36,7 +36,7 @@ const TRAP: Base = Base {
     degrees: 2,
 };
 
-struct Case {
+pub struct Case {
     text: String,
     compiled: Compiled,
     training: Dataset,
@@ -47,6 +47,21 @@ struct Case {
 /// Eight runs of 200 samples of a system with a hidden effect, noise in parts of each column's
 /// spread, and the model that does not know of the effect.
 fn case(base: &Base, hidden: &str, noise: f64, seed: u64) -> Case {
+    read_by(base, hidden, seed, |run, spread, generator| {
+        for x in run {
+            let draw: f64 = StandardNormal.sample(generator);
+            *x += noise * spread * draw;
+        }
+    })
+}
+
+/// The same as an instrument reads it: `read` gets each run of each column, and the column's spread.
+pub fn read_by(
+    base: &Base,
+    hidden: &str,
+    seed: u64,
+    read: impl Fn(&mut [f64], f64, &mut Pcg64),
+) -> Case {
     let law = format!("{}{}{hidden}\n", base.variables, base.law);
     let truth = build("truth", &law).unwrap_or_else(|error| panic!("{error}"));
     let simulator = Simulator::known(&truth.system);
@@ -66,9 +81,8 @@ fn case(base: &Base, hidden: &str, noise: f64, seed: u64) -> Case {
         let all: Vec<f64> = data.runs.iter().flat_map(|r| r.values[row].iter().copied()).collect();
         let mean = all.iter().sum::<f64>() / all.len() as f64;
         let variance = all.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / all.len() as f64;
-        for x in data.runs.iter_mut().flat_map(|run| run.values[row].iter_mut()) {
-            let draw: f64 = StandardNormal.sample(&mut generator);
-            *x += noise * variance.sqrt() * draw;
+        for run in &mut data.runs {
+            read(&mut run.values[row], variance.sqrt(), &mut generator);
         }
     }
     let text = format!("{}{}", base.variables, base.space);
@@ -80,7 +94,7 @@ fn case(base: &Base, hidden: &str, noise: f64, seed: u64) -> Case {
 }
 
 impl Case {
-    fn diagnosis(&self) -> Diagnosis {
+    pub fn diagnosis(&self) -> Diagnosis {
         let (law, options) = (self.law(), diagnose::Options::default());
         let (training, held_out) = (&self.training, &self.held_out);
         diagnose(&self.compiled, &law, training, held_out, &options, &Silent)

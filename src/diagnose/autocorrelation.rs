@@ -1,0 +1,225 @@
+//! Noise whose samples are not independent: what an instrument filters, or what drifts for a
+//! moment, is alike in neighbouring readings.
+//!
+//! Over the shortest predictions such noise looks smaller than it is, since the states follow it;
+//! over whole runs it looks like something missing. It is told from that by its memory, which is
+//! short and the same everywhere, while what a model misses goes on as long as the motion does: an
+//! autoregressive model of low order (Yule and Walker, 1927 and 1931) leaves of the one
+//! nothing but white noise (Ljung and Box, Biometrika 65, 1978), and of the other the motion.
+
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::law_on_data::LawOnData;
+use super::misfit::error_of;
+use super::settling::settle;
+use super::tuning::Autocorrelation;
+use super::window::longest;
+
+/// The noise of an instrument.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Noise {
+    /// Standard deviation of each observable, in its unit.
+    pub sizes: Vec<f64>,
+    /// Samples for each independent one, at least 1: the integrated autocorrelation time of the
+    /// observable that has most of it.
+    pub autocorrelation_time: f64,
+}
+
+impl From<Vec<f64>> for Noise {
+    /// White noise of these standard deviations.
+    fn from(sizes: Vec<f64>) -> Noise {
+        Noise { sizes, autocorrelation_time: 1.0 }
+    }
+}
+
+impl Noise {
+    /// Sum of the logarithms of all standard deviations.
+    pub fn log_size(&self) -> f64 {
+        self.sizes.iter().map(|size| size.ln()).sum()
+    }
+}
+
+/// The noise that a model leaves over whole runs, where that is larger than the model's noise, but
+/// noise nevertheless: with a short memory, and nothing beside it. `None` where the model's noise
+/// explains whole runs, and where something else is left of them.
+pub fn correlated_noise(model: &LawOnData) -> Option<Noise> {
+    let tuning = &model.tuning().autocorrelation;
+    let settled = settle(model.with_window(longest(model)));
+    let (error, lost) = error_of(&settled.sums);
+    let reaches = model.tuning().verdict.reaches;
+    if lost > 0 || !(error > reaches && error < tuning.largest) {
+        return None;
+    }
+    let residuals = settled.residuals();
+    let mut noise = model.noise();
+    let observables = noise.sizes.len();
+    for (row, size) in noise.sizes.iter_mut().enumerate() {
+        let series: Vec<&[f64]> =
+            residuals.iter().filter_map(|segment| Some(segment.get(row)?.as_slice())).collect();
+        if series.iter().all(|values| values.iter().all(|x| !x.is_finite())) {
+            continue;
+        }
+        let found = Process::of(&series, observables, tuning)?;
+        // The states take a part of the variance with them.
+        let freedom = settled.sums.freedom[row].max(1.0);
+        *size *= (settled.sums.squares[row] / freedom).sqrt();
+        noise.autocorrelation_time = noise.autocorrelation_time.max(found.time);
+    }
+    Some(noise)
+}
+
+/// An autoregressive process of low order.
+struct Process {
+    /// Samples for each independent one: the spectral density at frequency zero over that of white
+    /// noise of the same variance, at least 1.
+    time: f64,
+}
+
+impl Process {
+    /// The process that residuals are, `[segment][sample]`, not a number where there is none;
+    /// `None` where they are not that alone.
+    fn of(series: &[&[f64]], observables: usize, tuning: &Autocorrelation) -> Option<Process> {
+        let longest = series.iter().map(|values| values.len()).max()?;
+        let lags = (longest / 4).min(tuning.lags);
+        let covariance = autocovariance(series, lags)?;
+        let count =
+            series.iter().flat_map(|values| values.iter()).filter(|x| x.is_finite()).count();
+        if lags <= 2 * tuning.order || (count as f64) < tuning.samples {
+            return None;
+        }
+        let (factors, innovation) = chosen(&covariance, count as f64, tuning.order);
+        if !short(&factors, longest / tuning.memory, longest) {
+            return None;
+        }
+        let white: Vec<Vec<f64>> = series.iter().map(|values| whitened(values, &factors)).collect();
+        let white: Vec<&[f64]> = white.iter().map(Vec::as_slice).collect();
+        let p_value = portmanteau(&white, lags, factors.len())?;
+        if p_value * (observables as f64) < tuning.significant {
+            return None;
+        }
+        let density = innovation / (1.0 - factors.iter().sum::<f64>()).powi(2);
+        Some(Process { time: (density / covariance[0]).max(1.0) })
+    }
+}
+
+/// Mean products of values so many samples apart, for lags from 0 on; `None` where some lag has no
+/// pair.
+fn autocovariance(series: &[&[f64]], lags: usize) -> Option<Vec<f64>> {
+    let of_lag = |lag: usize| {
+        let pairs = series.iter().flat_map(|values| values.iter().zip(values.iter().skip(lag)));
+        let products = pairs.map(|(a, b)| a * b).filter(|product| product.is_finite());
+        let (sum, count) = products.fold((0.0, 0usize), |(sum, n), product| (sum + product, n + 1));
+        (count > 0).then(|| sum / count as f64)
+    };
+    let all: Option<Vec<f64>> = (0..=lags).map(of_lag).collect();
+    all.filter(|all| all[0] > 0.0)
+}
+
+/// Factors and variance of the innovation of the autoregressive process of the order that
+/// describes so many samples in the fewest nats, by Levinson's recursion.
+fn chosen(covariance: &[f64], count: f64, most: usize) -> (Vec<f64>, f64) {
+    let mut factors: Vec<f64> = Vec::new();
+    let mut innovation = covariance[0];
+    let length =
+        |innovation: f64, order: usize| count * innovation.ln() + order as f64 * count.ln();
+    let mut best = (factors.clone(), innovation);
+    for order in 1..=most {
+        let predicted: f64 =
+            factors.iter().zip(covariance[1..order].iter().rev()).map(|(a, c)| a * c).sum();
+        let reflection = (covariance[order] - predicted) / innovation;
+        let turned: Vec<f64> = factors.iter().rev().map(|a| reflection * a).collect();
+        factors.iter_mut().zip(turned).for_each(|(a, b)| *a -= b);
+        factors.push(reflection);
+        innovation *= 1.0 - reflection * reflection;
+        if innovation <= 0.0 {
+            break;
+        }
+        if length(innovation, order) < length(best.1, best.0.len()) {
+            best = (factors.clone(), innovation);
+        }
+    }
+    best
+}
+
+/// Whether the response of a process to one innovation is over after so many samples: within a
+/// twentieth of it up to `longest`.
+fn short(factors: &[f64], memory: usize, longest: usize) -> bool {
+    let mut response = vec![1.0];
+    for at in 1..longest {
+        let next = factors
+            .iter()
+            .enumerate()
+            .filter_map(|(back, a)| Some(a * response.get(at.checked_sub(back + 1)?)?));
+        response.push(next.sum());
+    }
+    response.iter().skip(memory).all(|x: &f64| x.abs() < 0.05)
+}
+
+/// What is left of values when what those before them say is taken off; not a number where one of
+/// these is none.
+fn whitened(values: &[f64], factors: &[f64]) -> Vec<f64> {
+    let at = |i: usize| {
+        let said = factors.iter().enumerate().map(|(back, a)| a * values[i - back - 1]);
+        values[i] - said.sum::<f64>()
+    };
+    (factors.len()..values.len()).map(at).collect()
+}
+
+/// p-value of all autocorrelations up to a lag together, where so many numbers were fitted.
+fn portmanteau(series: &[&[f64]], lags: usize, fitted: usize) -> Option<f64> {
+    let covariance = autocovariance(series, lags)?;
+    let mut statistic = 0.0;
+    for (lag, value) in covariance.iter().enumerate().skip(1) {
+        let pairs = series.iter().flat_map(|values| values.iter().zip(values.iter().skip(lag)));
+        let count = pairs.filter(|(a, b)| (**a * **b).is_finite()).count() as f64;
+        statistic += count * (value / covariance[0]).powi(2);
+    }
+    let degrees = lags.saturating_sub(fitted).max(1) as f64;
+    Some(ChiSquared::new(degrees).ok()?.sf(statistic))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+    use rand_pcg::Pcg64;
+
+    /// Runs of noise of variance 1, each sample `memory` times the one before it, and a wave.
+    fn noise(memory: f64, wave: f64, seed: u64) -> Vec<Vec<f64>> {
+        let mut generator = Pcg64::seed_from_u64(seed);
+        let fresh = (1.0 - memory * memory).sqrt();
+        let mut run = || {
+            let mut last: f64 = StandardNormal.sample(&mut generator);
+            let mut next = |at: usize| {
+                let draw: f64 = StandardNormal.sample(&mut generator);
+                last = memory * last + fresh * draw;
+                last + wave * (0.4 * at as f64).sin()
+            };
+            (0..200).map(&mut next).collect()
+        };
+        (0..6).map(|_| run()).collect()
+    }
+
+    fn found(memory: f64, wave: f64, seed: u64) -> Option<f64> {
+        let runs = noise(memory, wave, seed);
+        let series: Vec<&[f64]> = runs.iter().map(Vec::as_slice).collect();
+        Process::of(&series, 2, &Autocorrelation::default()).map(|process| process.time)
+    }
+
+    #[test]
+    fn the_memory_of_noise_is_found_and_a_motion_is_none() {
+        for (memory, time) in [(0.0, 1.0), (0.5, 3.0), (0.7, 17.0 / 3.0)] {
+            let seeds = 0..20;
+            let times: Vec<f64> = seeds.filter_map(|seed| found(memory, 0.0, seed)).collect();
+            assert!(times.len() >= 19, "{memory}: {} of 20", times.len());
+            let mean = times.iter().sum::<f64>() / times.len() as f64;
+            assert!((mean / time - 1.0).abs() < 0.2, "{memory}: {mean} {time}");
+        }
+        for memory in [0.0, 0.7] {
+            assert!((0..20).all(|seed| found(memory, 0.7, seed).is_none()), "{memory}");
+        }
+        // What goes on for a whole run is not noise of short memory.
+        assert!((0..20).all(|seed| found(0.98, 0.0, seed).is_none()));
+    }
+}
