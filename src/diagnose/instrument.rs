@@ -116,23 +116,48 @@ fn outliers(
     })
 }
 
-/// Readings that are whole steps, where the steps are not small against the noise.
-fn quantisation(name: &str, row: usize, model: &LawOnData, noise: f64) -> Option<Detection> {
-    let (system, tuning) = (model.system(), &model.tuning().instrument);
+/// The steps of every column whose readings are whole steps that are not small against the noise.
+pub fn coarse_steps(model: &LawOnData) -> Vec<Option<f64>> {
+    let noise = model.law.noise().iter().enumerate();
+    noise.map(|(row, &noise)| Some(steps(row, model, noise)?.step)).collect()
+}
+
+/// A column whose readings are whole steps.
+struct Steps {
+    step: f64,
+    /// What multiples of it may be off by.
+    slack: f64,
+    readings: usize,
+    /// Different values among them.
+    values: usize,
+}
+
+/// The steps of a column; `None` where readings are not whole steps, or the steps are small against
+/// the noise.
+fn steps(row: usize, model: &LawOnData, noise: f64) -> Option<Steps> {
+    let tuning = &model.tuning().instrument;
     let cells = model.data.dataset.runs.iter().filter_map(|run| run.values.get(row)).flatten();
     let mut values: Vec<f64> = cells.copied().filter(|x| x.is_finite()).collect();
-    let count = values.len();
+    let readings = values.len();
     values.sort_by(f64::total_cmp);
-    let range = values.last()? - values.first()?;
-    let slack = tuning.slack * range;
+    let slack = tuning.slack * (values.last()? - values.first()?);
     let step = common_step(&values, slack, tuning.step)?;
     values.dedup_by(|a, b| (*a - *b).abs() < 0.5 * step);
-    // The standard deviation of rounding: a step over the square root of twelve.
-    let rounding = step / 12.0f64.sqrt();
-    let share = (rounding / noise).min(1.0);
-    if count < tuning.readings || values.len() < 2 || share < tuning.coarse {
-        return None;
-    }
+    let coarse = rounding(step) / noise >= tuning.coarse;
+    let told = coarse && readings >= tuning.readings && values.len() > 1;
+    told.then_some(Steps { step, slack, readings, values: values.len() })
+}
+
+/// The standard deviation of rounding to a step: a step over the square root of twelve.
+fn rounding(step: f64) -> f64 {
+    step / 12.0f64.sqrt()
+}
+
+/// Readings that are whole steps, where the steps are not small against the noise.
+fn quantisation(name: &str, row: usize, model: &LawOnData, noise: f64) -> Option<Detection> {
+    let system = model.system();
+    let Steps { step, slack, readings, values } = steps(row, model, noise)?;
+    let share = (rounding(step) / noise).min(1.0);
     let unit = system.coordinates.iter().chain(&system.momenta).chain(&system.velocities);
     let unit = unit.into_iter().find(|v| v.name == name).and_then(|v| v.unit_text.clone());
     let unit = unit.map_or(String::new(), |unit| format!(" {unit}"));
@@ -142,12 +167,11 @@ fn quantisation(name: &str, row: usize, model: &LawOnData, noise: f64) -> Option
         share,
         size: step,
         // Each reading of a continuum falls on the grid by chance; fifty of them say enough.
-        p_value: (2.0 * slack / step).powi(count.min(50) as i32),
+        p_value: (2.0 * slack / step).powi(readings.min(50) as i32),
         sentence: format!(
-            "column {name} is rounded to steps of {}{unit} ({} values in {count} readings), which \
+            "column {name} is rounded to steps of {}{unit} ({values} values in {readings} readings), which \
              is {:.0} % of its noise: record it with more digits",
             short(step),
-            values.len(),
             100.0 * share,
         ),
     })

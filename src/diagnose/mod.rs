@@ -21,6 +21,7 @@ pub mod options;
 mod ranking;
 pub mod refit;
 mod restarting;
+mod rounding;
 pub mod scan;
 mod score_test;
 mod search;

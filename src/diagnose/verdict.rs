@@ -8,6 +8,7 @@ use super::diagnosis::{Diagnosis, Verdict};
 use super::effect::RankedEffect;
 use super::law_on_data::LawOnData;
 use super::misfit::{error_of, excess};
+use super::rounding::is_feigned;
 use super::settling::settle;
 use super::story::{Question, Story, description_lengths};
 use super::tuning::Tuning;
@@ -46,7 +47,8 @@ pub fn judge<'a>(
     for story in &mut stories {
         story.conclude();
         let after = unseen(question, story);
-        let found = fault_of(story, (&before, &after), enough.then_some(&bare), tuning);
+        let found = fault_of(story, (&before, &after), enough.then_some(&bare), tuning)
+            .or_else(|| enough.then(|| feigned(story, &bare))?);
         let Some(found) = found else {
             told(diagnosis, story, &before, &after);
             return Ok(());
@@ -56,6 +58,13 @@ pub fn judge<'a>(
     diagnosis.held_out_error = before.error;
     if enough {
         diagnosis.verdict = Verdict::NothingMissing;
+        if let Some((best, (fault, _))) = stories.first().zip(fault) {
+            diagnosis.reason = format!(
+                "the model is at the noise over whole runs; the best explanation beside it is none \
+                 ({}): {fault}",
+                best.labels().join(", ")
+            );
+        }
         return Ok(());
     }
     diagnosis.partial = part_of(diagnosis, tuning);
@@ -115,6 +124,13 @@ fn fault_of(
     } else {
         None
     }
+}
+
+/// Why a story is not told beside a model that is at the noise of rounded readings.
+fn feigned(story: &Story, bare: &Story) -> Option<&'static str> {
+    let noise = story.model.noise();
+    is_feigned(&bare.model.with_noise(noise), &story.model)
+        .then_some("rounding of the readings feigns as much")
 }
 
 /// Whether a story has a shorter description than another over segments that both follow.

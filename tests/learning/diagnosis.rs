@@ -29,7 +29,7 @@ pub const PENDULUM: Base = Base {
     degrees: 1,
 };
 
-const TRAP: Base = Base {
+pub const TRAP: Base = Base {
     variables: "coordinates x, y\nmomenta px, py\n",
     law: "T = (px^2 + py^2)/2\nV = x^2/2 + 0.7*y^2\n",
     space: "T = (px^2 + py^2)/2\nV = span{ x^2, y^2 }\n",

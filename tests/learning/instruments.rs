@@ -1,10 +1,10 @@
-//! Noise as instruments make it: correlated from sample to sample.
+//! Noise as instruments make it: correlated from sample to sample, and rounded.
 
 use leverrier::internals::diagnose::diagnosis::Verdict;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
-use crate::diagnosis::{Case, PENDULUM, read_by};
+use crate::diagnosis::{Case, PENDULUM, TRAP, read_by};
 
 /// Noise of 1 % of the spread, each deviation `memory` times the one before it.
 fn correlated(memory: f64) -> impl Fn(&mut [f64], f64, &mut Pcg64) {
@@ -16,6 +16,14 @@ fn correlated(memory: f64) -> impl Fn(&mut [f64], f64, &mut Pcg64) {
             let draw: f64 = StandardNormal.sample(generator);
             last = memory * last + fresh * draw;
         }
+    }
+}
+
+/// Readings in steps of a part of the spread.
+fn rounded(part: f64) -> impl Fn(&mut [f64], f64, &mut Pcg64) {
+    move |run, spread, _| {
+        let step = part * spread;
+        run.iter_mut().for_each(|x| *x = (*x / step).round() * step);
     }
 }
 
@@ -44,4 +52,16 @@ fn correlated_noise_is_nothing_missing_and_hides_no_effect() {
     // Errors of correlated noise that took each sample for a fact of its own were 1.7 and 3 times
     // too small: of eight values one or two would be within two of them.
     assert!(within >= 6, "{within} of 8 within two standard errors");
+}
+
+#[test]
+fn what_rounded_readings_feign_is_not_told_and_what_is_there_is() {
+    for part in [0.1, 0.3] {
+        for base in [&PENDULUM, &TRAP] {
+            let (verdict, story, reason) = names(&read_by(base, "", 0, rounded(part)));
+            assert_eq!(verdict, Verdict::NothingMissing, "{part} {story:?} {reason}");
+        }
+        let case = read_by(&PENDULUM, "force q += -0.05*p", 0, rounded(part));
+        assert_eq!(names(&case).1, ["viscous_drag(q)"], "{part}");
+    }
 }
