@@ -136,7 +136,9 @@ fn findings(
 ) -> Vec<String> {
     let tuning = &model.tuning().comparison;
     let mut out = Vec::new();
-    if let (Some(first), Some(last)) = (horizons.first(), horizons.last()) {
+    // Where momenta are not measured, states take up all that two samples say.
+    let said = || horizons.iter().filter(|horizon| horizon.training.is_finite());
+    if let (Some(first), Some(last)) = (said().next(), said().next_back()) {
         // Data without noise leave nothing over short predictions.
         let growth = last.training / first.training.max(1e-9);
         out.push(if first.samples == last.samples {
