@@ -136,6 +136,12 @@ fn findings(
 ) -> Vec<String> {
     let tuning = &model.tuning().comparison;
     let mut out = Vec::new();
+    if model.autocorrelation_time > 1.0 {
+        out.push(format!(
+            "the noise is correlated: {:.1} samples in a row say as much as one of white noise",
+            model.autocorrelation_time
+        ));
+    }
     // Where momenta are not measured, states take up all that two samples say.
     let said = || horizons.iter().filter(|horizon| horizon.training.is_finite());
     if let (Some(first), Some(last)) = (said().next(), said().next_back()) {
