@@ -52,11 +52,14 @@
 //!
 //! Without default features the crate reads specs and CSV files, fits, predicts, compares and
 //! diagnoses. `export` adds the simplified form of a law and its exports, `parquet` (and `zstd`)
-//! Parquet files, `cli` the program `leverrier`, `pictures` its figures as PNG, and `studio` its
-//! page in the browser. All but `zstd` are on by default.
+//! Parquet files, `files` those of MATLAB, HDF5, NumPy and Excel, `arrow` those of Arrow, `cli` the
+//! program `leverrier`, `pictures` its figures as PNG, and `studio` its page in the browser. All but `zstd` are on by default.
 
 // What only a feature uses is not worth a mark of its own: with all of them on, nothing is dead.
-#![cfg_attr(not(all(feature = "studio", feature = "parquet")), allow(dead_code, unused_imports))]
+#![cfg_attr(
+    not(all(feature = "arrow", feature = "files", feature = "parquet", feature = "studio")),
+    allow(dead_code, unused_imports)
+)]
 
 // What users write is read without an index that could be wrong: in the layers that read their
 // text and files none is allowed. The numeric layers index: the sizes of their arrays are their

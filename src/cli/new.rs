@@ -21,7 +21,8 @@ use crate::expr::{self, FunctionSpace, Unit};
 #[command(after_help = "Examples:\n  \
     leverrier new swings.csv                 writes swings.ham\n  \
     leverrier new swings.csv -o bench.ham\n  \
-    leverrier new swings.parquet\n\n\
+    leverrier new swings.parquet\n  \
+    leverrier new rig.mat#swings             a variable of several, or a sheet\n\n\
     Column names that are understood: t, time; run, trial, id; theta with omega; x with v (x1 \
     with\nv1, x with x_dot or vx); q with p; theta, x, q and the like alone. Units are taken from \
     headers such\nas `theta [rad]`.")]
@@ -124,7 +125,8 @@ impl<'a> ColumnRoles<'a> {
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let table = data::read(&arguments.data)?;
-    let path = arguments.output.clone().unwrap_or_else(|| arguments.data.with_extension("ham"));
+    let path = arguments.output.clone();
+    let path = path.unwrap_or_else(|| data::file_of(&arguments.data).with_extension("ham"));
     if path == arguments.data {
         return Err(usage("the spec would take the place of the data", "name it with -o"));
     }
@@ -263,7 +265,9 @@ fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
             "call it `t` or `time`".to_string(),
         ));
     };
-    let run = table.columns.iter().find(|c| is(c, RUN_NAMES));
+    let kept = |c: &&Column| table.reading.runs() == Some(c.header.as_str());
+    let run = table.columns.iter().find(kept);
+    let run = run.or_else(|| table.columns.iter().find(|c| is(c, RUN_NAMES)));
     let rest: Vec<&Column> = numeric
         .iter()
         .copied()
@@ -398,8 +402,16 @@ fn spec(guess: &ColumnRoles, data: &Path, path: &Path) -> (String, Vec<String>) 
         };
         guess.pairs.iter().zip(&names).map(one).collect::<Vec<_>>().join(", ")
     };
-    let file = data.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-    let same_folder = data.parent() == path.parent();
+    // What is named behind a # stays with the file, slashes and all.
+    let inside = data::file_of(data);
+    let same_folder = inside.parent() == path.parent();
+    let file = match (data.to_str(), inside.parent().and_then(Path::to_str)) {
+        (Some(name), Some("")) => name.to_string(),
+        (Some(name), Some(folder)) => {
+            name.strip_prefix(folder).unwrap_or(name).trim_start_matches('/').to_string()
+        }
+        _ => data.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
+    };
     let file = if same_folder { file } else { absolute(data) };
     let stem = path.file_stem().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
 

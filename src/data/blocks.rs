@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::format::Format;
+use super::format::{self, Format};
 use super::parquet;
 use super::read::read_bytes;
 use super::table::{Reading, Table, wrong};
@@ -20,6 +20,8 @@ const BLOCK: usize = 1 << 21;
 pub(super) enum Blocks {
     Text(Box<TextBlocks>),
     Parquet(Box<parquet::Blocks>),
+    /// What is read whole, until it is handed on.
+    Whole(Option<Table>),
 }
 
 impl Blocks {
@@ -27,6 +29,7 @@ impl Blocks {
         Ok(match Format::of_file(path)? {
             Format::Text => Blocks::Text(Box::new(TextBlocks::open(path)?)),
             Format::Parquet => Blocks::Parquet(Box::new(parquet::Blocks::open(path)?)),
+            Format::Stored(_) => Blocks::Whole(Some(format::read(path)?)),
         })
     }
 
@@ -36,6 +39,11 @@ impl Blocks {
             Blocks::Parquet(blocks) => {
                 let table = blocks.headers();
                 Ok((blocks.rows(), table.columns.len() as u64, false))
+            }
+            Blocks::Whole(table) => {
+                let extent = |table: &Table| (table.rows() as u64, table.columns.len() as u64);
+                let (rows, columns) = table.as_ref().map_or((0, 0), extent);
+                Ok((rows, columns, false))
             }
             Blocks::Text(blocks) => {
                 let total = blocks.total;
@@ -59,6 +67,7 @@ impl Blocks {
         match self {
             Blocks::Text(blocks) => blocks.next(),
             Blocks::Parquet(blocks) => blocks.next(most),
+            Blocks::Whole(table) => Ok(table.take()),
         }
     }
 
@@ -67,6 +76,7 @@ impl Blocks {
         match self {
             Blocks::Text(blocks) => blocks.read as f64 / blocks.total.max(1) as f64,
             Blocks::Parquet(blocks) => blocks.fraction(),
+            Blocks::Whole(table) => f64::from(u8::from(table.is_none())),
         }
     }
 }

@@ -1,15 +1,16 @@
 //! The formats of files of measurements.
 
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
+use super::files::{self, Kind};
 use super::parquet;
 use super::table::Table;
 use super::write::{Layout, to_csv};
 use super::{Dataset, read as text};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 
 /// How a file of measurements is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,6 +19,8 @@ pub enum Format {
     Text,
     /// Parquet.
     Parquet,
+    /// Another, which is read whole.
+    Stored(&'static Kind),
 }
 
 /// What Parquet files are called.
@@ -26,16 +29,21 @@ const PARQUET: &[&str] = &["parquet", "parq", "pq"];
 impl Format {
     /// By the name that a file has or will have.
     pub fn of_name(path: &Path) -> Format {
+        let (path, _) = files::parted(path);
         let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
         match ending {
             Some(ending) if PARQUET.contains(&ending.as_str()) => Format::Parquet,
-            _ => Format::Text,
+            _ => Kind::of_name(&path).map_or(Format::Text, Format::Stored),
         }
     }
 
     /// By the first bytes of a file: what they say counts more than its name.
     pub fn of_bytes(path: &Path, start: &[u8]) -> Format {
-        if start.starts_with(parquet::MAGIC) { Format::Parquet } else { Format::of_name(path) }
+        match Kind::of_bytes(start) {
+            _ if start.starts_with(parquet::MAGIC) => Format::Parquet,
+            Some(kind) => Format::Stored(kind),
+            None => Format::of_name(path),
+        }
     }
 
     /// By the file itself.
@@ -45,13 +53,14 @@ impl Format {
     pub fn of_file(path: &Path) -> Result<Format> {
         let failed = |error| Error::file("read", path, error);
         let mut start = Vec::new();
-        let file = std::fs::File::open(path).map_err(failed)?;
-        file.take(parquet::MAGIC.len() as u64).read_to_end(&mut start).map_err(failed)?;
+        let file = std::fs::File::open(files::parted(path).0).map_err(failed)?;
+        file.take(files::FIRST as u64).read_to_end(&mut start).map_err(failed)?;
         Ok(Format::of_bytes(path, &start))
     }
 }
 
-/// Reads a file of measurements: text as in CSV, or Parquet.
+/// Reads a file of measurements: text as in CSV, Parquet, or a file of MATLAB, HDF5, NumPy, Excel
+/// or Arrow; of one with several tables the part that is named behind a # (`rig.mat#swings`).
 ///
 /// Text has cells between commas, tabs, semicolons, bars or blanks under a header. Comment
 /// lines (`#`, `%`) and blank lines are skipped; a header that is itself a comment, as NumPy
@@ -61,13 +70,14 @@ impl Format {
 /// The file cannot be read, is of neither kind, is empty, has no header or no rows, has rows of
 /// different lengths, two columns with the same header, or is cut off or damaged.
 pub fn read(path: &Path) -> Result<Table> {
-    match std::fs::metadata(path) {
+    let file = file_of(path);
+    match std::fs::metadata(&file) {
         // A pipe can be read only once.
         Ok(about) if about.is_file() && Format::of_file(path)? == Format::Parquet => {
             parquet::read(path)
         }
         _ => {
-            let bytes = std::fs::read(path).map_err(|error| Error::file("read", path, error))?;
+            let bytes = std::fs::read(file).map_err(|error| Error::file("read", path, error))?;
             read_bytes(path, &bytes)
         }
     }
@@ -81,13 +91,19 @@ pub fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Table> {
     match Format::of_bytes(path, bytes) {
         Format::Text => text::read_bytes(path, bytes),
         Format::Parquet => parquet::read_bytes(path, bytes),
+        Format::Stored(kind) => kind.read(path, bytes),
     }
+}
+
+/// The file itself, where a part of it may be named behind a #.
+pub fn file_of(path: &Path) -> PathBuf {
+    files::parted(path).0
 }
 
 /// SHA-256 of a file's bytes, in hexadecimal digits, without taking it into memory.
 pub(super) fn hash_file(path: &Path) -> Result<String> {
     let failed = |error| Error::file("read", path, error);
-    let mut file = std::fs::File::open(path).map_err(failed)?;
+    let mut file = std::fs::File::open(file_of(path)).map_err(failed)?;
     let mut hash = Sha256::new();
     let mut buffer = vec![0; 1 << 20];
     loop {
@@ -105,6 +121,15 @@ pub(super) fn hash_file(path: &Path) -> Result<String> {
 pub fn to_bytes(path: &Path, data: &Dataset, layout: &Layout) -> Result<Vec<u8>> {
     match Format::of_name(path) {
         Format::Text => to_csv(path, data, layout),
+        Format::Stored(kind) => Err(Error::new(
+            ErrorKind::NotBuiltIn,
+            format!(
+                "{} would be a file of {}, which is read but not written",
+                path.display(),
+                kind.name
+            ),
+            "choose a name that ends in .csv or .parquet",
+        )),
         Format::Parquet => parquet::to_parquet(path, data, layout),
     }
 }

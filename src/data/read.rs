@@ -160,7 +160,7 @@ fn builder(delimiter: Delimiter) -> csv::ReaderBuilder {
 }
 
 /// The columns while they are being filled, row by row.
-struct TableBuilder {
+pub(super) struct TableBuilder {
     header_line: u64,
     columns: Vec<Column>,
     lines: Vec<u64>,
@@ -202,7 +202,7 @@ impl TableBuilder {
         })
     }
 
-    fn begin(path: &Path, line: u64, header: &StringRecord) -> Result<Self> {
+    pub(super) fn begin(path: &Path, line: u64, header: &StringRecord) -> Result<Self> {
         let width = header
             .iter()
             .enumerate()
@@ -232,7 +232,7 @@ impl TableBuilder {
         Ok(TableBuilder { header_line: line, columns, lines: Vec::new() })
     }
 
-    fn add(&mut self, path: &Path, line: u64, record: &StringRecord) -> Result<()> {
+    pub(super) fn add(&mut self, path: &Path, line: u64, record: &StringRecord) -> Result<()> {
         // Spreadsheets leave rows of nothing but delimiters at the end.
         if record.iter().all(str::is_empty) {
             return Ok(());
@@ -270,6 +270,11 @@ impl TableBuilder {
         Ok(())
     }
 
+    /// How many columns there are.
+    pub(super) fn width(&self) -> usize {
+        self.columns.len()
+    }
+
     /// Takes the units from a row of them (`[s],[rad]`) under the header.
     fn take_units(&mut self, record: &StringRecord) -> bool {
         let inside = |cell: &str| match split_unit(cell) {
@@ -285,7 +290,7 @@ impl TableBuilder {
         all
     }
 
-    fn finish(self, path: &Path) -> Result<(u64, Vec<Column>, Vec<u64>)> {
+    pub(super) fn finish(self, path: &Path) -> Result<(u64, Vec<Column>, Vec<u64>)> {
         if self.lines.is_empty() {
             return Err(wrong(
                 path,

@@ -40,7 +40,7 @@ pub fn memory_needed(path: &Path) -> Result<u64> {
     // initial states, the best ones and those that are tried.
     let table = 8 * (columns + 1) + if text { 8 * columns } else { 0 };
     let row = table + 8 * columns + 8 * (columns + 1) + 24 * (columns + 3) + 12 * (columns + 5);
-    let size = std::fs::metadata(path).map_or(0, |about| about.len());
+    let size = std::fs::metadata(super::file_of(path)).map_or(0, |about| about.len());
     // What the allocator wastes on many small runs, as measured.
     let row = row * 7 / 4;
     Ok(rows.saturating_mul(row) + if text { 2 * size } else { 0 })

@@ -34,6 +34,8 @@ pub enum Reading {
     Text(TextReading),
     /// A Parquet file.
     Parquet(ParquetReading),
+    /// A file of another format, with names for what is in it.
+    Stored(StoredReading),
     /// A table that a program made in memory.
     Memory,
 }
@@ -63,12 +65,31 @@ pub struct ParquetReading {
     pub(super) ends: Vec<u64>,
 }
 
+/// How a file of named variables or sheets was understood.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct StoredReading {
+    /// The format: `MATLAB`, `HDF5`, `NumPy`, `Excel` or `Arrow`.
+    pub format: &'static str,
+    /// What was named behind a #.
+    pub part: Option<String>,
+    /// The column that was made to tell runs apart, where the file keeps them apart.
+    pub runs: Option<String>,
+}
+
 impl Reading {
+    /// The column that tells runs apart, where the file keeps them apart by itself.
+    pub fn runs(&self) -> Option<&str> {
+        match self {
+            Reading::Stored(stored) => stored.runs.as_deref(),
+            _ => None,
+        }
+    }
+
     /// Line of the header, in files that have lines.
     pub fn header_line(&self) -> Option<u64> {
         match self {
             Reading::Text(text) => Some(text.header_line),
-            Reading::Parquet(_) | Reading::Memory => None,
+            Reading::Parquet(_) | Reading::Stored(_) | Reading::Memory => None,
         }
     }
 
@@ -76,7 +97,7 @@ impl Reading {
     pub fn noun(&self) -> &'static str {
         match self {
             Reading::Text(_) => "line",
-            Reading::Parquet(_) | Reading::Memory => "row",
+            Reading::Parquet(_) | Reading::Stored(_) | Reading::Memory => "row",
         }
     }
 
@@ -96,6 +117,11 @@ impl Reading {
                     counted(parquet.row_groups, "row group"),
                     by.unwrap_or_default()
                 )
+            }
+            Reading::Stored(stored) => {
+                let part = stored.part.as_ref().map(|part| format!(", of it `{part}`"));
+                let runs = stored.runs.as_ref().map_or("", |_| ", runs kept apart in the file");
+                format!("{}{}{runs}", stored.format, part.unwrap_or_default())
             }
             Reading::Memory => "a table in memory".to_string(),
         }

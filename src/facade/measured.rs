@@ -225,6 +225,11 @@ fn pairs(compiled: &Compiled) -> bool {
     compiled.data.as_ref().is_some_and(|columns| columns.pairs)
 }
 
+/// The column that a file which keeps its runs apart has for them.
+fn runs_of_file(compiled: &Compiled, table: &Table) -> Option<String> {
+    table.reading.runs().filter(|_| !pairs(compiled)).map(str::to_string)
+}
+
 fn mapping(compiled: &Compiled, table: &Table) -> Result<Mapping> {
     let (system, columns) = (&compiled.system, compiled.data.as_ref());
     let mut mapping = Mapping {
@@ -233,7 +238,7 @@ fn mapping(compiled: &Compiled, table: &Table) -> Result<Mapping> {
             scale: time.scale,
             offset: 0.0,
         }),
-        run: columns.and_then(|c| c.run.clone()),
+        run: columns.and_then(|c| c.run.clone()).or_else(|| runs_of_file(compiled, table)),
         observables: Vec::new(),
         inputs: Vec::new(),
     };

@@ -91,7 +91,7 @@ impl Measurements {
 /// What the data would take in memory, if that is more than allowed.
 fn too_large(spec: &Spec, asked: Option<&Path>, allowed: u64) -> Result<Option<u64>> {
     let path = spec.data_path(asked)?;
-    match std::fs::metadata(&path) {
+    match std::fs::metadata(data::file_of(&path)) {
         Ok(about) if about.is_file() && about.len() > SMALL => {}
         _ => return Ok(None),
     }

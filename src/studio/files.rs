@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use crate::data::file_of;
 use crate::error::{Error, ErrorKind, Result};
 use crate::project::{Spec, digest};
 
@@ -37,7 +38,8 @@ impl FileStamps {
             Some((about.modified().ok()?, about.len()))
         };
         let beside = ["model.json", "ledger.json"].map(|end| spec.with_extension(end));
-        let paths = [Some(spec), Some(&beside[0]), Some(&beside[1]), data];
+        let data = data.map(file_of);
+        let paths = [Some(spec), Some(&beside[0]), Some(&beside[1]), data.as_deref()];
         FileStamps(paths.into_iter().map(|path| path.and_then(stamp)).collect())
     }
 }
@@ -56,6 +58,7 @@ impl AllowedFolder {
             _ => Path::new("."),
         };
         let first = Spec::open(spec).and_then(|spec| spec.data_path(None)).ok();
+        let first = first.map(|path| file_of(&path));
         AllowedFolder {
             folder: folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf()),
             first: first.and_then(|path| path.canonicalize().ok()),
@@ -66,6 +69,7 @@ impl AllowedFolder {
     /// The data lie elsewhere.
     pub fn check(&self, spec: &Spec) -> Result<()> {
         let Ok(path) = spec.data_path(None) else { return Ok(()) };
+        let path = file_of(&path);
         // A file that is not there is for the reader to complain about, if it were inside.
         let real = path.canonicalize().or_else(|_| match (path.parent(), path.file_name()) {
             (Some(parent), Some(name)) => parent.canonicalize().map(|parent| parent.join(name)),
@@ -109,5 +113,12 @@ mod tests {
         assert!(!pass(&allowed));
         write("../missing.csv");
         assert!(!pass(&allowed));
+        // What is named behind a # does not lead out of the folder either.
+        write("in.mat#swings");
+        assert!(pass(&allowed));
+        write("../out.mat#swings");
+        assert!(!pass(&allowed));
+        write("in.mat#/../../out.csv");
+        assert!(pass(&allowed));
     }
 }

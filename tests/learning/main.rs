@@ -26,6 +26,7 @@ mod parquet_data;
 mod plots;
 mod recovery;
 mod settling;
+mod stored_files;
 mod stories;
 mod stream;
 mod trainer;

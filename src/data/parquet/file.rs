@@ -12,10 +12,10 @@ use sha2::{Digest, Sha256};
 
 use super::super::cells::Cells;
 use super::super::format::hash_file;
+use super::super::guard;
 use super::super::header::split_unit;
 use super::super::table::{Column, ParquetReading, Reading, Table, wrong};
 use super::decode::{ColumnKind, decode};
-use super::guard::guarded;
 use crate::error::{DataError, Error, Result};
 
 /// The first and the last four bytes of every Parquet file.
@@ -251,6 +251,12 @@ impl Blocks {
         }
         Ok(())
     }
+}
+
+/// Decodes; what panics is damage.
+fn guarded<T>(work: impl FnOnce() -> parquet::errors::Result<T>) -> parquet::errors::Result<T> {
+    let contradict = || ParquetError::General("its parts contradict each other".into());
+    guard::guarded(work).unwrap_or_else(|| Err(contradict()))
 }
 
 /// The name of a compression that cannot be read.

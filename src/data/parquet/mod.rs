@@ -5,7 +5,6 @@
 
 mod decode;
 mod file;
-mod guard;
 mod write;
 
 pub(super) use file::{Blocks, MAGIC, read, read_bytes};

@@ -4,18 +4,16 @@ use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
 use std::sync::Once;
 
-use parquet::errors::{ParquetError, Result};
-
 thread_local! {
     /// Whether this thread is decoding: what panics then is reported as damage.
     static DECODING: Cell<bool> = const { Cell::new(false) };
 }
 static HOOK: Once = Once::new();
 
-/// Decodes; a decoder that gives up with a panic has found damage.
+/// Decodes; a decoder that gives up with a panic has found damage, and gives nothing.
 ///
 /// What was being decoded into is not used after a failure.
-pub(super) fn guarded<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
+pub(super) fn guarded<T>(work: impl FnOnce() -> T) -> Option<T> {
     HOOK.call_once(|| {
         let usual = take_hook();
         set_hook(Box::new(move |about| {
@@ -27,5 +25,5 @@ pub(super) fn guarded<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
     DECODING.set(true);
     let done = catch_unwind(AssertUnwindSafe(work));
     DECODING.set(false);
-    done.unwrap_or_else(|_| Err(ParquetError::General("its parts contradict each other".into())))
+    done.ok()
 }
