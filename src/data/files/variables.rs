@@ -449,7 +449,7 @@ fn groups(members: &[(String, Variable)], depth: usize) -> Frames {
             ))
         }
         count => {
-            found.sort_by(|(a, _), (b, _)| counting_order(a).cmp(&counting_order(b)));
+            found.sort_by_key(|(name, _)| counting_order(name));
             let out: Vec<Frame> = found
                 .into_iter()
                 .flat_map(|(name, frames)| {
