@@ -11,18 +11,20 @@
 //! 4. `refit`: the significant ones fitted with everything that the model has;
 //! 5. `evidence` and `ranking`: what each is worth on training and on held-out runs;
 //! 6. `search`: stories, which are sets of changes that are judged as one (`story`);
-//! 7. `verdict`: whether one holds over whole runs, seen and unseen.
+//! 7. `verdict`: whether one holds over whole runs, seen and unseen;
+//! 8. `hidden`: where none does, parts that move and that nobody measures.
 
 use serde::Serialize;
 
 use super::candidates::candidates;
 use super::comparison::ResidualMap;
 pub use super::effect::RankedEffect;
+use super::hidden::{look_for_a_body, look_for_states};
 use super::law_on_data::{LawOnData, Measurements};
 use super::noise_floor::noise_floor;
 use super::options::Options;
 use super::ranking::{Ranking, ranking};
-use super::search::stories;
+use super::search::{beginnings, holds, stories};
 use super::story::Question;
 use super::sufficiency::lacking_beside;
 use super::verdict::judge;
@@ -172,7 +174,14 @@ pub fn diagnose(
     let first = ranking(&model, &held_out, &all, tuning.ranking.first_refits, monitor)?;
     let mut diagnosis = Diagnosis::of(&first, all.len(), model.law.noise());
     let question = Question { scope: &scope, model: &model, held_out: &held_out, monitor };
-    let stories = stories(&question, &first)?;
+    let beginnings = beginnings(&question, &first)?;
+    if !beginnings.iter().any(holds) && look_for_a_body(&question, &first, &mut diagnosis)? {
+        return Ok(diagnosis);
+    }
+    let stories = stories(&question, beginnings)?;
     judge(&question, &mut diagnosis, stories)?;
+    if diagnosis.verdict == Verdict::Unexplained && !monitor.stopped() {
+        look_for_states(&question, &mut diagnosis)?;
+    }
     Ok(diagnosis)
 }

@@ -11,35 +11,24 @@ use crate::error::Result;
 
 /// Stories, the best first: at least that without a change.
 ///
-/// `first` is what asking all named candidates of the bare model found. The search goes on as long
-/// as the best story does not explain the data over whole runs: each of the leading stories is
-/// extended by the changes that pay most beside it. When it has ended, each member of the best is
+/// `beam` are the stories of one change. The search goes on as long as the best story does not explain
+/// the data over whole runs: each of the leading stories is extended by the changes that pay most
+/// beside it. When it has ended, each member of the best is
 /// taken out and looked for again among all candidates: while others were missing, a more
 /// flexible change may have stood in for them.
 ///
 /// # Errors
 ///
 /// When a change does not fit the spec.
-pub fn stories<'a>(question: &Question<'a, '_>, first: &Ranking) -> Result<Vec<Story<'a>>> {
+pub fn stories<'a>(
+    question: &Question<'a, '_>,
+    mut beam: Vec<Story<'a>>,
+) -> Result<Vec<Story<'a>>> {
     let all = question.model.tuning();
     let tuning = &all.verdict;
     let monitor = question.monitor;
     let bare = Story::bare(question);
     let mut ended: Vec<Story> = Vec::new();
-    let mut beam: Vec<Story> = Vec::new();
-    for (place, judged) in first.effects.iter().enumerate() {
-        let told = beam.iter().filter(|story| holds(story));
-        let least = told.map(Story::price).fold(f64::INFINITY, f64::min);
-        // Where one holds, only one that does nearly as well and costs no more can take its place.
-        let best = first.effects.first().map_or(0.0, |best| best.refit.effect.deviance);
-        let within = all.ranking.finish_within.max(tuning.negligible * best);
-        let near = best - judged.refit.effect.deviance <= within;
-        let rivals = least.is_finite() && judged.price <= least && near;
-        if monitor.stopped() || !(rivals || place < tuning.beginnings && least.is_infinite()) {
-            continue;
-        }
-        beam.push(bare.with(judged, first.window, question)?);
-    }
     let mut grown = bare.clone();
     grown.grow(question);
     // Where the model explains the data as it is, there is nothing to compose.
@@ -105,8 +94,36 @@ pub fn stories<'a>(question: &Question<'a, '_>, first: &Ranking) -> Result<Vec<S
     Ok(ended)
 }
 
+/// Stories of one change: the best of those that asking all named candidates of the bare model
+/// found.
+///
+/// # Errors
+///
+/// When a change does not fit the spec.
+pub fn beginnings<'a>(question: &Question<'a, '_>, first: &Ranking) -> Result<Vec<Story<'a>>> {
+    let all = question.model.tuning();
+    let tuning = &all.verdict;
+    let monitor = question.monitor;
+    let bare = Story::bare(question);
+    let mut beam: Vec<Story> = Vec::new();
+    for (place, judged) in first.effects.iter().enumerate() {
+        let told = beam.iter().filter(|story| holds(story));
+        let least = told.map(Story::price).fold(f64::INFINITY, f64::min);
+        // Where one holds, only one that does nearly as well and costs no more can take its place.
+        let best = first.effects.first().map_or(0.0, |best| best.refit.effect.deviance);
+        let within = all.ranking.finish_within.max(tuning.negligible * best);
+        let near = best - judged.refit.effect.deviance <= within;
+        let rivals = least.is_finite() && judged.price <= least && near;
+        if monitor.stopped() || !(rivals || place < tuning.beginnings && least.is_infinite()) {
+            continue;
+        }
+        beam.push(bare.with(judged, first.window, question)?);
+    }
+    Ok(beam)
+}
+
 /// Whether a story may be told: it explains the data over whole runs, with nothing to spare.
-fn holds(story: &Story) -> bool {
+pub fn holds(story: &Story) -> bool {
     story.explains && story.stands()
 }
 

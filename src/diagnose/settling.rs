@@ -55,8 +55,13 @@ pub(super) fn problem<'b>(
 }
 
 /// The best states of all segments.
+///
+/// Parts that nobody measures have no state that a few samples tell: segments are then no shorter
+/// than those that a fit begins with.
 pub fn settle(model: LawOnData) -> Settled {
-    let window = model.law.window();
+    let least = shortest(&model);
+    let window = model.law.window().max(least);
+    let model = if least > 0 { model.with_window(window) } else { model };
     let tuning = &model.tuning().states;
     let whole = cut(&model.data.packed, window, &model.options.fit.segments);
     let segments = whole.spread(model.data.most);
@@ -66,7 +71,7 @@ pub fn settle(model: LawOnData) -> Settled {
     let dynamics = model.law.dynamics();
     let theta = model.law.theta(&dynamics);
     let weights = model.law.weights();
-    let mut look = tuning.first_samples;
+    let mut look = tuning.first_samples.max(least);
     while look < window {
         let short = segments.shortened(look);
         pass::settle(&problem(&model, &short, &weights), &dynamics, &theta, &mut states);
@@ -78,6 +83,14 @@ pub fn settle(model: LawOnData) -> Settled {
         sums = patiently(&model, &segments, law, &mut states);
     }
     Settled { model, segments, states, sums }
+}
+
+/// Samples that a segment has at least, where something moves unseen; else 0.
+pub(super) fn shortest(model: &LawOnData) -> usize {
+    if model.system().hidden.is_empty() {
+        return 0;
+    }
+    model.options.fit.segments.hidden.min(model.data.packed.longest_run())
 }
 
 /// The best states of all segments of all the data, and of a part of them where there are many.

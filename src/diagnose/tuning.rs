@@ -28,6 +28,8 @@ pub struct Tuning {
     pub ranking: Ranking,
     /// Effects that explain a misfit together, and the verdict.
     pub verdict: Verdict,
+    /// Parts that move and are not measured.
+    pub hidden: Hidden,
     /// The loop that adds effects.
     pub discovery: Discovery,
     /// Faults of the instrument.
@@ -172,8 +174,38 @@ pub struct Grids {
     pub exponents: [f64; 3],
     /// Powers, most of them between the whole ones.
     pub powers: [f64; 6],
+    /// Ratios of two things of a kind.
+    pub ratios: [f64; 6],
     /// Highest frequency, in parts of the sampling rate: no mechanical data show faster ones.
     pub highest_frequency: f64,
+}
+
+/// The search for parts that move and are not measured; the test `learning::hidden_parts`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hidden {
+    /// A part is fitted where the weak form of the force that is left is smaller by this factor
+    /// with it, at least.
+    pub gain: f64,
+    /// Parts that are fitted, at most.
+    pub fits: usize,
+    /// A part is told where it takes the error on held-out runs below this part of what it was,
+    /// though not down to the noise.
+    pub part: f64,
+    /// Function spaces of more terms are held to what was learned of them.
+    pub terms: usize,
+    /// Points of a grid that are followed side by side.
+    pub lanes: usize,
+    /// Radii of orbits, from half the distance of the nearest body to `farthest` times that of the
+    /// farthest.
+    pub radii: usize,
+    /// Places on an orbit.
+    pub phases: usize,
+    /// The largest radius, in distances of the farthest known body.
+    pub farthest: f64,
+    /// Orbits are different whose radii differ by this, as a logarithm.
+    pub orbits_apart: f64,
+    /// The same for places, in radians.
+    pub phases_apart: f64,
 }
 
 /// Values of an inner parameter, each the same number of times the one before it.

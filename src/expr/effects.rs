@@ -18,6 +18,7 @@ impl System {
             momenta: names(&self.momenta),
             observables: self.observables(),
             time: self.time.name.clone(),
+            inputs: self.inputs.iter().map(|input| input.variable.name.clone()).collect(),
         }
     }
 }

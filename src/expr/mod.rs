@@ -13,6 +13,7 @@ mod print;
 mod space;
 mod system;
 pub mod unit;
+mod unseen;
 
 pub use columns::{ColumnScale, DataColumns, ObservedColumn, candidates};
 pub use effects::instances;

@@ -207,6 +207,7 @@ fn gauge(system: &System, names: &Names) -> Vec<String> {
         "A constant in H: only derivatives of H move anything, so energies are known up to a constant."
             .to_string(),
     ];
+    out.extend(super::unseen::without_influence(system));
     if system.observed == Observed::Velocities {
         let zero = |expr| system.graph.is_zero(expr);
         let nothing_known =

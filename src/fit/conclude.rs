@@ -53,6 +53,7 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
         parameters: law.recorded_parameters(&used),
         covariance: law.recorded_covariance(&used),
         noise: noise(training),
+        hidden: super::hidden::motions(training),
         integrator: law.recorded_integrator(&training.accuracy.reason),
         evidence: Evidence {
             runs,

@@ -173,7 +173,7 @@ impl Law {
     }
 
     /// The masses 1 / (d^2 H / dp^2) at rest, one a coordinate; 1 where there is none.
-    pub(super) fn masses(&self) -> Option<Vec<f64>> {
+    pub(crate) fn masses(&self) -> Option<Vec<f64>> {
         let mut system = System::clone(&self.system);
         let energy = system.energy(&self.support).ok()?;
         let each = self.coefficient_of_each_term();
@@ -321,12 +321,24 @@ impl Law {
             coefficients,
             parameters: system.parameters.iter().map(value).collect(),
             covariance: None,
-            noise: self.noise.clone(),
-            resolution: self.resolution.clone(),
+            noise: self.of_observables(&self.noise, system, 1.0),
+            resolution: self.of_observables(&self.resolution, system, 0.0),
             stepping: self.stepping,
             window: self.window,
             system: system.clone(),
         }
+    }
+
+    /// Numbers of the observables for a system that may have other coordinates behind the first.
+    fn of_observables(&self, values: &[f64], system: &System, new: f64) -> Vec<f64> {
+        let (n, m) = (self.system.degrees(), system.degrees());
+        if n == m || values.len() != 2 * n {
+            return values.to_vec();
+        }
+        let half = |from: usize| {
+            (0..m).map(move |i| if i < n { values[from + i] } else { new }).collect::<Vec<f64>>()
+        };
+        [half(0), half(n)].concat()
     }
 
     /// The same with other inner parameters, as far as there are values.

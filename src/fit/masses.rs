@@ -75,7 +75,7 @@ fn first_mass(
 }
 
 /// What a unit coefficient of a term does to dp_i/dt.
-fn pushes(graph: &mut Graph, term: &Term, i: usize) -> Expr {
+pub(crate) fn pushes(graph: &mut Graph, term: &Term, i: usize) -> Expr {
     let mut parts = Vec::new();
     for (place, expr) in term.parts() {
         match place {
@@ -114,7 +114,11 @@ fn explained(rows: &[Vec<f64>]) -> Option<(f64, f64)> {
 }
 
 /// First samples of windows of a length, without a hole, spread over all runs.
-fn windows(measured: &Packed, length: usize, tuning: &MassTuning) -> Vec<(usize, usize)> {
+pub(crate) fn windows(
+    measured: &Packed,
+    length: usize,
+    tuning: &MassTuning,
+) -> Vec<(usize, usize)> {
     let typical = measured.typical_step();
     let whole = |run: usize, first: usize| {
         let times = &measured.times_of(run)[first..first + length];
@@ -206,13 +210,13 @@ impl Forces {
 }
 
 /// (1 - s^2)^4 and its second derivative.
-fn bump(s: f64) -> (f64, f64) {
+pub(crate) fn bump(s: f64) -> (f64, f64) {
     let inside = 1.0 - s * s;
     (inside.powi(4), 48.0 * s * s * inside.powi(2) - 8.0 * inside.powi(3))
 }
 
 /// Velocities by differences over both neighbours.
-fn velocities(times: &[f64], values: &[f64]) -> Vec<f64> {
+pub(crate) fn velocities(times: &[f64], values: &[f64]) -> Vec<f64> {
     let last = times.len() - 1;
     let of = |at: usize| {
         let (a, b) = (at.saturating_sub(1), (at + 1).min(last));

@@ -8,6 +8,7 @@ use sha2::{Digest, Sha256};
 
 use super::column::Column;
 use super::gauss_newton::StopReason;
+use super::hidden::HiddenMotion;
 use super::law::Law;
 use super::pass::Stepping;
 use crate::dynamics::Method;
@@ -39,6 +40,9 @@ pub struct Model {
     pub covariance: Vec<Vec<f64>>,
     /// Noise of each observable, in the order of the system's observables.
     pub noise: Vec<Noise>,
+    /// What was found of everything that nobody measures, at the start and the end of every run.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub hidden: Vec<HiddenMotion>,
     /// How trajectories were integrated.
     pub integrator: IntegratorRecord,
     /// What the fit rests on.

@@ -6,10 +6,10 @@ use std::slice::ChunksExact;
 use rayon::prelude::*;
 
 use super::blocking::BLOCKING;
+use super::hidden;
 use super::law::Law;
 use super::segments::Segment;
 use crate::data::Packed;
-use crate::expr::System;
 
 /// The initial state of every segment, in the order of the segments: 2n numbers each, side by
 /// side in memory.
@@ -41,12 +41,13 @@ impl States {
     pub fn measured_by(law: &Law, measured: &Packed, segments: &[Segment]) -> States {
         let mut states = States::measured(measured, segments, law.system().degrees());
         states.weigh(measured, law);
-        states.set_hidden(law.system());
+        states.set_hidden(law, measured, segments);
         states
     }
 
     /// Starts what nobody measures from where the spec says.
-    pub(super) fn set_hidden(&mut self, system: &System) {
+    pub(super) fn set_hidden(&mut self, law: &Law, measured: &Packed, segments: &[Segment]) {
+        let system = law.system();
         let degrees = system.degrees();
         for state in self.values.chunks_exact_mut(self.size.max(1)) {
             for part in &system.hidden {
@@ -54,6 +55,7 @@ impl States {
                 state[degrees + part.coordinate] = part.momentum;
             }
         }
+        hidden::carry(law, measured, segments, self);
     }
 
     /// Makes momenta that are nowhere measured, and stand as velocities, those of a law.

@@ -153,7 +153,7 @@ impl<'a> Training<'a> {
             (stepping, window),
         )?;
         states.weigh(&measured, &law);
-        states.set_hidden(system);
+        states.set_hidden(&law, &measured, &segments.list);
         Ok(Training {
             law,
             options,

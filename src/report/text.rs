@@ -20,6 +20,7 @@ pub fn fit_text(report: &FitReport, width: Option<u16>) -> String {
     let model = report.model;
     let mut sections = vec![hamiltonian(report, width), coefficients(model, width)];
     sections.push(parameters(model, width));
+    sections.push(hidden(model, width));
     sections.push(quality(report, width));
     sections.push(front(model, width));
     sections.push(runners_up(model, width));
@@ -98,6 +99,28 @@ fn parameters(model: &Model, width: usize) -> String {
         ]
     });
     table(&["parameter", "value", "unit"], rows.collect(), &[1], width)
+}
+
+/// Where the parts that nobody measures were, in the first runs.
+fn hidden(model: &Model, width: usize) -> String {
+    const RUNS: usize = 4;
+    let recorded =
+        model.hidden.iter().filter(|part| part.run.parse::<usize>().is_ok_and(|run| run <= RUNS));
+    let rows: Vec<Vec<String>> = recorded
+        .map(|part| {
+            vec![
+                part.name.clone(),
+                part.run.clone(),
+                significant(part.values.0, 6),
+                significant(part.values.1, 6),
+                unit(&part.unit),
+            ]
+        })
+        .collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    table(&["hidden", "run", "at its start", "at its end", "unit"], rows, &[2, 3], width)
 }
 
 fn quality(report: &FitReport, width: usize) -> String {

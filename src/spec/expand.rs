@@ -466,6 +466,7 @@ impl Resolved<'_> {
             momenta: names(&self.momenta),
             observables: [names(&self.coordinates), names(second)].concat(),
             time: self.time_name(),
+            inputs: self.inputs.iter().map(|input| input.name.text.clone()).collect(),
             bodies: self.declared_bodies(),
             groups: Vec::new(),
         }

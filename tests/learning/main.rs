@@ -19,6 +19,7 @@ mod driven;
 #[allow(dead_code, reason = "the example of the same name uses the rest")]
 mod hidden;
 mod hidden_effects;
+mod hidden_parts;
 mod instruments;
 mod measurements;
 mod paper;

@@ -179,7 +179,7 @@ const STATES: [[f64; 5]; 6] = [
 fn every_row_is_what_its_closed_form_says() {
     // Effects between two bodies have a test of their own: a plane holds one.
     let here = |row: &&EffectRow| row.detector.is_none() && row.on != ActsOn::BodyPair;
-    for row in catalogue().filter(here) {
+    for row in catalogue().filter(here).filter(|row| !row.has_states()) {
         let form = closed_form(row.name).unwrap_or_else(|| panic!("no closed form: {}", row.name));
         let arguments: Vec<String> =
             ["x", "y"].iter().take(row.on.least()).map(|name| name.to_string()).collect();

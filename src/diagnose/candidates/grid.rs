@@ -9,7 +9,7 @@ use crate::fit::segments::{longest_run, typical_step};
 use crate::spec::effects::ScanBy;
 
 /// How far measurements reach, in space and time.
-pub(super) struct Reach<'a> {
+pub struct Reach<'a> {
     system: &'a System,
     dataset: &'a Dataset,
     tuning: &'a Candidates,
@@ -25,11 +25,8 @@ pub(super) struct Reach<'a> {
 }
 
 impl<'a> Reach<'a> {
-    pub(super) fn of(
-        system: &'a System,
-        dataset: &'a Dataset,
-        tuning: &'a Candidates,
-    ) -> Reach<'a> {
+    /// How far the measurements of a system reach.
+    pub fn of(system: &'a System, dataset: &'a Dataset, tuning: &'a Candidates) -> Reach<'a> {
         let step = typical_step(dataset).max(f64::MIN_POSITIVE);
         let times = dataset.runs.iter().filter_map(Run::ends);
         let none = (f64::INFINITY, f64::NEG_INFINITY);
@@ -46,7 +43,7 @@ impl<'a> Reach<'a> {
 
     /// Values of some inner parameters of an effect `on` a coordinate or observable, every choice
     /// of all of them together; one empty choice without any.
-    pub(super) fn grid(&self, scans: &[ScanBy], on: &str) -> Vec<Vec<f64>> {
+    pub fn grid(&self, scans: &[ScanBy], on: &str) -> Vec<Vec<f64>> {
         let range = self.ranges.get(on).copied().unwrap_or((-1.0, 1.0, 1.0));
         self.grid_over(scans, range)
     }
@@ -131,6 +128,7 @@ impl<'a> Reach<'a> {
                 ScanBy::Duration => ratio(grids.durations, (step, duration)),
                 ScanBy::Exponent => grids.exponents.to_vec(),
                 ScanBy::Power => grids.powers.to_vec(),
+                ScanBy::Ratio => grids.ratios.to_vec(),
                 ScanBy::Momentum => ratio(grids.momenta, (momentum, momentum)),
                 ScanBy::Rate => ratio(grids.rates, (1.0 / duration, 1.0 / step)),
             })

@@ -9,7 +9,7 @@ mod unnamed;
 
 use std::collections::{BTreeSet, HashMap};
 
-use grid::Reach;
+pub use grid::Reach;
 pub use numbers::NumberChange;
 pub use unnamed::unnamed;
 
@@ -78,7 +78,8 @@ pub fn candidates(scope: &mut Scope, dataset: &Dataset, tuning: &Candidates) -> 
     let reach = Reach::of(&system, dataset, tuning);
     let standing = system.parameters.len();
     let scene = system.scene();
-    let instances = instances(&scene).into_iter();
+    // What has states of its own is no term of a system that stands.
+    let instances = instances(&scene).into_iter().filter(|instance| !instance.effect.has_states());
     let first = all.len();
     all.extend(instances.filter(|instance| !held.contains(&instance.label())).filter_map(
         |instance| {

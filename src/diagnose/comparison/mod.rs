@@ -16,6 +16,7 @@ pub use maps::{ResidualMap, residual_maps};
 
 use super::law_on_data::LawOnData;
 pub use super::misfit::error;
+use super::settling::shortest;
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::fit::segments::{cut, longest_run, typical_step};
@@ -80,8 +81,10 @@ pub fn windows(dataset: &Dataset) -> Vec<usize> {
 
 fn horizons(training: &LawOnData, held_out: Option<&LawOnData>) -> Vec<Horizon> {
     let step = typical_step(training.data.dataset);
+    let least = shortest(training);
     windows(training.data.dataset)
         .into_iter()
+        .filter(|&samples| samples >= least)
         .map(|samples| {
             let (seen, diverged) = error(training, samples);
             Horizon {

@@ -1,8 +1,8 @@
 //! The usual numbers of the diagnosis.
 
 use super::{
-    Autocorrelation, Axis, Candidates, Comparison, Composed, Design, Discovery, Grids, Instrument,
-    NoiseFloor, Ranking, Scan, States, Sufficiency, Tuning, Verdict,
+    Autocorrelation, Axis, Candidates, Comparison, Composed, Design, Discovery, Grids, Hidden,
+    Instrument, NoiseFloor, Ranking, Scan, States, Sufficiency, Tuning, Verdict,
 };
 use crate::fit::tuning::usual;
 
@@ -60,6 +60,7 @@ const TUNING: Tuning = Tuning {
             instants: 16,
             exponents: [0.5, 1.5, 2.5],
             powers: [-3.0, -1.5, -0.5, 0.5, 1.5, 3.0],
+            ratios: [-1.5, -1.0, -0.5, 0.0, 0.5, 1.0],
             highest_frequency: 0.25,
         },
     },
@@ -138,6 +139,18 @@ const TUNING: Tuning = Tuning {
         unmistakable: 1e-6,
         resolved: 10.0,
     },
+    hidden: Hidden {
+        gain: 1.3,
+        fits: 3,
+        part: 0.5,
+        terms: 24,
+        lanes: 32,
+        radii: 25,
+        phases: 24,
+        farthest: 3.0,
+        orbits_apart: 0.2,
+        phases_apart: 0.5,
+    },
     discovery: Discovery { additions: 8 },
     instrument: Instrument {
         shortest: 6,
@@ -196,6 +209,7 @@ usual! {
     Scan: scan,
     Ranking: ranking,
     Verdict: verdict,
+    Hidden: hidden,
     Discovery: discovery,
     Instrument: instrument,
     Comparison: comparison,

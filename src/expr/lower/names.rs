@@ -151,7 +151,7 @@ impl Lowering<'_> {
             Diagnostic::error(span, message).label(label).hint(hint)
         };
         let energy_hint = "write `H = ...` for an energy that mixes coordinates and momenta";
-        if (self.context, role) == (Context::Sensor, Role::Velocities) {
+        if role == Role::Velocities && matches!(self.context, Context::Sensor | Context::Rate) {
             return self.velocity(i);
         }
         let problem = match (self.context, role) {

@@ -7,6 +7,7 @@ mod bodies;
 mod conservative;
 mod dissipative;
 mod driven;
+mod memory;
 mod motion;
 mod scene;
 mod sensor;
@@ -132,6 +133,8 @@ pub enum ScanBy {
     Exponent,
     /// A pure number, as the power of a distance in a potential.
     Power,
+    /// A pure number, as the ratio of two things of a kind.
+    Ratio,
     /// A size of the momentum, over fractions of the range of the data.
     Momentum,
     /// The inverse of a stretch of time.
@@ -144,7 +147,7 @@ impl ScanBy {
         match self {
             ScanBy::Length | ScanBy::WaveNumber | ScanBy::Duration | ScanBy::Momentum => true,
             ScanBy::Frequency | ScanBy::Position | ScanBy::Beyond | ScanBy::Instant => false,
-            ScanBy::Exponent | ScanBy::Power | ScanBy::Rate => false,
+            ScanBy::Exponent | ScanBy::Power | ScanBy::Ratio | ScanBy::Rate => false,
         }
     }
 
@@ -156,7 +159,7 @@ impl ScanBy {
             ScanBy::Position | ScanBy::Beyond | ScanBy::Length => "{q}",
             ScanBy::WaveNumber => "1/{q}",
             ScanBy::Instant | ScanBy::Duration => "{t}",
-            ScanBy::Exponent | ScanBy::Power => "",
+            ScanBy::Exponent | ScanBy::Power | ScanBy::Ratio => "",
             ScanBy::Momentum => "{p}",
         }
     }
@@ -205,7 +208,7 @@ pub struct EffectRow {
     /// What it takes as arguments.
     pub on: ActsOn,
     /// Statements with placeholders: {q} {p} the first argument's coordinate and momentum,
-    /// {r} {s} those of the second, {o} {u} the observables, {t} time, {n} a name made of the
+    /// {r} {s} those of the second, {o} {u} the observables, {t} time, {input} the first input, {n} a name made of the
     /// effect and its arguments, and the inner parameters by their names. On bodies, {qq} is the
     /// sum of the squares of the first one's coordinates, {pp} that of its momenta, {qp} that of
     /// the products of both, {dd} the square of the distance to the second, and {one} a length of 1 in the coordinates' unit; a
@@ -248,8 +251,15 @@ const ROW: EffectRow = EffectRow {
 };
 
 /// The tables of rows, by kind. A new effect is one row in one of them.
-static TABLES: [&[EffectRow]; 6] =
-    [dissipative::ROWS, conservative::ROWS, motion::ROWS, bodies::ROWS, driven::ROWS, sensor::ROWS];
+static TABLES: [&[EffectRow]; 7] = [
+    dissipative::ROWS,
+    conservative::ROWS,
+    motion::ROWS,
+    bodies::ROWS,
+    driven::ROWS,
+    sensor::ROWS,
+    memory::ROWS,
+];
 
 /// Every effect of the catalogue.
 pub fn catalogue() -> impl Iterator<Item = &'static EffectRow> {

@@ -42,6 +42,8 @@ pub struct Scene {
     pub observables: Vec<String>,
     /// Name of time.
     pub time: String,
+    /// Names of the inputs.
+    pub inputs: Vec<String>,
     /// Bodies that are declared, or seen.
     pub bodies: Vec<Body>,
     /// Coordinates that an effect with one coefficient may act on together, each list in the
@@ -206,6 +208,11 @@ impl EffectRow {
         format!("effect {}({}{gap}{})", self.name, arguments.join(", "), settings.join(", "))
     }
 
+    /// Whether it brings internal states, which move and are not measured.
+    pub fn has_states(&self) -> bool {
+        self.template.starts_with("state ")
+    }
+
     /// What a length of 1 is called in its terms, where they need one.
     pub fn unit_name(&self, arguments: &[String]) -> Option<String> {
         let needed = self.template.contains("{one}");
@@ -223,6 +230,9 @@ impl EffectRow {
             text = text.replace("{one}", &name);
         }
         text = text.replace("{t}", &scene.time);
+        if let Some(input) = scene.inputs.first() {
+            text = text.replace("{input}", input);
+        }
         if self.on.observes() {
             for (placeholder, argument) in ["{o}", "{u}"].iter().zip(arguments) {
                 text = text.replace(placeholder, argument);
@@ -273,6 +283,9 @@ impl EffectRow {
         if let Some(detector) = self.detector {
             return Some(format!("it is no term of a model; {detector}"));
         }
+        if self.template.contains("{input}") && scene.inputs.is_empty() {
+            return Some("it follows an input, and the system has none".to_string());
+        }
         let there = if self.on.observes() { &scene.observables } else { &scene.coordinates };
         let (has, needs) = (there.len(), self.on.least());
         if has >= needs {
@@ -307,6 +320,7 @@ impl EffectRow {
             out
         };
         match self.on {
+            ActsOn::Coordinate if self.has_states() => names.iter().map(one).collect(),
             ActsOn::Coordinate => names.iter().map(one).chain(scene.groups.clone()).collect(),
             ActsOn::Observable => names.iter().map(one).collect(),
             ActsOn::Pair => pairs(false),

@@ -63,7 +63,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     },
     EffectRow {
         name: "clock_shift",
-        aliases: &["sensor_lag"],
+        aliases: &["reading_delay"],
         template: "sensor {o} += span{ {n}: rate({o}) }",
         physics: "The column is read too late or too early: its clock is shifted by a fixed time.",
         telltale: "The error goes with the rate of the reading: largest where it changes fastest.",

@@ -1,0 +1,244 @@
+//! Parts that nobody measures: memories of first order, a second mass, a body on an orbit.
+//!
+//! What such a part does to the predictions is not linear in anything that a model has, and the
+//! motion of the part itself is unknown. So its laws are first followed along the *measured*
+//! motion, for every point of a grid, and the force that is left is asked for it in weak form
+//! (`weak_form`); the best points are starts of full fits, which are judged by whole runs.
+
+mod body;
+mod internal;
+mod weak_form;
+mod widened;
+
+use super::diagnosis::{Diagnosis, Verdict};
+use super::effect::RankedEffect;
+use super::law_on_data::LawOnData;
+use super::misfit::{error, error_of};
+use super::ranking::Ranking;
+use super::settling::settle;
+use super::story::Question;
+use super::window::longest;
+use crate::error::Result;
+use crate::expr::{Compiled, System, build};
+use crate::fit::{self, Law, resume};
+use crate::spec::edit;
+use widened::widened;
+
+/// A part that may move unseen, with where its fit starts.
+struct Start {
+    /// `bouc_wen(x)`.
+    label: String,
+    /// Coordinates that it acts on.
+    on: Vec<String>,
+    /// The statements that add it.
+    snippet: String,
+    /// First guesses of coefficients of the spec with it: names of terms of the part, and places
+    /// of terms that stand.
+    coefficients: Vec<(TermName, f64)>,
+    /// By what factor the weak form of the force that is left is smaller with it.
+    gain: f64,
+    /// How many were looked at for each that is tried.
+    tests: usize,
+}
+
+/// A term in the spec with the part.
+enum TermName {
+    /// One of its own, by its label.
+    Own(String),
+    /// One of the model that stands, by its position.
+    Standing(usize),
+}
+
+/// A part with its numbers fitted.
+struct Found {
+    effect: RankedEffect,
+    /// Error on held-out runs over their whole length, in units of the noise with the part.
+    after: f64,
+}
+
+/// Looks for a body that nobody sees, where no change to one thing explains the data: among bodies
+/// that attract each other its pull is a small part of every force, which a search among all other
+/// effects takes long to imitate and never does. Whether it was found, and told.
+///
+/// # Errors
+///
+/// When the spec cannot be read with it.
+pub fn look_for_a_body(
+    question: &Question,
+    first: &Ranking,
+    diagnosis: &mut Diagnosis,
+) -> Result<bool> {
+    let starts = body::starts(question.model);
+    let Some(found) = best_of(question, starts)? else { return Ok(false) };
+    let part = |one: &RankedEffect| one.held_out_error_after / one.held_out_error_before;
+    let others = first.effects.iter().map(|judged| part(&judged.refit.effect));
+    let least = others.fold(f64::INFINITY, f64::min);
+    if part(&found.effect) >= least || !question.pays(&found) {
+        return Ok(false);
+    }
+    tell(diagnosis, found);
+    Ok(true)
+}
+
+/// Looks for internal states of effects, where no story of what is seen explains the data, and
+/// tells the best if it explains them, or most of what is missing.
+///
+/// # Errors
+///
+/// When the spec cannot be read with such a part in it.
+pub fn look_for_states(question: &Question, diagnosis: &mut Diagnosis) -> Result<()> {
+    let starts = internal::starts(question.scope.compiled(), question.model)?;
+    if let Some(found) = best_of(question, starts)?
+        && question.pays(&found)
+    {
+        tell(diagnosis, found);
+    }
+    Ok(())
+}
+
+impl Question<'_, '_> {
+    /// Whether a part explains the data, or most of what is missing.
+    fn pays(&self, found: &Found) -> bool {
+        let tuning = self.model.tuning();
+        let before = found.effect.held_out_error_before;
+        let significant = found.effect.p_value < tuning.scan.significant;
+        let explains = found.after <= tuning.verdict.reaches;
+        significant
+            && before > tuning.verdict.reaches
+            && (explains || found.after < tuning.hidden.part * before)
+    }
+}
+
+/// The best of some parts, fitted from where the weak form likes them best.
+fn best_of(question: &Question, mut starts: Vec<Start>) -> Result<Option<Found>> {
+    let tuning = &question.model.tuning().hidden;
+    question.monitor.stage("what may move unseen", 0.95);
+    starts.retain(|start| start.gain > tuning.gain);
+    starts.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    let mut best: Option<Found> = None;
+    for start in starts.iter().take(tuning.fits) {
+        if question.monitor.stopped() {
+            break;
+        }
+        let Some(found) = fitted(question, question.scope.compiled(), start)? else { continue };
+        if best.as_ref().is_none_or(|best| found.after < best.after) {
+            best = Some(found);
+        }
+    }
+    Ok(best)
+}
+
+/// Writes a part into the answer.
+fn tell(diagnosis: &mut Diagnosis, found: Found) {
+    let before = found.effect.held_out_error_before;
+    diagnosis.verdict = Verdict::Missing;
+    diagnosis.held_out_error = before;
+    diagnosis.reason = format!(
+        "{}, a part that nobody measures, takes the error on held-out runs from {before:.2} to \
+         {:.2} times the noise",
+        found.effect.effect, found.after
+    );
+    diagnosis.begin_with(&found.effect);
+    diagnosis.further.clear();
+    diagnosis.partial.clear();
+    diagnosis.unnamed = None;
+    diagnosis.unnamed_explains_more = false;
+    diagnosis.story = vec![found.effect];
+}
+
+/// The spec with a part, fitted from a start; `None` where that fails.
+fn fitted(question: &Question, spec: &Compiled, start: &Start) -> Result<Option<Found>> {
+    let model = question.model;
+    let text = edit::insert(&spec.text, &start.snippet);
+    let Ok(with) = build(&spec.system.name, &text) else { return Ok(None) };
+    let system = &with.system;
+    let training = widened(model.data.dataset, &spec.system, system);
+    let held_out = widened(question.held_out.dataset, &spec.system, system);
+    let mut law = model.law.on(system);
+    let ids = system.term_ids();
+    for (name, value) in &start.coefficients {
+        let id = match name {
+            TermName::Standing(position) => ids.get(*position).copied(),
+            TermName::Own(label) => system
+                .terms_with_ids()
+                .find(|(_, term)| term.effect.is_some() && term.label == *label)
+                .map(|(id, _)| id),
+        };
+        if let Some(id) = id {
+            law = law.with_term(id, *value)?;
+        }
+    }
+    let window = model.options.fit.segments.hidden;
+    let options = fit::Options { tuning: model.options.fit.clone(), ..fit::Options::default() };
+    let law = law.with_window(window);
+    let Ok(fitted) = resume(&law, &training, &options, question.monitor) else { return Ok(None) };
+    let law = fitted.law_of(system)?;
+    let on_training = LawOnData::of(law.clone(), &training, model.options);
+    let on_held_out = LawOnData::of(law.clone(), &held_out, model.options);
+    let after = error(&on_held_out, longest(&on_held_out));
+    // The model without the part, before the noise that it leaves with it.
+    let noise = widened::narrowed(law.noise(), &spec.system, system);
+    let bare = model.with_noise(noise);
+    let unseen = bare.with_data(question.held_out);
+    let before = error(&unseen, longest(&unseen));
+    if after.1 > before.1 || !after.0.is_finite() {
+        return Ok(None);
+    }
+    let whole = |model: &LawOnData| settle(model.with_window(longest(model))).sums;
+    let (left, were) = (whole(&on_training), whole(&bare));
+    if error_of(&left).1 > error_of(&were).1 {
+        return Ok(None);
+    }
+    let deviance = were.loss - left.loss;
+    let (coefficient, standard_error) = numbers(&law, spec.system.parameters.len(), start);
+    let p_value = (start.tests as f64 * (-0.5 * deviance).exp()).min(1.0);
+    let effect = RankedEffect {
+        effect: start.label.clone(),
+        on: start.on.clone(),
+        snippet: with_values(&start.snippet, &law, system),
+        coefficient,
+        standard_error,
+        p_value,
+        deviance,
+        number: None,
+        held_out_error_before: before.0,
+        held_out_error_after: after.0,
+        indistinguishable: Vec::new(),
+    };
+    Ok(Some(Found { effect, after: after.0 }))
+}
+
+/// Coefficients of the part's own terms, then its inner parameters, with standard errors.
+fn numbers(law: &Law, standing: usize, start: &Start) -> (Vec<f64>, Vec<f64>) {
+    let system = law.system();
+    let own = system.terms_where(|term| term.effect.as_deref() == Some(start.label.as_str()));
+    let terms = own.into_iter().filter_map(|id| law.coefficient_with_error(id));
+    let parameters = system.parameter_ids().into_iter().skip(standing);
+    let parameters = parameters.filter_map(|id| law.parameter_with_error(id));
+    terms.chain(parameters).unzip()
+}
+
+/// The statements with inner parameters as they were fitted: those of an effect in its settings.
+fn with_values(snippet: &str, law: &Law, system: &System) -> String {
+    let mut out = snippet.to_string();
+    for (parameter, value) in system.parameters.iter().zip(law.parameters()) {
+        // `frequency_harmonic_drive_x` of the effect's setting `frequency = ...`.
+        let settings = ["; ", ", ", "param "];
+        for before in settings {
+            for (at, _) in out.clone().match_indices(before) {
+                let rest = &out[at + before.len()..];
+                let Some((name, tail)) = rest.split_once(" = ") else { continue };
+                let is = parameter.name == name
+                    || before != "param " && parameter.name.starts_with(&format!("{name}_"));
+                if !is || name.contains([' ', ',', ';', '(']) {
+                    continue;
+                }
+                let end = tail.find([',', ')', ' ', '\n']).unwrap_or(tail.len());
+                let start = at + before.len() + name.len() + 3;
+                out.replace_range(start..start + end, &format!("{value}"));
+                break;
+            }
+        }
+    }
+    out
+}
