@@ -19,7 +19,7 @@ use serde::Serialize;
 use super::candidates::candidates;
 use super::comparison::ResidualMap;
 pub use super::effect::RankedEffect;
-use super::hidden::{look_for_a_body, look_for_states};
+use super::hidden::{look_first, look_last};
 use super::law_on_data::{LawOnData, Measurements};
 use super::noise_floor::noise_floor;
 use super::options::Options;
@@ -175,13 +175,13 @@ pub fn diagnose(
     let mut diagnosis = Diagnosis::of(&first, all.len(), model.law.noise());
     let question = Question { scope: &scope, model: &model, held_out: &held_out, monitor };
     let beginnings = beginnings(&question, &first)?;
-    if !beginnings.iter().any(holds) && look_for_a_body(&question, &first, &mut diagnosis)? {
+    if !beginnings.iter().any(holds) && look_first(&question, &first, &mut diagnosis)? {
         return Ok(diagnosis);
     }
     let stories = stories(&question, beginnings)?;
     judge(&question, &mut diagnosis, stories)?;
     if diagnosis.verdict == Verdict::Unexplained && !monitor.stopped() {
-        look_for_states(&question, &mut diagnosis)?;
+        look_last(&question, &mut diagnosis)?;
     }
     Ok(diagnosis)
 }

@@ -186,11 +186,17 @@ pub struct Hidden {
     /// A part is fitted where the weak form of the force that is left is smaller by this factor
     /// with it, at least.
     pub gain: f64,
+    /// The same where other explanations were not looked for yet.
+    pub plain_gain: f64,
     /// Parts that are fitted, at most.
     pub fits: usize,
     /// A part is told where it takes the error on held-out runs below this part of what it was,
     /// though not down to the noise.
     pub part: f64,
+    /// Systems of more coordinates are not asked for internal states.
+    pub coordinates: usize,
+    /// Data of more samples are not asked at all: all of them are followed.
+    pub samples: usize,
     /// Function spaces of more terms are held to what was learned of them.
     pub terms: usize,
     /// Points of a grid that are followed side by side.

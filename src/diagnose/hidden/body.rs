@@ -35,6 +35,9 @@ pub(super) fn starts(model: &LawOnData) -> Vec<Start> {
 
 fn find(model: &LawOnData) -> Option<Vec<Start>> {
     let system = model.system();
+    if model.data.packed.samples() > model.tuning().hidden.samples {
+        return None;
+    }
     let bodies = Attracting::of(model)?;
     let motion = MeasuredMotion::of(model)?;
     let tuning = &model.tuning().hidden;

@@ -21,12 +21,24 @@ pub(super) fn starts(spec: &Compiled, model: &LawOnData) -> Result<Vec<Start>> {
         let row = instance.effect;
         row.has_states() && !row.on.observes() && instance.arguments.len() == 1
     });
+    let n = spec.system.degrees();
+    let samples = model.data.packed.samples();
+    if n > tuning.hidden.coordinates || samples > tuning.hidden.samples {
+        return Ok(Vec::new());
+    }
+    let of = |coordinate: usize| -> Vec<WeakForm> {
+        let forms = motion.lengths().iter();
+        forms
+            .filter_map(|&length| motion.weak_form(coordinate, length, tuning.hidden.terms))
+            .collect()
+    };
+    let forms: Vec<Vec<WeakForm>> = (0..n).map(of).collect();
     let mut starts = Vec::new();
     for instance in moving {
         let scans: Vec<ScanBy> = instance.effect.parameters.iter().map(|scan| scan.by).collect();
         let on = instance.arguments.first().map_or("", String::as_str);
         let grid = reach.grid(&scans, on);
-        starts.extend(start(spec, model, &motion, instance, &grid));
+        starts.extend(start(spec, model, (&motion, &forms), instance, &grid));
     }
     Ok(starts)
 }
@@ -50,7 +62,7 @@ struct Carried {
 fn start(
     spec: &Compiled,
     model: &LawOnData,
-    motion: &MeasuredMotion,
+    (motion, forms): (&MeasuredMotion, &[Vec<WeakForm>]),
     instance: &Instance,
     grid: &[Vec<f64>],
 ) -> Option<Start> {
@@ -58,11 +70,7 @@ fn start(
         spec.system.coordinates.iter().position(|q| q.name == instance.arguments[0])?;
     let carried = Carried::of(spec, model, instance, coordinate)?;
     let tuning = &model.tuning().hidden;
-    let forms: Vec<WeakForm> = motion
-        .lengths()
-        .iter()
-        .filter_map(|&length| motion.weak_form(coordinate, length, tuning.terms))
-        .collect();
+    let forms = forms.get(coordinate)?;
     let without: Vec<f64> =
         forms.iter().map(|form| form.solve(&[]).map_or(f64::NAN, |(left, _)| left)).collect();
     let mut best: Option<(f64, usize, Vec<f64>, Vec<f64>)> = None;

@@ -56,28 +56,39 @@ struct Found {
     after: f64,
 }
 
-/// Looks for a body that nobody sees, where no change to one thing explains the data: among bodies
-/// that attract each other its pull is a small part of every force, which a search among all other
-/// effects takes long to imitate and never does. Whether it was found, and told.
+/// Looks for what plainly moves unseen, where no change to one thing explains the data: a body
+/// whose pull is a small part of every force, which a search among all other effects takes long to
+/// imitate and never does; internal states that explain whole runs. Whether it was found, and told.
 ///
 /// # Errors
 ///
 /// When the spec cannot be read with it.
-pub fn look_for_a_body(
-    question: &Question,
-    first: &Ranking,
-    diagnosis: &mut Diagnosis,
-) -> Result<bool> {
-    let starts = body::starts(question.model);
-    let Some(found) = best_of(question, starts)? else { return Ok(false) };
+pub fn look_first(question: &Question, first: &Ranking, diagnosis: &mut Diagnosis) -> Result<bool> {
+    let tuning = question.model.tuning();
+    // What no candidate improves on lacks nothing that shows.
+    if first.effects.is_empty() {
+        return Ok(false);
+    }
     let part = |one: &RankedEffect| one.held_out_error_after / one.held_out_error_before;
     let others = first.effects.iter().map(|judged| part(&judged.refit.effect));
     let least = others.fold(f64::INFINITY, f64::min);
-    if part(&found.effect) >= least || !question.pays(&found) {
-        return Ok(false);
+    if let Some(found) = best_of(question, body::starts(question.model))?
+        && part(&found.effect) < least
+        && question.pays(&found)
+    {
+        tell(diagnosis, found);
+        return Ok(true);
     }
-    tell(diagnosis, found);
-    Ok(true)
+    let mut starts = internal::starts(question.scope.compiled(), question.model)?;
+    starts.retain(|start| start.gain > tuning.hidden.plain_gain);
+    if let Some(found) = best_of(question, starts)?
+        && found.after <= tuning.verdict.reaches
+        && question.pays(&found)
+    {
+        tell(diagnosis, found);
+        return Ok(true);
+    }
+    Ok(false)
 }
 
 /// Looks for internal states of effects, where no story of what is seen explains the data, and
@@ -86,7 +97,7 @@ pub fn look_for_a_body(
 /// # Errors
 ///
 /// When the spec cannot be read with such a part in it.
-pub fn look_for_states(question: &Question, diagnosis: &mut Diagnosis) -> Result<()> {
+pub fn look_last(question: &Question, diagnosis: &mut Diagnosis) -> Result<()> {
     let starts = internal::starts(question.scope.compiled(), question.model)?;
     if let Some(found) = best_of(question, starts)?
         && question.pays(&found)

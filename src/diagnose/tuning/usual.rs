@@ -141,6 +141,9 @@ const TUNING: Tuning = Tuning {
     },
     hidden: Hidden {
         gain: 1.3,
+        plain_gain: 5.0,
+        coordinates: 12,
+        samples: 200_000,
         fits: 3,
         part: 0.5,
         terms: 24,
