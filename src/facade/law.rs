@@ -7,6 +7,7 @@ use super::data::inputs_of;
 use super::model_file::{self, ModelFile};
 use super::{Data, Spec, Trajectory};
 use crate::error::{Error, ErrorKind, Result};
+use crate::fit::hidden::HiddenMotion;
 use crate::fit::model::{LearnedParameter, LearnedTerm, Noise};
 use crate::fit::{self, Model};
 use crate::simulate::IntegratorChoice;
@@ -186,6 +187,19 @@ impl Law {
     /// ```
     pub fn parameters(&self) -> &[LearnedParameter] {
         self.file.as_ref().map_or(&[], |file| &file.model.parameters)
+    }
+
+    /// What the fit found of everything that nobody measures, run by run; none for a law that
+    /// stands in its spec.
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let law = spec.fit(&spec.data()?)?;
+    /// assert!(law.hidden().is_empty()); // every coordinate of this spec is measured
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn hidden(&self) -> &[HiddenMotion] {
+        self.file.as_ref().map_or(&[], |file| &file.model.hidden)
     }
 
     /// Noise of each observable, as the fit found it; none for a law that stands in its spec.

@@ -129,8 +129,9 @@ impl<'a> Training<'a> {
         let longest = measured.longest_run();
         let mut shortest = fewest_samples(&scales, measured.samples()).min(longest);
         if !system.hidden.is_empty() {
-            // A few samples tell nothing of what acts on them unseen.
-            shortest = shortest.max(options.tuning.segments.hidden).min(longest);
+            // A few samples tell nothing of what acts unseen; nor does a long motion by no force yet.
+            let part = if system.terms.is_empty() { 1 } else { 16 };
+            shortest = shortest.max(options.tuning.segments.hidden / part).min(longest);
         }
         let window = options.window.unwrap_or(shortest).clamp(2, longest.max(2));
         let rounding: Vec<f64> = scales.iter().map(|scale| scale.rounding).collect();

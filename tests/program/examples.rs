@@ -53,7 +53,7 @@ fn walked(folder: &Path) -> (tempfile::TempDir, Vec<(Vec<String>, String)>) {
 #[test]
 fn every_example_does_what_its_page_says() {
     let folders = folders();
-    assert_eq!(folders.len(), 5);
+    assert_eq!(folders.len(), 6);
     for folder in folders {
         let (copy, printed) = walked(&folder);
         assert!(printed.len() >= 2, "{}: the page shows no fit", folder.display());
