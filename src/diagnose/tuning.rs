@@ -193,6 +193,9 @@ pub struct Hidden {
     /// A part is told where it takes the error on held-out runs below this part of what it was,
     /// though not down to the noise.
     pub part: f64,
+    /// Orbits of an unseen body that are fitted, at most: 0, none is looked for. Each fit takes
+    /// minutes on a record of decades.
+    pub orbits: usize,
     /// Systems of more coordinates are not asked for internal states.
     pub coordinates: usize,
     /// Data of more samples are not asked at all: all of them are followed.

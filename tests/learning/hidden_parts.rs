@@ -1,7 +1,5 @@
 //! Parts that nobody measures: fitted where the spec has them, and found where it has not.
 
-use std::f64::consts::TAU;
-
 use leverrier::internals::data::{Clock, Dataset, Run};
 use leverrier::internals::diagnose::diagnosis::{Diagnosis, Verdict, diagnose};
 use leverrier::internals::diagnose::{self};
@@ -162,49 +160,4 @@ T = p^2/2; V = span{ x^2 }; force x += u + span{ drag: -p }";
     for (value, expected) in found.story[0].coefficient.iter().zip([1.5, 2.0, 0.5]) {
         assert!((value - expected).abs() < 0.1 * expected, "{:?}", found.story[0]);
     }
-}
-
-const SUN: &str = "coordinates sx, sy, ax, ay, bx, by
-momenta psx, psy, pax, pay, pbx, pby
-body sun = (sx, sy); body near = (ax, ay); body far = (bx, by)
-T = (psx^2 + psy^2)/2 + (pax^2 + pay^2)/(2*0.001) + (pbx^2 + pby^2)/(2*0.0003)
-V = -(0.001/sqrt((sx - ax)^2 + (sy - ay)^2) + 0.0003/sqrt((sx - bx)^2 + (sy - by)^2)
-  + 0.001*0.0003/sqrt((ax - bx)^2 + (ay - by)^2))\n";
-
-#[test]
-fn a_body_that_nobody_sees_is_named_with_its_mass_and_its_place() {
-    let unseen = "hidden nx with pnx; hidden ny with pny
-T += (pnx^2 + pny^2)/(2*0.0005)
-V += -0.0005*(1/sqrt((sx - nx)^2 + (sy - ny)^2) + 0.001/sqrt((ax - nx)^2 + (ay - ny)^2)
-  + 0.0003/sqrt((bx - nx)^2 + (by - ny)^2))";
-    let circle = |radius: f64, phase: f64, mass: f64| {
-        let speed = radius.powf(-0.5);
-        let (sine, cosine) = (TAU * phase).sin_cos();
-        ([radius * cosine, radius * sine], [-mass * speed * sine, mass * speed * cosine])
-    };
-    let (a, b, c) = (circle(1.0, 0.1, 1e-3), circle(2.2, 0.6, 3e-4), circle(3.6, 0.75, 5e-4));
-    let momentum = [0, 1].map(|k| -(a.1[k] + b.1[k] + c.1[k]));
-    let start = [vec![0.0, 0.0], a.0.to_vec(), b.0.to_vec(), c.0.to_vec()].concat();
-    let start = [start, momentum.to_vec(), a.1.to_vec(), b.1.to_vec(), c.1.to_vec()].concat();
-    let mut made = simulated(&format!("{SUN}{unseen}"), &[start], &even(400, 0.15));
-    let level = vec![NoiseLevel::Absolute(1e-5); made.observables.len()];
-    add_noise(&mut made, &level, 11).unwrap();
-    let names = ["sx", "sy", "ax", "ay", "bx", "by"];
-    let (_, found) = asked(SUN, &made, &names);
-    assert_eq!(found.verdict, Verdict::Missing, "{}", found.reason);
-    assert_eq!(found.story[0].effect, "unseen_body(sun, near, far)", "{}", found.reason);
-    let mass = found.story[0].coefficient[0];
-    assert!((mass / 5e-4 - 1.0).abs() < 0.1, "{mass}");
-    // With it in the spec, all of the data tell where it was.
-    let text = format!("{SUN}{}\n", found.story[0].snippet);
-    let with = build("with", &text).unwrap_or_else(|error| panic!("{error}\n{text}"));
-    let data = seen(&made, &with.system, &names);
-    let model = fit(&with.system, &data, &Options::default(), &Silent).unwrap();
-    let end = |name: &str| {
-        let part = model.hidden.iter().find(|part| part.name.ends_with(name));
-        part.unwrap_or_else(|| panic!("{:?}", model.hidden)).values.1
-    };
-    let truth = [6, 7].map(|row| *made.runs[0].values[row].last().unwrap());
-    let off = (end("_x") - truth[0]).hypot(end("_y") - truth[1]) / 3.6;
-    assert!(off < 0.02, "{off} radians off, {:?}", model.hidden);
 }

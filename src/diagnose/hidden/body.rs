@@ -35,7 +35,8 @@ pub(super) fn starts(model: &LawOnData) -> Vec<Start> {
 
 fn find(model: &LawOnData) -> Option<Vec<Start>> {
     let system = model.system();
-    if model.data.packed.samples() > model.tuning().hidden.samples {
+    let most = model.tuning().hidden.orbits;
+    if most == 0 || model.data.packed.samples() > model.tuning().hidden.samples {
         return None;
     }
     let bodies = Attracting::of(model)?;
@@ -67,7 +68,7 @@ fn find(model: &LawOnData) -> Option<Vec<Start>> {
                 && turn < tuning.phases_apart
                 && orbit.direction == other.direction
         };
-        if apart.len() < tuning.fits && !apart.iter().any(near) {
+        if apart.len() < most && !apart.iter().any(near) {
             apart.push(orbit);
         }
     }

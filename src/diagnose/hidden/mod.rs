@@ -179,6 +179,12 @@ fn fitted(question: &Question, spec: &Compiled, start: &Start) -> Result<Option<
             law = law.with_term(id, *value)?;
         }
     }
+    // The fit begins with a misfit that is large beside the noise: by that it chooses its steps.
+    let whole = error(model, longest(model)).0;
+    if whole.is_finite() && whole > 1.0 {
+        let noise = law.noise().iter().map(|noise| noise * whole).collect();
+        law = law.with_noise(noise);
+    }
     let window = model.options.fit.segments.hidden;
     let options = fit::Options { tuning: model.options.fit.clone(), ..fit::Options::default() };
     let law = law.with_window(window);

@@ -142,6 +142,7 @@ const TUNING: Tuning = Tuning {
     hidden: Hidden {
         gain: 1.3,
         plain_gain: 5.0,
+        orbits: 0,
         coordinates: 12,
         samples: 200_000,
         fits: 3,

@@ -73,7 +73,7 @@ pub(super) static ROWS: &[EffectRow] = &[
         on: ActsOn::BodyPair,
         why_two: "it is told by how it pulls on bodies that attract each other",
         detector: Some(
-            "among bodies that attract each other a diagnosis looks for its orbit and its mass",
+            "write it into the spec with `hidden` coordinates, as examples/planets does",
         ),
         physics: "A mass on an orbit of its own that nobody sees, and that pulls on all that are seen.",
         telltale: "Bodies run ahead of their predicted places, then behind, where the unseen one is near.",
