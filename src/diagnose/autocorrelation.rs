@@ -52,7 +52,7 @@ pub fn correlated_noise(model: &LawOnData) -> Option<Noise> {
     }
     let residuals = settled.residuals();
     let mut noise = model.noise();
-    let observables = noise.sizes.len();
+    let (observables, spreads) = (noise.sizes.len(), model.spreads());
     for (row, size) in noise.sizes.iter_mut().enumerate() {
         let series: Vec<&[f64]> =
             residuals.iter().filter_map(|segment| Some(segment.get(row)?.as_slice())).collect();
@@ -63,6 +63,10 @@ pub fn correlated_noise(model: &LawOnData) -> Option<Noise> {
         // The states take a part of the variance with them.
         let freedom = settled.sums.freedom[row].max(1.0);
         *size *= (settled.sums.squares[row] / freedom).sqrt();
+        // What a model that has lost the motion leaves is the motion.
+        if *size > tuning.part * spreads[row] {
+            return None;
+        }
         noise.autocorrelation_time = noise.autocorrelation_time.max(found.time);
     }
     Some(noise)

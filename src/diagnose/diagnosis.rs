@@ -163,7 +163,7 @@ pub fn diagnose(
     spec.system.positions(law.support())?;
     let tuning = &options.tuning;
     let held_out = Measurements::of(held_out, options);
-    let model = LawOnData::of(law.clone(), training, options);
+    let model = LawOnData::of(law.clone(), training, options).heeding(monitor);
     let model = model.with_noise(noise_floor(&model));
     if let Some(reason) = lacking_beside(&model, &held_out) {
         return Ok(Diagnosis::too_little(reason));

@@ -7,8 +7,8 @@ use super::options::Options;
 use super::tuning::Tuning;
 use crate::data::{Dataset, Packed};
 use crate::expr::System;
-use crate::fit::Law;
 use crate::fit::segments::packed;
+use crate::fit::{Law, Monitor, Silent};
 
 /// Measurements that a law is held against.
 #[derive(Clone)]
@@ -44,13 +44,20 @@ pub struct LawOnData<'a> {
     /// Samples for each independent one, at least 1: the integrated autocorrelation time of the
     /// noise.
     pub autocorrelation_time: f64,
+    /// Asked whether to stop.
+    pub monitor: &'a dyn Monitor,
 }
 
 impl<'a> LawOnData<'a> {
     /// A law on all samples of a data set.
     pub fn of(law: Law, dataset: &'a Dataset, options: &'a Options) -> LawOnData<'a> {
         let data = Measurements::of(dataset, options);
-        LawOnData { law, data, options, autocorrelation_time: 1.0 }
+        LawOnData { law, data, options, autocorrelation_time: 1.0, monitor: &Silent }
+    }
+
+    /// The same, whose fits end early when a monitor says so.
+    pub fn heeding(self, monitor: &'a dyn Monitor) -> LawOnData<'a> {
+        LawOnData { monitor, ..self }
     }
 
     /// What the law is of.
@@ -71,6 +78,17 @@ impl<'a> LawOnData<'a> {
     /// The same over segments of another length, in samples.
     pub fn with_window(&self, window: usize) -> LawOnData<'a> {
         self.with_law(self.law.clone().with_window(window))
+    }
+
+    /// Standard deviation of what was measured of each observable.
+    pub fn spreads(&self) -> Vec<f64> {
+        let of = |observable: usize| {
+            let all = self.data.packed.column(observable).iter().filter(|x| x.is_finite());
+            let count = all.clone().count().max(1) as f64;
+            let mean = all.clone().sum::<f64>() / count;
+            (all.map(|x| (x - mean).powi(2)).sum::<f64>() / count).sqrt()
+        };
+        (0..self.law.noise().len()).map(of).collect()
     }
 
     /// What residuals are weighed by.

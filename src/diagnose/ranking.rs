@@ -107,6 +107,9 @@ impl<'a> Field<'a, '_> {
     fn fitted(&self, data: &Parts, starts: Vec<(usize, Start)>) -> Vec<(usize, Refit)> {
         let count = starts.len().max(1) as f64;
         let fitted = starts.into_iter().enumerate().filter_map(|(i, (candidate, start))| {
+            if i > 0 && self.monitor.stopped() {
+                return None;
+            }
             self.monitor.stage("refitting the leaders", 0.3 + 0.5 * i as f64 / count);
             Some((candidate, refit(data, &self.candidates[candidate], start)?))
         });
@@ -135,7 +138,7 @@ impl<'a> Field<'a, '_> {
         let finished = judged.into_iter().enumerate().filter_map(|(place, (c, judged))| {
             let near = best - judged.merit(variance) < within;
             let left = place > 0 && (place >= tuning.finished || !near);
-            if left || judged.refit.whole {
+            if left || judged.refit.whole || place > 0 && self.monitor.stopped() {
                 return usable(&judged).then_some((c, judged));
             }
             let precision = if place > 0 { Precision::Ranking } else { Precision::Full };

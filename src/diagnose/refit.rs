@@ -243,7 +243,8 @@ fn fitted_until(
     };
     let least = LeastGain { part, squares };
     let integrator = Integrator::Chosen;
-    let how = Refitting { start: Some((segments, states)), integrator, least, tuning };
+    let (start, monitor) = (Some((segments, states)), model.monitor);
+    let how = Refitting { start, integrator, least, tuning, monitor };
     let Refitted { law, linearised, resolution } = refitted(&law, &model.data.packed, how).ok()?;
     let (factor, sums) = (linearised.merged(), linearised.sums);
     let variance = variance_of(&sums, &model.tuning().ranking);
@@ -264,7 +265,7 @@ pub fn fitted_from_afar<'a>(model: &LawOnData<'a>) -> Option<LawOnData<'a>> {
     let (noise, whole) = (model.law.noise(), model.law.window());
     let mut law = model.law.clone();
     for window in [model.tuning().states.first_samples.min(whole), whole] {
-        let how = Refitting { start: None, integrator, least, tuning };
+        let how = Refitting { start: None, integrator, least, tuning, monitor: model.monitor };
         law = refitted(&law.with_window(window), &model.data.packed, how).ok()?.law;
         // The noise is that of the model, whatever these fits leave.
         law = law.with_noise(noise.to_vec());

@@ -127,6 +127,9 @@ fn score(
         }
         probe_range(settled, all, &queue[start..end], settled.sums.diverged, &mut probed)?;
         start = end;
+        if settled.model.monitor.stopped() {
+            break;
+        }
     }
     // One yardstick for all: what is left where the most is explained.
     let least = probed.iter().map(|(_, scores)| scores.variance).fold(f64::INFINITY, f64::min);

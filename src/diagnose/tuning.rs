@@ -87,6 +87,8 @@ pub struct Autocorrelation {
     /// Errors of this many times the noise are no noise: over two samples that of a process with
     /// the memory of 30 of them looks four times smaller than it is.
     pub largest: f64,
+    /// Noise is at most this part of a column's spread: no fit is worth judging where it is more.
+    pub part: f64,
     /// p-value below which what such a process leaves is not white.
     pub significant: f64,
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::gauss_newton::LeastGain;
 use super::law::Law;
-use super::monitor::Silent;
+use super::monitor::Monitor;
 use super::options::Options;
 use super::pass::Linearised;
 use super::segments::Segments;
@@ -26,6 +26,8 @@ pub struct Refitting<'a> {
     pub least: LeastGain,
     /// The numbers that it goes by.
     pub tuning: &'a Tuning,
+    /// Asked whether to stop with the best so far.
+    pub monitor: &'a dyn Monitor,
 }
 
 /// By what trajectories are integrated in a refit.
@@ -64,7 +66,7 @@ pub fn refitted(law: &Law, measured: &Arc<Packed>, how: Refitting) -> Result<Ref
     if how.integrator == Integrator::Chosen {
         training.choose_integrator();
     }
-    let mut refit = training.refit_until(how.least, &Silent);
+    let mut refit = training.refit_until(how.least, how.monitor);
     training.take(&mut refit);
     let (law, resolution) = (training.law().clone(), training.accuracy.resolution.clone());
     Ok(Refitted { law, linearised: refit.linearised, resolution })

@@ -61,7 +61,7 @@ impl Rival {
         }
         let (tuning, integrator) = (&model.options.fit, Integrator::Chosen);
         let least = tuning.refit.converged.into();
-        let how = Refitting { start: None, integrator, least, tuning };
+        let how = Refitting { start: None, integrator, least, tuning, monitor: model.monitor };
         let law = refitted(&law, &model.data.packed, how)?.law;
         let mut stepping = law.stepping();
         let usual = model.law.stepping().longest.min(typical_step(model.data.dataset));
@@ -116,6 +116,7 @@ impl<'a> Known<'a> {
             data: data.clone(),
             options,
             autocorrelation_time: 1.0,
+            monitor: &Silent,
         };
         let dynamics = model.law.dynamics();
         let segments = cut(&data.packed, window, &options.fit.segments);

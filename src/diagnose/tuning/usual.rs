@@ -24,6 +24,7 @@ const TUNING: Tuning = Tuning {
         samples: 100.0,
         memory: 8,
         largest: 4.0,
+        part: 0.3,
         significant: 1e-3,
     },
     states: States {

@@ -499,7 +499,8 @@ impl<'a> Weighing<'a> {
         let tuning = &options.fit;
         let (integrator, least) = (Integrator::Kept, tuning.refit.converged.into());
         let at_once = |law: &Law| {
-            let how = Refitting { start: None, integrator, least, tuning };
+            let how =
+                Refitting { start: None, integrator, least, tuning, monitor: &leverrier::Silent };
             let law = law.clone().with_window(whole);
             Some(refitted(&law, &short.data.packed, how).ok()?.law)
         };

@@ -18,7 +18,7 @@ use crate::fit::column::Column;
 /// The longest segments of a few samples over which the model strays
 /// from the data by a small part of their spread: there its misfit is linear in what causes it.
 pub(super) fn linear<'a>(model: &LawOnData<'a>) -> Settled<'a> {
-    let spread = spreads(model);
+    let spread = model.spreads();
     let tuning = &model.tuning().composed;
     let mut window = tuning.shortest;
     let mut best = settle(model.with_window(window));
@@ -32,17 +32,6 @@ pub(super) fn linear<'a>(model: &LawOnData<'a>) -> Settled<'a> {
         best = longer;
     }
     best
-}
-
-/// Standard deviation of what was measured of each observable.
-fn spreads(model: &LawOnData) -> Vec<f64> {
-    let of = |observable: usize| {
-        let all = model.data.packed.column(observable).iter().filter(|x| x.is_finite());
-        let count = all.clone().count().max(1) as f64;
-        let mean = all.clone().sum::<f64>() / count;
-        (all.map(|x| (x - mean).powi(2)).sum::<f64>() / count).sqrt()
-    };
-    (0..model.law.noise().len()).map(of).collect()
 }
 
 /// Root mean square of what predictions are off by beside noise, in parts of the spread of the
