@@ -17,6 +17,7 @@ mod hidden;
 pub mod instrument;
 pub mod law_on_data;
 mod misfit;
+mod naming;
 pub mod noise_floor;
 pub mod options;
 mod ranking;

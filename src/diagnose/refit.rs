@@ -83,6 +83,11 @@ impl Start {
         Ok(Start { law, p_value: scored.p_value })
     }
 
+    /// These numbers; `p_value` is that of what the candidate stands for.
+    pub fn at(law: Law, p_value: f64) -> Start {
+        Start { law, p_value }
+    }
+
     /// A refit once more, from other numbers where there are some.
     pub fn again(refit: &Refit, law: Option<Law>) -> Start {
         Start { law: law.unwrap_or_else(|| refit.law.clone()), p_value: refit.effect.p_value }

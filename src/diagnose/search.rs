@@ -3,6 +3,7 @@
 use super::candidates::composed::composed;
 use super::candidates::{Candidate, candidates, unnamed};
 use super::evidence::Judged;
+use super::naming::with_name;
 use super::ranking::{Ranking, ranking};
 use super::story::{
     Question, Story, agree_on_noise, description_lengths, sort_by_description_length,
@@ -90,6 +91,11 @@ pub fn stories<'a>(
         ended.retain(|story| story.labels() != best.labels());
         ended.insert(0, best);
     }
+    if let Some(best) = ended.first().filter(|best| holds(best))
+        && let Some(named) = with_name(question, best)?
+    {
+        ended.insert(0, named);
+    }
     ended.push(grown);
     Ok(ended)
 }
@@ -144,7 +150,10 @@ fn with_unnamed<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Result<Ve
     let shapes = unnamed(&mut scope, story.model.data.dataset, &tuning.candidates);
     let (refits, branches) = (tuning.ranking.first_refits, tuning.verdict.unnamed_branches);
     let mut all = added(question, story, &terms, refits, branches)?;
-    all.extend(added(question, story, &shapes, refits, branches)?);
+    // Shapes without a form say less than a term that explains all.
+    if !all.iter().any(holds) {
+        all.extend(added(question, story, &shapes, refits, branches)?);
+    }
     Ok(all)
 }
 

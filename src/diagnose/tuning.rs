@@ -30,6 +30,8 @@ pub struct Tuning {
     pub verdict: Verdict,
     /// Parts that move and are not measured.
     pub hidden: Hidden,
+    /// Names of composed terms.
+    pub naming: Naming,
     /// The loop that adds effects.
     pub discovery: Discovery,
     /// Faults of the instrument.
@@ -402,6 +404,18 @@ pub struct Verdict {
     pub unmistakable: f64,
     /// Residuals this many times the resolution of the integrator are the measurements' own.
     pub resolved: f64,
+}
+
+/// Names of composed terms.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Naming {
+    /// States along the motion at which forces are compared, at most.
+    pub states: usize,
+    /// Part of a composed term's force that a named effect may lack before it is fitted: grids of
+    /// inner parameters are coarse.
+    pub apart: f64,
+    /// Named effects that are fitted in its place, at most.
+    pub tried: usize,
 }
 
 /// The loop that adds effects.

@@ -2,7 +2,7 @@
 
 use super::{
     Autocorrelation, Axis, Candidates, Comparison, Composed, Design, Discovery, Grids, Hidden,
-    Instrument, NoiseFloor, Ranking, Scan, States, Sufficiency, Tuning, Verdict,
+    Instrument, Naming, NoiseFloor, Ranking, Scan, States, Sufficiency, Tuning, Verdict,
 };
 use crate::fit::tuning::usual;
 
@@ -156,6 +156,7 @@ const TUNING: Tuning = Tuning {
         orbits_apart: 0.2,
         phases_apart: 0.5,
     },
+    naming: Naming { states: 400, apart: 0.3, tried: 4 },
     discovery: Discovery { additions: 8 },
     instrument: Instrument {
         shortest: 6,
@@ -215,6 +216,7 @@ usual! {
     Ranking: ranking,
     Verdict: verdict,
     Hidden: hidden,
+    Naming: naming,
     Discovery: discovery,
     Instrument: instrument,
     Comparison: comparison,
