@@ -19,6 +19,9 @@ use leverrier::{Data, Law, Options, Spec};
 /// A point of an orbit in the plane of the picture.
 type Point = [f64; 2];
 
+/// Width and height of the picture.
+const SIZE: f64 = 640.0;
+
 fn main() {
     let folder = Path::new("examples/planets");
     let open = |name: &str| -> (Spec, Data) {
@@ -85,10 +88,17 @@ fn angle(a: &[f64], b: &[f64]) -> f64 {
     (product / (norm(a) * norm(b))).clamp(-1.0, 1.0).acos().to_degrees()
 }
 
+/// A text beside a point, on the side of it where the picture has room.
+fn label([x, y]: Point, colour: &str, text: &str) -> String {
+    let (anchor, x) = if x > 0.7 * SIZE { ("end", x - 12.0) } else { ("start", x + 12.0) };
+    format!(
+        "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" fill=\"{colour}\">{text}</text>"
+    )
+}
+
 /// The sky from above: paths of the planets, a point where each stood on the last day, a ring where
 /// the unseen one was found.
 fn picture(data: &Data, found: &[f64], last: usize) -> String {
-    const SIZE: f64 = 640.0;
     const REACH: f64 = 34.0;
     let at = |[x, y]: Point| -> Point {
         [SIZE / 2.0 * (1.0 + x / REACH), SIZE / 2.0 * (1.0 - y / REACH)]
@@ -96,6 +106,7 @@ fn picture(data: &Data, found: &[f64], last: usize) -> String {
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {SIZE} {SIZE}\" \
          font-family=\"sans-serif\" font-size=\"14\">\n\
+         <style>text {{ paint-order: stroke; stroke: #0b1026; stroke-width: 5px }}</style>\n\
          <rect width=\"{SIZE}\" height=\"{SIZE}\" fill=\"#0b1026\"/>\n"
     );
     let planets = [
@@ -127,21 +138,19 @@ fn picture(data: &Data, found: &[f64], last: usize) -> String {
             out,
             "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\"{dash}/>\n\
              <circle cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"4\" fill=\"{colour}\"/>\n\
-             <text x=\"{:.1}\" y=\"{:.1}\" fill=\"{colour}\">{title}</text>",
+             {}",
             path.join(" "),
-            (px + 12.0).min(SIZE - 170.0),
-            py + 24.0
+            label([px, py + 24.0], colour, title)
         );
     }
     let [fx, fy] = at([found[0], found[1]]);
     let _ = writeln!(
         out,
         "<circle cx=\"{fx:.1}\" cy=\"{fy:.1}\" r=\"9\" fill=\"none\" stroke=\"#ffffff\"/>\n\
-         <text x=\"{:.1}\" y=\"{:.1}\" fill=\"#ffffff\">where it was found to be</text>\n\
+         {}\n\
          <circle cx=\"{c}\" cy=\"{c}\" r=\"6\" fill=\"#fff0b0\"/>\n\
          <text x=\"14\" y=\"26\" fill=\"#c0c8e0\">1781 to 23 September 1846</text>\n</svg>",
-        (fx - 60.0).min(SIZE - 180.0),
-        fy - 14.0,
+        label([fx, fy - 16.0], "#ffffff", "where it was found to be"),
         c = SIZE / 2.0
     );
     out
