@@ -194,9 +194,6 @@ pub struct Hidden {
     pub plain_gain: f64,
     /// Parts that are fitted, at most.
     pub fits: usize,
-    /// A part is told where it takes the error on held-out runs below this part of what it was,
-    /// though not down to the noise.
-    pub part: f64,
     /// Orbits of an unseen body that are fitted, at most: 0, none is looked for. Each fit takes
     /// minutes on a record of decades.
     pub orbits: usize,

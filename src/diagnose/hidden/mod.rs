@@ -82,7 +82,6 @@ pub fn look_first(question: &Question, first: &Ranking, diagnosis: &mut Diagnosi
     let mut starts = internal::starts(question.scope.compiled(), question.model)?;
     starts.retain(|start| start.gain > tuning.hidden.plain_gain);
     if let Some(found) = best_of(question, starts)?
-        && found.after <= tuning.verdict.reaches
         && question.pays(&found)
     {
         tell(diagnosis, found);
@@ -92,7 +91,7 @@ pub fn look_first(question: &Question, first: &Ranking, diagnosis: &mut Diagnosi
 }
 
 /// Looks for internal states of effects, where no story of what is seen explains the data, and
-/// tells the best if it explains them, or most of what is missing.
+/// tells the best if it explains them.
 ///
 /// # Errors
 ///
@@ -108,15 +107,13 @@ pub fn look_last(question: &Question, diagnosis: &mut Diagnosis) -> Result<()> {
 }
 
 impl Question<'_, '_> {
-    /// Whether a part explains the data, or most of what is missing.
+    /// Whether a part explains the data, which the model without it does not.
     fn pays(&self, found: &Found) -> bool {
         let tuning = self.model.tuning();
         let before = found.effect.held_out_error_before;
         let significant = found.effect.p_value < tuning.scan.significant;
-        let explains = found.after <= tuning.verdict.reaches;
-        significant
-            && before > tuning.verdict.reaches
-            && (explains || found.after < tuning.hidden.part * before)
+        let reaches = tuning.verdict.reaches;
+        significant && before > reaches && found.after <= reaches
     }
 }
 
@@ -190,6 +187,10 @@ fn fitted(question: &Question, spec: &Compiled, start: &Start) -> Result<Option<
     let law = law.with_window(window);
     let Ok(fitted) = resume(&law, &training, &options, question.monitor) else { return Ok(None) };
     let law = fitted.law_of(system)?;
+    // What the part leaves is held against the noise of the shortest predictions without it, which
+    // is at most too large: a part that explains little would take the rest for noise.
+    let noise = widened::at_most(law.noise(), model.law.noise(), &spec.system, system);
+    let law = law.with_noise(noise);
     let on_training = LawOnData::of(law.clone(), &training, model.options);
     let on_held_out = LawOnData::of(law.clone(), &held_out, model.options);
     let after = error(&on_held_out, longest(&on_held_out));
@@ -208,7 +209,11 @@ fn fitted(question: &Question, spec: &Compiled, start: &Start) -> Result<Option<
     }
     let deviance = were.loss - left.loss;
     let (coefficient, standard_error) = numbers(&law, spec.system.parameters.len(), start);
-    let p_value = (start.tests as f64 * (-0.5 * deviance).exp()).min(1.0);
+    // Its numbers, and where it starts in every run, are unknowns that the model does not have.
+    let parts = system.degrees().saturating_sub(spec.system.degrees());
+    let unknowns = coefficient.len() + parts * training.runs.len();
+    let price = unknowns as f64 * (left.rows.max(1) as f64).ln();
+    let p_value = (start.tests as f64 * (-0.5 * (deviance - price)).exp()).min(1.0);
     let effect = RankedEffect {
         effect: start.label.clone(),
         on: start.on.clone(),

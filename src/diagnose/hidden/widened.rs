@@ -31,6 +31,15 @@ pub(super) fn widened(dataset: &Dataset, narrow: &System, wide: &System) -> Data
     }
 }
 
+/// The noise of the wider system's observables, at most that of the narrower system's.
+pub(super) fn at_most(noise: &[f64], most: &[f64], narrow: &System, wide: &System) -> Vec<f64> {
+    let both = noise.iter().zip(places(narrow, wide));
+    let least = |(noise, place): (&f64, Option<usize>)| {
+        place.and_then(|at| most.get(at)).map_or(*noise, |most| noise.min(*most))
+    };
+    both.map(least).collect()
+}
+
 /// The noise of the narrower system's observables.
 pub(super) fn narrowed(noise: &[f64], narrow: &System, wide: &System) -> Vec<f64> {
     let mut out = vec![1.0; 2 * narrow.degrees()];

@@ -147,7 +147,6 @@ const TUNING: Tuning = Tuning {
         coordinates: 12,
         samples: 200_000,
         fits: 3,
-        part: 0.5,
         terms: 24,
         lanes: 32,
         radii: 25,
