@@ -145,11 +145,13 @@ fn first_state(measured: &Packed, segment: Segment, state: &mut [f64]) {
     let times = measured.times_of(segment.run);
     let values = |row: usize| measured.values_of(row, segment.run);
     let near = |row: usize| -> Option<f64> {
-        values(row)[segment.first..=segment.last].iter().copied().find(|x| x.is_finite())
+        let own = values(row).get(segment.first..=segment.last).unwrap_or_default();
+        own.iter().copied().find(|x| x.is_finite())
     };
     let slope = |row: usize| -> f64 {
         let values = values(row);
-        let mut seen = (segment.first..=segment.last).filter(|&j| values[j].is_finite());
+        let is_seen = |j: &usize| values.get(*j).is_some_and(|x| x.is_finite());
+        let mut seen = (segment.first..=segment.last).filter(is_seen);
         match (seen.next(), seen.next()) {
             (Some(a), Some(b)) => (values[b] - values[a]) / (times[b] - times[a]),
             _ => 0.0,
