@@ -7,6 +7,8 @@
 //! autoregressive model of low order (Yule and Walker, 1927 and 1931) leaves of the one
 //! nothing but white noise (Ljung and Box, Biometrika 65, 1978), and of the other the motion.
 
+use std::f64::consts::PI;
+
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::law_on_data::LawOnData;
@@ -88,11 +90,11 @@ impl Process {
         let covariance = autocovariance(series, lags)?;
         let count =
             series.iter().flat_map(|values| values.iter()).filter(|x| x.is_finite()).count();
-        if lags <= 2 * tuning.order || (count as f64) < tuning.samples {
+        if lags <= 2 * tuning.order {
             return None;
         }
         let (factors, innovation) = chosen(&covariance, count as f64, tuning.order);
-        if !short(&factors, longest / tuning.memory, longest) {
+        if !short(&factors, longest / tuning.memory, longest) || peaks(&factors, tuning.peak) {
             return None;
         }
         let white: Vec<Vec<f64>> = series.iter().map(|values| whitened(values, &factors)).collect();
@@ -102,7 +104,10 @@ impl Process {
             return None;
         }
         let density = innovation / (1.0 - factors.iter().sum::<f64>()).powi(2);
-        Some(Process { time: (density / covariance[0]).max(1.0) })
+        let time = (density / covariance[0]).max(1.0);
+        // Of a short record with a long memory much can be said, and little of it is certain.
+        let certain = time <= tuning.longest && count as f64 >= tuning.samples * time;
+        certain.then_some(Process { time })
     }
 }
 
@@ -157,6 +162,25 @@ fn short(factors: &[f64], memory: usize, longest: usize) -> bool {
         response.push(next.sum());
     }
     response.iter().skip(memory).all(|x: &f64| x.abs() < 0.05)
+}
+
+/// Whether the spectral density of a process has a peak: it is larger somewhere by some factor than
+/// at frequency zero and at half the sampling rate. What a model misses swings with the motion; what
+/// an instrument filters or differentiates does not.
+fn peaks(factors: &[f64], factor: f64) -> bool {
+    const FREQUENCIES: usize = 64;
+    let density = |at: usize| {
+        let angle = PI * at as f64 / FREQUENCIES as f64;
+        let (mut real, mut imaginary) = (1.0, 0.0);
+        for (back, a) in factors.iter().enumerate() {
+            let turned = angle * (back + 1) as f64;
+            real -= a * turned.cos();
+            imaginary += a * turned.sin();
+        }
+        1.0 / f64::max(real * real + imaginary * imaginary, f64::MIN_POSITIVE)
+    };
+    let ends = density(0).max(density(FREQUENCIES));
+    (1..FREQUENCIES).any(|at| density(at) > factor * ends)
 }
 
 /// What is left of values when what those before them say is taken off; not a number where one of

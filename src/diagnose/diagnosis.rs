@@ -21,7 +21,7 @@ use super::comparison::ResidualMap;
 pub use super::effect::RankedEffect;
 use super::hidden::{look_first, look_last};
 use super::law_on_data::{LawOnData, Measurements};
-use super::noise_floor::noise_floor;
+use super::noise_floor::shortest;
 use super::options::Options;
 use super::ranking::{Ranking, ranking};
 use super::search::{beginnings, holds, stories};
@@ -164,7 +164,7 @@ pub fn diagnose(
     let tuning = &options.tuning;
     let held_out = Measurements::of(held_out, options);
     let model = LawOnData::of(law.clone(), training, options).heeding(monitor);
-    let model = model.with_noise(noise_floor(&model));
+    let model = model.with_noise(shortest(&model));
     if let Some(reason) = lacking_beside(&model, &held_out) {
         return Ok(Diagnosis::too_little(reason));
     }

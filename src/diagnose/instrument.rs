@@ -5,7 +5,7 @@ use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, DiscreteCDF, Normal, Poisson};
 
 use super::law_on_data::LawOnData;
-use super::noise_floor::noise_floor;
+use super::noise_floor::shortest;
 use super::settling::settle;
 use super::tuning::Tuning;
 
@@ -34,14 +34,14 @@ pub fn detect(model: &LawOnData) -> Vec<Detection> {
     let names = model.system().observables();
     let window = model.law.window().clamp(tuning.instrument.shortest, tuning.instrument.longest);
     let residuals = settle(model.with_window(window)).residuals();
-    let floor = noise_floor(model);
+    let floor = shortest(model);
     let mut found = Vec::new();
     for (i, name) in names.iter().enumerate() {
         let known = (model.law.noise()[i], model.law.resolution()[i]);
         let series: Vec<&[f64]> =
             residuals.iter().filter_map(|segment| Some(segment.get(i)?.as_slice())).collect();
         found.extend(outliers(name, &series, known, names.len(), tuning));
-        found.extend(quantisation(name, i, model, floor.sizes[i]));
+        found.extend(quantisation(name, i, model, floor[i]));
     }
     found
 }

@@ -22,8 +22,9 @@ pub fn noise_floor(model: &LawOnData) -> Noise {
     correlated_noise(&model.with_noise(noise.clone())).unwrap_or(noise)
 }
 
-/// The noise over the shortest predictions, or the model's.
-fn shortest(model: &LawOnData) -> Vec<f64> {
+/// The noise over the shortest predictions, or the model's. What whole runs leave beside it may be a
+/// force or noise with a memory: candidates have their say before that is called noise.
+pub(super) fn shortest(model: &LawOnData) -> Vec<f64> {
     let tuning = &model.tuning().noise_floor;
     let own = model.law.noise();
     let measured = measured(model);

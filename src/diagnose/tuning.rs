@@ -82,12 +82,20 @@ pub struct Autocorrelation {
     /// Lags whose autocorrelations are looked at, at most; a quarter of the longest run if that is
     /// less.
     pub lags: usize,
-    /// Readings below which nothing can be said.
+    /// Independent readings below which nothing can be said: the same for each observable.
     pub samples: f64,
+    /// Longest autocorrelation time, in samples: that of a filter that keeps 0.8 of each deviation
+    /// is 9.
+    pub longest: f64,
     /// Noise has forgotten an innovation after this part of the longest run, one over it.
     pub memory: usize,
-    /// Errors of this many times the noise are no noise: over two samples that of a process with
-    /// the memory of 30 of them looks four times smaller than it is.
+    /// The spectral density of noise is nowhere larger than this many times that at frequency zero
+    /// and at half the sampling rate: what a model misses swings with the motion.
+    pub peak: f64,
+    /// Errors of this many times the noise are no noise; 1: none is looked for. Over two samples
+    /// that of a process with the memory of 30 of them looks four times smaller than it is. Off
+    /// until short records of real rigs are told as they should be: of carts on a track that were
+    /// filmed in whole pixels it makes friction noise.
     pub largest: f64,
     /// Noise is at most this part of a column's spread: no fit is worth judging where it is more.
     pub part: f64,

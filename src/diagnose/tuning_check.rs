@@ -39,6 +39,7 @@ impl Options {
         ];
         let sizes = [
             ("noise_floor.strays", tuning.noise_floor.strays),
+            ("autocorrelation.peak", tuning.autocorrelation.peak),
             ("autocorrelation.largest", tuning.autocorrelation.largest),
             ("states.strays", tuning.states.strays),
             ("composed.panel_angle", composed.panel_angle),

@@ -95,9 +95,13 @@ pub fn read_by(
 
 impl Case {
     pub fn diagnosis(&self) -> Diagnosis {
-        let (law, options) = (self.law(), diagnose::Options::default());
+        self.diagnosis_by(&diagnose::Options::default())
+    }
+
+    pub fn diagnosis_by(&self, options: &diagnose::Options) -> Diagnosis {
+        let law = self.law();
         let (training, held_out) = (&self.training, &self.held_out);
-        diagnose(&self.compiled, &law, training, held_out, &options, &Silent)
+        diagnose(&self.compiled, &law, training, held_out, options, &Silent)
             .unwrap_or_else(|error| panic!("{error}"))
     }
 

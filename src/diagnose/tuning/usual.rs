@@ -21,11 +21,13 @@ const TUNING: Tuning = Tuning {
     autocorrelation: Autocorrelation {
         order: 3,
         lags: 100,
-        samples: 100.0,
+        samples: 80.0,
+        longest: 12.0,
         memory: 8,
-        largest: 4.0,
+        peak: 1.5,
+        largest: 1.0,
         part: 0.3,
-        significant: 1e-3,
+        significant: 0.01,
     },
     states: States {
         first_samples: 8,

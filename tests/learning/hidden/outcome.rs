@@ -93,6 +93,10 @@ pub fn outcome(case: &Case, hidden: &str) -> Outcome {
 pub fn added(case: &Case, effect: &RankedEffect) -> f64 {
     let text = effect.written_into(&case.text);
     let compiled = build("learned", &text).unwrap_or_else(|error| panic!("{text}\n{error}"));
+    // The case has no columns for a part with states of its own.
+    if compiled.system.degrees() > case.compiled.system.degrees() {
+        return effect.held_out_error_after;
+    }
     let Ok(model) = fit(&compiled.system, &case.training, &Options::default(), &Silent) else {
         return f64::INFINITY;
     };
