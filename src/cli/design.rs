@@ -156,9 +156,7 @@ fn purpose(
                     "name different effects after --between",
                 ));
             }
-            if asked.open {
-                asked.scanned(spec.compiled(), model.clone())?;
-            }
+            asked.scanned(spec.compiled(), model.clone())?;
             rivals.push(with(&asked.label, &asked.statement, &[])?);
         }
         let why = format!("The run that best distinguishes {}, as asked for.", listed(&rivals));

@@ -7,6 +7,8 @@
 //! What is larger than memory goes another way: a [`Source`] is read anew in every pass, chunk
 //! by chunk; [`survey`] counts what it holds and draws a sample that is a data set.
 
+use std::borrow::Cow;
+
 mod blocks;
 mod cell;
 mod cells;
@@ -134,4 +136,27 @@ pub struct Dataset {
     pub runs: Vec<Run>,
     /// What drives the motion, in the order of the spec.
     pub inputs: Vec<MeasuredInput>,
+}
+
+impl Dataset {
+    /// The same measurements with these observables in this order: not a number throughout where
+    /// nothing here has the name.
+    pub fn with_observables(&self, names: Vec<String>) -> Cow<'_, Dataset> {
+        if names == self.observables {
+            return Cow::Borrowed(self);
+        }
+        let place = |name: &String| self.observables.iter().position(|own| own == name);
+        let places: Vec<Option<usize>> = names.iter().map(place).collect();
+        let run = |run: &Run| {
+            let measured = |place: &Option<usize>| place.and_then(|at| run.values.get(at).cloned());
+            let nothing = || vec![f64::NAN; run.times.len()];
+            let column = |place: &Option<usize>| measured(place).unwrap_or_else(nothing);
+            Run { values: places.iter().map(column).collect(), ..run.clone() }
+        };
+        Cow::Owned(Dataset {
+            runs: self.runs.iter().map(run).collect(),
+            observables: names,
+            inputs: self.inputs.clone(),
+        })
+    }
 }

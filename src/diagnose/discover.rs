@@ -104,7 +104,11 @@ pub fn discover(
         let round = steps.len() + 1;
         monitor.stage(&format!("what is missing, round {round}"), 0.1);
         let law = model.law_of(&compiled.system)?;
-        let diagnosis = diagnose(&compiled, &law, training, held_out, &options.diagnosis, monitor)?;
+        // A part that nobody measures has columns in which nothing is.
+        let columns = compiled.system.observables();
+        let (seen, unseen) =
+            (training.with_observables(columns.clone()), held_out.with_observables(columns));
+        let diagnosis = diagnose(&compiled, &law, &seen, &unseen, &options.diagnosis, monitor)?;
         // An interrupted diagnosis did not look everywhere: its verdict says nothing.
         if monitor.stopped() {
             interrupted = true;
@@ -141,10 +145,12 @@ pub fn discover(
         }
         (text, compiled, model) = (longer, next, fitted);
     };
-    let noise: Vec<f64> = model.noise.iter().map(|n| n.standard_deviation).collect();
+    let last = model.law_of(&compiled.system)?;
     let held_out_error = |compiled: &Compiled, model: &Model| -> Result<f64> {
-        let law = model.law_of(&compiled.system)?.with_noise(noise.clone());
-        let model = LawOnData::of(law, held_out, &options.diagnosis);
+        let noise = last.noise_on(&compiled.system, 1.0);
+        let law = model.law_of(&compiled.system)?.with_noise(noise);
+        let held_out = held_out.with_observables(compiled.system.observables());
+        let model = LawOnData::of(law, &held_out, &options.diagnosis);
         Ok(error(&model, longest(&model)).0)
     };
     let before = if start == text {
@@ -223,8 +229,9 @@ fn with_story(
     for member in story {
         start = start_with(start, member)?;
     }
+    let training = training.with_observables(next.system.observables());
     // Where not even a fit succeeds, nothing is added.
-    let Ok(fitted) = resume(&start, training, options, monitor) else { return Ok(None) };
+    let Ok(fitted) = resume(&start, &training, options, monitor) else { return Ok(None) };
     let has = |member: &RankedEffect| {
         let mut all = next.system.terms.iter();
         let unnamed = !all.any(|term| term.effect.as_deref() == Some(member.effect.as_str()));

@@ -13,7 +13,7 @@ pub mod diagnosis;
 pub mod discover;
 mod effect;
 mod evidence;
-mod hidden;
+pub mod hidden;
 pub mod instrument;
 pub mod law_on_data;
 mod misfit;

@@ -143,9 +143,13 @@ impl NamedEffect {
         found.into_iter().find(|statement| label_of(text, statement) == self.label)
     }
 
-    /// Values of the inner parameters that a scan over their grid likes best.
+    /// Values of the inner parameters that a scan over their grid likes best, where they were not
+    /// given.
     #[cfg(feature = "export")]
     pub fn scanned(&mut self, compiled: &Compiled, model: LawOnData) -> Result<()> {
+        if !self.open {
+            return Ok(());
+        }
         let tuning = &model.tuning().candidates;
         let all = candidates(&mut Scope::of(compiled), model.data.dataset, tuning);
         let Some(candidate) = all.iter().find(|c| c.label == self.label) else { return Ok(()) };

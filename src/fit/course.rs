@@ -72,7 +72,12 @@ pub fn train_on<'a>(
     // Its steps were chosen for other data: those of a first round choose better ones.
     training.start_from(&start.clone().with_stepping(training.law().stepping()));
     let longest = training.measured.longest_run().max(2);
-    training.recut(options.window.unwrap_or(start.window()).clamp(2, longest))?;
+    let mut window = start.window();
+    if !start.system().hidden.is_empty() {
+        // Short segments tell nothing of what acts unseen.
+        window = window.max(options.tuning.segments.hidden);
+    }
+    training.recut(options.window.unwrap_or(window).clamp(2, longest))?;
     training.sharpen();
     monitor.stage("refining the model", 0.2);
     // A number inside a new term can move only once the term has a coefficient.

@@ -13,9 +13,9 @@ use crate::eval::Backend;
 use crate::expr::{Bounds, ParameterId, Symbol, System, Term, TermId};
 use crate::simulate::Simulator;
 
-/// Longest step of a law that is known from the start, in the spec's unit of time: nothing tells how
-/// accurate it must be. At a frequency omega a method of order eight errs by about
-/// (0.01 omega)^9 of the motion in a step, which is below rounding up to omega = 2.
+/// Longest step of a law that is known from the start, in the spec's unit of time: nothing tells
+/// how accurate it must be. At a frequency omega a method of order eight errs by about (0.01
+/// omega)^9 of the motion in a step, which is below rounding up to omega = 2.
 const KNOWN_STEP: f64 = 0.01;
 
 /// A system with a number for everything in it: learned, or known from the start.
@@ -321,7 +321,7 @@ impl Law {
             coefficients,
             parameters: system.parameters.iter().map(value).collect(),
             covariance: None,
-            noise: self.of_observables(&self.noise, system, 1.0),
+            noise: self.noise_on(system, 1.0),
             resolution: self.of_observables(&self.resolution, system, 0.0),
             stepping: self.stepping,
             window: self.window,
@@ -329,16 +329,20 @@ impl Law {
         }
     }
 
-    /// Numbers of the observables for a system that may have other coordinates behind the first.
+    /// The noise of each observable of a system that may have other coordinates: `new` for those
+    /// that this law's system does not have.
+    pub fn noise_on(&self, system: &System, new: f64) -> Vec<f64> {
+        self.of_observables(&self.noise, system, new)
+    }
+
     fn of_observables(&self, values: &[f64], system: &System, new: f64) -> Vec<f64> {
-        let (n, m) = (self.system.degrees(), system.degrees());
-        if n == m || values.len() != 2 * n {
+        let own = self.system.observables();
+        if self.system.degrees() == system.degrees() || values.len() != own.len() {
             return values.to_vec();
         }
-        let half = |from: usize| {
-            (0..m).map(move |i| if i < n { values[from + i] } else { new }).collect::<Vec<f64>>()
-        };
-        [half(0), half(n)].concat()
+        let value = |name: &String| own.iter().position(|other| other == name);
+        let names = system.observables();
+        names.iter().map(|name| value(name).map_or(new, |at| values[at])).collect()
     }
 
     /// The same with other inner parameters, as far as there are values.

@@ -6,13 +6,14 @@ use super::workspace::{Workspace, errors};
 use super::{ModelFile, Spec};
 use crate::data::write_atomically;
 use crate::diagnose::comparison::windows;
+use crate::diagnose::hidden::start_of;
 use crate::diagnose::noise_floor::noise_floor;
-use crate::diagnose::{LawOnData, Measurements, Options};
+use crate::diagnose::{LawOnData, Options};
 use crate::diagnostic::Diagnostic;
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::Term;
 use crate::facade::effect::{NamedEffect, effects_of};
-use crate::fit::{Model, Monitor};
+use crate::fit::{Law, Model, Monitor};
 use crate::report::CoefficientChange;
 use crate::spec::edit;
 
@@ -67,10 +68,14 @@ pub fn add(
         ));
     }
     let model = before(workspace, known, monitor)?;
-    if asked.open {
-        let (law, options) = (workspace.spec.learned(&model)?, Options::default());
-        let model = LawOnData::of(law, &workspace.split.training, &options);
-        asked.scanned(workspace.spec.compiled(), model)?;
+    let compiled = workspace.spec.compiled();
+    let options = Options::default();
+    let law = workspace.spec.learned(&model)?;
+    let on_training = LawOnData::of(law.clone(), &workspace.split.training, &options);
+    let unseen = start_of(&asked.label, compiled, &on_training)?;
+    match &unseen {
+        Some(start) if asked.open => asked.statement.clone_from(&start.snippet),
+        _ => asked.scanned(compiled, on_training)?,
     }
     let text = edit::insert(workspace.spec.text(), &asked.statement);
     let spec = edited(workspace, text)?;
@@ -80,7 +85,11 @@ pub fn add(
         let id = system.find_parameter(name)?;
         Some((id, system.parameter(id)?.bounds.clamp(*best)))
     });
-    let mut start = workspace.spec.learned(&model)?.on(system).with_parameters(best);
+    let start = match &unseen {
+        Some(start) => start.begin(&law, system)?,
+        None => law.on(system),
+    };
+    let mut start = start.with_parameters(best);
     let of_effect = |term: &Term| term.effect.as_deref() == Some(asked.label.as_str());
     for id in system.terms_where(of_effect) {
         if !start.support().contains(&id) {
@@ -235,36 +244,42 @@ fn judge(
 ) -> Result<(HeldOutErrors, HeldOutErrors)> {
     let data = workspace.held_out().unwrap_or(&workspace.split.held_out);
     let options = Options::default();
+    let rearranged = data.with_observables(spec.system().observables());
     let old = LawOnData::of(workspace.spec.learned(before)?, data, &options);
-    let new = LawOnData::of(spec.learned(after)?, data, &options);
-    let noise = floor_of_both(workspace, &old, &new);
-    let names = spec.system().observables();
-    let noise_of: Vec<(String, f64)> = names.into_iter().zip(noise.iter().copied()).collect();
+    let new = LawOnData::of(spec.learned(after)?, &rearranged, &options);
+    let (of_old, of_new) = floors_of_both(workspace, &old, &new);
     let samples = old.law.window().max(new.law.window());
-    let of = |model: &LawOnData| {
+    let of = |model: &LawOnData, noise: &[f64]| {
+        let names = model.system().observables();
+        let noise_of: Vec<(String, f64)> = names.into_iter().zip(noise.iter().copied()).collect();
         if workspace.held_out().is_none() {
             return HeldOutErrors { samples, noise: noise_of.clone(), ..HeldOutErrors::unknown() };
         }
-        let error = errors(model, &noise, &[samples]);
+        let error = errors(model, noise, &[samples]);
         HeldOutErrors {
             held_out_error: error.first().map(|e| e.1),
             noise_floor: 1.0,
             samples,
-            horizons: errors(model, &noise, &windows(data)),
-            noise: noise_of.clone(),
+            horizons: errors(model, noise, &windows(data)),
+            noise: noise_of,
         }
     };
-    Ok((of(&old), of(&new)))
+    Ok((of(&old, &of_old), of(&new, &of_new)))
 }
 
-/// The smaller noise floor of two models on the training part, for each observable.
-fn floor_of_both(workspace: &Workspace, old: &LawOnData, new: &LawOnData) -> Vec<f64> {
+/// The smaller noise floor of two models on the training part, for each observable of either.
+fn floors_of_both(workspace: &Workspace, old: &LawOnData, new: &LawOnData) -> (Vec<f64>, Vec<f64>) {
     let floor = |model: &LawOnData| {
-        let training = Measurements::of(&workspace.split.training, model.options);
-        noise_floor(&LawOnData { data: training, ..model.clone() })
+        let rows = workspace.split.training.with_observables(model.system().observables());
+        let training = LawOnData::of(model.law.clone(), &rows, model.options);
+        model.law.clone().with_noise(noise_floor(&training).sizes)
     };
-    let both = floor(old).sizes.into_iter().zip(floor(new).sizes);
-    both.map(|(a, b)| a.min(b)).collect()
+    let least = |one: &Law, other: &Law| {
+        let others = other.noise_on(one.system(), f64::INFINITY);
+        one.noise().iter().zip(others).map(|(a, b)| a.min(b)).collect()
+    };
+    let (old, new) = (floor(old), floor(new));
+    (least(&old, &new), least(&new, &old))
 }
 
 /// Terms of an effect in a model, then its inner parameters: name, value, standard error.

@@ -115,16 +115,16 @@ impl Workspace {
     pub fn fit(&self, spec: &Spec, monitor: &dyn Monitor) -> Result<Model> {
         let parameter_starts = spec.compiled().starts.clone();
         let options = Options { parameter_starts, ..Options::default() };
-        let threads = self.splitting.threads;
-        learn(spec.system(), &self.split.training, &options, threads, monitor)
+        let (system, threads) = (spec.system(), self.splitting.threads);
+        let training = self.split.training.with_observables(system.observables());
+        learn(system, &training, &options, threads, monitor)
     }
 
     /// Learns an edited spec on the training part, beginning at what is known already.
     pub fn resume(&self, start: &Law, monitor: &dyn Monitor) -> Result<Model> {
         let options = Options::default();
-        on_threads(self.splitting.threads, || {
-            resume(start, &self.split.training, &options, monitor)
-        })
+        let training = self.split.training.with_observables(start.system().observables());
+        on_threads(self.splitting.threads, || resume(start, &training, &options, monitor))
     }
 
     /// The terms of a model with their numbers learned anew.
@@ -152,7 +152,8 @@ impl Workspace {
         warm: bool,
         monitor: &dyn Monitor,
     ) -> Result<Model> {
-        on_threads(self.splitting.threads, || held_out::refit(spec, model, data, warm, monitor))
+        let data = data.with_observables(spec.system().observables());
+        on_threads(self.splitting.threads, || held_out::refit(spec, model, &data, warm, monitor))
     }
 }
 

@@ -14,18 +14,19 @@ fn tones(run: usize, t: f64) -> f64 {
         let k = k as f64;
         ((0.31 + 0.27 * k) * t + 1.7 * k * (1.0 + run as f64)).sin()
     };
-    0.3 * (0..8).map(tone).sum::<f64>()
+    (0..8).map(tone).sum::<f64>()
 }
 
-/// Runs of a law from rest, with the inputs that made them.
-fn runs(truth: &str, runs: usize, samples: usize, step: f64) -> Dataset {
+/// Runs of a law from rest under tones of an amplitude, with the inputs that made them.
+pub fn shaken(truth: &str, amplitude: f64, runs: usize, (samples, step): (usize, f64)) -> Dataset {
     let compiled = build("truth", truth).unwrap_or_else(|error| panic!("{error}"));
     let system = &compiled.system;
     let inputs = system.measured_inputs();
     let times: Vec<f64> = (0..samples).map(|i| step * i as f64).collect();
+    let rest = vec![0.0; 2 * system.degrees()];
     let mut all = Dataset { inputs: inputs.clone(), ..Dataset::default() };
     for run in 0..runs {
-        let values: Vec<f64> = times.iter().map(|&t| tones(run, t)).collect();
+        let values: Vec<f64> = times.iter().map(|&t| amplitude * tones(run, t)).collect();
         let columns = inputs[0].columns(&times, &values);
         let driving = Run {
             name: (run + 1).to_string(),
@@ -38,7 +39,7 @@ fn runs(truth: &str, runs: usize, samples: usize, step: f64) -> Dataset {
         let data = Dataset { runs: vec![driving], inputs: inputs.clone(), ..Dataset::default() };
         let record = InputRecord::of_runs(system, &data).unwrap().remove(0);
         let simulator = Simulator::known(system).driven_by(record);
-        let made = simulator.trajectories(&[vec![0.0, 0.0]], &times).unwrap().dataset(system);
+        let made = simulator.trajectories(&[rest.clone()], &times).unwrap().dataset(system);
         all.observables.clone_from(&made.observables);
         let made = made.runs.into_iter().map(|made| Run {
             name: (run + 1).to_string(),
@@ -48,6 +49,11 @@ fn runs(truth: &str, runs: usize, samples: usize, step: f64) -> Dataset {
         all.runs.extend(made);
     }
     all
+}
+
+/// The same by a shaker of usual strength.
+fn runs(truth: &str, runs: usize, samples: usize, step: f64) -> Dataset {
+    shaken(truth, 0.3, runs, (samples, step))
 }
 
 const TRUTH: &str = "coordinates x; momenta p; input u { spline }

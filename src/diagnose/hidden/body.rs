@@ -90,8 +90,8 @@ fn find(model: &LawOnData) -> Option<Vec<Start>> {
 }
 
 impl Attracting {
-    /// The bodies of a law whose energy is T = sum p^2 / (2 m) and V = -sum G m m' / r; `None` where
-    /// it is not.
+    /// The bodies of a law whose energy is T = sum p^2 / (2 m) and V = -sum G m m' / r; `None`
+    /// where it is not.
     fn of(model: &LawOnData) -> Option<Attracting> {
         let system = model.system();
         let bodies = system.bodies();

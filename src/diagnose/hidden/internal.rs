@@ -253,8 +253,8 @@ struct Pushes {
 }
 
 impl Pushes {
-    /// Columns of the weak form for one point of the grid: one for each term, then the free motion of
-    /// the states in each run.
+    /// Columns of the weak form for one point of the grid: one for each term, then the free motion
+    /// of the states in each run.
     fn columns(&self, form: &WeakForm, lane: usize) -> Vec<Vec<f64>> {
         let all = self.lanes * self.variants;
         let of = |term: usize, variant: usize, only: Option<usize>| {

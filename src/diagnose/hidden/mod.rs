@@ -8,7 +8,8 @@
 mod body;
 mod internal;
 mod weak_form;
-mod widened;
+
+use std::sync::Arc;
 
 use super::diagnosis::{Diagnosis, Verdict};
 use super::effect::RankedEffect;
@@ -22,16 +23,16 @@ use crate::error::Result;
 use crate::expr::{Compiled, System, build};
 use crate::fit::{self, Law, resume};
 use crate::spec::edit;
-use widened::widened;
 
 /// A part that may move unseen, with where its fit starts.
-struct Start {
+#[derive(Debug)]
+pub struct Start {
     /// `bouc_wen(x)`.
-    label: String,
+    pub label: String,
     /// Coordinates that it acts on.
     on: Vec<String>,
     /// The statements that add it.
-    snippet: String,
+    pub snippet: String,
     /// First guesses of coefficients of the spec with it: names of terms of the part, and places
     /// of terms that stand.
     coefficients: Vec<(TermName, f64)>,
@@ -42,6 +43,7 @@ struct Start {
 }
 
 /// A term in the spec with the part.
+#[derive(Debug)]
 enum TermName {
     /// One of its own, by its label.
     Own(String),
@@ -54,6 +56,42 @@ struct Found {
     effect: RankedEffect,
     /// Error on held-out runs over their whole length, in units of the noise with the part.
     after: f64,
+}
+
+impl Start {
+    /// A law of the system without the part as that of the system with it, with what is known of
+    /// the coefficients.
+    ///
+    /// # Errors
+    ///
+    /// When a coefficient is not a finite number.
+    pub fn begin(&self, law: &Law, system: &Arc<System>) -> Result<Law> {
+        let ids = system.term_ids();
+        let mut law = law.on(system);
+        for (name, value) in &self.coefficients {
+            let id = match name {
+                TermName::Standing(position) => ids.get(*position).copied(),
+                TermName::Own(label) => system
+                    .terms_with_ids()
+                    .find(|(_, term)| term.effect.is_some() && term.label == *label)
+                    .map(|(id, _)| id),
+            };
+            if let Some(id) = id {
+                law = law.with_term(id, *value)?;
+            }
+        }
+        Ok(law)
+    }
+}
+
+/// Where the fit of an effect with internal states starts, by the measured motion; `None` where it
+/// has none, or too little is measured to say.
+///
+/// # Errors
+///
+/// When the motion of the model cannot be computed.
+pub fn start_of(label: &str, spec: &Compiled, model: &LawOnData) -> Result<Option<Start>> {
+    Ok(internal::starts(spec, model)?.into_iter().find(|start| start.label == label))
 }
 
 /// Looks for what plainly moves unseen, where no change to one thing explains the data: a body
@@ -160,22 +198,9 @@ fn fitted(question: &Question, spec: &Compiled, start: &Start) -> Result<Option<
     let text = edit::insert(&spec.text, &start.snippet);
     let Ok(with) = build(&spec.system.name, &text) else { return Ok(None) };
     let system = &with.system;
-    let training = widened(model.data.dataset, &spec.system, system);
-    let held_out = widened(question.held_out.dataset, &spec.system, system);
-    let mut law = model.law.on(system);
-    let ids = system.term_ids();
-    for (name, value) in &start.coefficients {
-        let id = match name {
-            TermName::Standing(position) => ids.get(*position).copied(),
-            TermName::Own(label) => system
-                .terms_with_ids()
-                .find(|(_, term)| term.effect.is_some() && term.label == *label)
-                .map(|(id, _)| id),
-        };
-        if let Some(id) = id {
-            law = law.with_term(id, *value)?;
-        }
-    }
+    let training = model.data.dataset.with_observables(system.observables());
+    let held_out = question.held_out.dataset.with_observables(system.observables());
+    let mut law = start.begin(&model.law, system)?;
     // The fit begins with a misfit that is large beside the noise: by that it chooses its steps.
     let whole = error(model, longest(model)).0;
     if whole.is_finite() && whole > 1.0 {
@@ -189,14 +214,14 @@ fn fitted(question: &Question, spec: &Compiled, start: &Start) -> Result<Option<
     let law = fitted.law_of(system)?;
     // What the part leaves is held against the noise of the shortest predictions without it, which
     // is at most too large: a part that explains little would take the rest for noise.
-    let noise = widened::at_most(law.noise(), model.law.noise(), &spec.system, system);
+    let most = model.law.noise_on(system, f64::INFINITY);
+    let noise = law.noise().iter().zip(most).map(|(with, most)| with.min(most)).collect();
     let law = law.with_noise(noise);
     let on_training = LawOnData::of(law.clone(), &training, model.options);
     let on_held_out = LawOnData::of(law.clone(), &held_out, model.options);
     let after = error(&on_held_out, longest(&on_held_out));
     // The model without the part, before the noise that it leaves with it.
-    let noise = widened::narrowed(law.noise(), &spec.system, system);
-    let bare = model.with_noise(noise);
+    let bare = model.with_noise(law.noise_on(&spec.system, 1.0));
     let unseen = bare.with_data(question.held_out);
     let before = error(&unseen, longest(&unseen));
     if after.1 > before.1 || !after.0.is_finite() {
