@@ -25,7 +25,7 @@ use super::noise_floor::shortest;
 use super::options::Options;
 use super::ranking::{Ranking, ranking};
 use super::search::{beginnings, holds, stories};
-use super::story::Question;
+use super::story::{Question, Story};
 use super::sufficiency::lacking_beside;
 use super::verdict::judge;
 use crate::data::Dataset;
@@ -174,11 +174,12 @@ pub fn diagnose(
     let first = ranking(&model, &held_out, &all, tuning.ranking.first_refits, monitor)?;
     let mut diagnosis = Diagnosis::of(&first, all.len(), model.law.noise());
     let question = Question { scope: &scope, model: &model, held_out: &held_out, monitor };
-    let beginnings = beginnings(&question, &first)?;
+    let bare = Story::bare(&question);
+    let beginnings = beginnings(&question, &bare, &first)?;
     if !beginnings.iter().any(holds) && look_first(&question, &first, &mut diagnosis)? {
         return Ok(diagnosis);
     }
-    let stories = stories(&question, beginnings)?;
+    let stories = stories(&question, &bare, beginnings)?;
     judge(&question, &mut diagnosis, stories)?;
     if diagnosis.verdict == Verdict::Unexplained && !monitor.stopped() {
         look_last(&question, &mut diagnosis)?;

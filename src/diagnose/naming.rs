@@ -29,12 +29,16 @@ struct Alike {
 }
 
 /// The story with a named effect in place of its only change, where that has no name and a named
-/// one explains as much; `None` where none does.
+/// one explains as much; `None` where none does. `bare` is the story without a change.
 ///
 /// # Errors
 ///
 /// When a named effect does not fit the spec.
-pub fn with_name<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Result<Option<Story<'a>>> {
+pub fn with_name<'a>(
+    question: &Question<'a, '_>,
+    bare: &Story<'a>,
+    story: &Story<'a>,
+) -> Result<Option<Story<'a>>> {
     let tuning = question.model.tuning();
     let [member] = story.members.as_slice() else { return Ok(None) };
     if member.named {
@@ -48,10 +52,7 @@ pub fn with_name<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Result<O
     let held_out = settle(like.with_data(question.held_out));
     let data = settle(like);
     let states = settle(story.model.clone()).states;
-    let Settled { model, segments, sums, .. } = &data;
-    let start =
-        Settled { model: model.clone(), segments: segments.clone(), states, sums: sums.clone() };
-    let bare = Story::bare(question);
+    let start = Settled { states, ..data.clone() };
     for one in alike {
         if question.monitor.stopped() {
             break;

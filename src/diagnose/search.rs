@@ -12,30 +12,30 @@ use crate::error::Result;
 
 /// Stories, the best first: at least that without a change.
 ///
-/// `beam` are the stories of one change. The search goes on as long as the best story does not explain
-/// the data over whole runs: each of the leading stories is extended by the changes that pay most
-/// beside it. When it has ended, each member of the best is
-/// taken out and looked for again among all candidates: while others were missing, a more
-/// flexible change may have stood in for them.
+/// `bare` is the story without a change, `beam` are those of one change. The search goes on as long
+/// as the best story does not explain the data over whole runs: each of the leading stories is
+/// extended by the changes that pay most beside it. When it has ended, each member of the best is
+/// taken out and looked for again among all candidates: while others were missing, a more flexible
+/// change may have stood in for them.
 ///
 /// # Errors
 ///
 /// When a change does not fit the spec.
 pub fn stories<'a>(
     question: &Question<'a, '_>,
+    bare: &Story<'a>,
     mut beam: Vec<Story<'a>>,
 ) -> Result<Vec<Story<'a>>> {
     let all = question.model.tuning();
     let tuning = &all.verdict;
     let monitor = question.monitor;
-    let bare = Story::bare(question);
     let mut ended: Vec<Story> = Vec::new();
     let mut grown = bare.clone();
     grown.grow(question);
     // Where the model explains the data as it is, there is nothing to compose.
     if !grown.explains && !beam.iter().any(holds) && !monitor.stopped() {
         monitor.stage("terms without a name", 0.7);
-        beam.extend(with_unnamed(question, &bare)?);
+        beam.extend(with_unnamed(question, bare)?);
     }
     agree_on_noise(&mut beam);
     sort_by_description_length(&mut beam, all);
@@ -92,7 +92,7 @@ pub fn stories<'a>(
         ended.insert(0, best);
     }
     if let Some(best) = ended.first().filter(|best| holds(best))
-        && let Some(named) = with_name(question, best)?
+        && let Some(named) = with_name(question, bare, best)?
     {
         ended.insert(0, named);
     }
@@ -100,17 +100,20 @@ pub fn stories<'a>(
     Ok(ended)
 }
 
-/// Stories of one change: the best of those that asking all named candidates of the bare model
-/// found.
+/// Stories of one change beside `bare`, which has none: the best of those that asking all named
+/// candidates of the model found.
 ///
 /// # Errors
 ///
 /// When a change does not fit the spec.
-pub fn beginnings<'a>(question: &Question<'a, '_>, first: &Ranking) -> Result<Vec<Story<'a>>> {
+pub fn beginnings<'a>(
+    question: &Question<'a, '_>,
+    bare: &Story<'a>,
+    first: &Ranking,
+) -> Result<Vec<Story<'a>>> {
     let all = question.model.tuning();
     let tuning = &all.verdict;
     let monitor = question.monitor;
-    let bare = Story::bare(question);
     let mut beam: Vec<Story> = Vec::new();
     for (place, judged) in first.effects.iter().enumerate() {
         let told = beam.iter().filter(|story| holds(story));

@@ -10,6 +10,7 @@ use crate::fit::segments::{Segments, cut};
 use crate::fit::states::States;
 
 /// A law on data, with the best state of every segment of the law's window.
+#[derive(Clone)]
 pub struct Settled<'a> {
     /// The law and the data.
     pub model: LawOnData<'a>,
