@@ -46,9 +46,12 @@ impl Noise {
 /// explains whole runs, and where something else is left of them.
 pub fn correlated_noise(model: &LawOnData) -> Option<Noise> {
     let tuning = &model.tuning().autocorrelation;
+    let reaches = model.tuning().verdict.reaches;
+    if tuning.largest <= reaches {
+        return None;
+    }
     let settled = settle(model.with_window(longest(model)));
     let (error, lost) = error_of(&settled.sums);
-    let reaches = model.tuning().verdict.reaches;
     if lost > 0 || !(error > reaches && error < tuning.largest) {
         return None;
     }
@@ -165,8 +168,8 @@ fn short(factors: &[f64], memory: usize, longest: usize) -> bool {
 }
 
 /// Whether the spectral density of a process has a peak: it is larger somewhere by some factor than
-/// at frequency zero and at half the sampling rate. What a model misses swings with the motion; what
-/// an instrument filters or differentiates does not.
+/// at frequency zero and at half the sampling rate. What a model misses swings with the motion;
+/// what an instrument filters or differentiates does not.
 fn peaks(factors: &[f64], factor: f64) -> bool {
     const FREQUENCIES: usize = 64;
     let density = |at: usize| {

@@ -115,8 +115,8 @@ impl<'a> Story<'a> {
         Ok(story)
     }
 
-    /// Takes the noise from the shortest predictions of this story: before a precise sensor a strong
-    /// force shows even there, and is taken for noise as long as the model lacks it.
+    /// Takes the noise from the shortest predictions of this story: before a precise sensor a
+    /// strong force shows even there, and is taken for noise as long as the model lacks it.
     fn measure_noise(&mut self, question: &Question<'a, '_>) {
         // What is left of whole runs is noise already.
         if self.model.autocorrelation_time > 1.0 {
@@ -195,8 +195,10 @@ impl<'a> Story<'a> {
     /// Whether all that it leaves of whole runs is noise of a short memory, larger than it looks
     /// over short segments; the story is then held against that.
     fn leaves_correlated_noise(&mut self) -> bool {
-        let near = |error: f64| error < self.model.tuning().autocorrelation.largest;
-        if !near(error_of(&self.sums).0) {
+        let tuning = self.model.tuning();
+        let near = |error: f64| error < tuning.autocorrelation.largest;
+        if tuning.autocorrelation.largest <= tuning.verdict.reaches || !near(error_of(&self.sums).0)
+        {
             return false;
         }
         let settled = settle(self.model.with_window(longest(&self.model)));
@@ -335,8 +337,8 @@ impl<'a> Story<'a> {
         labels
     }
 
-    /// Whether every coefficient of every member is clearly not zero. The cosine and the sine of one
-    /// wave are its amplitude and its phase: they are so together.
+    /// Whether every coefficient of every member is clearly not zero. The cosine and the sine of
+    /// one wave are its amplitude and its phase: they are so together.
     pub fn stands(&self) -> bool {
         let system = &self.scope.compiled().system;
         let clear = self.model.tuning().verdict.standard_errors;
