@@ -51,7 +51,12 @@ pub struct LawOnData<'a> {
 impl<'a> LawOnData<'a> {
     /// A law on all samples of a data set.
     pub fn of(law: Law, dataset: &'a Dataset, options: &'a Options) -> LawOnData<'a> {
-        let data = Measurements::of(dataset, options);
+        LawOnData::on(law, &Measurements::of(dataset, options), options)
+    }
+
+    /// A law on measurements that are packed already.
+    pub fn on(law: Law, data: &Measurements<'a>, options: &'a Options) -> LawOnData<'a> {
+        let data = data.clone();
         LawOnData { law, data, options, autocorrelation_time: 1.0, monitor: &Silent }
     }
 

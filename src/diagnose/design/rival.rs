@@ -111,13 +111,7 @@ impl<'a> Known<'a> {
     ) -> Result<Self> {
         let stepping = explicit(rival.law.stepping());
         let law = rival.law.clone().with_noise(noise.to_vec()).with_window(window);
-        let model = LawOnData {
-            law: law.with_stepping(stepping),
-            data: data.clone(),
-            options,
-            autocorrelation_time: 1.0,
-            monitor: &Silent,
-        };
+        let model = LawOnData::on(law.with_stepping(stepping), data, options);
         let dynamics = model.law.dynamics();
         let segments = cut(&data.packed, window, &options.fit.segments);
         let states = States::measured(&data.packed, &segments.list, dynamics.degrees());
