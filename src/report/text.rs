@@ -104,8 +104,8 @@ fn parameters(model: &Model, width: usize) -> String {
 /// Where the parts that nobody measures were, in the first runs.
 fn hidden(model: &Model, width: usize) -> String {
     const RUNS: usize = 4;
-    let recorded =
-        model.hidden.iter().filter(|part| part.run.parse::<usize>().is_ok_and(|run| run <= RUNS));
+    let of_one = model.hidden.iter().take_while(|part| part.run == model.hidden[0].run).count();
+    let recorded = model.hidden.iter().take(RUNS * of_one);
     let rows: Vec<Vec<String>> = recorded
         .map(|part| {
             vec![
