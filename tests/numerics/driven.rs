@@ -8,6 +8,8 @@ use leverrier::internals::eval::{BACKENDS, Backend};
 use leverrier::internals::expr::{Observed, System, build};
 use leverrier::internals::simulate::{InputRecord, Simulator};
 
+use crate::support::keeps_its_order;
+
 fn system(text: &str) -> System {
     let compiled = build("test", text).unwrap_or_else(|error| panic!("{error}\n{text}"));
     System::clone(&compiled.system)
@@ -57,12 +59,7 @@ fn every_method_keeps_its_order_under_a_smooth_input() {
                 let end = driven(&dynamics, method, 3.0, steps);
                 (end[0] - expected[0]).hypot(end[1] - expected[1])
             };
-            let errors: Vec<f64> =
-                (1..9).map(|level| error(1 << level)).take_while(|error| *error > 1e-12).collect();
-            let orders: Vec<f64> =
-                errors.windows(2).map(|pair| (pair[0] / pair[1]).log2()).collect();
-            let best = orders.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            assert!(best > f64::from(row.order) - 0.7, "{}: {orders:?}", row.name);
+            keeps_its_order(method, &error);
             assert!(error(256) < 1e-3, "{}: {}", row.name, error(256));
         }
     }

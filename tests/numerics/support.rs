@@ -1,5 +1,6 @@
-//! Systems and random expressions that several test files share.
+//! Systems, random expressions and measures that several test files share.
 
+use leverrier::internals::dynamics::Method;
 use leverrier::internals::dynamics::systems::known_system;
 use leverrier::internals::expr::{
     Bounds, Expr, Function, Graph, Parameter, Place, Symbol, System, Term,
@@ -163,4 +164,15 @@ pub fn largest_part(graph: &Graph, expr: Expr, of: &dyn Fn(Symbol) -> f64) -> f6
         .into_iter()
         .map(|part| graph.value(part, of).abs())
         .fold(0.0, |a: f64, b| if b.is_finite() { a.max(b) } else { f64::INFINITY })
+}
+
+/// Whether errors after 2, 4, ... steps fall as a method's order says: the best order between two
+/// of them that are not rounding yet is at least its own, but for what a limit is from.
+pub fn keeps_its_order(method: Method, error: impl Fn(usize) -> f64) {
+    let row = method.row();
+    let errors: Vec<f64> =
+        (1..9).map(|level| error(1 << level)).take_while(|error| *error > 1e-12).collect();
+    let orders: Vec<f64> = errors.windows(2).map(|pair| (pair[0] / pair[1]).log2()).collect();
+    let best = orders.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    assert!(best > f64::from(row.order) - 0.7, "{}: {orders:?}", row.name);
 }
