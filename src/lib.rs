@@ -53,7 +53,8 @@
 //! Without default features the crate reads specs and CSV files, fits, predicts, compares and
 //! diagnoses. `export` adds the simplified form of a law and its exports, `parquet` (and `zstd`)
 //! Parquet files, `files` those of MATLAB, HDF5, NumPy and Excel, `arrow` those of Arrow, `cli` the
-//! program `leverrier`, `pictures` its figures as PNG, and `studio` its page in the browser. All but `zstd` are on by default.
+//! program `leverrier`, `pictures` its figures as PNG, and `studio` its page in the browser. All
+//! but `zstd` are on by default.
 
 // What only a feature uses is not worth a mark of its own: with all of them on, nothing is dead.
 #![cfg_attr(

@@ -33,6 +33,8 @@ const LAYERS: &[&str] = &[
 
 /// Longest file, in lines: what can be read in one sitting.
 const LONGEST: usize = 600;
+/// Columns of the widest comment: those of the formatter.
+const WIDEST: usize = 100;
 
 struct Source {
     /// Below `src`, with forward slashes.
@@ -161,6 +163,36 @@ fn files_can_be_read_in_one_sitting() {
         .map(|(path, lines)| format!("{}: {lines} lines", path.display()))
         .collect();
     assert!(paths.len() > 100 && long.is_empty(), "{}", long.join("\n"));
+}
+
+/// Whether a line is of a comment too wide to read; code in examples and tables may be wider.
+fn is_too_wide(line: &str, within_code: bool) -> bool {
+    let text = line.trim_start();
+    let comment =
+        text.starts_with("//") && !text.starts_with("/// |") && !text.starts_with("//! |");
+    comment && !within_code && line.chars().count() > WIDEST
+}
+
+#[test]
+fn comments_are_no_wider_than_code() {
+    let mut paths = Vec::new();
+    for folder in ["src", "tests", "examples", "benches"] {
+        rust_files(&root().join(folder), &mut paths);
+    }
+    let mut wide = Vec::new();
+    for path in &paths {
+        let text = fs::read_to_string(path).unwrap_or_default();
+        let mut within_code = false;
+        for (number, line) in text.lines().enumerate() {
+            let fence = line.trim_start().trim_start_matches(['/', '!']).trim().starts_with("```");
+            within_code ^= fence;
+            if is_too_wide(line, within_code) {
+                wide.push(format!("{}: {}", path.display(), number + 1));
+            }
+        }
+    }
+    assert!(paths.len() > 100 && wide.is_empty(), "{}", wide.join("\n"));
+    assert!(is_too_wide(&format!("    // {}", "word ".repeat(20)), false));
 }
 
 /// Names that the crate's root shows, each with the layer that it comes from: `pub use` of

@@ -2,8 +2,8 @@
 //!
 //! A double holds sixteen digits. Of a clock that shows seconds since 1970, nine of them are the
 //! same in all samples, and the time between two samples has only seven left. So the times of such
-//! a run are counted from near its first, by decimal arithmetic on the text of the file, where there
-//! is a text; a column of doubles has lost those digits already, and its rounding is noise.
+//! a run are counted from near its first, by decimal arithmetic on the text of the file, where
+//! there is a text; a column of doubles has lost those digits already, and its rounding is noise.
 
 use super::cell::Cell;
 use super::table::{Column, Table};

@@ -21,8 +21,9 @@ const RUN_NAMES: &[&str] = &["run", "trial", "experiment", "trajectory", "series
 
 /// Picks, converts, groups and orders: from the cells of a file to runs of samples.
 ///
-/// ConvertedColumns of one run need not stand together. ConvertedColumns in which nothing was measured are left
-/// out; so are runs with a single sample. Whatever was put right is said in the report.
+/// ConvertedColumns of one run need not stand together. ConvertedColumns in which nothing was
+/// measured are left out; so are runs with a single sample. Whatever was put right is said in the
+/// report.
 ///
 /// # Errors
 /// A column that does not exist, a cell that is not a number, a sample without a time or a

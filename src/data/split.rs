@@ -78,7 +78,8 @@ impl Dataset {
         let mut samples = 0;
         for at in order {
             let more = self.runs.get(at).map_or(0, |run| run.times.len());
-            // Never the last run, and no run that brings the share further from the fraction that was asked for.
+            // Never the last run, and no run that brings the share further from the fraction that
+            // was asked for.
             let closer = samples as f64 + 0.5 * more as f64 <= wanted;
             if aside.len() + 1 < self.runs.len() && (aside.is_empty() || closer) {
                 aside.insert(at);

@@ -22,8 +22,8 @@ pub fn noise_floor(model: &LawOnData) -> Noise {
     correlated_noise(&model.with_noise(noise.clone())).unwrap_or(noise)
 }
 
-/// The noise over the shortest predictions, or the model's. What whole runs leave beside it may be a
-/// force or noise with a memory: candidates have their say before that is called noise.
+/// The noise over the shortest predictions, or the model's. What whole runs leave beside it may be
+/// a force or noise with a memory: candidates have their say before that is called noise.
 pub(super) fn shortest(model: &LawOnData) -> Vec<f64> {
     let tuning = &model.tuning().noise_floor;
     let own = model.law.noise();
@@ -37,7 +37,8 @@ pub(super) fn shortest(model: &LawOnData) -> Vec<f64> {
 }
 
 /// Noise of every observable over the shortest predictions of a model that explains the data; as
-/// the model has it where there are too few residuals. Never less than what the integrator resolves.
+/// the model has it where there are too few residuals. Never less than what the integrator
+/// resolves.
 pub(super) fn noise_of(model: &LawOnData) -> Vec<f64> {
     let own = model.law.noise().iter();
     let measured = measured(model).into_iter();

@@ -102,8 +102,8 @@ impl Scores {
         cosines.max().powi(2).min(1.0)
     }
 
-    /// An orthonormal basis of the columns' span, and the places in the list of those that are kept:
-    /// columns that add nothing are left out.
+    /// An orthonormal basis of the columns' span, and the places in the list of those that are
+    /// kept: columns that add nothing are left out.
     fn basis(&self, columns: &[Column]) -> (DMatrix<f64>, Vec<usize>) {
         let rows = self.design.nrows();
         let mut basis: Vec<DVector<f64>> = Vec::new();

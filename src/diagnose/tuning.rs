@@ -395,9 +395,9 @@ pub struct Verdict {
     pub at_noise: f64,
     /// A story that holds brings the error on held-out runs to less than this times the noise.
     pub reaches: f64,
-    /// Squares that are less than this part of the misfit are left to the digits of the data and the
-    /// integrator: a story that explains clean data to a millionth of the misfit is not incomplete
-    /// for the rest.
+    /// Squares that are less than this part of the misfit are left to the digits of the data and
+    /// the integrator: a story that explains clean data to a millionth of the misfit is not
+    /// incomplete for the rest.
     pub negligible: f64,
     /// What an effect of the ranking leaves of the error on held-out runs, at most, to be offered
     /// as a part of an explanation where no story holds.

@@ -34,9 +34,9 @@ const REFERENCE_SHARE: f64 = 0.05;
 ///
 /// `sample` holds starts, `span` the time that each of them goes on for. Splittings are tried
 /// when the dynamics separates, Gauss-Legendre and explicit methods otherwise; of these only the
-/// former where all motion comes from H and the method is to `keep` its structure. The truth is a solution of
-/// the highest order with more and more steps, until it settles; starts where it does not (near
-/// a singularity, or diverging) are left out. A tolerance below rounding is raised to it.
+/// former where all motion comes from H and the method is to `keep` its structure. The truth is a
+/// solution of the highest order with more and more steps, until it settles; starts where it does
+/// not (near a singularity, or diverging) are left out. A tolerance below rounding is raised to it.
 pub fn choose_steps(
     dynamics: &Dynamics,
     theta: &[f64],

@@ -4,7 +4,8 @@ use std::fmt;
 
 use num_rational::Ratio;
 
-/// How many base quantities there are: metre, kilogram, second, ampere, kelvin, mole, candela, pixel.
+/// How many base quantities there are: metre, kilogram, second, ampere, kelvin, mole, candela,
+/// pixel.
 pub const BASES: usize = 8;
 
 /// What the base units are called, in the order of [`Unit::powers`].

@@ -1,5 +1,5 @@
-//! What the fields of a model file may hold, and of others of the kind: they are files like others, and may
-//! come from anybody.
+//! What the fields of a model file may hold, and of others of the kind: they are files like others,
+//! and may come from anybody.
 //!
 //! Whatever is read is written on by exporters, reports and terminals. These escape text for where
 //! it stands; here is said what was never written by a fit.

@@ -127,7 +127,8 @@ impl Law {
         let options = diagnose::Options::default();
         let model = LawOnData::of(self.numbers().clone(), training.dataset(), &options);
         let detections = detect(&model);
-        // A model that fails takes a part of what it lacks for noise; the floor is the instrument's.
+        // A model that fails takes a part of what it lacks for noise; the floor is the
+        // instrument's.
         let noise = match noise {
             Some(noise) => noise.to_vec(),
             None => noise_floor(&model).sizes,

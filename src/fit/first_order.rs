@@ -101,7 +101,8 @@ pub fn screen(
 }
 
 /// How much each term, for its size, would change the loss of a law (of one without terms, where
-/// there is none yet), in the order of the system's terms: the gradient over the norm of the term's column. One number a term; work does not grow with their square.
+/// there is none yet), in the order of the system's terms: the gradient over the norm of the term's
+/// column. One number a term; work does not grow with their square.
 ///
 /// # Errors
 ///

@@ -1,9 +1,9 @@
 //! First guesses of masses where momenta are not measured and a measured input sets their scale.
 //!
 //! Of p' = K - sum of c_k psi_k with p = m q' the weak form over a window, with a weight w that
-//! vanishes at its ends with its derivative, is m int w'' q = int w K - sum of c_k int w psi_k: linear in
-//! the mass and the coefficients, and free of derivatives of what was measured (Messenger and Bortz,
-//! J. Comput. Phys. 443, 2021). It is a start for the fit and no more.
+//! vanishes at its ends with its derivative, is m int w'' q = int w K - sum of c_k int w psi_k:
+//! linear in the mass and the coefficients, and free of derivatives of what was measured (Messenger
+//! and Bortz, J. Comput. Phys. 443, 2021). It is a start for the fit and no more.
 
 use nalgebra::{DMatrix, DVector};
 

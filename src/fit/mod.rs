@@ -1,10 +1,11 @@
 //! Training: from measurements and a function space to a sparse model.
 //!
-//! [`fit`] is the whole of it, and [`fit_stream`] for data larger than memory. The parts, in the order in which data pass through them:
-//! segments are cut ([`segments`]), integrated and their unknown initial states eliminated by variable
-//! projection ([`pass`]), gathered in a triangular factor ([`factor`]) on which the support is searched
-//! ([`path`], [`support`]) and refitted ([`gauss_newton`]); rounds of this are [`train`]. [`refit`] fits
-//! the numbers of a law again and searches nothing.
+//! [`fit`] is the whole of it, and [`fit_stream`] for data larger than memory. The parts, in the
+//! order in which data pass through them: segments are cut ([`segments`]), integrated and their
+//! unknown initial states eliminated by variable projection ([`pass`]), gathered in a triangular
+//! factor ([`factor`]) on which the support is searched ([`path`], [`support`]) and refitted
+//! ([`gauss_newton`]); rounds of this are [`train`]. [`refit`] fits the numbers of a law again and
+//! searches nothing.
 
 mod block;
 mod blocking;
@@ -84,8 +85,8 @@ use crate::expr::System;
 ///
 /// # Errors
 ///
-/// [`Error::Refused`](crate::error::Error::Refused) when the data do not suffice, or the function space takes more memory than
-/// allowed, with what to do.
+/// [`Error::Refused`](crate::error::Error::Refused) when the data do not suffice, or the function
+/// space takes more memory than allowed, with what to do.
 pub fn fit(
     system: &Arc<System>,
     dataset: &Dataset,

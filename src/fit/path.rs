@@ -35,8 +35,9 @@ pub fn soft_threshold(x: f64, threshold: f64) -> f64 {
 
 /// Solutions of `min 1/2 |A x - b|^2 + lambda * sum_k norm_k |x_k|` over decreasing lambda.
 ///
-/// `tuning` says how the path is walked. `penalised[k]` is false for unknowns that are free of the penalty. Each solution starts
-/// from the one before. Columns are brought to unit norm, so that units do not matter.
+/// `tuning` says how the path is walked. `penalised[k]` is false for unknowns that are free of the
+/// penalty. Each solution starts from the one before. Columns are brought to unit norm, so that
+/// units do not matter.
 pub fn path(
     factor: &Factor,
     penalised: &[bool],
@@ -216,7 +217,8 @@ mod tests {
 
     #[test]
     fn the_optimum_fulfils_its_conditions() {
-        // Subgradient conditions: |a_k' r| <= lambda, with equality and the sign of x_k on the support.
+        // Subgradient conditions: |a_k' r| <= lambda, with equality and the sign of x_k on the
+        // support.
         let rows = DMatrix::from_fn(30, 6, |i, j| ((i * 7 + j * 13) as f64 * 0.37).sin());
         let mut factor = Factor::new(5);
         factor.push(&rows, 30);

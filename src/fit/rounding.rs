@@ -35,7 +35,8 @@ pub const FEW_DIGITS_LEFT: f64 = 1e-8;
 /// A slope of the loss on a bound, over the largest slope, that does not pull inside.
 ///
 /// A slope is the product of a column with the residual, wrong by u sqrt(K) of the product of their
-/// norms: 1e-14 for ten thousand rows, and a hundred times that where all slopes are small beside it.
+/// norms: 1e-14 for ten thousand rows, and a hundred times that where all slopes are small beside
+/// it.
 pub const NO_SLOPE: f64 = 1e-12;
 
 /// What elimination of the initial states leaves of a column's norm where the states do all that

@@ -1,4 +1,5 @@
-//! Rows of a linearised block: weighted residuals and their derivatives, with the states eliminated.
+//! Rows of a linearised block: weighted residuals and their derivatives, with the states
+//! eliminated.
 
 use std::ops::Range;
 
@@ -283,9 +284,9 @@ impl DesignRows {
         steps
     }
 
-    /// R_s^-1 times a column, `[state][lane]`, after elimination: the step of the states for that of
-    /// the residuals, and for one of theta what they go back by when it grows by one, if elimination
-    /// was asked for responses.
+    /// R_s^-1 times a column, `[state][lane]`, after elimination: the step of the states for that
+    /// of the residuals, and for one of theta what they go back by when it grows by one, if
+    /// elimination was asked for responses.
     pub(super) fn solve(&self, column: usize, solved: &mut [f64]) {
         let (lanes, set) = (self.lanes, InstructionSet::widest());
         solved.fill(0.0);

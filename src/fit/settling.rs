@@ -144,10 +144,11 @@ fn left_to_take(promised: &[f64], steps: usize, settled: impl Fn(usize) -> bool)
     Settlement { steps, unsettled: moving().count(), promised }
 }
 
-/// Rows where the states were extrapolated, if they are settled there, or nearly where that will do.
+/// Rows where the states were extrapolated, if they are settled there, or nearly where that will
+/// do.
 ///
-/// Otherwise they were extrapolated too far for what is linear. Over many periods the misfit has many
-/// minima, and from there a state may find another one than it had.
+/// Otherwise they were extrapolated too far for what is linear. Over many periods the misfit has
+/// many minima, and from there a state may find another one than it had.
 fn at_once(
     problem: &Problem,
     present: Equations,

@@ -129,7 +129,8 @@ impl<'a> Training<'a> {
         let longest = measured.longest_run();
         let mut shortest = fewest_samples(&scales, measured.samples()).min(longest);
         if !system.hidden.is_empty() {
-            // A few samples tell nothing of what acts unseen; nor does a long motion by no force yet.
+            // A few samples tell nothing of what acts unseen; nor does a long motion by no force
+            // yet.
             let part = if system.terms.is_empty() { 1 } else { 16 };
             shortest = shortest.max(options.tuning.segments.hidden / part).min(longest);
         }

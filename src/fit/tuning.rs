@@ -3,9 +3,9 @@
 //! A field says what its number is, in what unit, and what fixes it: a derivation where there is
 //! one, else the benchmark, the page of figures or the test that shows when it is wrong.
 //!
-//! Not here: sizes that change cost alone (`blocking.rs`), what rounding leaves (`rounding.rs`), and
-//! numbers of mathematics (a published constant of a loss, a tableau), which stand where they are
-//! used, with their source.
+//! Not here: sizes that change cost alone (`blocking.rs`), what rounding leaves (`rounding.rs`),
+//! and numbers of mathematics (a published constant of a loss, a tableau), which stand where they
+//! are used, with their source.
 
 /// The numbers of the fit, phase by phase: the field `tuning` of [`Options`](crate::Options).
 ///
@@ -299,8 +299,8 @@ pub struct CourseTuning {
     pub above_resolution: f64,
 }
 
-/// The search for the support on a factor. `learning::recovery`, docs/paper-table.md; its time is in
-/// docs/growth.md.
+/// The search for the support on a factor. `learning::recovery`, docs/paper-table.md; its time is
+/// in docs/growth.md.
 ///
 /// ```
 /// let mut options = leverrier::Options::default();

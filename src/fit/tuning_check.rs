@@ -50,8 +50,8 @@ impl Tuning {
     }
 }
 
-/// Refuses counts (a name, the value, the least) that are too small, and sizes that are not positive
-/// and finite; `of` is what holds them.
+/// Refuses counts (a name, the value, the least) that are too small, and sizes that are not
+/// positive and finite; `of` is what holds them.
 ///
 /// # Errors
 ///

@@ -93,7 +93,8 @@ fn scaled_decimal(value: f64, exponent: i32, decimals: usize) -> String {
     if zero { text.trim_start_matches('-').to_string() } else { text }
 }
 
-/// The shortest decimal that reads back as the same number, with a power of ten when that is shorter.
+/// The shortest decimal that reads back as the same number, with a power of ten when that is
+/// shorter.
 pub fn shortest(value: f64) -> (String, i32) {
     if value == 0.0 || (1e-4..1e7).contains(&value.abs()) {
         return (format!("{}", value + 0.0), 0);

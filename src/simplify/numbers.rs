@@ -110,7 +110,8 @@ impl<'a> Numbers<'a> {
         self.rows.len() - 1
     }
 
-    /// Takes those rows as one, for their difference is not significant. All must mean the same kind of thing.
+    /// Takes those rows as one, for their difference is not significant. All must mean the same
+    /// kind of thing.
     pub fn merge_equal(&mut self, candidates: &[usize]) {
         let mut free: Vec<usize> = candidates
             .iter()

@@ -37,7 +37,8 @@ pub enum RuleKind {
     Reorder,
 }
 
-/// A rewrite from `left` to `right`, in prefix notation: `(+ ?x (- ?y))`, pattern variables with a question mark.
+/// A rewrite from `left` to `right`, in prefix notation: `(+ ?x (- ?y))`, pattern variables with a
+/// question mark.
 #[derive(Debug, Clone, Copy)]
 pub struct Rule {
     /// Its own name.

@@ -73,7 +73,8 @@ pub enum StatementKind {
     Constrain { first: Operand, rest: Vec<(Relation, Operand)> },
 }
 
-/// `z [m] = 0.1`: what nobody measures, and what its value at the start of a run is looked for from.
+/// `z [m] = 0.1`: what nobody measures, and what its value at the start of a run is looked for
+/// from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HiddenStart {
     pub name: Word,

@@ -55,7 +55,8 @@ fn case(base: &Base, hidden: &str, noise: f64, seed: u64) -> Case {
     })
 }
 
-/// The same as an instrument reads it: `read` gets each run of each column, and the column's spread.
+/// The same as an instrument reads it: `read` gets each run of each column, and the column's
+/// spread.
 pub fn read_by(
     base: &Base,
     hidden: &str,

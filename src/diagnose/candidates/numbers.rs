@@ -77,8 +77,8 @@ pub(super) fn candidates(scope: &Scope, dataset: &Dataset, tuning: &Candidates) 
 /// Derivatives of an input that states go on with: its value, and as many as are ever kept.
 const RATES: usize = 4;
 
-/// Up to `most` measured states: coordinates, then momenta, the time, the inputs with their derivatives.
-/// What was not measured is a number of size 1.
+/// Up to `most` measured states: coordinates, then momenta, the time, the inputs with their
+/// derivatives. What was not measured is a number of size 1.
 fn states(system: &System, dataset: &Dataset, most: usize) -> Vec<Vec<f64>> {
     let n = 2 * system.degrees();
     let runs: Vec<_> = dataset.runs.iter().filter(|run| !run.times.is_empty()).collect();

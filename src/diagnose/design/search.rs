@@ -130,7 +130,8 @@ pub(super) fn search(
     SearchResult { found, live, evaluated, stop }
 }
 
-/// Whether a score is about as good as the best: brings the part `enough` of it. Standard errors have negative scores.
+/// Whether a score is about as good as the best: brings the part `enough` of it. Standard errors
+/// have negative scores.
 pub(super) fn about_as_good(score: f64, best: f64, enough: f64) -> bool {
     if best >= 0.0 { score >= enough * best } else { enough * score >= best }
 }

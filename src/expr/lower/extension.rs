@@ -316,8 +316,8 @@ impl Scope {
         changes
     }
 
-    /// Lowers the spec's own internal states and sensors again, into the places of their terms: rates
-    /// of the state in them are those of the extended model.
+    /// Lowers the spec's own internal states and sensors again, into the places of their terms:
+    /// rates of the state in them are those of the extended model.
     fn instruments_again(&self, lowering: &mut Lowering) {
         lowering.flow = None;
         let places = lowering.drafts.iter().enumerate().filter(|(_, d)| d.place.follows_motion());

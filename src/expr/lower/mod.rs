@@ -266,7 +266,8 @@ impl<'a> Lowering<'a> {
         self.check_bodies();
         self.find_shared();
         self.motion(&self.resolved.energies, &self.resolved.forces);
-        // Internal states may depend on velocities, and what the instrument adds on the whole motion.
+        // Internal states may depend on velocities, and what the instrument adds on the whole
+        // motion.
         self.internal_states(&self.resolved.hidden);
         self.instruments(&self.resolved.sensors);
         let energy_unit = self.energy_unit(canonical);

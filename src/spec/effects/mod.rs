@@ -208,12 +208,13 @@ pub struct EffectRow {
     /// What it takes as arguments.
     pub on: ActsOn,
     /// Statements with placeholders: {q} {p} the first argument's coordinate and momentum,
-    /// {r} {s} those of the second, {o} {u} the observables, {t} time, {input} the first input, {n} a name made of the
-    /// effect and its arguments, and the inner parameters by their names. On bodies, {qq} is the
-    /// sum of the squares of the first one's coordinates, {pp} that of its momenta, {qp} that of
-    /// the products of both, {dd} the square of the distance to the second, and {one} a length of 1 in the coordinates' unit; a
-    /// statement with {q} in it stands once for every coordinate, one without it stands once.
-    /// Empty where no statement describes it; then `detector` says what finds it.
+    /// {r} {s} those of the second, {o} {u} the observables, {t} time, {input} the first input, {n}
+    /// a name made of the effect and its arguments, and the inner parameters by their names. On
+    /// bodies, {qq} is the sum of the squares of the first one's coordinates, {pp} that of its
+    /// momenta, {qp} that of the products of both, {dd} the square of the distance to the second,
+    /// and {one} a length of 1 in the coordinates' unit; a statement with {q} in it stands once for
+    /// every coordinate, one without it stands once. Empty where no statement describes it; then
+    /// `detector` says what finds it.
     pub template: &'static str,
     /// Its inner parameters, and how they are looked for.
     pub parameters: &'static [Scan],

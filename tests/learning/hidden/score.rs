@@ -61,8 +61,8 @@ pub struct Record {
     pub story: Vec<Member>,
     /// Why, in the program's words; or what failed.
     pub reason: String,
-    /// Twice the logarithm of the likelihood that the truth gains over the model as it is, the least
-    /// that any member gains over the truth without it; not a number where it was not needed.
+    /// Twice the logarithm of the likelihood that the truth gains over the model as it is, the
+    /// least that any member gains over the truth without it; not a number where it was not needed.
     pub gain: Option<f64>,
     /// What it must gain to be identifiable: 25, and the price of its unknowns.
     pub price: f64,
@@ -143,8 +143,8 @@ impl Record {
         self.kind == kind.text()
     }
 
-    /// Whether the data could tell what is hidden, by the likelihood of the truth. Where that is not
-    /// known, because the case was not finished or the truth could not be fitted, they could.
+    /// Whether the data could tell what is hidden, by the likelihood of the truth. Where that is
+    /// not known, because the case was not finished or the truth could not be fitted, they could.
     pub fn identifiable(&self) -> bool {
         match self.gain {
             Some(gain) => gain > self.price || gain < -25.0,

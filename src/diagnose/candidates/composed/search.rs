@@ -20,8 +20,9 @@ pub(super) struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// Around the motion of a model; `kept` are the columns of those of its unknowns that stay free, and nodes are `spacing` radians of the fastest motion apart. What the
-    /// `restored` terms do, each times a coefficient, is to be explained besides.
+    /// Around the motion of a model; `kept` are the columns of those of its unknowns that stay
+    /// free, and nodes are `spacing` radians of the fastest motion apart. What the `restored` terms
+    /// do, each times a coefficient, is to be explained besides.
     pub(super) fn of(
         settled: &Settled<'a>,
         leaves: &Leaves,
