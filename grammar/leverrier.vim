@@ -9,7 +9,7 @@ syn keyword leverrierWord for in where and span sum terms of run pairs
 syn keyword leverrierFamily poly tensor pairs trig
 syn keyword leverrierFunction sin cos tan asin acos atan sinh cosh tanh exp log sqrt abs sign asinh arcsin arccos arctan ln sgn signum arsinh rate
 syn keyword leverrierConstant pi
-syn match leverrierEnergy "\<[TVH]\>\ze\s*+\?="
+syn match leverrierEnergy "\<[TVHL]\>\ze\s*+\?="
 syn match leverrierNumber "\<\d\+\(\.\d\+\)\?\([eE][+-]\?\d\+\)\?"
 syn match leverrierUnit "\s\[[^].]*\]"
 syn match leverrierOperator "+=\|<=\|>=\|==\|!=\|\.\.\|[-+*/^=<>]"

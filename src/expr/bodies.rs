@@ -163,7 +163,7 @@ impl System {
                 Symbol::Time => 0.7,
                 Symbol::Input(i, order) => 0.9 + 0.3 * i as f64 - 0.2 * order as f64,
                 Symbol::Parameter(j) => self.parameters[j].start,
-                Symbol::Coefficient(_) => 1.0,
+                Symbol::Velocity(_) | Symbol::Coefficient(_) => 1.0,
             };
             let parts = sum.iter().map(|&expr| self.graph.value(expr, &of));
             parts.fold((0.0, 0.0), |(sum, size), x| (sum + x, size + f64::abs(x)))

@@ -22,6 +22,9 @@ pub enum Symbol {
     Coordinate(usize),
     /// Conjugate momentum p_i, counted from 0.
     Momentum(usize),
+    /// Velocity dq_i/dt, counted from 0: only in energies of velocities, until momenta stand in
+    /// their place. No part of a [`super::System`] holds one.
+    Velocity(usize),
     /// The time t.
     Time,
     /// A measured input, counted from 0, or its derivative by time of the order that comes second.

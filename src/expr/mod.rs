@@ -1,5 +1,6 @@
 //! Expressions: one hash-consed graph, its derivatives, and the system that a spec describes.
 
+mod angles;
 mod bodies;
 mod columns;
 mod derivative;
@@ -8,6 +9,7 @@ mod functions;
 mod graph;
 mod identity;
 mod independence;
+mod inverse;
 mod lower;
 mod print;
 mod space;

@@ -28,6 +28,7 @@ impl Names {
                 let name = self.inputs.get(i).cloned().unwrap_or_else(|| format!("u[{}]", i + 1));
                 return (0..order).fold(name, |inner, _| format!("rate({inner})"));
             }
+            Symbol::Velocity(i) => return format!("rate({})", self.of(Symbol::Coordinate(i))),
             Symbol::Coordinate(i) => (&self.coordinates, "q", i),
             Symbol::Momentum(i) => (&self.momenta, "p", i),
             Symbol::Parameter(i) => (&self.parameters, "a", i),

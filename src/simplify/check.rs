@@ -119,7 +119,7 @@ fn variable(point: &[f64], degrees: usize, symbol: Symbol) -> f64 {
             let along: f64 = point.iter().sum();
             return (97.0 * along + 1.3 * i as f64 + 0.7 * order as f64).sin();
         }
-        Symbol::Parameter(_) | Symbol::Coefficient(_) => return f64::NAN,
+        Symbol::Velocity(_) | Symbol::Parameter(_) | Symbol::Coefficient(_) => return f64::NAN,
     };
     point.get(index).copied().unwrap_or(f64::NAN)
 }

@@ -121,6 +121,7 @@ impl fmt::Display for Variable {
         match self.0 {
             Symbol::Coordinate(i) => write!(f, "@q{i}"),
             Symbol::Momentum(i) => write!(f, "@p{i}"),
+            Symbol::Velocity(i) => write!(f, "@v{i}"),
             Symbol::Time => write!(f, "@t"),
             Symbol::Input(i, order) => write!(f, "@u{i}.{order}"),
             Symbol::Parameter(i) => write!(f, "@a{i}"),
@@ -146,6 +147,7 @@ impl FromStr for Variable {
         match name.as_bytes().first() {
             Some(b'q') => Ok(Variable(Symbol::Coordinate(index))),
             Some(b'p') => Ok(Variable(Symbol::Momentum(index))),
+            Some(b'v') => Ok(Variable(Symbol::Velocity(index))),
             Some(b'a') => Ok(Variable(Symbol::Parameter(index))),
             Some(b'c') => Ok(Variable(Symbol::Coefficient(index))),
             _ => Err(()),

@@ -409,7 +409,7 @@ impl Simplified {
             Symbol::Coefficient(j) => {
                 self.numbers.get(j).map_or(f64::NAN, DerivedNumber::printed_value)
             }
-            Symbol::Parameter(_) => f64::NAN,
+            Symbol::Velocity(_) | Symbol::Parameter(_) => f64::NAN,
         })
     }
 }

@@ -210,6 +210,8 @@ pub enum EnergyPart {
     Kinetic,
     Potential,
     Hamiltonian,
+    /// Of coordinates and velocities.
+    Lagrangian,
 }
 
 impl EnergyPart {
@@ -218,6 +220,7 @@ impl EnergyPart {
             EnergyPart::Kinetic => "T",
             EnergyPart::Potential => "V",
             EnergyPart::Hamiltonian => "H",
+            EnergyPart::Lagrangian => "L",
         }
     }
 }
@@ -272,6 +275,26 @@ impl Relation {
 pub struct Expression {
     pub kind: ExpressionKind,
     pub site: Site,
+}
+
+impl Expression {
+    /// What it is directly made of, indices and the order of a family left aside.
+    pub fn parts(&self) -> Vec<&Expression> {
+        match &self.kind {
+            ExpressionKind::Number(_)
+            | ExpressionKind::Name(_)
+            | ExpressionKind::Index { .. }
+            | ExpressionKind::Slice { .. } => Vec::new(),
+            ExpressionKind::Quantity(inner, _) | ExpressionKind::Negate(inner) => vec![&**inner],
+            ExpressionKind::Sum(parts) | ExpressionKind::Product(parts) => {
+                parts.iter().map(|(_, part)| part).collect()
+            }
+            ExpressionKind::Power(base, exponent) => vec![&**base, &**exponent],
+            ExpressionKind::Call { arguments, .. } => arguments.iter().collect(),
+            ExpressionKind::SumOver { body, .. } => vec![&**body],
+            ExpressionKind::Span(items) => items.iter().map(|item| &item.body).collect(),
+        }
+    }
 }
 
 /// Sums and products are flat, so that a long one is not a deep one.

@@ -163,7 +163,8 @@ pub fn resolve<'a>(spec: &'a SyntaxTree, diagnostics: &mut Vec<Diagnostic>) -> R
         "body",
     ];
     // A misspelt first word may have been any of them.
-    resolver.out.lost_names = lost(&declaring) || spec.lost.iter().any(|lost| may_name(lost));
+    resolver.out.lost_names =
+        lost(&declaring) || spec.lost.iter().any(|lost| lost != "L" && may_name(lost));
     resolver.constants(spec);
     let mut seen: HashMap<&str, Span> = HashMap::new();
     for statement in &spec.statements {
@@ -173,7 +174,7 @@ pub fn resolve<'a>(spec: &'a SyntaxTree, diagnostics: &mut Vec<Diagnostic>) -> R
     resolver.append_hidden(spec);
     resolver.name_time();
     bodies::resolve(spec, &mut resolver.out, resolver.diagnostics);
-    if !lost(&["T", "V", "H"]) && !resolver.out.lost_names {
+    if !lost(&["T", "V", "H", "L"]) && !resolver.out.lost_names {
         resolver.require_energy();
     }
     resolver.out
@@ -207,7 +208,7 @@ impl<'a> Resolver<'a, '_> {
             self.report(
                 Diagnostic::error(span, format!("`{what}` is given twice"))
                     .label("given again here")
-                    .hint(if matches!(what, "T" | "V" | "H") {
+                    .hint(if matches!(what, "T" | "V" | "H" | "L") {
                         format!("write `{what} += ...` to add to it")
                     } else {
                         "keep one of them".to_string()
@@ -367,7 +368,8 @@ impl<'a> Resolver<'a, '_> {
             [] => Span::default(),
         };
         if self.out.lost_names {
-            if self.out.momenta.is_empty() && !self.out.velocities.is_empty() {
+            let velocities = !self.out.velocities.is_empty() || self.out.has_lagrangian();
+            if self.out.momenta.is_empty() && velocities {
                 self.imply_momenta();
             }
             return;
@@ -381,7 +383,9 @@ impl<'a> Resolver<'a, '_> {
             return;
         };
         let at = whole(&self.out.coordinates);
-        if self.out.momenta.is_empty() && self.out.velocities.is_empty() {
+        // Velocities in L need no names: `rate(x)` is one.
+        let undeclared = self.out.momenta.is_empty() && self.out.velocities.is_empty();
+        if undeclared && !self.out.has_lagrangian() {
             let example = &first.name;
             self.report(
                 Diagnostic::error(at, "the coordinates have no momenta")

@@ -156,6 +156,7 @@ fn total(compiled: &Compiled, wanted: impl Fn(Place) -> bool, z: &[f64; 5], a: &
     let of = |symbol| match symbol {
         Symbol::Coordinate(i) => z[i],
         Symbol::Momentum(i) => z[2 + i],
+        Symbol::Velocity(_) => f64::NAN,
         Symbol::Time => z[4],
         Symbol::Input(i, order) => 0.8 - 0.5 * i as f64 + 0.3 * order as f64,
         Symbol::Parameter(i) => a[i],
@@ -290,6 +291,7 @@ fn magnetic_force_is_one_term_and_does_no_work() {
     let forces = system.force(&only).unwrap();
     let of = |symbol| match symbol {
         Symbol::Momentum(i) => [0.3, -1.7][i],
+        Symbol::Velocity(_) => f64::NAN,
         Symbol::Coefficient(_) => 2.5,
         _ => 0.4,
     };
@@ -312,6 +314,7 @@ fn a_rate_is_the_derivative_by_the_whole_model() {
     let of = |symbol| match symbol {
         Symbol::Coordinate(_) => x,
         Symbol::Momentum(_) => p,
+        Symbol::Velocity(_) => f64::NAN,
         Symbol::Time => t,
         Symbol::Coefficient(0) => k,
         Symbol::Coefficient(1) => d,

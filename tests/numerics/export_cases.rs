@@ -341,6 +341,7 @@ impl<'a> Equations<'a> {
         self.graph.value(expr, &|symbol| match symbol {
             Symbol::Coordinate(i) => state[i],
             Symbol::Momentum(i) => state[n + i],
+            Symbol::Velocity(_) => f64::NAN,
             Symbol::Time => t,
             Symbol::Input(..) => f64::NAN,
             Symbol::Parameter(i) => self.case.law.parameters()[i],

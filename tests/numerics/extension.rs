@@ -29,6 +29,7 @@ fn value(system: &System, expr: Expr) -> f64 {
     system.graph.value(expr, &|symbol| match symbol {
         Symbol::Coordinate(i) => number_of(&format!("q{i}")),
         Symbol::Momentum(i) => number_of(&format!("p{i}")),
+        Symbol::Velocity(_) => f64::NAN,
         Symbol::Time => 0.7,
         Symbol::Input(i, order) => number_of(&format!("u{i}.{order}")),
         Symbol::Parameter(j) => number_of(&system.parameters[j].name),

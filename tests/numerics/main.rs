@@ -22,6 +22,7 @@ mod hostile_text;
 mod instruction_counts;
 mod integrators;
 mod internal_states;
+mod lagrangian;
 mod language;
 mod meaning;
 mod numbers;

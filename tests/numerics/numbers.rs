@@ -72,6 +72,7 @@ fn a_freed_number_changes_the_system_as_an_edited_one_does() {
         match symbol {
             Symbol::Coordinate(i) => [0.7, -0.4][i],
             Symbol::Momentum(i) => [0.3, 0.9][i],
+            Symbol::Velocity(_) => f64::NAN,
             Symbol::Coefficient(_) => 1.3,
             Symbol::Time => 0.0,
             Symbol::Input(..) => 0.4,

@@ -165,6 +165,7 @@ impl Model {
         system.graph.value(energy, &|symbol| match symbol {
             Symbol::Coordinate(i) => state[i],
             Symbol::Momentum(i) => state[degrees + i],
+            Symbol::Velocity(_) => f64::NAN,
             Symbol::Time => 0.0,
             Symbol::Input(..) => 0.4,
             Symbol::Parameter(i) => self.parameters[i],
@@ -577,6 +578,7 @@ proptest! {
             let at = |state: &[f64]| simplified.graph.value(part.exact, &|symbol| match symbol {
                 Symbol::Coordinate(i) => state[i],
                 Symbol::Momentum(i) => state[2 + i],
+                Symbol::Velocity(_) => f64::NAN,
                 _ => f64::NAN,
             });
             at(&point) - at(&zero)

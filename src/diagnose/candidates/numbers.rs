@@ -134,7 +134,7 @@ fn motion(system: &System, graph: &mut Graph, term: &Term, states: &[Vec<f64>]) 
             Symbol::Time => state[n],
             Symbol::Input(i, order) => state.get(n + 1 + RATES * i + order).copied().unwrap_or(1.0),
             Symbol::Parameter(j) => system.parameters.get(j).map_or(1.0, |one| one.start),
-            Symbol::Coefficient(_) => 1.0,
+            Symbol::Velocity(_) | Symbol::Coefficient(_) => 1.0,
         };
         rows.iter().map(|&row| graph.value(row, &of)).collect()
     };

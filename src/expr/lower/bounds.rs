@@ -178,7 +178,10 @@ impl<'a> Lowering<'a> {
             Operand::Terms(target, _) => {
                 let place = match target {
                     Target::Energy(EnergyPart::Kinetic) => Place::Kinetic,
-                    Target::Energy(EnergyPart::Potential) => Place::Potential,
+                    // The terms of L are functions of coordinates: they stand in V.
+                    Target::Energy(EnergyPart::Potential | EnergyPart::Lagrangian) => {
+                        Place::Potential
+                    }
                     Target::Energy(EnergyPart::Hamiltonian) => Place::Hamiltonian,
                     Target::Force(coordinate) => {
                         self.context = super::Context::Force;

@@ -7,6 +7,7 @@
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
+use super::lagrangian::Lagrangian;
 use super::terms::DraftTerm;
 use super::value::Value;
 use super::{Compiled, Lowering, Named};
@@ -170,6 +171,7 @@ struct Standing {
     shared: HashMap<String, Option<usize>>,
     flow: Option<Vec<(Symbol, Expr)>>,
     known: Vec<(Place, Value, Span)>,
+    lagrangian: Lagrangian,
     expected: u128,
 }
 
@@ -288,8 +290,15 @@ impl Scope {
         let new = lowering.define_parameters(from.parameters);
         lowering.find_shared();
         lowering.share_standing(&self.standing.shared);
-        lowering.motion(&resolved.energies[from.energies..], &resolved.forces[from.forces..]);
-        let moves = lowering.known.len() > self.standing.known.len()
+        let energies = &resolved.energies[from.energies..];
+        let stood = (lowering.known_energy(), lowering.drafts.len());
+        lowering.motion(energies, &[]);
+        for energy in energies.iter().take(1) {
+            lowering.keep_velocities(stood.0, stood.1, energy.value.site.0);
+        }
+        lowering.motion(&[], &resolved.forces[from.forces..]);
+        let is = |&(place, value, _): &(Place, Value, Span)| (place, value.expr);
+        let moves = lowering.known.iter().map(is).ne(self.standing.known.iter().map(is))
             || lowering.drafts != self.standing.drafts;
         if moves && (lowering.flow.is_some() || !resolved.hidden.is_empty()) {
             self.instruments_again(lowering);
@@ -374,7 +383,8 @@ impl Scope {
         if lowering.known.iter().map(is).eq(were.iter().map(is)) {
             return Vec::new();
         }
-        let mut places: Vec<Place> = lowering.known.iter().map(|(place, ..)| *place).collect();
+        let all = lowering.known.iter().chain(were);
+        let mut places: Vec<Place> = all.map(|(place, ..)| *place).collect();
         places.sort_unstable();
         places.dedup();
         places.into_iter().map(|place| (place, lowering.known_part(place))).collect()
@@ -406,6 +416,7 @@ impl Standing {
             shared: lowering.shared,
             flow: lowering.flow,
             known: lowering.known,
+            lagrangian: lowering.lagrangian,
             expected: lowering.expected,
         }
     }
@@ -421,6 +432,7 @@ impl Standing {
         lowering.shared = self.shared;
         lowering.flow = self.flow;
         lowering.known = self.known;
+        lowering.lagrangian = self.lagrangian;
         lowering.expected = self.expected;
     }
 }
@@ -431,6 +443,7 @@ impl<'a> Lowering<'a> {
         let energy = compiled.energy_unit.filter(|_| resolved.implied_momenta);
         let mut lowering = Lowering::new(resolved, energy);
         lowering.freed.clone_from(&compiled.freed);
+        lowering.starts = compiled.starts.iter().filter_map(|s| s.first().copied()).collect();
         lowering
     }
 

@@ -40,7 +40,7 @@ impl Lowering<'_> {
             return Some(());
         }
         self.report(
-            Diagnostic::error(span, "the law of a state may name rates of coordinates only")
+            Diagnostic::error(span, "only rates of coordinates may stand here")
                 .label("not a rate of momenta or of other states")
                 .hint("write what that rate is by its own law"),
         );

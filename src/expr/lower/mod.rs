@@ -4,6 +4,7 @@ mod bounds;
 mod candidates;
 mod extension;
 mod hidden;
+mod lagrangian;
 mod loops;
 mod names;
 mod numbers;
@@ -26,6 +27,7 @@ use crate::spec::ast::{EnergyPart, ExpressionKind, SyntaxTree, UnitText};
 use crate::spec::resolve::{Declared, Energy, Force, Resolved, Sensor, resolve};
 pub use candidates::DeclaredCandidate;
 pub use extension::{Extension, Scope};
+use lagrangian::Lagrangian;
 pub use numbers::KnownNumber;
 use terms::DraftTerm;
 use value::Value;
@@ -133,6 +135,8 @@ enum Context {
     /// Constants, starts and bounds: numbers only.
     Number,
     Energy(EnergyPart),
+    /// L, or T where it is a function of coordinates and velocities.
+    Velocities(EnergyPart),
     Force,
     /// The law of an internal state.
     Rate,
@@ -158,6 +162,8 @@ pub(super) struct Lowering<'a> {
     inputs: Vec<Option<Unit>>,
     constants: Vec<Option<Named>>,
     parameters: Vec<Option<Named>>,
+    /// The first start of every parameter.
+    starts: Vec<f64>,
     context: Context,
     /// Index names and their values, innermost last.
     indices: Vec<(String, i64)>,
@@ -176,6 +182,7 @@ pub(super) struct Lowering<'a> {
     flow: Option<Vec<(Symbol, Expr)>>,
     /// Known parts: place, value, where they stand.
     known: Vec<(Place, Value, Span)>,
+    lagrangian: Lagrangian,
     expected: u128,
     /// An inner parameter that was a known number, with its value: units go by that.
     freed: Option<(String, f64)>,
@@ -204,6 +211,7 @@ impl<'a> Lowering<'a> {
             inputs: Vec::new(),
             constants: Vec::new(),
             parameters: Vec::new(),
+            starts: Vec::new(),
             context: Context::Number,
             indices: Vec::new(),
             steps: 0,
@@ -215,6 +223,7 @@ impl<'a> Lowering<'a> {
             shared: HashMap::new(),
             flow: None,
             known: Vec::new(),
+            lagrangian: Lagrangian::default(),
             expected: 0,
             freed: None,
         };
@@ -291,14 +300,20 @@ impl<'a> Lowering<'a> {
     fn motion(&mut self, energies: &[Energy], forces: &[Force]) {
         for energy in energies {
             self.effect = energy.effect.map(str::to_string);
+            if self.resolved.is_of_velocities(energy) {
+                self.context = Context::Velocities(energy.part);
+                self.velocity_side(energy.part, energy.value, false);
+                continue;
+            }
             self.context = Context::Energy(energy.part);
             let place = match energy.part {
                 EnergyPart::Kinetic => Place::Kinetic,
                 EnergyPart::Potential => Place::Potential,
-                EnergyPart::Hamiltonian => Place::Hamiltonian,
+                EnergyPart::Hamiltonian | EnergyPart::Lagrangian => Place::Hamiltonian,
             };
             self.side(place, energy.value, false);
         }
+        self.legendre_transform();
         self.context = Context::Force;
         for force in forces {
             self.effect = force.effect.map(str::to_string);
@@ -386,6 +401,7 @@ impl<'a> Lowering<'a> {
     /// The `param` statements after the `first` ones, with their starts.
     fn define_parameters(&mut self, first: usize) -> Vec<(Parameter, Vec<f64>)> {
         let mut out = Vec::new();
+        self.starts.truncate(first);
         for (i, parameter) in self.resolved.parameters.iter().enumerate().skip(first) {
             let starts: Vec<_> =
                 parameter.starts.iter().filter_map(|start| self.number(start)).collect();
@@ -420,6 +436,7 @@ impl<'a> Lowering<'a> {
                 }
             }
             let starts: Vec<f64> = starts.iter().map(|&(start, ..)| start).collect();
+            self.starts.push(starts.first().copied().unwrap_or(0.0));
             let text = parameter.starts.iter().find_map(|start| match &start.kind {
                 ExpressionKind::Quantity(_, unit) => Some(unit.text.clone()),
                 _ => None,

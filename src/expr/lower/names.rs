@@ -154,6 +154,11 @@ impl Lowering<'_> {
         if role == Role::Velocities && matches!(self.context, Context::Sensor | Context::Rate) {
             return self.velocity(i);
         }
+        match (self.context, role) {
+            (Context::Velocities(_), Role::Velocities) => return Some(self.own_velocity(i)),
+            (Context::Force, Role::Velocities) => return self.velocity_in_force(i, name, span),
+            _ => {}
+        }
         let problem = match (self.context, role) {
             (Context::Number, _) => Some(misplaced(
                 format!("`{name}` is not a known number"),
@@ -170,6 +175,11 @@ impl Lowering<'_> {
                     &hint,
                 ))
             }
+            (Context::Velocities(part), Role::Momenta) => Some(misplaced(
+                format!("{} depends on a velocity and on the momentum `{name}`", part.letter()),
+                "a momentum",
+                "write it with velocities alone, `rate(x)` for that of `x`, or `H = ...` of momenta",
+            )),
             (Context::Energy(EnergyPart::Kinetic), Role::Coordinates) => Some(misplaced(
                 format!("T depends on the coordinate `{name}`"),
                 "a coordinate",

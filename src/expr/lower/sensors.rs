@@ -115,19 +115,26 @@ impl Lowering<'_> {
         let value = self.value(argument)?;
         let symbols = self.graph.symbols(&[value.expr]);
         let of_state = |s: &Symbol| matches!(s, Symbol::Coordinate(_) | Symbol::Momentum(_));
-        if self.context == Context::Rate {
-            self.require_velocity(&symbols, span)?;
-        } else if self.context != Context::Sensor && symbols.iter().any(of_state) {
-            self.report(
-                Diagnostic::error(span, "`rate` stands in a sensor only")
-                    .label("the rate follows from this model, and cannot be a part of it")
-                    .hint("write it with momenta; the velocity of a coordinate is dH/dp"),
-            );
-            return None;
+        let moves = symbols.iter().any(|s| of_state(s) || matches!(s, Symbol::Velocity(_)));
+        match self.context {
+            Context::Rate | Context::Velocities(_) | Context::Force => {
+                self.require_velocity(&symbols, span)?;
+            }
+            Context::Energy(_) if moves => {
+                self.report(
+                    Diagnostic::error(span, "`rate` cannot stand here")
+                        .label("V and H are functions of coordinates and momenta")
+                        .hint("write T or L of velocities, or this with momenta"),
+                );
+                return None;
+            }
+            _ => {}
         }
         self.require_rates(&symbols, argument.site.0)?;
         // What the motion goes by has no part in the rate of what drives it.
-        let expr = if symbols.iter().any(of_state) {
+        let expr = if matches!(self.context, Context::Velocities(_) | Context::Force) && moves {
+            self.rate_by_velocities(value.expr, &symbols, span)?
+        } else if symbols.iter().any(of_state) {
             self.rate(value.expr)
         } else {
             self.rate_of_driver(value.expr)
@@ -157,7 +164,7 @@ impl Lowering<'_> {
     }
 
     /// The part of d/dt that comes from the time and the inputs.
-    fn rate_of_driver(&mut self, expr: Expr) -> Expr {
+    pub(super) fn rate_of_driver(&mut self, expr: Expr) -> Expr {
         let mut parts = vec![(1.0, self.graph.derivative(expr, Symbol::Time))];
         for symbol in self.graph.symbols(&[expr]) {
             if let Symbol::Input(i, order) = symbol {

@@ -42,8 +42,9 @@ const COORDINATE: u8 = 1;
 const MOMENTUM: u8 = 2;
 const OTHER: u8 = 4;
 const BROKEN: u8 = 8;
+const VELOCITY: u8 = 16;
 
-fn holds_span(expression: &Expression) -> Option<Span> {
+pub(super) fn holds_span(expression: &Expression) -> Option<Span> {
     let any = |parts: &[(bool, Expression)]| parts.iter().find_map(|(_, part)| holds_span(part));
     match &expression.kind {
         ExpressionKind::Span(_) => Some(expression.site.0),
@@ -74,11 +75,16 @@ impl Lowering<'_> {
             _ => {
                 let Some(value) = self.value(expression) else { return };
                 let expr = if minus { self.graph.negate(value.expr) } else { value.expr };
-                if self.depends_on(expr) & BROKEN != 0 {
-                    self.not_finite(expression.site.0);
-                }
+                self.require_finite(expr, expression.site.0);
                 self.known.push((place, Value { expr, ..value }, expression.site.0));
             }
+        }
+    }
+
+    /// Reports numbers in an expression that are not finite.
+    pub(super) fn require_finite(&mut self, expr: Expr, span: Span) {
+        if self.depends_on(expr) & BROKEN != 0 {
+            self.not_finite(span);
         }
     }
 
@@ -127,7 +133,7 @@ impl Lowering<'_> {
         );
     }
 
-    fn item(&mut self, place: Place, item: &Item, minus: bool) {
+    pub(super) fn item(&mut self, place: Place, item: &Item, minus: bool) {
         if let Some(span) = holds_span(&item.body) {
             self.report(
                 Diagnostic::error(span, "span inside span")
@@ -148,7 +154,8 @@ impl Lowering<'_> {
             let indices = &lowering.indices;
             let name = item.name.as_ref().map(|name| indexed_name(&name.text, indices));
             // The rate of a variable is a long expression; people read it as it was written.
-            let text = (place.is_sensor() && indices.is_empty())
+            let long = place.is_sensor() || lowering.resolved.names_velocity(&item.body);
+            let text = (long && indices.is_empty())
                 .then(|| format!("{}{}", if minus { "-" } else { "" }, item.body));
             match family {
                 Some((row, arguments, order)) => {
@@ -374,6 +381,9 @@ impl Lowering<'_> {
         if on & BROKEN != 0 {
             return self.not_finite(span);
         }
+        if on & VELOCITY != 0 {
+            return self.not_linear(span);
+        }
         if self.graph.is_zero(value.expr) {
             self.report(
                 Diagnostic::error(span, "this term is zero")
@@ -462,6 +472,7 @@ impl Lowering<'_> {
                 Node::Number(number) if !number.value().is_finite() => BROKEN,
                 Node::Symbol(Symbol::Coordinate(_)) => COORDINATE,
                 Node::Symbol(Symbol::Momentum(_)) => MOMENTUM,
+                Node::Symbol(Symbol::Velocity(_)) => VELOCITY,
                 Node::Symbol(_) => OTHER,
                 Node::Sum { constant, terms } => {
                     let finite = constant.value().is_finite()

@@ -88,10 +88,10 @@ impl Lowering<'_> {
     /// The unit of H: from the variables, or else from the first known part that has one.
     pub(super) fn energy_unit(&self, canonical: Option<(Unit, Span)>) -> Option<(Unit, Span)> {
         canonical.or_else(|| {
-            let known = self.known.iter();
+            let known = self.known.iter().copied().chain(self.lagrangian.parts());
             known
                 .filter(|(place, ..)| place.is_energy())
-                .find_map(|(_, value, span)| value.unit.map(|unit| (unit, *span)))
+                .find_map(|(_, value, span)| value.unit.map(|unit| (unit, span)))
         })
     }
 
@@ -105,7 +105,8 @@ impl Lowering<'_> {
         } else {
             format!("this part makes H a quantity in [{energy}]")
         };
-        for (place, value, span) in self.known.clone() {
+        let parts: Vec<_> = self.known.iter().copied().chain(self.lagrangian.parts()).collect();
+        for (place, value, span) in parts {
             let Some(unit) = value.unit else { continue };
             let (expected, what) = match place {
                 Place::Force(i) => match self.coordinates.get(i).copied().flatten() {

@@ -17,7 +17,7 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::spec::ast::*;
 
 /// Every word that begins a statement.
-pub const STATEMENTS: [&str; 21] = [
+pub const STATEMENTS: [&str; 22] = [
     "system",
     "coordinates",
     "momenta",
@@ -33,6 +33,7 @@ pub const STATEMENTS: [&str; 21] = [
     "T",
     "V",
     "H",
+    "L",
     "force",
     "sensor",
     "body",
@@ -55,7 +56,7 @@ pub fn statement(input: Tokens) -> Parsed<Statement> {
         "data" => cut(data).parse(input)?,
         "constant" | "let" => cut(constant).parse(input)?,
         "param" => cut(parameter).parse(input)?,
-        "T" | "V" | "H" => cut(energy).parse(input)?,
+        "T" | "V" | "H" | "L" => cut(energy).parse(input)?,
         "force" => cut(force).parse(input)?,
         "sensor" => cut(sensor).parse(input)?,
         "body" => cut(body).parse(input)?,
@@ -300,7 +301,7 @@ fn limits(input: Tokens) -> Parsed<Limits> {
     Ok((rest, Limits { lower, upper, site }))
 }
 
-/// energy = ( "T" | "V" | "H" ) , ( "=" | "+=" ) , expression ;
+/// energy = ( "T" | "V" | "H" | "L" ) , ( "=" | "+=" ) , expression ;
 fn energy(input: Tokens) -> Parsed<StatementKind> {
     let (rest, part) = energy_part(input)?;
     let (rest, adds) = assignment(rest)?;
@@ -313,6 +314,7 @@ fn energy_part(input: Tokens) -> Parsed<EnergyPart> {
         keyword("T").map(|()| EnergyPart::Kinetic),
         keyword("V").map(|()| EnergyPart::Potential),
         keyword("H").map(|()| EnergyPart::Hamiltonian),
+        keyword("L").map(|()| EnergyPart::Lagrangian),
     ))
     .parse(input)
 }
@@ -431,13 +433,12 @@ fn candidate(input: Tokens) -> Parsed<Candidate> {
 fn addition(input: Tokens) -> Parsed<Statement> {
     let (rest, kind) = match input.first().map_or("", |token| token.text) {
         "param" => cut(parameter).parse(input)?,
-        "T" | "V" | "H" => cut(energy).parse(input)?,
+        "T" | "V" | "H" | "L" => cut(energy).parse(input)?,
         "force" => cut(force).parse(input)?,
         "sensor" => cut(sensor).parse(input)?,
         "constrain" => cut(constrain).parse(input)?,
         _ => {
-            let words =
-                "a statement that adds: `param`, `T`, `V`, `H`, `force`, `sensor` or `constrain`";
+            let words = "a statement that adds: `param`, `T`, `V`, `H`, `L`, `force`, `sensor` or `constrain`";
             return Err(Fault::expected(input, words));
         }
     };
@@ -455,7 +456,7 @@ fn constrain(input: Tokens) -> Parsed<StatementKind> {
     Ok((rest, StatementKind::Constrain { first, rest: rest_of }))
 }
 
-/// operand = "terms" , "of" , ( "T" | "V" | "H" | "force" , variable ) | expression ;
+/// operand = "terms" , "of" , ( "T" | "V" | "H" | "L" | "force" , variable ) | expression ;
 fn operand(input: Tokens) -> Parsed<Operand> {
     if keyword("terms")(input).is_err() {
         let (rest, value) = expression(input)?;
@@ -471,6 +472,8 @@ fn operand(input: Tokens) -> Parsed<Operand> {
 }
 
 /// Whether a word may name a variable, a constant or a parameter.
+///
+/// `L` is the Lagrangian where a statement begins, and everywhere else a length as good as any.
 pub fn may_name(word: &str) -> bool {
-    !STATEMENTS.contains(&word) && !RESERVED.contains(&word)
+    word == "L" || !STATEMENTS.contains(&word) && !RESERVED.contains(&word)
 }

@@ -164,7 +164,7 @@ const OPENERS: [&str; 14] = [
 ];
 
 /// Statements that stand in the braces of `candidates`, on lines of their own.
-const ADDITIONS: [&str; 7] = ["param", "T", "V", "H", "force", "sensor", "constrain"];
+const ADDITIONS: [&str; 8] = ["param", "T", "V", "H", "L", "force", "sensor", "constrain"];
 
 /// Whether a statement plainly begins here, whatever bracket is still open.
 fn begins_statement(tokens: &[Token]) -> bool {
@@ -176,7 +176,7 @@ fn begins_statement(tokens: &[Token]) -> bool {
     if OPENERS.contains(&first.text) {
         return matches!(second.kind, TokenKind::Word | TokenKind::Text);
     }
-    ["T", "V", "H"].contains(&first.text) && ["=", "+="].contains(&second.text)
+    ["T", "V", "H", "L"].contains(&first.text) && ["=", "+="].contains(&second.text)
 }
 
 /// Marks after which a line goes on.
