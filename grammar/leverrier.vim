@@ -5,7 +5,7 @@ if exists("b:current_syntax")
 endif
 
 syn keyword leverrierStatement system coordinates momenta velocities time input hidden state data constant let param force sensor body effect candidates constrain hold linear spline band_limited
-syn keyword leverrierWord for in where and span sum terms of run pairs
+syn keyword leverrierWord for in where and span sum terms of per run pairs
 syn keyword leverrierFamily poly tensor pairs trig
 syn keyword leverrierFunction sin cos tan asin acos atan sinh cosh tanh exp log sqrt abs sign asinh arcsin arccos arctan ln sgn signum arsinh rate
 syn keyword leverrierConstant pi

@@ -61,6 +61,7 @@ fn pairs(block: u64, count: u64) -> Vec<Run> {
                 lines: vec![0; 2],
                 clock: Clock::default(),
                 inputs: Vec::new(),
+                groups: Vec::new(),
             }
         })
         .collect()

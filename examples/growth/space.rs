@@ -49,6 +49,7 @@ fn pairs(degrees: usize, count: usize) -> Dataset {
             lines: vec![0; 2],
             clock: Clock::default(),
             inputs: Vec::new(),
+            groups: Vec::new(),
         })
         .collect();
     Dataset { observables: names, runs, inputs: Vec::new() }

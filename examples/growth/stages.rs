@@ -105,6 +105,7 @@ impl Monitor for Passes {
 pub fn measure(file: &Path, threads: usize) -> Stages {
     let clock = Instant::now();
     let mapping = Mapping {
+        groups: Vec::new(),
         inputs: Vec::new(),
         time: None,
         run: Some("run".to_string()),

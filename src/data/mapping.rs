@@ -15,6 +15,9 @@ pub struct Mapping {
     pub observables: Vec<ObservableMap>,
     /// What drives the motion.
     pub inputs: Vec<InputMap>,
+    /// Columns that tell apart groups of runs with numbers of their own: the same cell in all rows
+    /// of a run; `None` where every run is a group.
+    pub groups: Vec<Option<String>>,
 }
 
 /// An input, the column that holds it, and what it does between its samples.

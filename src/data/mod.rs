@@ -18,6 +18,7 @@ mod driving;
 mod files;
 mod folder;
 mod format;
+mod grouping;
 #[cfg(any(feature = "arrow", feature = "files", feature = "parquet"))]
 mod guard;
 mod header;
@@ -81,6 +82,9 @@ pub struct Run {
     /// `inputs[column][sample]` of what drives the motion, in the spec's units: for each of
     /// [`Dataset::inputs`] its values and then the derivatives that its interpolation goes by.
     pub inputs: Vec<Vec<f64>>,
+    /// Which group it belongs to, for each of [`Mapping::groups`]; without a text it is one of its
+    /// own. Empty where nobody asked.
+    pub groups: Vec<String>,
 }
 
 /// A measured input of the motion.
@@ -111,6 +115,12 @@ impl MeasuredInput {
 }
 
 impl Run {
+    /// Which group it belongs to by one of [`Mapping::groups`]; where nobody asked, it is one of its
+    /// own.
+    pub fn group(&self, by: usize) -> &str {
+        self.groups.get(by).filter(|group| !group.is_empty()).unwrap_or(&self.name)
+    }
+
     /// The time of a sample on the clock of the file; not a number beyond the last.
     pub fn time(&self, sample: usize) -> f64 {
         self.times.get(sample).map_or(f64::NAN, |since| self.clock.time(*since))

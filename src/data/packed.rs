@@ -1,5 +1,6 @@
 //! Runs one after the other in memory.
 
+use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::OnceLock;
 
@@ -24,6 +25,9 @@ pub struct Packed {
     clocks: Vec<Clock>,
     /// Inputs, whose columns stand behind those of the observables.
     inputs: Vec<PackedInput>,
+    /// Of each [grouping](super::Mapping::groups) the group of every run: the first run of it, and
+    /// its name.
+    groups: Vec<Vec<(usize, String)>>,
 }
 
 /// An input among the columns of packed runs.
@@ -70,7 +74,8 @@ impl Packed {
         });
         let far = runs.iter().any(|run| run.clock != Clock::default());
         let clocks = if far { runs.iter().map(|run| run.clock).collect() } else { Vec::new() };
-        let packed = Packed { times, values, places, clocks, ..Packed::default() };
+        let groups = groups(runs);
+        let packed = Packed { times, values, places, clocks, groups, ..Packed::default() };
         packed.driven_by(observables, &dataset.inputs)
     }
 
@@ -130,6 +135,18 @@ impl Packed {
         self.places.len()
     }
 
+    /// The group of a run by one of the groupings of the data, as the first run that belongs to it;
+    /// itself where the data know of no groups.
+    pub fn group_of(&self, by: usize, run: usize) -> usize {
+        self.groups.get(by).and_then(|of| of.get(run)).map_or(run, |group| group.0)
+    }
+
+    /// The name of that group.
+    pub fn group_name(&self, by: usize, run: usize) -> String {
+        let group = self.groups.get(by).and_then(|of| of.get(run));
+        group.map_or_else(|| (run + 1).to_string(), |group| group.1.clone())
+    }
+
     /// How many samples there are in all.
     pub fn samples(&self) -> usize {
         self.times.len()
@@ -177,6 +194,24 @@ impl Packed {
     fn samples_of(&self, run: usize) -> Range<usize> {
         self.places.get(run).map_or(0..0, |&[start, end]| start..end)
     }
+}
+
+/// Of each grouping the group that every run belongs to: its first run, and its name.
+fn groups(runs: &[Run]) -> Vec<Vec<(usize, String)>> {
+    let count = runs.iter().map(|run| run.groups.len()).max().unwrap_or(0);
+    let mut all = Vec::with_capacity(count);
+    for by in 0..count {
+        let mut first: HashMap<&str, usize> = HashMap::new();
+        for (at, run) in runs.iter().enumerate() {
+            first.entry(run.group(by)).or_insert(at);
+        }
+        let group = |(at, run): (usize, &Run)| {
+            let name = run.group(by);
+            (first.get(name).copied().unwrap_or(at), name.to_string())
+        };
+        all.push(runs.iter().enumerate().map(group).collect());
+    }
+    all
 }
 
 /// The same polynomial in the time since a later moment (Taylor shift by Horner's rule).
@@ -269,6 +304,7 @@ mod tests {
             lines: vec![0; length],
             clock: Clock::default(),
             inputs: Vec::new(),
+            groups: Vec::new(),
         };
         // More runs than one thread copies, of different lengths, one of them without a column.
         let mut runs: Vec<Run> = (0..7 * SIDE_BY_SIDE + 4).map(|i| run(1 + i % 4, 2)).collect();

@@ -229,6 +229,7 @@ mod tests {
                 times,
                 clock: Clock::default(),
                 inputs: Vec::new(),
+                groups: Vec::new(),
             }],
         }
     }
@@ -281,6 +282,7 @@ mod tests {
                 values: vec![values],
                 clock: Clock::default(),
                 inputs: Vec::new(),
+                groups: Vec::new(),
             }],
         };
         let rough = rough_noise(&data, 0).expect("enough samples");

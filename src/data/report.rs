@@ -277,6 +277,7 @@ mod tests {
             lines: (2..).take(times.len()).collect(),
             clock: Clock::default(),
             inputs: Vec::new(),
+            groups: Vec::new(),
         }
     }
 

@@ -6,6 +6,7 @@ use std::collections::HashMap;
 use super::cells::entry;
 use super::clock::{Clock, Since, is_far};
 use super::driving;
+use super::grouping;
 use super::header::counted;
 use super::mapping::{
     Mapping, converted, missing_column, observable_column, time_column, without_column,
@@ -95,6 +96,7 @@ pub fn dataset(table: &Table, mapping: &Mapping) -> Result<(Dataset, DataReport)
         inputs: Vec::new(),
     };
     driving::take_inputs(&mut data, table, mapping)?;
+    grouping::take_groups(&mut data, table, mapping)?;
     let mut sentences = notes.sentences(table.reading.noun());
     sentences.extend(driving::about_gaps(&data, table));
     sentences.extend(without_column(table, mapping)?);
@@ -358,6 +360,7 @@ impl ConvertedColumns<'_> {
             lines: Vec::with_capacity(members.len()),
             clock: Clock::default(),
             inputs: Vec::new(),
+            groups: Vec::new(),
         };
         let mut rows = Vec::with_capacity(members.len());
         for &row in members {

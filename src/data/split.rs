@@ -249,6 +249,8 @@ impl Run {
             lines: cut(&self.lines, start, end),
             clock: self.clock,
             inputs: self.inputs.iter().map(|v| cut(v, start, end)).collect(),
+            // Parts of a run share its number.
+            groups: (0..self.groups.len()).map(|by| self.group(by).to_string()).collect(),
         }
     }
 }
@@ -311,6 +313,7 @@ mod tests {
             lines: (2..).take(*length).collect(),
             clock: Clock::default(),
             inputs: Vec::new(),
+            groups: Vec::new(),
         };
         Dataset {
             inputs: Vec::new(),

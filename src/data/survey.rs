@@ -232,6 +232,7 @@ impl Reservoir {
             lines: vec![piece.line; end - start],
             clock: piece.clock,
             inputs: Vec::new(),
+            groups: Vec::new(),
         };
         self.samples += end - start;
         self.kept.insert(key, run);

@@ -87,7 +87,7 @@ fn measured(model: &LawOnData) -> Vec<Option<Measured>> {
     let all = judge.law.noise().iter().zip(known).zip(model.law.resolution()).enumerate();
     all.map(|(row, ((&short, error), &resolution))| {
         let error = error?;
-        let rough = roughness(model.data.dataset, row, tuning);
+        let rough = roughness(&model.data.dataset, row, tuning);
         Some(match rough.filter(|rough| tuning.strays * rough < short) {
             Some(rough) => Measured { noise: rough.max(resolution), error: 0.0 },
             None => Measured { noise: short.max(resolution), error },
@@ -155,7 +155,15 @@ mod tests {
         let values = vec![times.iter().map(|t| t.sin() + sigma * noise()).collect()];
         let lines = vec![0; times.len()];
         let (name, clock) = (String::new(), Clock::default());
-        let run = Run { name, times: times.to_vec(), values, lines, clock, inputs: Vec::new() };
+        let run = Run {
+            name,
+            times: times.to_vec(),
+            values,
+            lines,
+            clock,
+            inputs: Vec::new(),
+            groups: Vec::new(),
+        };
         Dataset { observables: vec!["x".to_string()], runs: vec![run], inputs: Vec::new() }
     }
 

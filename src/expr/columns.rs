@@ -1,7 +1,7 @@
 //! Which columns of a data file hold what, as the spec says.
 
 use super::lower::Lowering;
-use super::system::{InputVariable, Observed, System};
+use super::system::{InputVariable, Observed, Parameter, System};
 use super::unit::Unit;
 use crate::diagnostic::Diagnostic;
 use crate::spec::ast::{DataItemKind, Expression, ExpressionKind, UnitText, Word};
@@ -54,6 +54,18 @@ pub fn candidates(name: &str) -> Vec<String> {
     out
 }
 
+/// What tells apart the groups of runs that have some of these parameters for themselves, each
+/// once: columns, and `None` for every run.
+pub fn groupings(parameters: &[Parameter]) -> Vec<Option<&str>> {
+    let mut out = Vec::new();
+    for by in parameters.iter().filter_map(|parameter| parameter.per.as_ref()) {
+        if !out.contains(&by.column()) {
+            out.push(by.column());
+        }
+    }
+    out
+}
+
 impl System {
     /// Where the observables stand when no `data` statement says otherwise.
     pub fn observed_columns(&self) -> Vec<ObservedColumn> {
@@ -63,6 +75,12 @@ impl System {
             ObservedColumn { candidates, name, scale: 1.0 }
         };
         observables.into_iter().enumerate().map(column).collect()
+    }
+
+    /// What tells apart the groups of runs that have inner parameters of their own, each once:
+    /// columns, and `None` for every run.
+    pub fn groupings(&self) -> Vec<Option<String>> {
+        groupings(&self.parameters).into_iter().map(|by| by.map(str::to_string)).collect()
     }
 
     /// Where the inputs stand when no `data` statement says otherwise.

@@ -18,7 +18,9 @@ impl System {
             momenta: names(&self.momenta),
             observables: self.observables(),
             time: self.time.name.clone(),
-            inputs: self.inputs.iter().map(|input| input.variable.name.clone()).collect(),
+            inputs: (self.inputs.iter().filter(|input| !input.own))
+                .map(|input| input.variable.name.clone())
+                .collect(),
         }
     }
 }

@@ -17,7 +17,7 @@ mod system;
 pub mod unit;
 mod unseen;
 
-pub use columns::{ColumnScale, DataColumns, ObservedColumn, candidates};
+pub use columns::{ColumnScale, DataColumns, ObservedColumn, candidates, groupings};
 pub use effects::instances;
 pub use functions::{
     Domain, FUNCTIONS, Function, FunctionRow, Kernel, Latex, MachineInstruction, SignRule, Target,
@@ -32,6 +32,6 @@ pub(crate) use print::Precedence;
 pub use space::{FunctionSpace, SpaceInput, SpaceKnown, SpaceParameter, SpaceTerm, SpaceVariable};
 pub(crate) use system::without_others;
 pub use system::{
-    Bounds, Hidden, InputVariable, Observed, Parameter, Place, System, Term, Variable,
+    Bounds, Hidden, InputVariable, Observed, Parameter, Per, Place, System, Term, Variable,
 };
 pub use unit::Unit;

@@ -42,6 +42,9 @@ pub struct SpaceKnown {
 pub struct SpaceParameter {
     /// As written in the spec.
     pub name: String,
+    /// What has a value of its own: `run`, or the column that tells groups of runs apart.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub per: Option<String>,
     /// Start values, one or more.
     pub starts: Vec<f64>,
     /// Its unit, where it is known.
@@ -177,6 +180,7 @@ impl FunctionSpace {
         let parameter =
             |(parameter, starts): (&super::system::Parameter, &Vec<f64>)| SpaceParameter {
                 name: parameter.name.clone(),
+                per: parameter.per.as_ref().map(|per| per.word().to_string()),
                 starts: starts.clone(),
                 unit: parameter.unit_text.clone(),
                 bounds: bounds_text(parameter.bounds),

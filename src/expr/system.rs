@@ -28,6 +28,9 @@ pub struct InputVariable {
     pub variable: Variable,
     /// What it does between its samples.
     pub between: Interpolation,
+    /// Whether it is what runs have for themselves of an inner parameter: nobody recorded it, and no
+    /// effect acts on it.
+    pub own: bool,
 }
 
 /// What moves and is not measured: a coordinate with its momentum, or an internal state of first
@@ -157,6 +160,35 @@ impl Term {
     }
 }
 
+/// What has a value of its own of an inner parameter.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Per {
+    /// Every run.
+    Run,
+    /// Every group of runs, told apart by a column of the data.
+    Group(String),
+}
+
+impl Per {
+    /// What the word behind `per` means: `run`, or the name of a column.
+    pub fn of(word: &str) -> Per {
+        if word == "run" { Per::Run } else { Per::Group(word.to_string()) }
+    }
+
+    /// The column that tells groups of runs apart; `None` for every run.
+    pub fn column(&self) -> Option<&str> {
+        match self {
+            Per::Run => None,
+            Per::Group(column) => Some(column),
+        }
+    }
+
+    /// As it stands behind `per`.
+    pub fn word(&self) -> &str {
+        self.column().unwrap_or("run")
+    }
+}
+
 /// An inner parameter: a number inside terms that is learned and not penalised.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
@@ -166,6 +198,8 @@ pub struct Parameter {
     pub start: f64,
     /// Allowed values.
     pub bounds: Bounds,
+    /// What has a value of its own; `None`: all runs share it.
+    pub per: Option<Per>,
     /// `None`: no unit was given, nothing about it is checked.
     pub unit: Option<Unit>,
     /// The unit as the user wrote it, for print.
@@ -222,6 +256,42 @@ impl System {
     /// Number of degrees of freedom n; the state has 2n components.
     pub fn degrees(&self) -> usize {
         self.coordinates.len()
+    }
+
+    /// The same with an input beside every inner parameter that runs have for themselves, behind the
+    /// others and in the order of the parameters, to which it is added: all runs share the parameter
+    /// then. `None` where there is none.
+    pub(crate) fn with_own_inputs(&self) -> Option<System> {
+        let mut system = self.clone();
+        let mut sums = HashMap::new();
+        for (j, parameter) in system.parameters.iter_mut().enumerate() {
+            if parameter.per.take().is_none() {
+                continue;
+            }
+            let own = Symbol::Input(system.inputs.len(), 0);
+            let parts =
+                [Symbol::Parameter(j), own].map(|symbol| (1.0, system.graph.symbol(symbol)));
+            sums.insert(Symbol::Parameter(j), system.graph.linear(0.0, &parts));
+            let Parameter { name, unit, unit_text, .. } = parameter.clone();
+            let variable = Variable { name: format!("{name} of the run"), unit, unit_text };
+            let between = Interpolation::Hold;
+            system.inputs.push(InputVariable { variable, between, own: true });
+        }
+        if sums.is_empty() {
+            return None;
+        }
+        let System {
+            graph, kinetic, potential, hamiltonian, forces, sensors, hidden, terms, ..
+        } = &mut system;
+        let energies = [kinetic, potential, hamiltonian].into_iter();
+        let rates = hidden.iter_mut().filter_map(|part| part.rate.as_mut());
+        let others = terms.iter_mut().flat_map(|term| {
+            std::iter::once(&mut term.expr).chain(term.also.iter_mut().map(|(_, expr)| expr))
+        });
+        for expr in energies.chain(forces).chain(sensors).chain(rates).chain(others) {
+            *expr = graph.substitute(*expr, &sums);
+        }
+        Some(system)
     }
 
     /// The internal state of first order that stands in the place of a coordinate; `None` where a

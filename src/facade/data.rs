@@ -385,5 +385,6 @@ fn run(
         lines: vec![0; times.len()],
         clock: Clock::default(),
         inputs,
+        groups: Vec::new(),
     })
 }

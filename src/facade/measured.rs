@@ -123,6 +123,7 @@ pub fn of_samples(
         run: runs.map(|_| run),
         observables: observables.iter().map(ObservableMap::plain).collect(),
         inputs: Vec::new(),
+        groups: compiled.system.groupings(),
     };
     mapping.inputs = (inputs.iter())
         .map(|input| InputMap { column: ObservableMap::plain(&input.name), between: input.between })
@@ -241,6 +242,7 @@ fn mapping(compiled: &Compiled, table: &Table) -> Result<Mapping> {
         run: columns.and_then(|c| c.run.clone()).or_else(|| runs_of_file(compiled, table)),
         observables: Vec::new(),
         inputs: Vec::new(),
+        groups: system.groupings(),
     };
     let observed = columns.map_or_else(|| system.observed_columns(), |c| c.observables.clone());
     // Coordinates alone will do. But a momentum whose column the spec names, or of which there

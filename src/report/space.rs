@@ -63,11 +63,17 @@ impl FunctionSpace {
         if !self.parameters.is_empty() {
             out.push_str("\nparameters\n");
             let mut table = plain_table(width);
-            table.set_header(["", "start", "unit", "bounds"]);
+            let with_groups = self.parameters.iter().any(|parameter| parameter.per.is_some());
+            let mut header = vec!["", "start", "unit", "bounds"];
+            header.extend(with_groups.then_some("one for each"));
+            table.set_header(header);
             for parameter in &self.parameters {
                 let starts: Vec<String> = parameter.starts.iter().map(f64::to_string).collect();
-                let unit = parameter.unit.clone().unwrap_or_default();
-                table.add_row([&parameter.name, &starts.join(", "), &unit, &parameter.bounds]);
+                let mut row = vec![parameter.name.clone(), starts.join(", ")];
+                row.push(parameter.unit.clone().unwrap_or_default());
+                row.push(parameter.bounds.clone());
+                row.extend(with_groups.then(|| parameter.per.clone().unwrap_or_default()));
+                table.add_row(row);
             }
             push_table(&mut out, &table);
         }

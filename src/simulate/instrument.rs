@@ -80,6 +80,7 @@ pub fn consecutive_pairs(data: &Dataset) -> Dataset {
                 lines: vec![0; 2],
                 clock: run.clock,
                 inputs: run.inputs.iter().map(|column| column[at - 1..=at].to_vec()).collect(),
+                groups: run.groups.clone(),
             });
         }
     }

@@ -356,6 +356,7 @@ impl Trajectories {
             lines: vec![0; self.times.len()],
             clock: Clock::default(),
             inputs: Vec::new(),
+            groups: Vec::new(),
         });
         let runs = runs.collect();
         Dataset { observables, runs, inputs: Vec::new() }

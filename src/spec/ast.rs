@@ -50,8 +50,8 @@ pub enum StatementKind {
     Data { file: Word, items: Vec<DataItem> },
     /// `constant g = 9.81 [m/s^2]`
     Constant { name: Word, value: Expression },
-    /// `param a = 0, 1 in -2..2`
-    Parameter { name: Word, starts: Vec<Expression>, bounds: Option<Limits> },
+    /// `param a = 0, 1 in -2..2`, `param k per run = 4 in 0..`
+    Parameter { name: Word, per: Option<Word>, starts: Vec<Expression>, bounds: Option<Limits> },
     /// `T = ...`, `V += ...`
     Energy { part: EnergyPart, adds: bool, value: Expression },
     /// `force q[i] += ... for i in 1..5`

@@ -410,7 +410,7 @@ impl<'a> Expander<'a, '_> {
             };
             let name = Word { text: row.parameter_name(scan.name, arguments), site };
             let bounds = scan.by.is_scale().then(|| around(&start));
-            let kind = StatementKind::Parameter { name, starts: vec![start], bounds };
+            let kind = StatementKind::Parameter { name, starts: vec![start], per: None, bounds };
             out.push(Statement { kind, site, effect: None });
         }
         Some(out)

@@ -65,9 +65,13 @@ impl Display for Statement {
             StatementKind::Constant { name, value } => {
                 write!(f, "constant {} = {value}", name.text)
             }
-            StatementKind::Parameter { name, starts, bounds } => {
-                write!(f, "param {} = ", name.text)?;
-                list(f, starts, ", ")?;
+            StatementKind::Parameter { name, starts, per, bounds } => {
+                write!(f, "param {}", name.text)?;
+                per.iter().try_for_each(|per| write!(f, " per {}", ColumnName(per)))?;
+                if !starts.is_empty() {
+                    f.write_str(" = ")?;
+                    list(f, starts, ", ")?;
+                }
                 bounds.iter().try_for_each(|bounds| write!(f, " in {bounds}"))
             }
             StatementKind::Energy { part, adds, value } => {

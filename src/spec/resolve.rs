@@ -94,6 +94,8 @@ pub struct Hidden<'a> {
 pub struct Parameter<'a> {
     pub name: &'a Word,
     pub starts: &'a [Expression],
+    /// The column that tells apart what has a number of its own; `run` for every run.
+    pub per: Option<&'a Word>,
     pub bounds: Option<&'a Limits>,
 }
 
@@ -252,10 +254,15 @@ impl<'a> Resolver<'a, '_> {
                 self.name(&name.text, meaning, name.site.0);
                 self.out.constants.push((name, value));
             }
-            StatementKind::Parameter { name, starts, bounds } => {
+            StatementKind::Parameter { name, starts, per, bounds } => {
                 let meaning = Meaning::Parameter(self.out.parameters.len());
                 self.name(&name.text, meaning, name.site.0);
-                self.out.parameters.push(Parameter { name, starts, bounds: bounds.as_ref() });
+                self.out.parameters.push(Parameter {
+                    name,
+                    starts,
+                    per: per.as_ref(),
+                    bounds: bounds.as_ref(),
+                });
             }
             StatementKind::Energy { part, adds, value } => {
                 if !adds {

@@ -9,6 +9,7 @@ use leverrier::internals::error::{Error, Result};
 
 fn mapping(run: Option<&str>, observables: &[&str]) -> Mapping {
     Mapping {
+        groups: Vec::new(),
         inputs: Vec::new(),
         time: None,
         run: run.map(str::to_string),

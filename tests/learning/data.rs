@@ -11,6 +11,7 @@ use proptest::prelude::*;
 
 fn mapping(run: Option<&str>, observables: &[&str]) -> Mapping {
     Mapping {
+        groups: Vec::new(),
         inputs: Vec::new(),
         time: None,
         run: run.map(str::to_string),
@@ -96,6 +97,7 @@ fn runs_are_collected_converted_and_put_in_order() {
     let content = b"t [ms],run,angle [deg]\n\
         0,b,180\n0,a,90\n2,a,270\n10,b,\n1,a,180\n20,b,90\n5,lonely,7\n";
     let mapping = Mapping {
+        groups: Vec::new(),
         inputs: Vec::new(),
         time: Some(ColumnMap { scale: 1e-3, ..ColumnMap::plain("t") }),
         run: Some("run".into()),
@@ -266,6 +268,7 @@ fn run(name: &str, times: &[f64], values: &[&[f64]]) -> Run {
         lines: Vec::new(),
         clock: Clock::default(),
         inputs: Vec::new(),
+        groups: Vec::new(),
     }
 }
 
@@ -294,6 +297,7 @@ fn any_run(name: String) -> impl Strategy<Value = Run> {
             lines: vec![0; rows.len()],
             clock: Clock::default(),
             inputs: Vec::new(),
+            groups: Vec::new(),
         }
     })
 }

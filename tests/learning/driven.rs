@@ -35,6 +35,7 @@ pub fn shaken(truth: &str, amplitude: f64, runs: usize, (samples, step): (usize,
             lines: vec![0; samples],
             clock: Clock::default(),
             inputs: columns.clone(),
+            groups: Vec::new(),
         };
         let data = Dataset { runs: vec![driving], inputs: inputs.clone(), ..Dataset::default() };
         let record = InputRecord::of_runs(system, &data).unwrap().remove(0);

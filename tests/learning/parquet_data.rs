@@ -129,6 +129,7 @@ fn plain(columns: &[(&str, Of)]) -> Vec<u8> {
 
 fn mapping(run: Option<&str>, observables: &[&str]) -> Mapping {
     Mapping {
+        groups: Vec::new(),
         inputs: Vec::new(),
         time: None,
         run: run.map(str::to_string),
@@ -200,6 +201,7 @@ fn sample() -> Dataset {
         lines: vec![0; 30],
         clock: Clock::default(),
         inputs: Vec::new(),
+        groups: Vec::new(),
     };
     Dataset {
         inputs: Vec::new(),

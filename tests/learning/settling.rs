@@ -31,6 +31,7 @@ fn swings(runs: usize, samples: usize, second: &str) -> Dataset {
             lines,
             clock: Clock::default(),
             inputs: Vec::new(),
+            groups: Vec::new(),
         }
     };
     Dataset {

@@ -221,6 +221,7 @@ fn the_number_of_threads_changes_nothing() {
 
 fn asked(observables: &[&str]) -> Mapping {
     Mapping {
+        groups: Vec::new(),
         inputs: Vec::new(),
         time: None,
         run: Some("run".to_string()),

@@ -472,6 +472,7 @@ fn next_to_no_data() {
             lines: vec![0],
             clock: Clock::default(),
             inputs: Vec::new(),
+            groups: Vec::new(),
         }],
         ..empty.clone()
     };

@@ -153,6 +153,7 @@ fn record(system: &System, between: Interpolation, times: &[f64], values: &[f64]
         lines: vec![0; times.len()],
         clock: Clock::default(),
         inputs: input.columns(times, values),
+        groups: Vec::new(),
     };
     let data = Dataset { observables: Vec::new(), runs: vec![run], inputs: vec![input] };
     InputRecord::of_runs(system, &data).unwrap().remove(0)

@@ -154,6 +154,7 @@ impl Builder {
             name: name.to_string(),
             start,
             bounds: Bounds::FREE,
+            per: None,
             unit: None,
             unit_text: None,
         });

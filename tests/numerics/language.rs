@@ -240,6 +240,7 @@ fn statement() -> impl Strategy<Value = Statement> {
     let parameter = || {
         (plain_name(), expression()).prop_map(|(name, start)| StatementKind::Parameter {
             name: word(name),
+            per: None,
             starts: vec![start],
             bounds: None,
         })
@@ -281,9 +282,18 @@ fn statement() -> impl Strategy<Value = Statement> {
             .prop_map(|(file, items)| StatementKind::Data { file, items }),
         (plain_name(), expression())
             .prop_map(|(name, value)| StatementKind::Constant { name: word(name), value }),
-        (plain_name(), prop::collection::vec(expression(), 1..3), prop::option::of(limits))
-            .prop_map(|(name, starts, bounds)| StatementKind::Parameter {
+        (
+            plain_name(),
+            prop::option::of(prop_oneof![plain_name(), Just("a b".to_string())]),
+            prop::collection::vec(expression(), 0..3),
+            prop::option::of(limits)
+        )
+            .prop_filter("a shared number has a start", |(_, per, starts, _)| {
+                per.is_some() || !starts.is_empty()
+            })
+            .prop_map(|(name, per, starts, bounds)| StatementKind::Parameter {
                 name: word(name),
+                per: per.map(word),
                 starts,
                 bounds
             }),

@@ -83,6 +83,7 @@ impl Model {
         self.parameters.push(value);
         self.parameter_errors.push(error);
         self.system.parameters.push(Parameter {
+            per: None,
             name: name.into(),
             start: 0.0,
             bounds: Bounds::FREE,

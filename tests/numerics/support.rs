@@ -59,6 +59,7 @@ pub fn learned_system(driven: bool, separable: bool) -> System {
             name: name.into(),
             start: 0.1,
             bounds: Bounds::FREE,
+            per: None,
             unit: None,
             unit_text: None,
         })

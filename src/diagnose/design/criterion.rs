@@ -33,7 +33,15 @@ impl Sampling {
         let lines = vec![0; times.len()];
         let (name, clock) = (String::new(), Clock::default());
         let inputs = Vec::new();
-        all.runs.push(Run { name, times: times.clone(), values, lines, clock, inputs });
+        all.runs.push(Run {
+            name,
+            times: times.clone(),
+            values,
+            lines,
+            clock,
+            inputs,
+            groups: Vec::new(),
+        });
         Sampling { times, typical: typical_step(&all) }
     }
 }
@@ -188,6 +196,7 @@ impl Criterion<'_> {
                 times,
                 clock: Clock::default(),
                 inputs: Vec::new(),
+                groups: Vec::new(),
             }
         });
         let observables = self.dataset.observables.clone();

@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 use super::columns::{self, DataColumns};
 use super::graph::{Expr, Graph, Symbol};
-use super::system::{Bounds, Observed, Parameter, Place, System, Term, Variable};
+use super::system::{Bounds, Observed, Parameter, Per, Place, System, Term, Variable};
 use super::unit::Unit;
 use crate::data::visible;
 use crate::diagnostic::{Diagnostic, Severity, Span};
@@ -435,7 +435,11 @@ impl<'a> Lowering<'a> {
                     );
                 }
             }
-            let starts: Vec<f64> = starts.iter().map(|&(start, ..)| start).collect();
+            let mut starts: Vec<f64> = starts.iter().map(|&(start, ..)| start).collect();
+            if starts.is_empty() {
+                // Only numbers of runs go without a start.
+                starts.push(bounds.clamp(1.0));
+            }
             self.starts.push(starts.first().copied().unwrap_or(0.0));
             let text = parameter.starts.iter().find_map(|start| match &start.kind {
                 ExpressionKind::Quantity(_, unit) => Some(unit.text.clone()),
@@ -445,6 +449,7 @@ impl<'a> Lowering<'a> {
                 name: parameter.name.text.clone(),
                 start: starts.first().copied().unwrap_or(0.0),
                 bounds,
+                per: parameter.per.map(|per| Per::of(&per.text)),
                 unit,
                 unit_text: text.or_else(|| unit.map(|unit| unit.to_string())),
             };

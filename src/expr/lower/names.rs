@@ -13,6 +13,7 @@ impl Lowering<'_> {
     /// The inputs of the spec, with their units.
     pub(super) fn input_variables(&self) -> Vec<InputVariable> {
         let variable = |(input, unit): (&Input, &Option<Unit>)| InputVariable {
+            own: false,
             variable: Variable {
                 name: input.name.text.clone(),
                 unit: *unit,

@@ -302,7 +302,7 @@ impl Scope {
         }
         let name = Word { text: name, site };
         let free = Some((name.text.clone(), number.value));
-        let kind = StatementKind::Parameter { name, starts: vec![start], bounds: None };
+        let kind = StatementKind::Parameter { name, starts: vec![start], per: None, bounds: None };
         spec.statements.push(Statement { kind, site, effect: None });
         let mut changed = compiled(&base.system.name, &base.text, spec, Vec::new(), free)?;
         changed.keep(base);
@@ -321,7 +321,15 @@ impl Compiled {
         for (term, was) in system.terms.iter_mut().zip(&base.system.terms) {
             term.label.clone_from(&was.label);
         }
-        self.system = Arc::new(system);
+        // What runs have for themselves are inputs in both, or in none.
+        let of_runs = base.system.inputs.iter().any(|input| input.own);
+        let changed = of_runs.then(|| system.with_own_inputs()).flatten();
+        self.system = Arc::new(changed.unwrap_or(system));
+    }
+
+    /// The same spec for a system in which what runs have for themselves are inputs.
+    pub(crate) fn with_system(&self, system: &Arc<System>) -> Compiled {
+        Compiled { system: system.clone(), ..self.clone() }
     }
 }
 

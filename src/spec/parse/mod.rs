@@ -141,6 +141,7 @@ impl Fault {
             Some("**") => diagnostic.hint("a power is written `x^2`"),
             Some("[") => diagnostic.hint("an index follows its name without a space: `q[1]`"),
             Some("=") => diagnostic.hint("compare with `==`; one statement defines one thing"),
+            Some("per") => diagnostic.hint("`per` stands behind the name: `param k per run = 1`"),
             _ => diagnostic,
         }
     }

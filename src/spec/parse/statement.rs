@@ -283,15 +283,24 @@ fn constant(input: Tokens) -> Parsed<StatementKind> {
     Ok((rest, StatementKind::Constant { name, value }))
 }
 
-/// parameter = "param" , name , "=" , expression , { "," , expression } , [ "in" , limits ] ;
+/// parameter = "param" , name , ( starts | "per" , column , [ starts ] ) , [ "in" , limits ] ;
 fn parameter(input: Tokens) -> Parsed<StatementKind> {
-    let (rest, ((), name, ())) = (keyword("param"), name, mark("=")).parse(input)?;
-    let (rest, first) = expression(rest)?;
-    let (rest, more) = many0(preceded(mark(","), cut(expression))).parse(rest)?;
+    let (rest, ((), name)) = (keyword("param"), name).parse(input)?;
+    let (rest, per) = opt(preceded(keyword("per"), cut(column))).parse(rest)?;
+    let (rest, starts) = match &per {
+        Some(_) => opt(starts).parse(rest)?,
+        None => starts.map(Some).parse(rest)?,
+    };
     let (rest, bounds) = opt(preceded(keyword("in"), cut(limits))).parse(rest)?;
-    let mut starts = vec![first];
-    starts.extend(more);
-    Ok((rest, StatementKind::Parameter { name, starts, bounds }))
+    let starts = starts.unwrap_or_default();
+    Ok((rest, StatementKind::Parameter { name, per, starts, bounds }))
+}
+
+/// starts = "=" , expression , { "," , expression } ;
+fn starts(input: Tokens) -> Parsed<Vec<Expression>> {
+    let (rest, ((), first)) = (mark("="), expression).parse(input)?;
+    let (rest, more) = many0(preceded(mark(","), cut(expression))).parse(rest)?;
+    Ok((rest, std::iter::once(first).chain(more).collect()))
 }
 
 /// limits = [ expression ] , ".." , [ expression ] ;

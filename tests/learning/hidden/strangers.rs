@@ -137,6 +137,7 @@ impl Force {
                 lines: (0..times.len() as u64).map(|i| i + 2).collect(),
                 clock: Clock::default(),
                 inputs: Vec::new(),
+                groups: Vec::new(),
             }
         });
         Dataset { observables, runs: runs.collect(), inputs: Vec::new() }
