@@ -100,6 +100,7 @@ pub use dynamics::Method;
 pub use error::{DataError, Error, ErrorKind, Result};
 pub use facade::{Comparison, Data, Diagnosis, Discovery, Effect, Horizon, Law, Spec};
 pub use facade::{Trajectory, Values, VectorField, Verdict};
+pub use fit::distribution::{Distribution, OwnValue, Unusual};
 pub use fit::hidden::HiddenMotion;
 pub use fit::model::{LearnedParameter, LearnedTerm, Noise};
 pub use fit::tuning;

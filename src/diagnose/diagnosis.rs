@@ -162,14 +162,14 @@ pub fn diagnose(
     options.check()?;
     spec.system.positions(law.support())?;
     let tuning = &options.tuning;
-    let held_out = Measurements::of(held_out, options);
     let model = LawOnData::of(law.clone(), training, options).heeding(monitor);
+    let held_out = model.with_data(&Measurements::of(held_out, options)).data;
     let model = model.with_noise(shortest(&model));
     if let Some(reason) = lacking_beside(&model, &held_out) {
         return Ok(Diagnosis::too_little(reason));
     }
     monitor.stage("scoring candidates", 0.1);
-    let mut scope = Scope::of(spec);
+    let mut scope = Scope::of(&spec.with_system(model.system()));
     let all = candidates(&mut scope, training, &tuning.candidates);
     let first = ranking(&model, &held_out, &all, tuning.ranking.first_refits, monitor)?;
     let mut diagnosis = Diagnosis::of(&first, all.len(), model.law.noise());

@@ -1,5 +1,6 @@
 //! A law on data: what every question about the misfit is asked of.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::autocorrelation::Noise;
@@ -7,6 +8,7 @@ use super::options::Options;
 use super::tuning::Tuning;
 use crate::data::{Dataset, Packed};
 use crate::expr::System;
+use crate::fit::own_values::as_inputs;
 use crate::fit::segments::packed;
 use crate::fit::{Law, Monitor, Silent};
 
@@ -14,7 +16,7 @@ use crate::fit::{Law, Monitor, Silent};
 #[derive(Clone)]
 pub struct Measurements<'a> {
     /// As they were read.
-    pub dataset: &'a Dataset,
+    pub dataset: Cow<'a, Dataset>,
     /// The same, run after run.
     pub packed: Arc<Packed>,
     /// Samples that questions are asked of, at most; they are spread over all segments.
@@ -25,7 +27,13 @@ impl<'a> Measurements<'a> {
     /// All samples of a data set.
     pub fn of(dataset: &'a Dataset, options: &Options) -> Measurements<'a> {
         let packed = Arc::new(packed(dataset, &options.fit.segments));
-        Measurements { dataset, packed, most: usize::MAX }
+        Measurements { dataset: Cow::Borrowed(dataset), packed, most: usize::MAX }
+    }
+
+    /// The same with another data set.
+    fn with(&self, dataset: Dataset, options: &Options) -> Measurements<'a> {
+        let packed = Arc::new(packed(&dataset, &options.fit.segments));
+        Measurements { dataset: Cow::Owned(dataset), packed, most: self.most }
     }
 }
 
@@ -46,6 +54,8 @@ pub struct LawOnData<'a> {
     pub autocorrelation_time: f64,
     /// Asked whether to stop.
     pub monitor: &'a dyn Monitor,
+    /// The law whose runs have numbers for themselves, where they have: here these are inputs.
+    before: Option<Arc<Law>>,
 }
 
 impl<'a> LawOnData<'a> {
@@ -56,8 +66,11 @@ impl<'a> LawOnData<'a> {
 
     /// A law on measurements that are packed already.
     pub fn on(law: Law, data: &Measurements<'a>, options: &'a Options) -> LawOnData<'a> {
-        let data = data.clone();
-        LawOnData { law, data, options, autocorrelation_time: 1.0, monitor: &Silent }
+        let (law, data, before) = match as_inputs(&law, &data.dataset) {
+            Some((of_runs, dataset)) => (of_runs, data.with(dataset, options), Some(Arc::new(law))),
+            None => (law, data.clone(), None),
+        };
+        LawOnData { law, data, options, autocorrelation_time: 1.0, monitor: &Silent, before }
     }
 
     /// The same, whose fits end early when a monitor says so.
@@ -68,6 +81,10 @@ impl<'a> LawOnData<'a> {
     /// What the law is of.
     pub fn system(&self) -> &Arc<System> {
         self.law.system()
+    }
+
+    fn inputs(&self) -> usize {
+        self.system().inputs.len()
     }
 
     /// The numbers that the diagnosis goes by.
@@ -111,7 +128,12 @@ impl<'a> LawOnData<'a> {
 
     /// The same law on other measurements.
     pub fn with_data(&self, data: &Measurements<'a>) -> LawOnData<'a> {
-        LawOnData { data: data.clone(), ..self.clone() }
+        let own = self.before.as_ref().filter(|_| data.dataset.inputs.len() < self.inputs());
+        let data = match own.and_then(|before| as_inputs(before, &data.dataset)) {
+            Some((_, dataset)) => data.with(dataset, self.options),
+            None => data.clone(),
+        };
+        LawOnData { data, ..self.clone() }
     }
 
     /// The same law on a part of its measurements.

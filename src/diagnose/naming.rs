@@ -45,7 +45,7 @@ pub fn with_name<'a>(
         return Ok(None);
     }
     let mut scope = question.scope.clone();
-    let all = candidates(&mut scope, question.model.data.dataset, &tuning.candidates);
+    let all = candidates(&mut scope, &question.model.data.dataset, &tuning.candidates);
     let alike = alike(&story.model, question.model.system(), &all)?;
     let window = story.model.law.window();
     let like = question.model.with_noise(story.model.noise()).with_window(window);

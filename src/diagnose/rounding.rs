@@ -27,7 +27,7 @@ pub fn is_feigned(without: &LawOnData, with: &LawOnData) -> bool {
     };
     let fall = |data: &Dataset| Some(whole(without, data)? - whole(with, data)?);
     let feigned = fall(&rounded(without, &steps));
-    let found = fall(without.data.dataset);
+    let found = fall(&without.data.dataset);
     let times = without.tuning().instrument.feigned;
     found.zip(feigned).is_some_and(|(found, feigned)| found < times * feigned)
 }
@@ -38,7 +38,7 @@ fn rounded(model: &LawOnData, steps: &[Option<f64>]) -> Dataset {
     let settled = settle(model.with_window(longest(model)));
     let residuals = settled.residuals();
     let Settled { model, segments, .. } = settled;
-    let mut data = model.data.dataset.clone();
+    let mut data = model.data.dataset.into_owned();
     let noise = model.law.noise();
     for (segment, left) in segments.list.iter().zip(&residuals) {
         let Some(run) = data.runs.get_mut(segment.run) else { continue };

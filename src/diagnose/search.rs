@@ -140,7 +140,7 @@ pub fn holds(story: &Story) -> bool {
 fn extended<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Result<Vec<Story<'a>>> {
     let mut scope = story.scope.clone();
     let tuning = story.model.tuning();
-    let all = candidates(&mut scope, story.model.data.dataset, &tuning.candidates);
+    let all = candidates(&mut scope, &story.model.data.dataset, &tuning.candidates);
     added(question, story, &all, tuning.ranking.later_refits, tuning.verdict.branches)
 }
 
@@ -150,7 +150,7 @@ fn with_unnamed<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Result<Ve
     let mut scope = story.scope.clone();
     let tuning = story.model.tuning();
     let terms = composed(&mut scope, &story.model, question.monitor)?;
-    let shapes = unnamed(&mut scope, story.model.data.dataset, &tuning.candidates);
+    let shapes = unnamed(&mut scope, &story.model.data.dataset, &tuning.candidates);
     let (refits, branches) = (tuning.ranking.first_refits, tuning.verdict.unnamed_branches);
     let mut all = added(question, story, &terms, refits, branches)?;
     // Shapes without a form say less than a term that explains all.

@@ -5,6 +5,7 @@ use super::law_on_data::LawOnData;
 use super::restarting::restarted;
 use crate::dynamics::Dynamics;
 use crate::fit::Loss;
+use crate::fit::driving::OwnInputs;
 use crate::fit::pass::{self, Problem, Sums};
 use crate::fit::segments::{Segments, cut};
 use crate::fit::states::States;
@@ -51,6 +52,8 @@ pub(super) fn problem<'b>(
         floor: FLOOR,
         stream: None,
         window: model.law.window(),
+        parameters: &[],
+        own: OwnInputs::default(),
         tuning: &model.options.fit,
     }
 }

@@ -40,7 +40,7 @@ pub(super) fn lacking_beside(training: &LawOnData, held_out: &Measurements) -> O
     if let Some(reason) = too_few_to_learn(seen, least) {
         return Some(reason);
     }
-    let held_out = LawOnData { data: held_out.clone(), ..training.clone() };
+    let held_out = training.with_data(held_out);
     too_few_to_judge(settle(held_out).sums.rows, least)
 }
 

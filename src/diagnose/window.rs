@@ -23,7 +23,7 @@ pub fn longer(model: &LawOnData) -> Option<usize> {
 
 /// Samples of the longest segments that a law on data is held against.
 pub(super) fn longest(model: &LawOnData) -> usize {
-    longest_run(model.data.dataset).min(model.tuning().states.longest)
+    longest_run(&model.data.dataset).min(model.tuning().states.longest)
 }
 
 /// The longest segments, in samples, that the model with an effect follows as well as those half

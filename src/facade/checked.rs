@@ -90,6 +90,12 @@ impl Problems {
             self.line("name", &parameter.name);
             self.line("unit", parameter.unit.as_deref().unwrap_or_default());
         }
+        for found in &model.distributions {
+            self.line("name", &found.name);
+            self.line("per", &found.per);
+            self.line("unit", found.unit.as_deref().unwrap_or_default());
+            found.values.iter().for_each(|value| self.line("group", &value.group));
+        }
         for noise in &model.noise {
             self.line("observable", &noise.observable);
         }
@@ -123,6 +129,10 @@ impl Problems {
         self.require(finite, || "it has a number that is not finite".to_string());
         let errors = model.terms.iter().map(|term| term.standard_error);
         let errors = errors.chain(model.parameters.iter().map(|p| p.standard_error));
+        let values = || model.distributions.iter().flat_map(|found| &found.values);
+        let finite = values().all(|value| value.value.is_finite());
+        self.require(finite, || "a value of `distributions` is not finite".to_string());
+        let errors = errors.chain(values().map(|value| value.standard_error));
         let errors = errors.chain(model.noise.iter().map(|noise| noise.standard_deviation));
         self.require({ errors }.all(|x| x >= 0.0), || {
             "a standard error or a noise is below zero".to_string()

@@ -151,7 +151,11 @@ impl NamedEffect {
             return Ok(());
         }
         let tuning = &model.tuning().candidates;
-        let all = candidates(&mut Scope::of(compiled), model.data.dataset, tuning);
+        let all = candidates(
+            &mut Scope::of(&compiled.with_system(model.system())),
+            &model.data.dataset,
+            tuning,
+        );
         let Some(candidate) = all.iter().find(|c| c.label == self.label) else { return Ok(()) };
         let scores = scan(&settle(model), None, std::slice::from_ref(candidate))?;
         if let Some(best) = scores.scored.first() {

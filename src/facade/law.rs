@@ -7,6 +7,7 @@ use super::data::inputs_of;
 use super::model_file::{self, ModelFile};
 use super::{Data, Spec, Trajectory};
 use crate::error::{Error, ErrorKind, Result};
+use crate::fit::distribution::Distribution;
 use crate::fit::hidden::HiddenMotion;
 use crate::fit::model::{LearnedParameter, LearnedTerm, Noise};
 use crate::fit::{self, Model};
@@ -187,6 +188,36 @@ impl Law {
     /// ```
     pub fn parameters(&self) -> &[LearnedParameter] {
         self.file.as_ref().map_or(&[], |file| &file.model.parameters)
+    }
+
+    /// Inner parameters of which every run, or every group of runs, has a value of its own: mean,
+    /// spread, and the value of each; none where the spec says `per` of no parameter.
+    ///
+    /// ```
+    /// use leverrier::{Spec, Data, Values};
+    ///
+    /// let spec = Spec::parse("coordinates q; momenta p; param k per run = 1; T = p^2/2; V = k*q^2/2")?;
+    /// let (mut t, mut q, mut p, mut runs) = (vec![], vec![], vec![], vec![]);
+    /// for (run, k) in [("stiff", 4.0_f64), ("soft", 2.25)] {
+    ///     for time in (0..60).map(|i| 0.1 * i as f64) {
+    ///         t.push(time);
+    ///         q.push((k.sqrt() * time).cos());
+    ///         p.push(-k.sqrt() * (k.sqrt() * time).sin());
+    ///         runs.push(run.to_string());
+    ///     }
+    /// }
+    /// let columns = [
+    ///     ("t", Values::Numbers(&t)), ("q", Values::Numbers(&q)), ("p", Values::Numbers(&p)),
+    ///     ("run", Values::Text(&runs)),
+    /// ];
+    /// let law = spec.fit(&Data::from_columns(&spec, &columns, None, Some("run"))?)?;
+    /// let of_runs = &law.distributions()[0].values;
+    /// assert_eq!(of_runs[1].group, "soft");
+    /// assert!((of_runs[1].value - 2.25).abs() < 1e-6);
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn distributions(&self) -> &[Distribution] {
+        self.file.as_ref().map_or(&[], |file| &file.model.distributions)
     }
 
     /// What the fit found of everything that nobody measures, run by run; none for a law that

@@ -1,5 +1,7 @@
 //! A block: segments side by side, with what was measured of them.
 
+use super::driving::OwnInputs;
+use super::pass::Problem;
 use super::segments::Segment;
 use crate::data::Packed;
 
@@ -26,15 +28,12 @@ pub(super) struct Block<'a> {
 }
 
 impl<'a> Block<'a> {
-    /// Gathers the first `observables` observables of some segments.
-    pub(super) fn gather(
-        measured: &Packed,
-        segments: &'a [Segment],
-        observables: usize,
-    ) -> Block<'a> {
+    /// Gathers what was measured of some segments of a problem.
+    pub(super) fn gather(problem: &Problem, segments: &'a [Segment]) -> Block<'a> {
+        let (measured, observables) = (problem.measured, problem.weights.len());
         let lanes = segments.len();
         let samples = segments.iter().map(|s| s.samples()).max().unwrap_or(0);
-        let driven = measured.driven();
+        let driven = problem.own.beside(measured.driven());
         let mut block = Block {
             segments,
             samples,
@@ -46,7 +45,7 @@ impl<'a> Block<'a> {
             counts: vec![0; lanes],
             observables,
         };
-        block.gather_inputs(measured);
+        block.gather_inputs(measured, problem.own);
         for (lane, segment) in segments.iter().enumerate() {
             let times = &measured.times_of(segment.run)[segment.first..=segment.last];
             block.starts.push(measured.clock_of(segment.run).time(times[0]));
@@ -67,12 +66,16 @@ impl<'a> Block<'a> {
         block
     }
 
-    fn gather_inputs(&mut self, measured: &Packed) {
+    fn gather_inputs(&mut self, measured: &Packed, own: OwnInputs) {
         let (lanes, (inputs, powers)) = (self.lanes(), self.driven);
+        let recorded = inputs - own.count;
         let mut coefficients = vec![0.0; powers];
         for (lane, segment) in self.segments.iter().enumerate() {
             for (sample, at) in (segment.first..=segment.last).enumerate() {
-                for input in 0..inputs {
+                for (input, value) in (recorded..).zip(own.of(segment.run)) {
+                    self.driving[(sample * inputs + input) * powers * lanes + lane] = *value;
+                }
+                for input in 0..recorded {
                     let ends = at == segment.last;
                     measured.driving(input, segment.run, at, ends, &mut coefficients);
                     let first = (sample * inputs + input) * powers * lanes + lane;

@@ -1,16 +1,18 @@
 //! From a trained state to the model that is printed and kept.
 
 use super::column::Column;
+use super::distribution::Distribution;
 use super::factor::Factor;
 use super::model::{
     Evidence, Exchange, FORMAT, FrontPoint, Model, Noise, PathEntry, RunnerUp, Stop, fingerprint,
     place_name,
 };
 use super::options::Selection;
+use super::own_values::{Shared, shared};
 use super::support::{SupportFit, alternatives, front};
 use super::train::{Round, Training};
 use super::tuning::ConclusionTuning;
-use super::uncertainty::{Unlearnable, covariance, inclusion, unlearnable};
+use super::uncertainty::{Unlearnable, inclusion, unlearnable};
 use crate::expr::System;
 
 /// Sums a finished training up.
@@ -25,17 +27,20 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
     // The weights are those of the round before; what is left of them is the last correction.
     let variance = refit.sums().loss / freedom as f64;
     let used = law.dynamics().parameters().to_vec();
-    let law = &law.clone().with_covariance_of(&used, &covariance(&final_factor, variance));
+    let Shared { covariance, distributions, means } =
+        shared(training, refit, (&used, &final_factor, variance));
+    let law = &law.clone().with_parameters(means).with_covariance_of(&used, &covariance);
     let candidates = &round.search.candidates;
     let Round { folds, merged, .. } = round;
     let search = round.search_problem(training.options);
-    let (frequency, (alternatives, unlearnable)) = rayon::join(
+    let (frequency, (alternatives, mut unlearnable)) = rayon::join(
         || inclusion(folds, search, candidates, (tuning, training.options.seed)),
         || {
             let near = alternatives(search, &law.columns(), tuning.close);
             (near, open_questions(system, merged, tuning))
         },
     );
+    unlearnable.extend(distributions.iter().filter_map(undetermined));
     let (runs, samples, segments) = match training.stream {
         Some(stream) => stream.counts(),
         None => {
@@ -95,6 +100,7 @@ pub fn conclude(training: &Training, round: &Round) -> Model {
             rounds: training.rounds,
             iterations: refit.iterations,
         },
+        distributions,
     }
 }
 
@@ -189,6 +195,24 @@ fn open_questions(system: &System, factor: &Factor, tuning: &ConclusionTuning) -
         sentences.extend(found.iter().filter_map(|u| sentence(system, u, tuning.spelled_out)));
     }
     sentences
+}
+
+/// Which groups do not determine a number that they have for themselves.
+fn undetermined(distribution: &Distribution) -> Option<String> {
+    /// Groups that are named.
+    const NAMED: usize = 5;
+    let Distribution { name, per, .. } = distribution;
+    let open = distribution.undetermined();
+    let mut groups: Vec<&str> = open.iter().take(NAMED).map(|one| one.group.as_str()).collect();
+    let more = format!("{} more", open.len().saturating_sub(NAMED));
+    groups.extend((open.len() > NAMED).then_some(more.as_str()));
+    (!open.is_empty()).then(|| {
+        format!(
+            "`{name}` of {per} {} is not determined by its measurements: nothing that was \
+             measured there changes with it",
+            groups.join(", ")
+        )
+    })
 }
 
 fn sentence(system: &System, found: &Unlearnable, spelled_out: usize) -> Option<String> {

@@ -8,6 +8,7 @@ use super::column::Column;
 use super::factor::Factor;
 use super::monitor::Monitor;
 use super::pass::{Linearised, Problem, Sums, settle_linearise_and_respond};
+use super::per_run;
 use super::states::States;
 use crate::dynamics::Dynamics;
 use crate::expr::Bounds;
@@ -215,7 +216,9 @@ impl Minimisation<'_> {
             responses.follow(&mut states, change);
             states
         });
-        self.at(theta, from.states.clone(), extrapolated.as_ref(), nearly)
+        let mut states = from.states.clone();
+        per_run::follow(self.problem, &from.linearised, &mut states, change);
+        self.at(theta, states, extrapolated.as_ref(), nearly)
     }
 
     fn end(&self, here: Point, iterations: usize, stop: StopReason) -> Refit {

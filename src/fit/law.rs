@@ -5,6 +5,7 @@ use std::sync::Arc;
 use nalgebra::DMatrix;
 
 use super::column::Column;
+use super::distribution::Distribution;
 use super::pass::Stepping;
 use super::segments::SHORTEST;
 use crate::dynamics::{Dynamics, Method};
@@ -35,6 +36,8 @@ pub struct Law {
     resolution: Vec<f64>,
     stepping: Stepping,
     window: usize,
+    /// Values of the inner parameters that runs have for themselves, as far as they are known.
+    distributions: Arc<Vec<Distribution>>,
 }
 
 impl Law {
@@ -81,6 +84,7 @@ impl Law {
             resolution,
             stepping,
             window,
+            distributions: Arc::default(),
         })
     }
 
@@ -201,7 +205,20 @@ impl Law {
         each
     }
 
-    /// One value for each inner parameter of the system, in its order.
+    /// Values of the inner parameters that runs, or groups of runs, have for themselves: of those
+    /// that the law was learned from.
+    pub fn distributions(&self) -> &[Distribution] {
+        &self.distributions
+    }
+
+    /// The same with such values.
+    pub(super) fn with_distributions(mut self, distributions: Vec<Distribution>) -> Law {
+        self.distributions = Arc::new(distributions);
+        self
+    }
+
+    /// One value for each inner parameter of the system, in its order. One that runs have for
+    /// themselves stands there with its mean over the runs.
     pub fn parameters(&self) -> &[f64] {
         &self.parameters
     }
@@ -325,6 +342,7 @@ impl Law {
             resolution: self.of_observables(&self.resolution, system, 0.0),
             stepping: self.stepping,
             window: self.window,
+            distributions: self.distributions.clone(),
             system: system.clone(),
         }
     }

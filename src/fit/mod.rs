@@ -7,6 +7,7 @@
 //! ([`gauss_newton`]); rounds of this are [`train`]. [`refit`] fits the numbers of a law again and
 //! searches nothing.
 
+mod arrowhead;
 mod block;
 mod blocking;
 pub mod bounded;
@@ -15,6 +16,7 @@ mod compiled;
 mod conclude;
 pub(crate) mod course;
 pub mod criterion;
+pub mod distribution;
 pub mod driving;
 pub mod elimination;
 pub mod factor;
@@ -32,8 +34,10 @@ pub mod model;
 pub mod monitor;
 mod motion;
 pub mod options;
+pub mod own_values;
 pub mod pass;
 pub mod path;
+pub mod per_run;
 mod prune;
 pub mod rectangle;
 pub mod refit;
@@ -94,6 +98,7 @@ pub fn fit(
     monitor: &dyn Monitor,
 ) -> Result<Model> {
     options.tuning.check()?;
+    let dataset = &*per_run::grouped(system, dataset)?;
     settled(system, dataset, |system| learn(system, dataset, options, monitor))
 }
 
@@ -114,6 +119,7 @@ pub fn fit_stream(
     monitor: &dyn Monitor,
 ) -> Result<Model> {
     options.tuning.check()?;
+    whole_runs(system)?;
     settled(system, &survey.sample, |system| {
         memory::check(system, options)?;
         streamed::learn(system, source, survey, options, monitor)
@@ -148,13 +154,16 @@ fn learn(
     monitor: &dyn Monitor,
 ) -> Result<Model> {
     memory::check(system, options)?;
+    let per_run = !per_run::own(&system.parameters).is_empty();
     if options.trainer == Trainer::FirstOrder {
+        whole_runs(system)?;
         return screening::first_order(system, dataset, options, monitor);
     }
     if system.terms.len() > options.tuning.course.largest_factor && options.sparse {
+        whole_runs(system)?;
         return screening::working_set(system, dataset, options, monitor);
     }
-    if dataset.samples() > options.tuning.course.all_at_once {
+    if dataset.samples() > options.tuning.course.all_at_once && !per_run {
         // The early rounds on a sample, the last ones on all data.
         let source = InMemory::new(dataset, BLOCKING.chunk);
         let survey = survey(&source, options.tuning.course.sampled, options.seed, &|_| true)?;
@@ -162,4 +171,16 @@ fn learn(
     }
     let (training, round) = course::train(system, dataset, options, monitor)?;
     Ok(conclude::conclude(&training, &round))
+}
+
+/// That the data can be passed over run by run, where runs have numbers of their own.
+fn whole_runs(system: &System) -> Result<()> {
+    let Some(parameter) = system.parameters.iter().find(|parameter| parameter.per.is_some()) else {
+        return Ok(());
+    };
+    Err(Error::new(
+        ErrorKind::InvalidArgument,
+        format!("`{}` is a number of each run, which takes all data in memory", parameter.name),
+        "fit fewer samples or terms, allow more memory, or share the number between the runs",
+    ))
 }

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::column::Column;
+use super::distribution::Distribution;
 use super::gauss_newton::StopReason;
 use super::hidden::HiddenMotion;
 use super::law::Law;
@@ -59,6 +60,9 @@ pub struct Model {
     pub path: Vec<PathEntry>,
     /// Why training ended.
     pub stop: Stop,
+    /// The inner parameters of which runs have values of their own.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub distributions: Vec<Distribution>,
 }
 
 /// A term of the support.
@@ -320,6 +324,7 @@ impl Model {
         let resolution: Vec<f64> = self.noise.iter().map(|noise| noise.resolution).collect();
         let resolved = resolution.len() == 2 * system.degrees();
         let law = if resolved { law.with_resolution(resolution) } else { law };
+        let law = law.with_distributions(self.distributions.clone());
         law.with_covariance(covariance).ok()
     }
 
@@ -414,13 +419,16 @@ pub fn fingerprint(system: &System) -> String {
         line(&[&place_name(system, term.place), &term.label]);
     }
     for parameter in &system.parameters {
-        line(&["param", &parameter.name]);
+        match &parameter.per {
+            None => line(&["param", &parameter.name]),
+            Some(per) => line(&["param", &parameter.name, "per", per.word()]),
+        }
     }
     hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// JSON has no infinity: it is written as null.
-mod finite_or_null_one {
+pub(super) mod finite_or_null_one {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
     pub fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {

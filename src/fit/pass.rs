@@ -10,12 +10,15 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::arrowhead;
 use super::block::Block;
 use super::blocking::BLOCKING;
+use super::driving::OwnInputs;
 use super::factor::Factor;
 use super::gathered::Gathered;
 use super::loss::Loss;
 use super::motion::{Equations, Propagation};
+use super::per_run::{self, Eliminated};
 use super::rounding::{ABSORBED, WHOLE_STEPS};
 use super::rows::DesignRows;
 use super::segments::{Segment, Segments, blocks};
@@ -25,7 +28,7 @@ use super::stream::Stream;
 use super::tuning::Tuning;
 use crate::data::Packed;
 use crate::dynamics::{Dynamics, KeptScratch, Method, Scratch};
-use crate::expr::Observed;
+use crate::expr::{Observed, Parameter};
 
 /// How trajectories are integrated between samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,6 +68,10 @@ pub struct Problem<'a> {
     pub stream: Option<&'a Stream<'a>>,
     /// Samples of a segment, at most, that the data are cut into.
     pub window: usize,
+    /// The inner parameters of the system, if runs have some of them for themselves; else none.
+    pub parameters: &'a [Parameter],
+    /// What runs have for themselves in the present pass.
+    pub own: OwnInputs<'a>,
     /// The numbers that passes go by.
     pub tuning: &'a Tuning,
 }
@@ -89,11 +96,11 @@ pub struct Sums {
 }
 
 impl Sums {
-    fn new(observables: usize) -> Sums {
+    pub(super) fn new(observables: usize) -> Sums {
         Sums { squares: vec![0.0; observables], freedom: vec![0.0; observables], ..Sums::default() }
     }
 
-    fn add(&mut self, other: &Sums) {
+    pub(super) fn add(&mut self, other: &Sums) {
         self.loss += other.loss;
         self.diverged += other.diverged;
         self.unsettled += other.unsettled;
@@ -116,6 +123,10 @@ pub fn settle(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mu
         let law = (dynamics, theta);
         return stream.pass(problem, law, law).sums;
     }
+    if per_run::has(problem, dynamics) {
+        let law = (dynamics, theta);
+        return arrowhead::settle_and_linearise(problem, law, law, states, false).sums;
+    }
     let width = width(problem, 2 * dynamics.degrees() + 1);
     let parts: Vec<Sums> = problem
         .segments
@@ -124,7 +135,7 @@ pub fn settle(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mu
         .zip(states.all_mut().par_chunks_mut((width * 2 * dynamics.degrees()).max(1)))
         .with_max_len(1)
         .map_init(KeptScratch::new, |scratch, (segments, states)| {
-            let block = Block::gather(problem.measured, segments, problem.weights.len());
+            let block = Block::gather(problem, segments);
             let (rows, taken) = settled(problem, (dynamics, theta), None, &block, states, scratch);
             let mut sums = Sums::new(problem.weights.len());
             rows.sum_up(&mut sums);
@@ -146,12 +157,18 @@ pub fn residuals(
     theta: &[f64],
     states: &States,
 ) -> Vec<Vec<Vec<f64>>> {
+    if per_run::has(problem, dynamics) {
+        let law = (dynamics, theta);
+        return arrowhead::with_numbers(problem, law, states, |problem| {
+            residuals(problem, dynamics, theta, states)
+        });
+    }
     let width = width(problem, 2 * dynamics.degrees() + 1);
     blocks(0..problem.segments.list.len(), width)
         .into_par_iter()
         .map_init(KeptScratch::new, |scratch, range| {
             let segments = &problem.segments.list[range.clone()];
-            let block = Block::gather(problem.measured, segments, problem.weights.len());
+            let block = Block::gather(problem, segments);
             let propagation = Propagation { present: (dynamics, theta), by: None };
             let rows =
                 DesignRows::integrate(problem, propagation, &block, states.part(range), scratch);
@@ -181,6 +198,8 @@ pub struct Linearised {
     pub sums: Sums,
     /// Where the best states go when theta does, if that was asked for.
     pub responses: Option<Responses>,
+    /// What is left of the numbers that runs have for themselves, in the order of the runs.
+    pub eliminated: Vec<Eliminated>,
 }
 
 impl Linearised {
@@ -190,7 +209,8 @@ impl Linearised {
         observables: usize,
     ) -> Linearised {
         let mut all =
-            Linearised { folds: Vec::new(), sums: Sums::new(observables), responses: None };
+            Linearised { sums: Sums::new(observables), ..Linearised::nothing(0, observables) };
+        all.folds.clear();
         for FoldResult { factor, sums, responses } in folds {
             all.sums.add(&sums);
             all.folds.push(factor);
@@ -202,7 +222,8 @@ impl Linearised {
     /// A pass that was not finished: no rows, an infinite loss.
     pub(super) fn nothing(unknowns: usize, observables: usize) -> Linearised {
         let sums = Sums { loss: f64::INFINITY, ..Sums::new(observables) };
-        Linearised { folds: vec![Factor::new(unknowns)], sums, responses: None }
+        let folds = vec![Factor::new(unknowns)];
+        Linearised { folds, sums, responses: None, eliminated: Vec::new() }
     }
 
     /// All folds together.
@@ -223,6 +244,9 @@ pub fn linearise(
     if let Some(stream) = problem.stream {
         return stream.pass(problem, law, law);
     }
+    if per_run::has(problem, dynamics) {
+        return arrowhead::linearise(problem, law, states);
+    }
     let parts = Parts::of(problem, dynamics);
     let starts = parts.ranges().map(|range| states.part(range.clone())).collect();
     let nothing = FoldPass::new(dynamics.unknowns(), problem.weights.len());
@@ -241,6 +265,9 @@ pub fn settle_and_linearise(
 ) -> Linearised {
     if let Some(stream) = problem.stream {
         return stream.pass(problem, present, whole);
+    }
+    if per_run::has(problem, whole.0) {
+        return arrowhead::settle_and_linearise(problem, present, whole, states, false);
     }
     let steps = expected_steps(problem, present, whole.0, states);
     let part = FoldPass { steps, ..FoldPass::new(whole.0.unknowns(), problem.weights.len()) };
@@ -264,6 +291,9 @@ pub fn settle_linearise_and_respond(
     let law = (dynamics, theta);
     if let Some(stream) = problem.stream {
         return stream.pass(problem, law, law);
+    }
+    if per_run::has(problem, dynamics) {
+        return arrowhead::settle_and_linearise(problem, law, law, states, nearly);
     }
     let steps = expected_steps(problem, law, dynamics, states);
     let (unknowns, size) = (dynamics.unknowns(), 2 * dynamics.degrees());
@@ -415,7 +445,7 @@ impl FoldPass {
         states: &[f64],
         scratch: &mut Scratch,
     ) {
-        let block = Block::gather(problem.measured, segments, problem.weights.len());
+        let block = Block::gather(problem, segments);
         let propagation = Propagation { present: law, by: Some(law) };
         let mut rows = DesignRows::integrate(problem, propagation, &block, states, scratch);
         rows.eliminate_states(self.responses.is_some());
@@ -434,7 +464,7 @@ impl FoldPass {
         scratch: &mut Scratch,
     ) {
         let expected = self.steps.or(steps_of_few(by.0));
-        let block = Block::gather(problem.measured, segments, problem.weights.len());
+        let block = Block::gather(problem, segments);
         let responses = self.responses.is_some();
         let by = TangentRequest {
             law: by,

@@ -4,7 +4,7 @@ use super::law::Law;
 use super::model::Model;
 use super::monitor::Monitor;
 use super::options::{Options, Trainer};
-use super::{conclude, course, fit, gauge};
+use super::{conclude, course, fit, gauge, per_run};
 use crate::data::Dataset;
 use crate::error::Result;
 
@@ -23,6 +23,7 @@ pub fn resume(
 ) -> Result<Model> {
     options.tuning.check()?;
     let system = start.system();
+    let dataset = &*per_run::grouped(system, dataset)?;
     let fits = start.noise().len() == 2 * system.degrees();
     let large = system.terms.len() > options.tuning.course.largest_factor
         || options.trainer == Trainer::FirstOrder;

@@ -3,6 +3,8 @@
 
 use std::ops::Range;
 
+use nalgebra::DMatrix;
+
 use super::block::Block;
 use super::blocking::BLOCKING;
 use super::loss::Loss;
@@ -313,18 +315,34 @@ impl DesignRows {
         squares
     }
 
+    /// What elimination leaves of a lane, `[row][theta, residual]`, and the squared norm of each
+    /// column of theta before it; after elimination with responses.
+    pub(super) fn left_of(&self, lane: usize) -> (DMatrix<f64>, Vec<f64>) {
+        let (width, state) = (self.columns - self.state, self.state.min(self.rows));
+        let at = |row: usize, column: usize| self.at(row, self.state + column, lane);
+        let left = DMatrix::from_fn(self.rows - state, width, |row, k| at(state + row, k));
+        let squares = |k: usize| (0..self.rows).map(|row| at(row, k).powi(2)).sum();
+        (left, (0..width - 1).map(squares).collect())
+    }
+
     /// Number of states that a lane's measurements determine, after elimination or before.
     pub(super) fn independent(&self, lane: usize) -> usize {
         self.measured[lane].saturating_sub(self.state)
     }
 
-    /// Adds losses, squares and degrees of freedom of the lanes; after elimination.
+    /// Adds losses, squares and degrees of freedom of all lanes; after elimination.
+    pub(super) fn sum_up(&self, sums: &mut Sums) {
+        self.sum_up_each(std::slice::from_mut(sums), |_| 0);
+    }
+
+    /// The same, to the sums that each lane belongs to.
     ///
     /// The leverage of a measured value on the states is |J_row R_s^-1|^2.
-    pub(super) fn sum_up(&self, sums: &mut Sums) {
+    pub(super) fn sum_up_each(&self, all: &mut [Sums], of: impl Fn(usize) -> usize) {
         let (lanes, state, columns) = (self.lanes, self.state, self.columns);
         let set = InstructionSet::widest();
         for lane in 0..lanes {
+            let sums = &mut all[of(lane)];
             if self.losses[lane].is_finite() {
                 sums.loss += self.losses[lane];
                 sums.rows += self.independent(lane);
@@ -343,6 +361,7 @@ impl DesignRows {
             let weights = &self.weights[row * lanes..][..lanes];
             for lane in 0..lanes {
                 if weights[lane] != 0.0 && self.losses[lane].is_finite() {
+                    let sums = &mut all[of(lane)];
                     sums.squares[observable] += scales[lane];
                     sums.freedom[observable] += 1.0 - leverage[lane];
                 }

@@ -230,6 +230,7 @@ mod tests {
             lines: vec![0; times.len()],
             clock: Clock::default(),
             inputs: Vec::new(),
+            groups: Vec::new(),
         }
     }
 

@@ -198,7 +198,7 @@ pub(super) fn expected_steps(
         return known;
     }
     let segments = &problem.segments.list[..few];
-    let block = Block::gather(problem.measured, segments, problem.weights.len());
+    let block = Block::gather(problem, segments);
     let mut tried = states.part(0..few).to_vec();
     let (_, taken) = settled(problem, present, None, &block, &mut tried, &mut KeptScratch::new());
     Some(taken.steps)

@@ -17,6 +17,8 @@ use crate::data::Packed;
 pub struct States {
     size: usize,
     values: Vec<f64>,
+    /// Numbers that every run has for itself, `[run][number]`; empty where they are not known.
+    pub(super) numbers: Vec<f64>,
 }
 
 impl States {
@@ -34,7 +36,7 @@ impl States {
                 first_state(measured, segment, state);
             }
         });
-        States { size, values }
+        States { size, values, numbers: Vec::new() }
     }
 
     /// The same with momenta that are nowhere measured as the law's masses times velocities.
@@ -180,6 +182,7 @@ mod tests {
             lines: vec![0; 3],
             clock: Clock::default(),
             inputs: Vec::new(),
+            groups: Vec::new(),
         };
         let data = Dataset {
             observables: vec!["q".into(), "p".into()],

@@ -164,6 +164,8 @@ fn sample(training: &Training) -> (Batch, Vec<f64>) {
         span.push(times[at + 1] - times[at]);
     }
     let place = |&(i, at): &(usize, usize)| driving::at(segments[i], at - segments[i].first);
-    driving::drive(&mut batch, &training.measured, picked.iter().map(place));
+    let own = training.own_inputs();
+    let own = driving::OwnInputs { count: own.0, values: &own.1 };
+    driving::drive_each(&mut batch, (&training.measured, own), picked.iter().map(place));
     (batch, span)
 }

@@ -11,6 +11,7 @@ use std::sync::Arc;
 use super::column::Column;
 use super::compiled::Compiled;
 use super::criterion::{Criterion, choice_costs, complexity};
+use super::driving::OwnInputs;
 use super::factor::Factor;
 use super::gauge;
 use super::gauss_newton::{LeastGain, Refit, StopReason, invisible, refit};
@@ -19,6 +20,7 @@ use super::masses::first_masses;
 use super::monitor::Monitor;
 use super::options::Options;
 use super::pass::{Linearised, Problem, Sums, settle, settle_and_linearise};
+use super::per_run::medians;
 use super::rounding::NO_FREEDOM;
 use super::scales::{fewest_samples, scales, spreads};
 use super::segments::{Segment, Segments, cut, packed};
@@ -204,11 +206,6 @@ impl<'a> Training<'a> {
         Ok(())
     }
 
-    /// The start of every segment as it was measured.
-    pub(super) fn first_states(&self) -> States {
-        States::measured_by(&self.law, &self.measured, &self.segments.list)
-    }
-
     /// Works on a part of the segments from now on; gives those of before.
     pub fn thin(&mut self, most: usize) -> Segments {
         let part = self.segments.thinned(most);
@@ -217,7 +214,7 @@ impl<'a> Training<'a> {
         before
     }
 
-    fn weights(&self) -> Vec<f64> {
+    pub(super) fn weights(&self) -> Vec<f64> {
         let noise = self.law.noise().iter().zip(&self.accuracy.resolution);
         noise.map(|(s, floor)| 1.0 / s.max(*floor)).collect()
     }
@@ -242,12 +239,14 @@ impl<'a> Training<'a> {
             floor: self.floor(),
             stream: self.stream,
             window: self.law.window(),
+            parameters: &self.system().parameters,
+            own: OwnInputs::default(),
             tuning: &self.options.tuning,
         }
     }
 
     /// The dynamics of the present model, and its theta.
-    fn compile(&self) -> (Arc<Dynamics>, Vec<f64>) {
+    pub(super) fn compile(&self) -> (Arc<Dynamics>, Vec<f64>) {
         self.prepared(self.compiled.of(&self.law))
     }
 
@@ -379,7 +378,7 @@ impl<'a> Training<'a> {
             own
         };
         let folds = folds.iter().map(at_theta).collect();
-        let linearised = Linearised { folds, sums, responses: None };
+        let linearised = Linearised { folds, sums, responses: None, eliminated: Vec::new() };
         let states = std::mem::take(&mut self.states);
         let stop = StopReason::Converged;
         let mut refit = Refit { theta, states, linearised, iterations: 1, stop };
@@ -444,6 +443,8 @@ impl<'a> Training<'a> {
         let (dynamics, _) = self.compile();
         self.law.set_theta(&dynamics, &refit.theta);
         self.states = std::mem::take(&mut refit.states);
+        let medians = medians(self.system(), &refit.linearised.eliminated, &self.states);
+        self.law.set_parameters(&medians);
         let noise = self.noise_estimate(refit.sums(), refit.theta.len());
         self.law.set_noise(noise);
     }

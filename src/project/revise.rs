@@ -8,7 +8,7 @@ use crate::data::write_atomically;
 use crate::diagnose::comparison::windows;
 use crate::diagnose::hidden::start_of;
 use crate::diagnose::noise_floor::noise_floor;
-use crate::diagnose::{LawOnData, Options};
+use crate::diagnose::{LawOnData, Measurements, Options};
 use crate::diagnostic::Diagnostic;
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::Term;
@@ -271,7 +271,7 @@ fn judge(
 fn floors_of_both(workspace: &Workspace, old: &LawOnData, new: &LawOnData) -> (Vec<f64>, Vec<f64>) {
     let floor = |model: &LawOnData| {
         let rows = workspace.split.training.with_observables(model.system().observables());
-        let training = LawOnData::of(model.law.clone(), &rows, model.options);
+        let training = model.with_data(&Measurements::of(&rows, model.options));
         model.law.clone().with_noise(noise_floor(&training).sizes)
     };
     let least = |one: &Law, other: &Law| {

@@ -105,7 +105,7 @@ fn variables(model: &LawOnData, system: &mut System) -> Vec<(String, Expr, Vec<f
             (s.first..=s.last).map(|at| run.time(at))
         })
         .collect();
-    let pairs = longest_run(model.data.dataset) <= 2;
+    let pairs = longest_run(&model.data.dataset) <= 2;
     let times = if pairs { Vec::new() } else { centres(&mut times) };
     if !times.is_empty() {
         variables.push((system.time.name.clone(), system.graph.symbol(Symbol::Time), times));

@@ -80,9 +80,9 @@ pub fn windows(dataset: &Dataset) -> Vec<usize> {
 }
 
 fn horizons(training: &LawOnData, held_out: Option<&LawOnData>) -> Vec<Horizon> {
-    let step = typical_step(training.data.dataset);
+    let step = typical_step(&training.data.dataset);
     let least = shortest(training);
-    windows(training.data.dataset)
+    windows(&training.data.dataset)
         .into_iter()
         .filter(|&samples| samples >= least)
         .map(|samples| {

@@ -81,7 +81,7 @@ pub fn predictions(model: &LawOnData, held_out: bool) -> Vec<Prediction> {
         follow(model.law.window(), &mut near);
         Some(near)
     };
-    follow(longest_run(model.data.dataset), &mut out);
+    follow(longest_run(&model.data.dataset), &mut out);
     for (at, prediction) in out.iter_mut().enumerate() {
         prediction.states = match near.as_ref().and_then(|near| near.get(at)) {
             Some(near) => near.states.clone(),

@@ -128,7 +128,7 @@ fn series(model: &LawOnData, held_out: bool) -> Vec<EnergySeries> {
     let window = model
         .law
         .window()
-        .min((longest_run(model.data.dataset) / model.tuning().comparison.energies).max(4));
+        .min((longest_run(&model.data.dataset) / model.tuning().comparison.energies).max(4));
     let finer = model.with_window(window);
     let runs = model.data.dataset.runs.iter().zip(energies(&finer));
     runs.map(|(run, points)| EnergySeries { run: run.name.clone(), held_out, points }).collect()

@@ -53,6 +53,18 @@ pub fn design(
             "name at least two effects",
         ));
     };
+    let parameters = &first.law.system().parameters;
+    if let Some(own) = parameters.iter().find(|parameter| parameter.per.is_some()) {
+        return Err(Error::new(
+            ErrorKind::NotApplicable,
+            format!(
+                "a run is designed for one system, but every run (or group of runs) has a `{}` of \
+                 its own",
+                own.name
+            ),
+            "take `per` from the `param` to design a run for what is shared",
+        ));
+    }
     if let Some(input) = first.law.system().inputs.first() {
         return Err(Error::new(
             ErrorKind::NotApplicable,

@@ -64,7 +64,7 @@ impl Rival {
         let how = Refitting { start: None, integrator, least, tuning, monitor: model.monitor };
         let law = refitted(&law, &model.data.packed, how)?.law;
         let mut stepping = law.stepping();
-        let usual = model.law.stepping().longest.min(typical_step(model.data.dataset));
+        let usual = model.law.stepping().longest.min(typical_step(&model.data.dataset));
         stepping.longest = stepping.longest.max(usual / model.tuning().design.finer_steps);
         Ok(Rival {
             label: label.to_string(),

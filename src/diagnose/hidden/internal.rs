@@ -15,7 +15,7 @@ use crate::spec::effects::{Instance, ScanBy};
 pub(super) fn starts(spec: &Compiled, model: &LawOnData) -> Result<Vec<Start>> {
     let Some(motion) = MeasuredMotion::of(model) else { return Ok(Vec::new()) };
     let tuning = model.tuning();
-    let reach = Reach::of(&spec.system, model.data.dataset, &tuning.candidates);
+    let reach = Reach::of(&spec.system, &model.data.dataset, &tuning.candidates);
     let all = instances(&spec.system);
     let moving = all.iter().filter(|instance| {
         let row = instance.effect;

@@ -195,6 +195,10 @@ fn tell(diagnosis: &mut Diagnosis, found: Found) {
 /// The spec with a part, fitted from a start; `None` where that fails.
 fn fitted(question: &Question, spec: &Compiled, start: &Start) -> Result<Option<Found>> {
     let model = question.model;
+    if model.system().inputs.iter().any(|input| input.own) {
+        // Its spec, read anew, would not know that what runs have for themselves is known here.
+        return Ok(None);
+    }
     let text = edit::insert(&spec.text, &start.snippet);
     let Ok(with) = build(&spec.system.name, &text) else { return Ok(None) };
     let system = &with.system;
