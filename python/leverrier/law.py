@@ -125,6 +125,17 @@ class Law:
         return Rows(self.model.terms)
 
     @property
+    def distributions(self) -> Rows:
+        """Parameters of which every run, or every group of runs, has a value of its own: ``mean``,
+        ``spread`` and ``values`` of each; empty where the spec says ``per`` of none.
+
+        >>> import leverrier
+        >>> len(leverrier.open("examples/damped-pendulum/fit.ham").fit().distributions)
+        0
+        """
+        return Rows(getattr(self.model, "distributions", []))
+
+    @property
     def covariance(self) -> np.ndarray:
         """Covariance of the coefficients of ``terms``, then of ``parameters``."""
         return np.asarray(self.model.to_dict()["covariance"], dtype=np.float64)

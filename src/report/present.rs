@@ -1,6 +1,11 @@
 //! A law and a diagnosis as programs read them.
 
+use std::fmt::Write;
+
 use crate::diagnose::diagnosis::Diagnosis;
+use crate::fit::distribution::Distribution;
+use crate::simplify::{significant, uncertain};
+
 pub use crate::export::{equations_json, export, finite, notes, pretty, simplified};
 
 /// How many effects were tested, and what the p-values are corrected for.
@@ -10,4 +15,30 @@ pub fn tested(diagnosis: &Diagnosis) -> String {
          inner parameters; p-values are corrected for that many tests (look-elsewhere correction).",
         diagnosis.candidates, diagnosis.tests
     )
+}
+
+/// How a number that groups of runs have for themselves is distributed, in a sentence or two.
+pub fn distribution(found: &Distribution) -> String {
+    let Distribution { name, per, mean, mean_error, spread, most_unusual, .. } = found;
+    let unit = found.unit.as_ref().map_or(String::new(), |unit| format!(" {unit}"));
+    if found.values.iter().all(|value| !value.is_determined()) {
+        return format!("No {per} determines its {name}.");
+    }
+    let mean = uncertain(*mean, *mean_error, 10);
+    let spread = match *spread > 0.0 {
+        true => format!("spread {}{unit} (standard deviation)", significant(*spread, 3)),
+        false => "no spread beyond the errors".to_string(),
+    };
+    let mut text =
+        format!("{name} of each {per}: mean {mean}{unit}, which the printed law has; {spread}.");
+    if let Some(one) = most_unusual {
+        let side = if one.deviations < 0.0 { "below" } else { "above" };
+        let _ = write!(
+            text,
+            " Most unusual is {per} {}, {:.1} standard deviations {side} the mean of the others.",
+            one.group,
+            one.deviations.abs()
+        );
+    }
+    text
 }

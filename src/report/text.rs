@@ -3,10 +3,13 @@
 use super::layout::{WIDTH, counted, cut, table, wrapped};
 use super::{FitReport, present};
 use crate::fit::Model;
+use crate::fit::distribution::Distribution;
 use crate::simplify::{Style, significant, uncertain};
 
 /// Rows of the table of coefficients that are shown; all are in the model file.
 const COEFFICIENTS: usize = 60;
+/// Values of a number that groups of runs have for themselves; all are in the model file.
+const VALUES: usize = 30;
 /// Rows of the Pareto front.
 const FRONT: usize = 12;
 /// Runners-up.
@@ -20,6 +23,7 @@ pub fn fit_text(report: &FitReport, width: Option<u16>) -> String {
     let model = report.model;
     let mut sections = vec![hamiltonian(report, width), coefficients(model, width)];
     sections.push(parameters(model, width));
+    sections.extend(model.distributions.iter().map(|found| distribution(found, width)));
     sections.push(hidden(model, width));
     sections.push(quality(report, width));
     sections.push(front(model, width));
@@ -88,10 +92,12 @@ fn coefficients(model: &Model, width: usize) -> String {
 }
 
 fn parameters(model: &Model, width: usize) -> String {
-    if model.parameters.is_empty() {
+    let own = |name: &str| model.distributions.iter().any(|found| found.name == name);
+    let mut shared = model.parameters.iter().filter(|parameter| !own(&parameter.name)).peekable();
+    if shared.peek().is_none() {
         return String::new();
     }
-    let rows = model.parameters.iter().map(|parameter| {
+    let rows = shared.map(|parameter| {
         vec![
             parameter.name.clone(),
             uncertain(parameter.value, parameter.standard_error, 10),
@@ -99,6 +105,27 @@ fn parameters(model: &Model, width: usize) -> String {
         ]
     });
     table(&["parameter", "value", "unit"], rows.collect(), &[1], width)
+}
+
+/// What groups of runs have for themselves: how it is distributed, and the value of each.
+fn distribution(found: &Distribution, width: usize) -> String {
+    let unit = unit(&found.unit);
+    let with_runs = found.values.iter().any(|value| value.runs > 1);
+    let rows = found.values.iter().map(|value| {
+        let text = match value.is_determined() {
+            true => uncertain(value.value, value.standard_error, 10),
+            false => "not determined".to_string(),
+        };
+        let mut row = vec![value.group.clone(), text, unit.clone()];
+        row.extend(with_runs.then(|| value.runs.to_string()));
+        row
+    });
+    let mut header = vec![found.per.as_str(), found.name.as_str(), "unit"];
+    header.extend(with_runs.then_some("runs"));
+    let right: &[usize] = if with_runs { &[1, 3] } else { &[1] };
+    let rows = cut(rows.collect(), VALUES, header.len());
+    let sentence = wrapped(&present::distribution(found), width, 0);
+    format!("{sentence}\n\n{}", table(&header, rows, right, width))
 }
 
 /// Where the parts that nobody measures were, in the first runs.

@@ -24,6 +24,7 @@ mod instruments;
 mod measurements;
 mod paper;
 mod parquet_data;
+mod per_run;
 mod plots;
 mod recovery;
 mod settling;

@@ -135,6 +135,10 @@ pub fn numbers(page: &Page) -> String {
     };
     if let Some(model) = page.model {
         out += &tables::coefficients(model).html();
+        for found in &model.distributions {
+            out += &sentences(std::iter::once(present::distribution(found)));
+            out += &tables::own_values(found).html();
+        }
     }
     out + &tables::noise(page).html()
 }

@@ -7,6 +7,7 @@ use crate::data::DataReport;
 use crate::diagnose::comparison::Comparison;
 use crate::diagnose::diagnosis::Diagnosis;
 use crate::fit::Model;
+use crate::fit::distribution::Distribution;
 use crate::report::plots::{escaped, measured, number, plain, tenths, term, unit};
 
 /// Rows of a table; the others are counted.
@@ -94,6 +95,23 @@ pub fn coefficients(model: &Model) -> Table {
         }))
         .collect();
     table(&["part", "term", "coefficient", "unit", "chosen on resampled data"], rows, &[2, 4])
+}
+
+/// The values of a number that groups of runs have for themselves.
+pub fn own_values(found: &Distribution) -> Table {
+    let rows: Vec<Vec<String>> = found
+        .values
+        .iter()
+        .map(|value| {
+            let number = match value.is_determined() {
+                true => measured(value.value, value.standard_error, 8),
+                false => "not determined".to_string(),
+            };
+            let unit = unit(found.unit.as_deref());
+            vec![plain(&value.group), number, unit, value.runs.to_string()]
+        })
+        .collect();
+    table(&["one for each", "value", "unit", "runs"], rows, &[1, 3])
 }
 
 /// Noise of every observable.
