@@ -31,6 +31,7 @@ pub mod loss;
 pub(crate) mod masses;
 pub mod memory;
 pub mod model;
+mod momenta;
 pub mod monitor;
 mod motion;
 pub mod options;

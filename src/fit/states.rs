@@ -8,8 +8,10 @@ use rayon::prelude::*;
 use super::blocking::BLOCKING;
 use super::hidden;
 use super::law::Law;
+use super::momenta::Momenta;
 use super::segments::Segment;
 use crate::data::Packed;
+use crate::expr::Observed;
 
 /// The initial state of every segment, in the order of the segments: 2n numbers each, side by
 /// side in memory.
@@ -65,6 +67,13 @@ impl States {
         let degrees = law.system().degrees();
         let seen = |i: usize| measured.column(degrees + i).iter().any(|x| x.is_finite());
         let seen: Vec<bool> = (0..degrees).map(seen).collect();
+        let velocities = law.system().observed == Observed::Velocities;
+        if (velocities || !seen.contains(&true))
+            && let Some(momenta) = Momenta::of(law)
+        {
+            self.values.chunks_exact_mut(self.size.max(1)).for_each(|state| momenta.put(state));
+            return;
+        }
         if seen.iter().all(|&seen| seen) {
             return;
         }

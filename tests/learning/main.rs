@@ -21,6 +21,7 @@ mod hidden;
 mod hidden_effects;
 mod hidden_parts;
 mod instruments;
+mod lagrangian;
 mod measurements;
 mod paper;
 mod parquet_data;
