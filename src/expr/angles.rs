@@ -225,7 +225,7 @@ mod tests {
     #[test]
     fn squares_of_sums_are_multiplied_out_where_it_helps() {
         let arm = "(cos(a) + r*cos(a + b))^2 + (sin(a) + r*sin(a + b))^2";
-        assert_eq!(merged(arm), "1 + r^2 + 2*r*cos(b)");
+        assert_eq!(merged(arm), "2*r*cos(b) + r^2 + 1");
         assert_eq!(merged("(a + b)*r"), "(a + b)*r");
     }
 }

@@ -18,6 +18,8 @@ impl System {
             momenta: names(&self.momenta),
             observables: self.observables(),
             time: self.time.name.clone(),
+            // Their statements are expanded where the spec is known.
+            velocities: false,
             inputs: (self.inputs.iter().filter(|input| !input.own))
                 .map(|input| input.variable.name.clone())
                 .collect(),

@@ -464,6 +464,7 @@ impl Resolved<'_> {
         Scene {
             coordinates: names(&self.coordinates),
             momenta: names(&self.momenta),
+            velocities: self.has_lagrangian(),
             observables: [names(&self.coordinates), names(second)].concat(),
             time: self.time_name(),
             inputs: self.inputs.iter().map(|input| input.name.text.clone()).collect(),

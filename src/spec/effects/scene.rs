@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use super::{ActsOn, EffectRow, catalogue};
+use super::{ActsOn, EffectKind, EffectRow, ScanBy, catalogue};
 
 /// Coordinates that turn together when the axes are turned: a point in a plane or in space.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -38,6 +38,9 @@ pub struct Scene {
     pub coordinates: Vec<String>,
     /// As many as coordinates.
     pub momenta: Vec<String>,
+    /// Whether energies are functions of velocities. Momenta are then no velocities times masses,
+    /// and what takes energy away goes by velocities.
+    pub velocities: bool,
     /// Coordinates, then what is measured with them.
     pub observables: Vec<String>,
     /// Name of time.
@@ -246,8 +249,16 @@ impl EffectRow {
             (_, [first, second]) => (scene.members(first), scene.members(second)),
             _ => return None,
         };
+        // A scale among the inner parameters is one of momenta.
+        let by_velocity = scene.velocities
+            && self.kind == EffectKind::Dissipative
+            && self.parameters.iter().all(|scan| scan.by != ScanBy::Momentum);
         let momenta = |names: &[String]| -> Option<Vec<String>> {
-            names.iter().map(|name| scene.momentum(name).cloned()).collect()
+            let of = |name: &String| match by_velocity {
+                true => Some(format!("rate({name})")),
+                false => scene.momentum(name).cloned(),
+            };
+            names.iter().map(of).collect()
         };
         let (p, s) = (momenta(&first)?, momenta(&second)?);
         let squares = |names: &[String]| -> String {
