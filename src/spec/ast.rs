@@ -48,8 +48,8 @@ pub enum StatementKind {
     State { of: HiddenStart, rate: Expression },
     /// `data "file.csv" { time t [s]  run trial }`
     Data { file: Word, items: Vec<DataItem> },
-    /// `constant g = 9.81 [m/s^2]`
-    Constant { name: Word, value: Expression },
+    /// `constant g = 9.81 [m/s^2]`, or `let x = l*sin(a)`, which may be any expression.
+    Constant { name: Word, value: Expression, by_let: bool },
     /// `param a = 0, 1 in -2..2`, `param k per run = 4 in 0..`
     Parameter { name: Word, per: Option<Word>, starts: Vec<Expression>, bounds: Option<Limits> },
     /// `T = ...`, `V += ...`

@@ -366,7 +366,8 @@ impl<'a> Expander<'a, '_> {
                 },
                 None => number,
             };
-            let kind = StatementKind::Constant { name: Word { text: name, site }, value };
+            let name = Word { text: name, site };
+            let kind = StatementKind::Constant { name, value, by_let: false };
             out.push(Statement { kind, site, effect: None });
         }
         for scan in row.parameters {

@@ -6,6 +6,7 @@ pub mod edit;
 pub mod effects;
 mod expand;
 pub mod families;
+mod integer;
 mod lagrangian;
 mod parse;
 mod print;

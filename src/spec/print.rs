@@ -62,8 +62,9 @@ impl Display for Statement {
                 list(f, items, ", ")?;
                 f.write_str(" }")
             }
-            StatementKind::Constant { name, value } => {
-                write!(f, "constant {} = {value}", name.text)
+            StatementKind::Constant { name, value, by_let } => {
+                let word = if *by_let { "let" } else { "constant" };
+                write!(f, "{word} {} = {value}", name.text)
             }
             StatementKind::Parameter { name, starts, per, bounds } => {
                 write!(f, "param {}", name.text)?;

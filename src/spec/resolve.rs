@@ -3,6 +3,8 @@
 use std::collections::HashMap;
 
 use super::ast::*;
+pub use super::integer::integer;
+use super::lagrangian::{Constant, Definition};
 use super::{bodies, may_name, nearest};
 use crate::diagnostic::{Diagnostic, Span};
 
@@ -132,7 +134,9 @@ pub struct Resolved<'a> {
     /// Coordinates that nobody measures, behind those that are, in the order of the text.
     pub hidden: Vec<Hidden<'a>>,
     pub data: Option<(&'a Word, &'a [DataItem])>,
-    pub constants: Vec<(&'a Word, &'a Expression)>,
+    pub constants: Vec<Constant<'a>>,
+    /// For each of them what it stands for, where that is no number.
+    pub definitions: Vec<Option<Definition>>,
     pub parameters: Vec<Parameter<'a>>,
     pub energies: Vec<Energy<'a>>,
     pub forces: Vec<Force<'a>>,
@@ -172,6 +176,7 @@ pub fn resolve<'a>(spec: &'a SyntaxTree, diagnostics: &mut Vec<Diagnostic>) -> R
     for statement in &spec.statements {
         resolver.statement(statement, &mut seen);
     }
+    resolver.out.define();
     resolver.pair_up();
     resolver.append_hidden(spec);
     resolver.name_time();
@@ -195,7 +200,7 @@ impl<'a> Resolver<'a, '_> {
     /// Whole-numbered constants come first: the range of a family may need them.
     fn constants(&mut self, spec: &'a SyntaxTree) {
         for statement in &spec.statements {
-            if let StatementKind::Constant { name, value } = &statement.kind {
+            if let StatementKind::Constant { name, value, .. } = &statement.kind {
                 let known = &self.out.integers;
                 if let Ok(value) = integer(value, &|name| known.get(name).copied()) {
                     self.out.integers.insert(name.text.clone(), value);
@@ -249,10 +254,10 @@ impl<'a> Resolver<'a, '_> {
                 self.once("data", span, seen);
                 self.out.data = Some((file, items));
             }
-            StatementKind::Constant { name, value } => {
+            StatementKind::Constant { name, value, by_let } => {
                 let meaning = Meaning::Constant(self.out.constants.len());
                 self.name(&name.text, meaning, name.site.0);
-                self.out.constants.push((name, value));
+                self.out.constants.push(Constant { value, by_let: *by_let });
             }
             StatementKind::Parameter { name, starts, per, bounds } => {
                 let meaning = Meaning::Parameter(self.out.parameters.len());
@@ -521,57 +526,6 @@ impl<'a> Resolver<'a, '_> {
                     ),
             );
         }
-    }
-}
-
-/// The whole number that an index expression stands for.
-///
-/// # Errors
-/// Where it is no whole number, or names something that is none.
-pub fn integer(
-    expression: &Expression,
-    look_up: &dyn Fn(&str) -> Option<i64>,
-) -> Result<i64, Diagnostic> {
-    let span = expression.site.0;
-    let too_large = || {
-        Diagnostic::error(span, "this index is too large")
-            .label("beyond 64 bits")
-            .hint("make it smaller")
-    };
-    match &expression.kind {
-        ExpressionKind::Number(value) if value.fract() == 0.0 && value.abs() < 1e15 => {
-            Ok(*value as i64)
-        }
-        ExpressionKind::Name(name) => look_up(name).ok_or_else(|| {
-            Diagnostic::error(span, format!("`{name}` is not a whole number"))
-                .label("an index is made of whole numbers and names of indices")
-                .hint("give it a range with `for`, or a value with `constant`")
-        }),
-        ExpressionKind::Negate(inner) => {
-            integer(inner, look_up)?.checked_neg().ok_or_else(too_large)
-        }
-        ExpressionKind::Sum(parts) => parts.iter().try_fold(0_i64, |sum, (minus, part)| {
-            let value = integer(part, look_up)?;
-            let next = if *minus { sum.checked_sub(value) } else { sum.checked_add(value) };
-            next.ok_or_else(too_large)
-        }),
-        ExpressionKind::Product(parts) => {
-            parts.iter().try_fold(1_i64, |product, (divide, part)| {
-                let value = integer(part, look_up)?;
-                if !divide {
-                    return product.checked_mul(value).ok_or_else(too_large);
-                }
-                match product.checked_rem(value) {
-                    Some(0) => Ok(product / value),
-                    _ => Err(Diagnostic::error(span, "this index is not a whole number")
-                        .label(format!("{product} divided by {value}"))
-                        .hint("an index is a whole number")),
-                }
-            })
-        }
-        _ => Err(Diagnostic::error(span, "this is not a whole number")
-            .label("an index is made of whole numbers, +, - and *")
-            .hint("write for example `q[i+1]`")),
     }
 }
 

@@ -213,6 +213,7 @@ fn statement() -> impl Strategy<Value = Statement> {
             EnergyPart::Kinetic,
             EnergyPart::Potential,
             EnergyPart::Hamiltonian,
+            EnergyPart::Lagrangian,
         ])
     };
     let operand = || {
@@ -280,8 +281,9 @@ fn statement() -> impl Strategy<Value = Statement> {
             .prop_map(|(name, unit)| StatementKind::Time { name: word(name), unit }),
         (text, prop::collection::vec(data_item, 0..4))
             .prop_map(|(file, items)| StatementKind::Data { file, items }),
-        (plain_name(), expression())
-            .prop_map(|(name, value)| StatementKind::Constant { name: word(name), value }),
+        (plain_name(), expression(), any::<bool>()).prop_map(|(name, value, by_let)| {
+            StatementKind::Constant { name: word(name), value, by_let }
+        }),
         (
             plain_name(),
             prop::option::of(prop_oneof![plain_name(), Just("a b".to_string())]),

@@ -165,6 +165,8 @@ pub(super) struct Lowering<'a> {
     /// The first start of every parameter.
     starts: Vec<f64>,
     context: Context,
+    /// The definition that is lowered: it may name those before it.
+    defining: Option<usize>,
     /// Index names and their values, innermost last.
     indices: Vec<(String, i64)>,
     steps: u64,
@@ -213,6 +215,7 @@ impl<'a> Lowering<'a> {
             parameters: Vec::new(),
             starts: Vec::new(),
             context: Context::Number,
+            defining: None,
             indices: Vec::new(),
             steps: 0,
             reported: HashSet::new(),
@@ -389,8 +392,15 @@ impl<'a> Lowering<'a> {
 
     /// The numbers behind `constant` statements, in the order of the text, after the `first` ones.
     fn define_constants(&mut self, first: usize) {
-        for &(_, value) in self.resolved.constants.iter().skip(first) {
-            let value = self.number(value);
+        for (i, constant) in self.resolved.constants.iter().enumerate().skip(first) {
+            if self.resolved.definitions.get(i).copied().flatten().is_some() {
+                self.require_names(constant.value);
+                self.constants.push(None);
+                continue;
+            }
+            self.defining = Some(i);
+            let value = self.number(constant.value);
+            self.defining = None;
             let value =
                 value.map(|(value, unit, _)| Named { expr: self.graph.number(value), unit });
             // What is wrong with it was said: uses of the name need not say it again.

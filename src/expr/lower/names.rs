@@ -6,7 +6,7 @@ use super::super::unit::Unit;
 use super::value::Value;
 use super::{Context, Lowering, Named};
 use crate::diagnostic::{Diagnostic, Span};
-use crate::spec::ast::{EnergyPart, Expression, Role};
+use crate::spec::ast::{EnergyPart, Expression, ExpressionKind, Role};
 use crate::spec::resolve::{Input, Meaning};
 
 impl Lowering<'_> {
@@ -47,14 +47,15 @@ impl Lowering<'_> {
             Some(Meaning::Parameter(i)) if self.context != Context::Number => {
                 self.parameters.get(i).copied().flatten().map(named)
             }
+            Some(Meaning::Constant(i))
+                if resolved.definitions.get(i).copied().flatten().is_some() =>
+            {
+                self.defined(i, name, span)
+            }
             Some(Meaning::Constant(i)) => match self.constants.get(i) {
                 Some(constant) => constant.map(named),
                 None => {
-                    self.report(
-                        Diagnostic::error(span, format!("`{name}` has no value yet"))
-                            .label("used before it is defined")
-                            .hint("move its definition up"),
-                    );
+                    self.no_value_yet(name, span);
                     None
                 }
             },
@@ -92,6 +93,49 @@ impl Lowering<'_> {
                 );
                 None
             }
+        }
+    }
+
+    /// What `let` put in the place of a name.
+    fn defined(&mut self, i: usize, name: &str, span: Span) -> Option<Value> {
+        if self.defining.is_some_and(|outer| i >= outer) {
+            self.no_value_yet(name, span);
+            return None;
+        }
+        if self.context == Context::Number {
+            self.report(
+                Diagnostic::error(span, format!("`{name}` is not a known number"))
+                    .label("a known number is needed here")
+                    .hint("write numbers and constants only"),
+            );
+            return None;
+        }
+        let constant = self.resolved.constants.get(i)?;
+        let outer = self.defining.replace(i);
+        let indices = std::mem::take(&mut self.indices);
+        let value = self.value(constant.value);
+        (self.defining, self.indices) = (outer, indices);
+        value
+    }
+
+    fn no_value_yet(&mut self, name: &str, span: Span) {
+        self.report(
+            Diagnostic::error(span, format!("`{name}` has no value yet"))
+                .label("used before it is defined")
+                .hint("move its definition up"),
+        );
+    }
+
+    /// That every name in an expression stands for something, wherever it is used.
+    pub(super) fn require_names(&mut self, expression: &Expression) {
+        if let ExpressionKind::Name(name) | ExpressionKind::Index { name, .. } = &expression.kind
+            && name != "pi"
+            && !self.resolved.names.contains_key(name)
+        {
+            self.named(name, expression.site.0);
+        }
+        for part in expression.parts() {
+            self.require_names(part);
         }
     }
 

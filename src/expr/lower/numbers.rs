@@ -7,7 +7,7 @@ use super::{Compiled, compiled};
 use crate::diagnostic::Span;
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::graph::Symbol;
-use crate::expr::system::{Bounds, Place, System, Term};
+use crate::expr::system::{Bounds, Place, System, Term, Variable};
 use crate::spec::ast::*;
 
 /// A number that a spec says is known.
@@ -146,9 +146,11 @@ impl Scope {
     /// ranges, exponents of momenta and those in sums of squares are none.
     pub fn numbers(&self) -> Vec<KnownNumber> {
         let compiled = self.compiled();
-        let momenta: Vec<&str> = (compiled.system.momenta.iter())
-            .map(|variable| variable.name.split('[').next().unwrap_or_default())
-            .collect();
+        let system = &compiled.system;
+        let mut momenta: Vec<&str> = system.momenta.iter().map(root).collect();
+        let of_momenta = momenta.len();
+        momenta.extend(system.velocities.iter().map(root));
+        momenta.push("rate");
         let mut out = Vec::new();
         let written = compiled.spec.statements.iter().take(compiled.written).enumerate();
         for (statement, whole) in written {
@@ -169,7 +171,7 @@ impl Scope {
                     node,
                 });
             };
-            if let StatementKind::Constant { name, value } = kind {
+            if let StatementKind::Constant { name, value, .. } = kind {
                 if let Some(number) = literal(value) {
                     add(&name.text, number, value, Form::Constant);
                 }
@@ -177,7 +179,10 @@ impl Scope {
             }
             let kinetic = matches!(kind, StatementKind::Energy { part: EnergyPart::Kinetic, .. });
             for value in values_of(kind) {
-                numbers_in(value, &Surroundings { kinetic, momenta: &momenta }, &mut add);
+                // What an instrument adds may be any power of a velocity.
+                let sensor = matches!(kind, StatementKind::Sensor { .. });
+                let momenta = &momenta[..if sensor { of_momenta } else { momenta.len() }];
+                numbers_in(value, &Surroundings { kinetic, momenta }, &mut add);
             }
         }
         out.retain(|number| number.value != 0.0);
@@ -408,7 +413,7 @@ fn in_place(expression: &Expression) -> String {
 /// What numbers are found in.
 struct Surroundings<'a> {
     kinetic: bool,
-    /// Names of momenta, and of families of them.
+    /// Names of momenta and velocities, and of families of them.
     momenta: &'a [&'a str],
 }
 
@@ -477,6 +482,11 @@ fn numbers_in(
     }
 }
 
+/// The name of a variable, or that of its family.
+fn root(variable: &Variable) -> &str {
+    variable.name.split('[').next().unwrap_or_default()
+}
+
 fn is_square(expression: &Expression) -> bool {
     match &expression.kind {
         ExpressionKind::Power(_, exponent) => literal(exponent) == Some(2.0),
@@ -518,8 +528,8 @@ fn mentions(expression: &Expression, names: &[&str]) -> bool {
             parts.iter().any(|(_, part)| mentions(part, names))
         }
         ExpressionKind::Power(base, exponent) => mentions(base, names) || mentions(exponent, names),
-        ExpressionKind::Call { arguments, .. } => {
-            arguments.iter().any(|argument| mentions(argument, names))
+        ExpressionKind::Call { name, arguments, .. } => {
+            among(name) || arguments.iter().any(|argument| mentions(argument, names))
         }
         ExpressionKind::SumOver { body, .. } => mentions(body, names),
         ExpressionKind::Span(items) => items.iter().any(|item| mentions(&item.body, names)),
@@ -584,7 +594,7 @@ fn forget_constant(spec: &mut SyntaxTree, name: &str) {
         };
         let Some(statement) = spec.statements.iter_mut().find(depends) else { break };
         let kind = std::mem::replace(&mut statement.kind, nothing());
-        let StatementKind::Constant { name: dependent, value } = kind else { break };
+        let StatementKind::Constant { name: dependent, value, .. } = kind else { break };
         for statement in &mut spec.statements {
             if let Some(place) = value_of(&mut statement.kind) {
                 *place = replaced(place, &|node| match &node.kind {

@@ -278,9 +278,9 @@ fn column(input: Tokens) -> Parsed<Word> {
 
 /// constant = ( "constant" | "let" ) , name , "=" , expression ;
 fn constant(input: Tokens) -> Parsed<StatementKind> {
-    let (rest, (_, name, (), value)) =
-        (alt((keyword("constant"), keyword("let"))), name, mark("="), expression).parse(input)?;
-    Ok((rest, StatementKind::Constant { name, value }))
+    let word = alt((keyword("constant").map(|()| false), keyword("let").map(|()| true)));
+    let (rest, (by_let, name, (), value)) = (word, name, mark("="), expression).parse(input)?;
+    Ok((rest, StatementKind::Constant { name, value, by_let }))
 }
 
 /// parameter = "param" , name , ( starts | "per" , column , [ starts ] ) , [ "in" , limits ] ;
