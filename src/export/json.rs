@@ -8,6 +8,7 @@ use super::{Export, IntegratorKind, Output};
 use crate::dynamics::Tableau;
 use crate::error::Result;
 use crate::expr::{Expr, Graph, Names, Node, Place, Symbol, System, Variable};
+use crate::fit::distribution::Distribution;
 
 /// Name and version of the format.
 pub const FORMAT: &str = "leverrier.export/1";
@@ -32,6 +33,14 @@ pub fn export(export: &Export) -> Result<Output> {
                 entry["term"] = json!(constant.meaning);
                 entry["place"] = place(term.place, system, &names);
                 entry["expression"] = expression(&system.graph, term.expr, &names, &[]);
+            }
+            let own = |found: &&Distribution| found.name == constant.name;
+            if let (Symbol::Parameter(_), Some(found)) =
+                (constant.symbol, export.law.distributions().iter().find(own))
+            {
+                entry["per"] = json!(found.per);
+                entry["spread"] = json!(finite(found.spread));
+                entry["values"] = json!(found.values);
             }
             entry
         })

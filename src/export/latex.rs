@@ -11,6 +11,9 @@ use super::{Export, Output};
 use crate::error::Result;
 use crate::expr::{Expr, Graph, Names, Place, Symbol};
 
+/// Values of a number that runs have for themselves; all are in the model file.
+const VALUES: usize = 80;
+
 /// One equation, its right side in as many lines as it needs.
 pub struct Equation {
     pub left: String,
@@ -138,6 +141,23 @@ pub fn document(export: &Export) -> Result<Output> {
             })
             .collect();
         out += &table("llll", &["", "value", "unit", "term"], &rows);
+    }
+    for found in export.law.distributions() {
+        let rows: Vec<[String; 3]> = (found.values.iter().take(VALUES))
+            .map(|value| {
+                let number = match value.is_determined() {
+                    true => format!("${}$", Measured::new(value.value, value.standard_error).tex()),
+                    false => "not determined".to_string(),
+                };
+                [text(&value.group), number, found.unit.as_deref().map(text).unwrap_or_default()]
+            })
+            .collect();
+        let (per, name) = (text(&found.per), letters::name(&found.name));
+        let _ = write!(out, "\n\\subsection*{{Values of ${name}$ of each {per}}}\n\n");
+        out += &table("lll", &["", "value", "unit"], &rows);
+        if let Some(more) = found.values.len().checked_sub(VALUES).filter(|more| *more > 0) {
+            let _ = writeln!(out, "\n\\noindent {more} more are in the model file.");
+        }
     }
     let mut snapped: Vec<&str> =
         export.pretty.numbers.iter().filter_map(|number| number.snapped.as_deref()).collect();

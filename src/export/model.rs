@@ -4,7 +4,9 @@ use std::collections::{HashMap, HashSet};
 
 use super::{Export, IntegratorKind};
 use crate::error::{Error, ErrorKind, Result};
-use crate::expr::{Expr, Function, Graph, Node, Symbol, System};
+use crate::expr::{Expr, Function, Graph, Node, Parameter, Symbol, System};
+use crate::fit::distribution::Distribution;
+use crate::simplify::significant;
 
 /// Equations of motion in a graph of their own. Coefficients and parameters are symbols,
 /// so that expressions are the same as those that were fitted.
@@ -204,11 +206,24 @@ fn constants(export: &Export) -> Vec<Constant> {
             name: parameter.name.clone(),
             value,
             standard_error,
-            meaning: "parameter".to_string(),
+            meaning: meaning(parameter, law.distributions()),
             unit: parameter.unit_text.clone(),
         });
     }
     out
+}
+
+/// What an inner parameter is. One that runs have for themselves has the mean of its values.
+fn meaning(parameter: &Parameter, distributions: &[Distribution]) -> String {
+    let Some(per) = &parameter.per else { return "parameter".to_string() };
+    let spread = distributions.iter().find(|found| found.name == parameter.name);
+    let spread = spread.map_or(String::new(), |found| {
+        format!(" (which spread by {})", significant(found.spread, 3))
+    });
+    let word = per.word();
+    format!(
+        "parameter, the mean of the values of each {word}{spread}: put that of one {word} here to follow it"
+    )
 }
 
 /// Names of symbols in generated code: letters, digits and underscores, each only once.

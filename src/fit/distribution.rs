@@ -7,7 +7,7 @@ use super::model::finite_or_null_one;
 /// An inner parameter of which every run, or every group of runs, has a value of its own.
 ///
 /// The values are taken as drawn from one distribution, each read with an error of its own
-/// (random effects: DerSimonian and Laird, Controlled Clinical Trials 7, 1986). In a law's
+/// (random effects: Paule and Mandel, J. Res. Natl. Bur. Stand. 87, 1982). In a law's
 /// `parameters` it stands with the mean, which is what holds of a run not yet seen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Distribution {
@@ -25,7 +25,7 @@ pub struct Distribution {
     /// Standard deviation of the distribution: what the values differ by beyond their errors, 0
     /// where the errors explain it all.
     pub spread: f64,
-    /// The group that stands out most, where there are three that are determined.
+    /// The group that stands out most, where there are five that are determined.
     pub most_unusual: Option<Unusual>,
     /// The value of each group, in the order of the data.
     pub values: Vec<OwnValue>,
@@ -55,8 +55,10 @@ pub struct Unusual {
     pub deviations: f64,
 }
 
-/// Fewest values of which one can stand out.
-const FEWEST: usize = 3;
+/// Halvings of an interval that lead to the spread: as many as a double has digits.
+const BISECTIONS: usize = 60;
+/// Fewest values of which one can stand out: the spread of three others is hardly known.
+const FEWEST: usize = 5;
 
 impl Distribution {
     /// The values with their mean and spread.
@@ -139,12 +141,21 @@ impl Moments {
             let sum: f64 = values.iter().map(|(x, variance)| x * (weight(variance) / total)).sum();
             (sum, total)
         };
-        let (first, total) = mean(0.0);
-        let scatter: f64 = values.iter().map(|(x, variance)| (x - first).powi(2) / variance).sum();
-        let squares: f64 =
-            values.iter().map(|(_, variance)| (1.0 / variance / total).powi(2)).sum();
-        let beyond = scatter - (values.len() - 1) as f64;
-        let extra = if beyond > 0.0 { beyond / (total * (1.0 - squares)) } else { 0.0 };
+        // The variance beyond the errors with which the squares are as many as they should be.
+        let excess = |extra: f64| {
+            let center = mean(extra).0;
+            let squares: f64 = values.iter().map(|(x, v)| (x - center).powi(2) / (v + extra)).sum();
+            squares - (values.len() - 1) as f64
+        };
+        let (least, most) = values
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v.0), b.max(v.0)));
+        let (mut low, mut high) = (0.0, (most - least).powi(2));
+        for _ in 0..if excess(0.0) > 0.0 { BISECTIONS } else { 0 } {
+            let middle = 0.5 * (low + high);
+            *(if excess(middle) > 0.0 { &mut low } else { &mut high }) = middle;
+        }
+        let extra = low;
         let (mean, total) = mean(extra);
         Moments { mean, error: (1.0 / total).sqrt(), spread: extra.sqrt() }
     }
@@ -171,13 +182,21 @@ mod tests {
         // The variance of the values is 14/3, of which the errors explain 0.01.
         assert!((found.spread.powi(2) - (14.0 / 3.0 - 0.01)).abs() < 1e-12);
         assert!((found.mean_error.powi(2) - 14.0 / 12.0).abs() < 1e-12);
-        assert_eq!(found.most_unusual.map(|one| one.group).as_deref(), Some("4"));
+        assert_eq!(found.most_unusual, None);
+        let found = values(&[(1.0, 0.1), (2.0, 0.1), (3.0, 0.1), (2.5, 0.1), (9.0, 0.1)]);
+        assert_eq!(found.most_unusual.map(|one| one.group).as_deref(), Some("5"));
     }
 
     #[test]
     fn what_errors_explain_is_no_spread_and_a_poor_value_hardly_counts() {
-        let found =
-            values(&[(1.0, 0.1), (1.05, 0.1), (0.95, 0.1), (50.0, 1e3), (9.0, f64::INFINITY)]);
+        let found = values(&[
+            (1.0, 0.1),
+            (1.05, 0.1),
+            (0.95, 0.1),
+            (0.9, 0.1),
+            (5e3, 1e4),
+            (9.0, f64::INFINITY),
+        ]);
         assert_eq!(found.spread, 0.0);
         assert!((found.mean - 1.0).abs() < 1e-3);
         assert_eq!(found.undetermined().len(), 1);

@@ -329,7 +329,7 @@ fn columns_that_name_no_group_are_refused_with_their_place() {
 #[test]
 fn a_printed_fit_and_a_file_say_what_every_spring_has() {
     let folder = tempfile::tempdir().unwrap();
-    let readings = Readings::of(&recordings(3, 2, 41), NOISE, 42);
+    let readings = Readings::of(&recordings(5, 2, 41), NOISE, 42);
     let mut csv = "t,q,p,run,spring\n".to_string();
     for at in 0..readings.t.len() {
         let Readings { t, q, p, run, spring } = &readings;
@@ -345,7 +345,8 @@ fn a_printed_fit_and_a_file_say_what_every_spring_has() {
         .unwrap();
     let report = String::from_utf8(printed.stdout).unwrap();
     assert!(report.contains("k of each spring: mean "), "{report}");
-    assert!(report.contains("Most unusual is spring "), "{report}");
+    let words = report.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(words.contains("Most unusual is spring "), "{report}");
     for spring in ["S1", "S2", "S3"] {
         assert!(report.contains(&format!("\n {spring} ")), "{report}");
     }
@@ -362,7 +363,7 @@ fn parts_of_a_run_share_its_number() {
     let spec = Spec::parse(&text).unwrap();
     let made = recordings(2, 1, 51);
     let data = Readings::of(&made, NOISE, 52).data(&spec).unwrap();
-    let (training, _) = data.split(0.25, 0).unwrap();
+    let (training, _) = data.split(0.2, 0).unwrap();
     assert!(training.runs() > 2);
     let law = spec.fit(&training).unwrap();
     let found = &law.distributions()[0].values;
