@@ -198,7 +198,7 @@ mod tests {
             (9.0, f64::INFINITY),
         ]);
         assert_eq!(found.spread, 0.0);
-        assert!((found.mean - 1.0).abs() < 1e-3);
+        assert!((found.mean - 0.975).abs() < 1e-3);
         assert_eq!(found.undetermined().len(), 1);
         assert!(found.most_unusual.is_some_and(|one| one.deviations.abs() < 1.0));
     }

@@ -6,10 +6,12 @@
 
 use std::process::Command;
 
+use leverrier::internals::data::{Clock, Dataset, Run};
 use leverrier::internals::dynamics::systems::SYSTEMS;
 use leverrier::internals::dynamics::{Batch, Dynamics, Method, Scratch, advance, taylor};
 use leverrier::internals::eval::{Backend, Evaluator, Inputs, InstructionSet, apply, compile};
-use leverrier::internals::expr::{Function, Graph, Symbol, System};
+use leverrier::internals::expr::{Function, Graph, Symbol, System, build};
+use leverrier::internals::fit::{Options, Silent, fit};
 
 /// Names the path that a run under valgrind takes, and how often.
 const TASK: &str = "LEVERRIER_COUNT";
@@ -137,13 +139,63 @@ fn tangents(times: usize) {
     assert!(batch.is_finite(0));
 }
 
+/// Fits a law to so many runs, each with a spring of its own.
+fn fit_springs(runs: usize) {
+    let text = "coordinates q; momenta p; param k per run = 3; T = p^2/2; V = k*q^2/2
+        force q += span{ -p }";
+    let system = build("springs", text).unwrap().system;
+    let run = |at: usize| {
+        let omega = 1.8 + 0.4 * (7 * at % 10) as f64 / 10.0;
+        let times: Vec<f64> = (0..20).map(|i| 0.1 * i as f64).collect();
+        let error = |i: usize| 0.01 * ((13 * i + 31 * at) as f64).sin();
+        let q = (0..20).map(|i| (omega * times[i]).cos() + error(2 * i)).collect();
+        let p = (0..20).map(|i| -omega * (omega * times[i]).sin() + error(2 * i + 1)).collect();
+        Run {
+            name: at.to_string(),
+            values: vec![q, p],
+            lines: vec![0; 20],
+            clock: Clock::default(),
+            inputs: Vec::new(),
+            groups: Vec::new(),
+            times,
+        }
+    };
+    let data = Dataset {
+        observables: vec!["q".to_string(), "p".to_string()],
+        runs: (0..runs).map(run).collect(),
+        inputs: Vec::new(),
+    };
+    // Segments of one length: their growth is another question.
+    let options = Options { window: Some(20), ..Options::default() };
+    let model = fit(&system, &data, &options, &Silent).unwrap();
+    assert_eq!(model.distributions[0].values.len(), runs);
+}
+
 /// What a run under valgrind does; nothing otherwise.
 #[test]
 fn a_path_by_itself() {
     let Ok(task) = std::env::var(TASK) else { return };
     let (name, times) = task.split_once(' ').unwrap();
+    if name == SPRINGS {
+        return fit_springs(times.parse().unwrap());
+    }
     let path = PATHS.iter().find(|path| path.name == name).unwrap();
     (path.run)(times.parse().unwrap());
+}
+
+/// The task of [`fit_springs`].
+const SPRINGS: &str = "springs";
+
+#[test]
+fn numbers_of_runs_cost_as_much_for_each_of_many_runs_as_of_few() {
+    if Command::new("valgrind").arg("--version").output().is_err() {
+        println!("valgrind is not installed: no instruction was counted");
+        return;
+    }
+    let [few, some, many] = [50, 100, 400].map(|runs| count(SPRINGS, runs));
+    let (of_few, of_many) = ((some - few) / 50.0, (many - some) / 300.0);
+    println!("instructions for a run more: {of_few:.0} of 50 to 100, {of_many:.0} of 100 to 400");
+    assert!(of_many < MARGIN * of_few, "{of_many:.0} for {of_few:.0}");
 }
 
 /// Instructions of a path that is run so many times.
