@@ -115,8 +115,8 @@ impl MeasuredInput {
 }
 
 impl Run {
-    /// Which group it belongs to by one of [`Mapping::groups`]; where nobody asked, it is one of its
-    /// own.
+    /// Which group it belongs to by one of [`Mapping::groups`]; where nobody asked, it is one of
+    /// its own.
     pub fn group(&self, by: usize) -> &str {
         self.groups.get(by).filter(|group| !group.is_empty()).unwrap_or(&self.name)
     }

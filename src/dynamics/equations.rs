@@ -111,8 +111,9 @@ impl Dynamics {
         Ok(Dynamics::of_positions(system, active, probes, backend))
     }
 
-    /// The same for runs that have some inner parameters for themselves: what a run's number differs
-    /// by from theta's is an input, behind the measured ones, for each of these parameters in turn.
+    /// The same for runs that have some inner parameters for themselves: what a run's number
+    /// differs by from theta's is an input, behind the measured ones, for each of these parameters
+    /// in turn.
     pub(crate) fn of_runs(system: &System, active: Vec<usize>, backend: Backend) -> Dynamics {
         match system.with_own_inputs() {
             Some(system) => Dynamics::of_positions(&system, active, Vec::new(), backend),

@@ -28,8 +28,8 @@ pub struct InputVariable {
     pub variable: Variable,
     /// What it does between its samples.
     pub between: Interpolation,
-    /// Whether it is what runs have for themselves of an inner parameter: nobody recorded it, and no
-    /// effect acts on it.
+    /// Whether it is what runs have for themselves of an inner parameter: nobody recorded it, and
+    /// no effect acts on it.
     pub own: bool,
 }
 
@@ -258,9 +258,9 @@ impl System {
         self.coordinates.len()
     }
 
-    /// The same with an input beside every inner parameter that runs have for themselves, behind the
-    /// others and in the order of the parameters, to which it is added: all runs share the parameter
-    /// then. `None` where there is none.
+    /// The same with an input beside every inner parameter that runs have for themselves, behind
+    /// the others and in the order of the parameters, to which it is added: all runs share the
+    /// parameter then. `None` where there is none.
     pub(crate) fn with_own_inputs(&self) -> Option<System> {
         let mut system = self.clone();
         let mut sums = HashMap::new();

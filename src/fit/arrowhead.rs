@@ -293,8 +293,8 @@ impl Clusters {
         Passed { factor, sums }
     }
 
-    /// Gauss-Newton for the numbers of all clusters while theta is held, the states settled at every
-    /// step.
+    /// Gauss-Newton for the numbers of all clusters while theta is held, the states settled at
+    /// every step.
     fn settled(
         &self,
         problem: &Problem,
@@ -315,19 +315,17 @@ impl Clusters {
                 let least =
                     part * sums.loss + tuning.rounding * problem.floor.powi(2) * sums.rows as f64;
                 let goes_on = promise > least && length[c] >= tuning.shortest;
-                (c, change, promise, goes_on)
+                // What is left will be taken with the next step of theta.
+                let left = if nearly && promise > 0.0 && promise <= least { promise } else { 0.0 };
+                (c, goes_on.then_some(change), left)
             };
-            let steps: Vec<(usize, Vec<f64>, f64, bool)> = moving.par_iter().map(step).collect();
+            let steps: Vec<(usize, Option<Vec<f64>>, f64)> = moving.par_iter().map(step).collect();
             let mut trial = states.clone();
             moving.clear();
-            for (c, change, promise, goes_on) in steps {
-                if !goes_on {
-                    // What is left will be taken with the next step of theta.
-                    let left = if nearly && promise > 0.0 { promise } else { 0.0 };
-                    best[c].sums.loss -= left;
-                    best[c].sums.promised += left;
-                    continue;
-                }
+            for (c, change, left) in steps {
+                best[c].sums.loss -= left;
+                best[c].sums.promised += left;
+                let Some(change) = change else { continue };
                 moving.push(c);
                 for (place, change) in self.numbers_of(problem, c).zip(change) {
                     trial.numbers[place] += length[c] * change;

@@ -9,6 +9,21 @@ use super::model::finite_or_null_one;
 /// The values are taken as drawn from one distribution, each read with an error of its own
 /// (random effects: Paule and Mandel, J. Res. Natl. Bur. Stand. 87, 1982). In a law's
 /// `parameters` it stands with the mean, which is what holds of a run not yet seen.
+///
+/// ```
+/// use leverrier::{Data, Spec};
+///
+/// let spec = Spec::parse("coordinates q; momenta p; data \"swings.csv\" { run run }
+/// param g per run = 1 in 0..
+/// T = p^2/2; V = -g*cos(q)
+/// force q += span{ -p }")?;
+/// let law = spec.fit(&Data::open("examples/damped-pendulum/swings.csv", &spec)?)?;
+/// let found = &law.distributions()[0];
+/// // One pendulum, let go eight times.
+/// assert_eq!((found.per.as_str(), found.values.len()), ("run", 8));
+/// assert!((found.mean - 1.0).abs() < 5.0 * found.mean_error);
+/// # Ok::<(), leverrier::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Distribution {
     /// Name of the parameter in the spec.
@@ -32,6 +47,21 @@ pub struct Distribution {
 }
 
 /// The value of one group of runs.
+///
+/// ```
+/// use leverrier::{Data, Spec};
+///
+/// let spec = Spec::parse("coordinates q; momenta p; data \"swings.csv\" { run run }
+/// param g per run = 1 in 0..
+/// T = p^2/2; V = -g*cos(q)
+/// force q += span{ -p }")?;
+/// let law = spec.fit(&Data::open("examples/damped-pendulum/swings.csv", &spec)?)?;
+/// for value in &law.distributions()[0].values {
+///     println!("run {}: {} +- {}", value.group, value.value, value.standard_error);
+///     assert!(value.is_determined());
+/// }
+/// # Ok::<(), leverrier::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct OwnValue {
     /// The cell that names the group; the run's name where every run is one.
@@ -46,6 +76,20 @@ pub struct OwnValue {
 }
 
 /// The group whose value stands out most.
+///
+/// ```
+/// use leverrier::{Data, Spec};
+///
+/// let spec = Spec::parse("coordinates q; momenta p; data \"swings.csv\" { run run }
+/// param g per run = 1 in 0..
+/// T = p^2/2; V = -g*cos(q)
+/// force q += span{ -p }")?;
+/// let law = spec.fit(&Data::open("examples/damped-pendulum/swings.csv", &spec)?)?;
+/// if let Some(one) = &law.distributions()[0].most_unusual {
+///     println!("run {} is {} standard deviations off", one.group, one.deviations);
+/// }
+/// # Ok::<(), leverrier::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Unusual {
     /// Its name.
@@ -62,7 +106,12 @@ const FEWEST: usize = 5;
 
 impl Distribution {
     /// The values with their mean and spread.
-    pub fn of(name: &str, per: &str, unit: Option<String>, values: Vec<OwnValue>) -> Distribution {
+    pub(crate) fn of(
+        name: &str,
+        per: &str,
+        unit: Option<String>,
+        values: Vec<OwnValue>,
+    ) -> Distribution {
         let known: Vec<(f64, f64)> =
             values.iter().filter(|v| v.is_determined()).map(|v| (v.value, v.variance())).collect();
         let Moments { mean, error, spread } = Moments::of(&known);
@@ -79,13 +128,25 @@ impl Distribution {
     }
 
     /// Groups whose runs do not determine their value.
-    pub fn undetermined(&self) -> Vec<&OwnValue> {
+    pub(crate) fn undetermined(&self) -> Vec<&OwnValue> {
         self.values.iter().filter(|value| !value.is_determined()).collect()
     }
 }
 
 impl OwnValue {
     /// Whether its runs determine the value.
+    ///
+    /// ```
+    /// use leverrier::{Data, Spec};
+    ///
+    /// let spec = Spec::parse("coordinates q; momenta p; data \"swings.csv\" { run run }
+    /// param g per run = 1 in 0..
+    /// T = p^2/2; V = -g*cos(q)
+    /// force q += span{ -p }")?;
+    /// let law = spec.fit(&Data::open("examples/damped-pendulum/swings.csv", &spec)?)?;
+    /// assert!(law.distributions()[0].values.iter().all(|value| value.is_determined()));
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
     pub fn is_determined(&self) -> bool {
         self.standard_error.is_finite()
     }

@@ -21,12 +21,13 @@ use crate::data::{Dataset, MeasuredInput};
 use crate::error::Result;
 use crate::expr::ParameterId;
 
-/// A law and measurements in which what runs have for themselves are inputs that never change: what
-/// holds of the one law holds of the other, and no number is a run's alone. `None` where there are
-/// none.
+/// A law and measurements in which what runs have for themselves are inputs that never change:
+/// what holds of the one law holds of the other, and no number is a run's alone. `None` where
+/// there are none.
 ///
-/// A value that the law knows, by the name of its group, stays as it is. That of a group which it was
-/// not learned from is fitted to the runs of that group, as their initial states are; the law is held.
+/// A value that the law knows, by the name of its group, stays as it is. That of a group which it
+/// was not learned from is fitted to the runs of that group, as their initial states are; the law
+/// is held.
 pub fn as_inputs(law: &Law, dataset: &Dataset) -> Option<(Law, Dataset)> {
     let system = law.system();
     let of_runs = Arc::new(system.with_own_inputs()?);
@@ -62,8 +63,8 @@ pub fn as_inputs(law: &Law, dataset: &Dataset) -> Option<(Law, Dataset)> {
     Some((law.on(&of_runs), dataset))
 }
 
-/// The numbers of all runs that go best with a law, `[run][number]`: over short segments first, then
-/// over those of the law's window.
+/// The numbers of all runs that go best with a law, `[run][number]`: over short segments first,
+/// then over those of the law's window.
 fn fitted(law: &Law, dataset: &Dataset) -> Result<Vec<f64>> {
     let options = Options::default();
     let measured = Arc::new(packed(dataset, &options.tuning.segments));
@@ -147,12 +148,14 @@ pub(super) fn shared(
             .collect();
         values.sort_by_key(|(run, _)| *run);
         let values = values.into_iter().map(|(_, value)| value).collect();
-        let found =
+        let mut found =
             Distribution::of(&parameter.name, per.word(), parameter.unit_text.clone(), values);
         all[(first + place, first + place)] = found.mean_error.powi(2);
-        if found.mean.is_finite() {
-            out.means.push((*id, found.mean));
+        if !found.mean.is_finite() {
+            // No run says anything: what it was looked for from is all that there is.
+            found.mean = training.law().parameters()[id.position()];
         }
+        out.means.push((*id, found.mean));
         out.distributions.push(found);
     }
     Shared { covariance: all, ..out }
@@ -166,7 +169,8 @@ impl Training<'_> {
         first
     }
 
-    /// What runs have for themselves beside the present law: how much each has, and `[run][number]`.
+    /// What runs have for themselves beside the present law: how much each has, and
+    /// `[run][number]`.
     pub(super) fn own_inputs(&self) -> (usize, Vec<f64>) {
         let own = own(&self.system().parameters);
         let of_law: Vec<f64> = own.iter().map(|&j| self.law.parameters()[j]).collect();

@@ -1,10 +1,11 @@
 //! Numbers that every run, or every group of runs, has for itself.
 //!
 //! They are eliminated like the initial states of segments, so that the cost of a pass grows with
-//! the number of runs as it does without them. Runs that share no number are apart from each other.
-//! What is left of some that do share is a triangular factor of their numbers m and of theta,
-//! `[R_m S r_m; 0 R r]`; the rows `[R r]` no longer know the numbers (block elimination of an
-//! arrowhead system; Bjorck, Numerical Methods for Least Squares Problems, SIAM 1996, chapter 6).
+//! the number of runs as it does without them. Runs that share no number are apart from each
+//! other. What is left of some that do share is a triangular factor of their numbers m and of
+//! theta, `[R_m S r_m; 0 R r]`; the rows `[R r]` no longer know the numbers (block elimination of
+//! an arrowhead system; Bjorck, Numerical Methods for Least Squares Problems, SIAM 1996, chapter
+//! 6).
 
 use std::borrow::Cow;
 
@@ -12,7 +13,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::factor::Factor;
 use super::pass::{Linearised, Problem};
-use super::rounding::UNDETERMINED;
+use super::rounding::{ABSORBED, UNDETERMINED};
 use super::states::States;
 use crate::data::{Dataset, Packed};
 use crate::dynamics::Dynamics;
@@ -44,8 +45,8 @@ pub struct Eliminated {
 }
 
 impl Eliminated {
-    /// Variances of the numbers for residuals of variance one, where `covariance` is that of theta;
-    /// infinite for what the runs do not determine.
+    /// Variances of the numbers for residuals of variance one, where `covariance` is that of
+    /// theta; infinite for what the runs do not determine.
     pub fn variances(&self, covariance: &DMatrix<f64>) -> Vec<f64> {
         let own = &self.inverse * self.inverse.transpose();
         let shared = &self.answers * covariance * self.answers.transpose();
@@ -73,8 +74,8 @@ pub(super) fn groupings_of_own(parameters: &[Parameter]) -> Vec<usize> {
     parameters.iter().filter_map(by).collect()
 }
 
-/// Data that say which groups every run belongs to; where a program made them, and nothing but runs
-/// is asked for, each run is one of its own.
+/// Data that say which groups every run belongs to; where a program made them, and nothing but
+/// runs is asked for, each run is one of its own.
 ///
 /// # Errors
 ///
@@ -113,8 +114,8 @@ pub(super) fn has(problem: &Problem, dynamics: &Dynamics) -> bool {
     !problem.parameters.is_empty() && !places(problem, dynamics).is_empty()
 }
 
-/// The median of each parameter that runs have for themselves: that of a run not yet seen, whatever
-/// a few of them say that hardly determine it.
+/// The median of each parameter that runs have for themselves: that of a run not yet seen,
+/// whatever a few of them say that hardly determine it.
 pub(super) fn medians(
     system: &System,
     eliminated: &[Eliminated],
@@ -188,6 +189,8 @@ pub(super) fn eliminate(numbers: &[OwnNumber], factor: &Factor) -> (Factor, Elim
     }
     let mut reduced = Factor::new(unknowns);
     reduced.push(&left, factor.rows().saturating_sub(count - open.len()));
+    // What the numbers can do all of is left to them: the rest of such a column is rounding.
+    reduced.zero_columns(|k, norm| norm <= ABSORBED * norms[count + k.position()]);
     let mut square = triangle.view((0, 0), (count, count)).clone_owned();
     for &j in &open {
         square.row_mut(j).fill(0.0);

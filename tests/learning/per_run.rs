@@ -113,7 +113,8 @@ fn value<'a>(found: &'a Distribution, group: &str) -> &'a leverrier::OwnValue {
     found.values.iter().find(|value| value.group == group).unwrap()
 }
 
-/// The least standard error that the shared drag can have: Cramer and Rao's, of all that is unknown.
+/// The least standard error that the shared drag can have: Cramer and Rao's, of all that is
+/// unknown.
 fn bound_of_the_drag(recordings: &[Recording]) -> f64 {
     let springs: Vec<&str> = {
         let mut all: Vec<&str> = recordings.iter().map(|one| one.spring.as_str()).collect();
