@@ -9,7 +9,7 @@ use leverrier::internals::export::{
 };
 use leverrier::internals::expr::{
     Bounds, Expr, FUNCTIONS, Function, Graph, Names, Observed, Parameter, Place, Symbol, System,
-    Term, TermId, Variable,
+    Term, TermId, Variable, build,
 };
 use leverrier::internals::fit::{Law, Stepping};
 use nalgebra::DMatrix;
@@ -270,6 +270,22 @@ fn magnetic() -> Case {
     b.finish(rk4(), 4, 0.02, (0.0, vec![0.3, -0.2, 0.1, 0.25]))
 }
 
+/// An energy of velocities: masses couple, and forces go by velocities.
+fn double_pendulum() -> Case {
+    let text = "system \"double pendulum\"
+coordinates a, b
+param m = 0.7
+param l = 0.8
+T = rate(a)^2/2 + m*(rate(sin(a) + l*sin(b))^2 + rate(cos(a) + l*cos(b))^2)/2
+V = span{ cos(a), cos(b) }
+force a += span{ -rate(a), rate(b) - rate(a) }
+force b += -0.02*(rate(b) - rate(a))";
+    let compiled = build("case", text).unwrap_or_else(|error| panic!("{error}"));
+    let system = System::clone(&compiled.system);
+    let builder = Builder { system, coefficients: vec![-16.7, -5.5, 0.05, 0.0] };
+    builder.finish(gauss_legendre_4(), 4, 0.02, (0.0, vec![1.3, -0.4, 0.2, 0.1]))
+}
+
 /// Nothing learned, no potential.
 fn free_particle() -> Case {
     let mut b = Builder::new("", &["q"], &["p"]);
@@ -310,7 +326,15 @@ fn every_function() -> Case {
 }
 
 pub fn cases() -> Vec<Case> {
-    vec![pendulum(), henon_heiles(), damped_rotor(), magnetic(), free_particle(), every_function()]
+    vec![
+        pendulum(),
+        henon_heiles(),
+        damped_rotor(),
+        magnetic(),
+        double_pendulum(),
+        free_particle(),
+        every_function(),
+    ]
 }
 
 pub fn case(name: &str) -> Case {
