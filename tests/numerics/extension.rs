@@ -94,6 +94,36 @@ fn assert_one(text: &str, base: &Compiled, scope: &mut Scope, statement: &str) {
     }
 }
 
+#[test]
+fn additions_to_energies_of_velocities_are_transformed_again() {
+    let text = "coordinates a, b
+T = rate(a)^2 + rate(b)^2/2 + rate(a)*rate(b)*cos(a - b)
+V = span{ cos(a), cos(b) }
+force a += span{ upper: -rate(a), lower: rate(b) - rate(a) }
+force b += span{ lower: rate(a) - rate(b) } - 0.1*rate(b)
+sensor a += span{ -rate(a) }
+";
+    for statement in [
+        "T += 0.3*rate(b)^2/2",
+        "param m = 0.3; L += m*(rate(a)^2 + a*rate(b)) - m*a^2; L += span{ sin(b) }",
+        "V += span{ a^2 }; force a += span{ rate(b) }",
+        "H += 0.2*p_a^4",
+        "T += span{ p_a^4 }",
+        "effect viscous_drag(a)",
+        "effect quadratic_drag(b)",
+        "effect relative_damping(a, b)",
+    ] {
+        let base = build("base", text).expect("a sound spec");
+        assert_one(text, &base, &mut Scope::of(&base), statement);
+        let next = Scope::of(&base).with(statement);
+        let whole = build("whole", &format!("{text}\n{statement}\n"));
+        assert_eq!(next.is_ok(), whole.is_ok(), "{statement}");
+        if let (Ok(next), Ok(whole)) = (next, whole) {
+            assert_same(&next.compiled().system, &whole.system, statement);
+        }
+    }
+}
+
 const UNITS: [&str; 4] = [
     "coordinates q\nmomenta p\n",
     "coordinates q, r\nmomenta p, s\ntime t [s]\n",

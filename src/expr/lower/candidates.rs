@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use super::Lowering;
 use crate::diagnostic::{Diagnostic, Severity, Span};
 use crate::spec::MOST_CANDIDATES;
-use crate::spec::ast::{StatementKind, SyntaxTree};
+use crate::spec::ast::{EnergyPart, StatementKind, SyntaxTree};
 use crate::spec::resolve::resolve;
 
 /// An effect that a spec declares with `candidates`; `effect NAME` adds it.
@@ -40,16 +40,21 @@ pub(super) fn list(spec: &SyntaxTree, text: &str) -> Vec<DeclaredCandidate> {
 pub(super) fn check(spec: &SyntaxTree) -> Vec<Diagnostic> {
     let mut out = Vec::new();
     let mut seen = HashSet::new();
+    // Velocities in forces follow from these energies.
+    let of_velocities = resolve(spec, &mut Vec::new()).has_lagrangian();
     let declarations: Vec<_> = (spec.statements.iter())
-        .filter(|statement| {
-            matches!(
-                statement.kind,
-                StatementKind::Variables { .. }
-                    | StatementKind::Time { .. }
-                    | StatementKind::Data { .. }
-                    | StatementKind::Constant { .. }
-                    | StatementKind::Parameter { .. }
-            )
+        .filter(|statement| match statement.kind {
+            StatementKind::Variables { .. }
+            | StatementKind::Time { .. }
+            | StatementKind::Input { .. }
+            | StatementKind::Hidden(..)
+            | StatementKind::Data { .. }
+            | StatementKind::Constant { .. }
+            | StatementKind::Parameter { .. } => true,
+            StatementKind::Energy { part, .. } => {
+                of_velocities && matches!(part, EnergyPart::Kinetic | EnergyPart::Lagrangian)
+            }
+            _ => false,
         })
         .cloned()
         .collect();

@@ -293,15 +293,23 @@ impl Scope {
         let energies = &resolved.energies[from.energies..];
         let stood = (lowering.known_energy(), lowering.drafts.len());
         lowering.motion(energies, &[]);
-        for energy in energies.iter().take(1) {
-            lowering.keep_velocities(stood.0, stood.1, energy.value.site.0);
+        if lowering.changes_velocities(stood.0, stood.1) {
+            let forces = &resolved.forces[..self.lowered.forces];
+            let of_force = |place: Place| matches!(place, Place::Force(_));
+            lower_again(lowering, of_force, |lowering| lowering.motion(&[], forces));
         }
         lowering.motion(&[], &resolved.forces[from.forces..]);
         let is = |&(place, value, _): &(Place, Value, Span)| (place, value.expr);
         let moves = lowering.known.iter().map(is).ne(self.standing.known.iter().map(is))
             || lowering.drafts != self.standing.drafts;
         if moves && (lowering.flow.is_some() || !resolved.hidden.is_empty()) {
-            self.instruments_again(lowering);
+            let (hidden, sensors) = (&resolved.hidden, &resolved.sensors[..self.lowered.sensors]);
+            lowering.flow = None;
+            lower_again(lowering, Place::follows_motion, |lowering| {
+                lowering.flow();
+                lowering.internal_states(hidden);
+                lowering.instruments(sensors);
+            });
         }
         lowering.instruments(&resolved.sensors[from.sensors..]);
         let canonical = lowering.canonical_unit();
@@ -323,38 +331,6 @@ impl Scope {
             self.constrain(lowering, &mut changes);
         }
         changes
-    }
-
-    /// Lowers the spec's own internal states and sensors again, into the places of their terms:
-    /// rates of the state in them are those of the extended model.
-    fn instruments_again(&self, lowering: &mut Lowering) {
-        lowering.flow = None;
-        let places = lowering.drafts.iter().enumerate().filter(|(_, d)| d.place.follows_motion());
-        let places: Vec<usize> = places.map(|(k, _)| k).collect();
-        for draft in &mut lowering.drafts {
-            draft.also.retain(|part| !part.place.follows_motion());
-        }
-        lowering.index.retain(|_, at| !places.contains(at));
-        for at in lowering.shared.values_mut() {
-            *at = at.filter(|at| !places.contains(at));
-        }
-        lowering.known.retain(|(place, ..)| !place.follows_motion());
-        lowering.flow();
-        let resolved = lowering.resolved;
-        let end = lowering.drafts.len();
-        lowering.internal_states(&resolved.hidden);
-        lowering.instruments(&resolved.sensors[..self.lowered.sensors]);
-        let again = lowering.drafts.split_off(end);
-        let moved = |at: &mut usize| {
-            if let Some(&place) = at.checked_sub(end).and_then(|i| places.get(i)) {
-                *at = place;
-            }
-        };
-        lowering.index.values_mut().for_each(moved);
-        lowering.shared.values_mut().flatten().for_each(moved);
-        for (&k, draft) in places.iter().zip(again) {
-            lowering.drafts[k] = draft;
-        }
     }
 
     /// Applies all constraints: those that stand may speak of new terms, new ones of terms that
@@ -388,6 +364,38 @@ impl Scope {
         places.sort_unstable();
         places.dedup();
         places.into_iter().map(|place| (place, lowering.known_part(place))).collect()
+    }
+}
+
+/// Lowers the statements of some places again, into the places of their terms: what they name of
+/// the motion is that of the extended model.
+fn lower_again(
+    lowering: &mut Lowering,
+    of: impl Fn(Place) -> bool,
+    again: impl FnOnce(&mut Lowering),
+) {
+    let places = lowering.drafts.iter().enumerate().filter(|(_, draft)| of(draft.place));
+    let places: Vec<usize> = places.map(|(k, _)| k).collect();
+    for draft in &mut lowering.drafts {
+        draft.also.retain(|part| !of(part.place));
+    }
+    lowering.index.retain(|_, at| !places.contains(at));
+    for at in lowering.shared.values_mut() {
+        *at = at.filter(|at| !places.contains(at));
+    }
+    lowering.known.retain(|(place, ..)| !of(*place));
+    let end = lowering.drafts.len();
+    again(lowering);
+    let drafts = lowering.drafts.split_off(end);
+    let moved = |at: &mut usize| {
+        if let Some(&place) = at.checked_sub(end).and_then(|i| places.get(i)) {
+            *at = place;
+        }
+    };
+    lowering.index.values_mut().for_each(moved);
+    lowering.shared.values_mut().flatten().for_each(moved);
+    for (&k, draft) in places.iter().zip(drafts) {
+        lowering.drafts[k] = draft;
     }
 }
 

@@ -187,6 +187,9 @@ impl Lowering<'_> {
     fn is_singular(&self, mass: &[Vec<Expr>]) -> bool {
         let n = mass.len();
         let mut looked = false;
+        if n == 0 {
+            return false;
+        }
         for place in 0..PLACES {
             let of = |symbol: Symbol| match symbol {
                 Symbol::Coordinate(i) => 1.4 * (1.0 + 2.3 * place as f64 + 1.7 * i as f64).sin(),
@@ -295,23 +298,15 @@ impl Lowering<'_> {
         declared.or_else(|| self.coordinates.get(i).copied().flatten()?.over(self.time?))
     }
 
-    /// Refuses additions to H that change a velocity which a force that stands names.
-    pub(super) fn keep_velocities(&mut self, energy: Expr, terms: usize, span: Span) {
-        if !self.lagrangian.in_forces {
-            return;
-        }
+    /// Whether a force names a velocity which additions to H have changed since the known part of
+    /// H was `energy` and there were so many terms.
+    pub(super) fn changes_velocities(&mut self, energy: Expr, terms: usize) -> bool {
         let now = self.known_energy();
         let added = self.graph.subtract(now, energy);
         let new = self.drafts.iter().skip(terms).flat_map(energies_of);
         let exprs: Vec<Expr> = std::iter::once(added).chain(new).collect();
         let changes = |symbol: &Symbol| matches!(symbol, Symbol::Momentum(_));
-        if self.graph.symbols(&exprs).iter().any(changes) {
-            self.report(
-                Diagnostic::error(span, "this changes velocities that a force names")
-                    .label("the forces of the spec would not follow")
-                    .hint("write it into the spec"),
-            );
-        }
+        self.lagrangian.in_forces && self.graph.symbols(&exprs).iter().any(changes)
     }
 
     /// The velocity of coordinate i where it stands for itself.
