@@ -9,6 +9,7 @@ mod loops;
 mod names;
 mod numbers;
 mod sensors;
+mod substitution;
 mod terms;
 mod units;
 mod value;
