@@ -323,17 +323,36 @@ impl<'a> Training<'a> {
                 &tuning.support,
             );
         }
-        let best = search.candidates.first().cloned().ok_or_else(|| {
+        let mut best = search.candidates.first().cloned().ok_or_else(|| {
             Error::new(
                 ErrorKind::NothingFound,
                 "no model was found",
                 "check that the function space is not empty",
             )
         })?;
-        let refit = match self.confirmed(&best, &merged, &sums) {
+        // With numbers inside terms the factor holds only near to where it was linearised.
+        let bent = self.extent == Extent::Near && !self.system().parameters.is_empty();
+        let value = |law: &Law, sums: &Sums| problem.value(&law.columns(), sums.loss);
+        let present = bent.then(|| {
+            (self.law.clone(), self.states.clone(), value(&self.law, &sums), sums.diverged)
+        });
+        let mut refit = match self.confirmed(&best, &merged, &sums) {
             true => self.settle_on(&best, &columns, &folds, sums),
             false => self.adopt(&best, &whole, monitor),
         };
+        if let Some((law, states, before, lost)) = present
+            && law.support() != self.law.support()
+            && (refit.sums().diverged > lost || value(&self.law, refit.sums()) > before)
+        {
+            self.law = law;
+            refit = self.refit_from(states, self.promise().into(), monitor);
+            self.take(&mut refit);
+            let own = self.law.columns();
+            if let Some(at) = search.candidates.iter().position(|fit| fit.support == own) {
+                search.candidates[..=at].rotate_right(1);
+                best = search.candidates[0].clone();
+            }
+        }
         self.rounds += 1;
         let predicted = criterion.agree(
             best.squares,
