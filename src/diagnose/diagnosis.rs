@@ -30,7 +30,7 @@ use super::sufficiency::lacking_beside;
 use super::verdict::judge;
 use crate::data::Dataset;
 use crate::error::Result;
-use crate::expr::{Compiled, Scope};
+use crate::expr::{Compiled, Scope, TermId};
 use crate::fit::{Law, Monitor};
 
 /// What is missing from a model.
@@ -46,6 +46,10 @@ pub struct Diagnosis {
     pub indistinguishable: Vec<String>,
     /// The changes that together explain the data over whole runs; empty where none do.
     pub story: Vec<RankedEffect>,
+    /// Coefficients of the model's own terms where they were fitted together with the story and are
+    /// far from the model's.
+    #[serde(skip)]
+    pub beside_story: Vec<(TermId, f64)>,
     /// Where no story holds: a named change that explains a part of what is missing.
     pub partial: Vec<RankedEffect>,
     /// The members of the story after the first.
@@ -129,6 +133,7 @@ impl Diagnosis {
             ranking: Vec::new(),
             indistinguishable: Vec::new(),
             story: Vec::new(),
+            beside_story: Vec::new(),
             partial: Vec::new(),
             further: Vec::new(),
             unnamed: None,

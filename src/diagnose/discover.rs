@@ -129,8 +129,10 @@ pub fn discover(
             );
             break (sentence, Verdict::Missing);
         }
+        let beside = diagnosis.beside_story.iter();
+        let begun = beside.fold(Ok(law), |law, &(id, value)| law?.with_term(id, value))?;
         let Some((longer, next, fitted)) =
-            with_story(name, &text, &law, story, training, &options.fit, monitor)?
+            with_story(name, &text, &begun, story, training, &options.fit, monitor)?
         else {
             let names: Vec<&str> = story.iter().map(|member| member.effect.as_str()).collect();
             let sentence =

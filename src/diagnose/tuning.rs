@@ -200,6 +200,9 @@ pub struct Hidden {
     pub gain: f64,
     /// The same where other explanations were not looked for yet.
     pub plain_gain: f64,
+    /// A part whose coefficients are above zero is started from where its gain is this part of the
+    /// best, at least. `learning::hidden_parts`.
+    pub nearly: f64,
     /// Parts that are fitted, at most.
     pub fits: usize,
     /// Orbits of an unseen body that are fitted, at most: 0, none is looked for. Each fit takes

@@ -323,11 +323,17 @@ fn added(
         return (None, NO_JUDGE.to_string());
     };
     let clear = effect.iter().map(|(_, x, s)| (x / s).abs()).fold(0.0, f64::max);
+    let undetermined = effect.iter().all(|(_, _, error)| !error.is_finite());
     let how = if is < was {
         format!("the held-out error falls from {was:.2} to {is:.2} times the noise")
     } else {
         format!("the held-out error does not fall: {was:.2} times the noise before, {is:.2} after")
     };
+    // What only together with other numbers shows in the data has no standard error of its own.
+    if undetermined {
+        let why = format!("{how}, but these data do not determine its numbers: others do as well");
+        return (Some(2.0 * is < was), why);
+    }
     let why = format!("{how}, and its coefficient is {clear:.0} standard errors from zero");
     (Some(is < was && clear > CLEAR), why)
 }

@@ -109,3 +109,27 @@ T = p^2/2; V = span{ x^2 }; force x += u + span{ drag: -p }";
     let (before, after) = found.held_out_error;
     assert!(before > 2.0 && after < 1.1, "{before} {after}");
 }
+
+#[test]
+fn a_mass_on_a_spring_is_named_where_free_motion_leaves_its_numbers_open() {
+    let truth = "coordinates x, z; momenta p, p_z
+T = p^2/2 + p_z^2/(2*0.4)
+V = 0.5*x^2 + 0.3*(z - x)^2";
+    for seed in 0..3 {
+        let at =
+            |run: usize, i: usize| (1.3 + 2.1 * run as f64 + 1.7 * i as f64 + seed as f64).sin();
+        let start = |run: usize| (0..4).map(|i| at(run, i)).collect();
+        let starts: Vec<Vec<f64>> = (0..8).map(start).collect();
+        let mut made = simulated(truth, &starts, &even(300, 0.1));
+        let level = vec![NoiseLevel::Relative(0.005); made.observables.len()];
+        add_noise(&mut made, &level, seed).unwrap();
+        let text = "coordinates x; momenta p\nT = p^2/2\nV = span{ x^2 }";
+        let found = discovered(text, &made, &["x", "p"]);
+        let [step] = found.steps.as_slice() else { panic!("seed {seed}: {}", found.stop) };
+        assert_eq!(step.effect, "hidden_oscillator(x)", "seed {seed}: {}", found.stop);
+        let (before, after) = found.held_out_error;
+        assert!(before > 50.0 && after < 1.1, "seed {seed}: {before} {after}");
+        // Two frequencies are seen; a stiffness, a mass and a frequency make them.
+        assert!(step.standard_error.iter().all(|error| error.is_infinite()), "{step:?}");
+    }
+}

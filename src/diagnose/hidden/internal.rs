@@ -59,6 +59,9 @@ struct Carried {
     standing: usize,
 }
 
+/// Gain, place of the weak form, inner parameters and coefficients of a point of a grid.
+type Best = (f64, usize, Vec<f64>, Vec<f64>);
+
 fn start(
     spec: &Compiled,
     model: &LawOnData,
@@ -73,7 +76,10 @@ fn start(
     let forms = forms.get(coordinate)?;
     let without: Vec<f64> =
         forms.iter().map(|form| form.solve(&[]).map_or(f64::NAN, |(left, _)| left)).collect();
-    let mut best: Option<(f64, usize, Vec<f64>, Vec<f64>)> = None;
+    let mut best: Option<Best> = None;
+    // Where the data leave the numbers open, those of a part that could be built are better ones to
+    // start from: its mass, its stiffness are above zero.
+    let mut built: Option<Best> = None;
     for points in grid.chunks(tuning.lanes) {
         let pushes = carried.along(motion, points);
         for (lane, values) in points.iter().enumerate() {
@@ -81,13 +87,20 @@ fn start(
                 let columns = pushes.columns(form, lane);
                 let Some((left, coefficients)) = form.solve(&columns) else { continue };
                 let gain = without / left.max(f64::MIN_POSITIVE);
-                if gain.is_finite() && best.as_ref().is_none_or(|best| gain > best.0) {
+                let own = coefficients.iter().skip(form.names.len()).take(carried.terms.len());
+                let can_be = own.into_iter().all(|coefficient| *coefficient > 0.0);
+                let better = |best: &Option<Best>| best.as_ref().is_none_or(|best| gain > best.0);
+                if gain.is_finite() && can_be && better(&built) {
+                    built = Some((gain, at, values.clone(), coefficients.clone()));
+                }
+                if gain.is_finite() && better(&best) {
                     best = Some((gain, at, values.clone(), coefficients));
                 }
             }
         }
     }
-    let (gain, at, values, found) = best?;
+    let least = best.as_ref()?.0 * tuning.nearly;
+    let (gain, at, values, found) = built.filter(|built| built.0 > least).or(best)?;
     let names = &forms[at].names;
     let mut coefficients = Vec::new();
     let mass = spec.system.terms.iter().position(|term| {

@@ -20,7 +20,7 @@ use super::settling::settle;
 use super::story::Question;
 use super::window::longest;
 use crate::error::Result;
-use crate::expr::{Compiled, System, build};
+use crate::expr::{Compiled, System, TermId, build};
 use crate::fit::{self, Law, resume};
 use crate::spec::edit;
 
@@ -54,6 +54,8 @@ enum TermName {
 /// A part with its numbers fitted.
 struct Found {
     effect: RankedEffect,
+    /// Coefficients of the model's own terms beside it.
+    standing: Vec<(TermId, f64)>,
     /// Error on held-out runs over their whole length, in units of the noise with the part.
     after: f64,
 }
@@ -179,11 +181,20 @@ fn tell(diagnosis: &mut Diagnosis, found: Found) {
     let before = found.effect.held_out_error_before;
     diagnosis.verdict = Verdict::Missing;
     diagnosis.held_out_error = before;
+    // In free motion only the frequencies of a mass on a spring are seen, of which there are two.
+    let free = found.effect.standard_error.iter().any(|error| !error.is_finite());
     diagnosis.reason = format!(
         "{}, a part that nobody measures, takes the error on held-out runs from {before:.2} to \
-         {:.2} times the noise",
-        found.effect.effect, found.after
+         {:.2} times the noise{}",
+        found.effect.effect,
+        found.after,
+        if free {
+            "; its own numbers are not determined by these data: others explain as much"
+        } else {
+            ""
+        }
     );
+    diagnosis.beside_story = found.standing;
     diagnosis.begin_with(&found.effect);
     diagnosis.further.clear();
     diagnosis.partial.clear();
@@ -256,7 +267,10 @@ fn fitted(question: &Question, spec: &Compiled, start: &Start) -> Result<Option<
         held_out_error_after: after.0,
         indistinguishable: Vec::new(),
     };
-    Ok(Some(Found { effect, after: after.0 }))
+    let own = law.on(model.system());
+    let standing = model.law.support().iter();
+    let standing = standing.map(|&id| (id, own.coefficient(id).unwrap_or(0.0))).collect();
+    Ok(Some(Found { effect, standing, after: after.0 }))
 }
 
 /// Coefficients of the part's own terms, then its inner parameters, with standard errors.
@@ -286,10 +300,16 @@ fn with_values(snippet: &str, law: &Law, system: &System) -> String {
                 }
                 let end = tail.find([',', ')', ' ', '\n']).unwrap_or(tail.len());
                 let start = at + before.len() + name.len() + 3;
-                out.replace_range(start..start + end, &format!("{value}"));
+                out.replace_range(start..start + end, &short(*value));
                 break;
             }
         }
     }
     out
+}
+
+/// A number to six digits, which a fit starts from.
+fn short(value: f64) -> String {
+    let rounded = format!("{value:.5e}").parse().unwrap_or(value);
+    format!("{rounded}")
 }

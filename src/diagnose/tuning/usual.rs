@@ -145,6 +145,7 @@ const TUNING: Tuning = Tuning {
     hidden: Hidden {
         gain: 1.3,
         plain_gain: 5.0,
+        nearly: 0.5,
         orbits: 0,
         coordinates: 12,
         samples: 200_000,
