@@ -31,8 +31,9 @@ impl Settled<'_> {
         let first = system.terms.len();
         system.terms.extend_from_slice(probes);
         let extra = system.term_ids().split_off(first);
-        let (law, backend) = (&model.law, Backend::default());
-        let dynamics = Dynamics::with_probes(&system, law.support(), &extra, backend)?;
+        let law = &model.law;
+        let (active, added) = (system.positions(law.support())?, system.positions(&extra)?);
+        let dynamics = Dynamics::of_runs(&system, active, added, Backend::default());
         let count = law.support().len();
         let theta = law.theta(&dynamics);
         let weights = model.law.weights();
@@ -50,14 +51,16 @@ impl Settled<'_> {
                 "measure longer runs, or more of them",
             ));
         }
-        // The model's unknowns first: coefficients, inner parameters, then the probes.
+        // The model's unknowns first: coefficients, inner parameters, then the probes. What runs
+        // have for themselves is eliminated.
         let terms = dynamics.active().len();
-        let order: Vec<Column> = (0..count)
-            .chain(terms..terms + dynamics.parameters().len())
-            .chain(count..terms)
-            .map(Column::new)
-            .collect();
-        let base = count + dynamics.parameters().len();
+        let shared = dynamics.parameters().iter().enumerate().filter(|(_, id)| {
+            system.parameters.get(id.position()).is_some_and(|parameter| parameter.per.is_none())
+        });
+        let shared: Vec<usize> = shared.map(|(place, _)| terms + place).collect();
+        let base = count + shared.len();
+        let order: Vec<Column> =
+            (0..count).chain(shared).chain(count..terms).map(Column::new).collect();
         let factor = linearised.merged().select(&order);
         let tuning = model.tuning();
         let variance = noise_variance(&factor, base).max(tuning.ranking.least_variance);

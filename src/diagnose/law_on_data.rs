@@ -66,7 +66,10 @@ impl<'a> LawOnData<'a> {
 
     /// A law on measurements that are packed already.
     pub fn on(law: Law, data: &Measurements<'a>, options: &'a Options) -> LawOnData<'a> {
-        let (law, data, before) = match as_inputs(&law, &data.dataset) {
+        // What runs have for themselves are inputs already where another law made them so.
+        let plain = law.system().inputs.iter().all(|input| !input.own);
+        let of_runs = plain.then(|| as_inputs(&law, &data.dataset)).flatten();
+        let (law, data, before) = match of_runs {
             Some((of_runs, dataset)) => (of_runs, data.with(dataset, options), Some(Arc::new(law))),
             None => (law, data.clone(), None),
         };

@@ -17,10 +17,10 @@ use crate::expr::{Bounds, System, TermId};
 use crate::fit::Law;
 use crate::fit::factor::Factor;
 use crate::fit::gauss_newton::LeastGain;
+use crate::fit::own_values::covariance_of_shared;
 use crate::fit::pass::Sums;
 use crate::fit::refit::{Integrator, Refitted, Refitting, refitted};
 use crate::fit::segments::cut;
-use crate::fit::uncertainty::covariance;
 use crate::spec::effects::ScanBy;
 
 /// A model with one more effect, fitted.
@@ -253,10 +253,11 @@ fn fitted_until(
     let Refitted { law, linearised, resolution } = refitted(&law, &model.data.packed, how).ok()?;
     let (factor, sums) = (linearised.merged(), linearised.sums);
     let variance = variance_of(&sums, &model.tuning().ranking);
-    let covariance = covariance(&factor, variance.min(1.0) * model.autocorrelation_time);
+    let used = law.dynamics().parameters().to_vec();
+    let variance = variance.min(1.0) * model.autocorrelation_time;
+    let covariance = covariance_of_shared(law.system(), &used, &factor, variance);
     // The noise is that of the model, whatever this fit leaves.
     let law = law.with_noise(noise.to_vec()).with_window(model.law.window());
-    let used = law.dynamics().parameters().to_vec();
     let law = law.with_covariance_of(&used, &covariance);
     let mut known = resolution.iter().zip(noise);
     Some(Fitted { law, sums, resolved: known.all(|(least, s)| least <= s), factor })

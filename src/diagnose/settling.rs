@@ -52,7 +52,7 @@ pub(super) fn problem<'b>(
         floor: FLOOR,
         stream: None,
         window: model.law.window(),
-        parameters: &[],
+        parameters: &model.system().parameters,
         own: OwnInputs::default(),
         tuning: &model.options.fit,
     }
@@ -72,7 +72,7 @@ pub fn settle(model: LawOnData) -> Settled {
     let mut states = States::measured_by(&model.law, &model.data.packed, &segments.list);
     // Over many periods the misfit has many minima, and what was measured first need not
     // lie near the lowest: the first samples of each segment bring its state there.
-    let dynamics = model.law.dynamics();
+    let dynamics = model.law.dynamics_of_runs();
     let theta = model.law.theta(&dynamics);
     let weights = model.law.weights();
     let mut look = tuning.first_samples.max(least);
@@ -83,7 +83,7 @@ pub fn settle(model: LawOnData) -> Settled {
     }
     let law = (&dynamics, theta.as_slice());
     let mut sums = patiently(&model, &segments, law, &mut states);
-    if restarted(&model, &segments, law, &mut states) {
+    if !dynamics.has_own_inputs() && restarted(&model, &segments, law, &mut states) {
         sums = patiently(&model, &segments, law, &mut states);
     }
     Settled { model, segments, states, sums }
@@ -107,7 +107,7 @@ pub fn settle_parts(model: LawOnData) -> Parts {
 
 /// Improves the states of some segments until they are settled, and sums up what is left.
 pub(super) fn settle_from(model: &LawOnData, segments: &Segments, states: &mut States) -> Sums {
-    let dynamics = model.law.dynamics();
+    let dynamics = model.law.dynamics_of_runs();
     let theta = model.law.theta(&dynamics);
     patiently(model, segments, (&dynamics, &theta), states)
 }
@@ -143,7 +143,7 @@ impl Settled<'_> {
     /// is none.
     pub fn residuals(&self) -> Vec<Vec<Vec<f64>>> {
         let Settled { model, segments, states, .. } = self;
-        let dynamics = model.law.dynamics();
+        let dynamics = model.law.dynamics_of_runs();
         let theta = model.law.theta(&dynamics);
         let weights = model.law.weights();
         pass::residuals(&problem(model, segments, &weights), &dynamics, &theta, states)

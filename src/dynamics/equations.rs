@@ -29,6 +29,7 @@ pub struct Dynamics {
     separable: bool,
     forced: bool,
     timed: bool,
+    own_inputs: bool,
     hamiltonian: Expr,
     slope: Gradient,
     velocity: Gradient,
@@ -114,11 +115,22 @@ impl Dynamics {
     /// The same for runs that have some inner parameters for themselves: what a run's number
     /// differs by from theta's is an input, behind the measured ones, for each of these parameters
     /// in turn.
-    pub(crate) fn of_runs(system: &System, active: Vec<usize>, backend: Backend) -> Dynamics {
-        match system.with_own_inputs() {
-            Some(system) => Dynamics::of_positions(&system, active, Vec::new(), backend),
-            None => Dynamics::of_positions(system, active, Vec::new(), backend),
-        }
+    pub(crate) fn of_runs(
+        system: &System,
+        active: Vec<usize>,
+        probes: Vec<usize>,
+        backend: Backend,
+    ) -> Dynamics {
+        let Some(of_runs) = system.with_own_inputs() else {
+            return Dynamics::of_positions(system, active, probes, backend);
+        };
+        let dynamics = Dynamics::of_positions(&of_runs, active, probes, backend);
+        Dynamics { own_inputs: true, ..dynamics }
+    }
+
+    /// Whether runs have numbers for themselves in these equations, as inputs.
+    pub(crate) fn has_own_inputs(&self) -> bool {
+        self.own_inputs
     }
 
     /// The same by the positions of terms in a system that they are known to belong to.
@@ -202,6 +214,7 @@ impl Dynamics {
             separable,
             forced,
             timed,
+            own_inputs: false,
             hamiltonian,
             slope,
             velocity,

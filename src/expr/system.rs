@@ -259,13 +259,13 @@ impl System {
     }
 
     /// The same with an input beside every inner parameter that runs have for themselves, behind
-    /// the others and in the order of the parameters, to which it is added: all runs share the
-    /// parameter then. `None` where there is none.
+    /// the others and in the order of the parameters, to which it is added. `None` where there is
+    /// none.
     pub(crate) fn with_own_inputs(&self) -> Option<System> {
         let mut system = self.clone();
         let mut sums = HashMap::new();
         for (j, parameter) in system.parameters.iter_mut().enumerate() {
-            if parameter.per.take().is_none() {
+            if parameter.per.is_none() {
                 continue;
             }
             let own = Symbol::Input(system.inputs.len(), 0);

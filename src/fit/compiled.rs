@@ -41,7 +41,7 @@ impl Compiled {
         }
         let compile = || {
             let positions = terms.iter().map(|id| id.position()).collect();
-            Arc::new(Dynamics::of_runs(system, positions, Backend::default()))
+            Arc::new(Dynamics::of_runs(system, positions, Vec::new(), Backend::default()))
         };
         known.entry(terms.clone()).or_insert_with(compile).clone()
     }

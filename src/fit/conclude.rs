@@ -13,7 +13,7 @@ use super::support::{SupportFit, alternatives, front};
 use super::train::{Round, Training};
 use super::tuning::ConclusionTuning;
 use super::uncertainty::{Unlearnable, inclusion, unlearnable};
-use crate::expr::System;
+use crate::expr::{Symbol, System};
 
 /// Sums a finished training up.
 pub fn conclude(training: &Training, round: &Round) -> Model {
@@ -221,6 +221,17 @@ fn sentence(system: &System, found: &Unlearnable, spelled_out: usize) -> Option<
     match found {
         Unlearnable::Untouched { column } => {
             let term = name(*column)?;
+            let symbols = system.graph.symbols(&[system.terms[column.position()].expr]);
+            let own = system.parameters.iter().enumerate().find(|(j, parameter)| {
+                parameter.per.is_some() && symbols.contains(&Symbol::Parameter(*j))
+            });
+            if let Some((_, own)) = own {
+                return Some(format!(
+                    "the coefficient of `{term}` does nothing that the values of `{}` do not do: \
+                     write a number for it, or take `per` from the `param`",
+                    own.name
+                ));
+            }
             Some(format!("`{term}` has no effect on what was measured: it cannot be learned"))
         }
         Unlearnable::Dependent { column, on } => {

@@ -442,6 +442,11 @@ impl Law {
         Dynamics::of_positions(&self.system, self.positions(), Vec::new(), Backend::default())
     }
 
+    /// The same for runs that have some of its inner parameters for themselves.
+    pub(crate) fn dynamics_of_runs(&self) -> Dynamics {
+        Dynamics::of_runs(&self.system, self.positions(), Vec::new(), Backend::default())
+    }
+
     /// Allowed values of the unknowns of a dynamics of its system.
     pub(crate) fn bounds(&self, dynamics: &Dynamics) -> Vec<Bounds> {
         let System { terms, parameters, .. } = &*self.system;

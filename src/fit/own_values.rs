@@ -19,7 +19,7 @@ use super::train::Training;
 use super::uncertainty::covariance;
 use crate::data::{Dataset, MeasuredInput};
 use crate::error::Result;
-use crate::expr::ParameterId;
+use crate::expr::{ParameterId, System};
 
 /// A law and measurements in which what runs have for themselves are inputs that never change:
 /// what holds of the one law holds of the other, and no number is a run's alone. `None` where
@@ -111,16 +111,7 @@ pub(super) fn shared(
         return out;
     }
     let first = factor.columns() - used.len();
-    let is_own = |k: usize| k >= first && own.contains(&used[k - first].position());
-    let rest: Vec<Column> =
-        Column::all(factor.columns()).filter(|k| !is_own(k.position())).collect();
-    let of_rest = covariance(&factor.select(&rest), 1.0);
-    let mut all = DMatrix::zeros(factor.columns(), factor.columns());
-    for (a, row) in rest.iter().enumerate() {
-        for (b, column) in rest.iter().enumerate() {
-            all[(row.position(), column.position())] = of_rest[(a, b)];
-        }
-    }
+    let mut all = covariance_of_shared(system, used, factor, 1.0);
     let eliminated = &refit.linearised.eliminated;
     let errors: Vec<Vec<f64>> = eliminated.iter().map(|part| part.variances(&all)).collect();
     all *= variance;
@@ -159,6 +150,32 @@ pub(super) fn shared(
         out.distributions.push(found);
     }
     Shared { covariance: all, ..out }
+}
+
+/// The covariance of the unknowns of a factor, of which the last are the inner parameters that are
+/// `used`; zero of those that runs have for themselves, which are eliminated from it.
+pub(crate) fn covariance_of_shared(
+    system: &System,
+    used: &[ParameterId],
+    factor: &Factor,
+    variance: f64,
+) -> DMatrix<f64> {
+    let own = own(&system.parameters);
+    let first = factor.columns() - used.len();
+    let is_own = |k: usize| k >= first && own.contains(&used[k - first].position());
+    let rest: Vec<Column> =
+        Column::all(factor.columns()).filter(|k| !is_own(k.position())).collect();
+    if rest.len() == factor.columns() {
+        return covariance(factor, variance);
+    }
+    let of_rest = covariance(&factor.select(&rest), variance);
+    let mut all = DMatrix::zeros(factor.columns(), factor.columns());
+    for (a, row) in rest.iter().enumerate() {
+        for (b, column) in rest.iter().enumerate() {
+            all[(row.position(), column.position())] = of_rest[(a, b)];
+        }
+    }
+    all
 }
 
 impl Training<'_> {

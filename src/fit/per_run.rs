@@ -111,7 +111,7 @@ pub(super) fn places(problem: &Problem, dynamics: &Dynamics) -> Vec<(usize, usiz
 
 /// Whether runs have numbers of their own in these equations.
 pub(super) fn has(problem: &Problem, dynamics: &Dynamics) -> bool {
-    !problem.parameters.is_empty() && !places(problem, dynamics).is_empty()
+    dynamics.has_own_inputs() && !places(problem, dynamics).is_empty()
 }
 
 /// The median of each parameter that runs have for themselves: that of a run not yet seen,

@@ -8,9 +8,10 @@
 use super::column::Column;
 use super::criterion::Criterion;
 use super::monitor::Monitor;
+use super::per_run::own;
 use super::train::{Round, Training};
 use super::uncertainty::{covariance, undetermined};
-use crate::expr::{Term, TermId};
+use crate::expr::{Symbol, Term, TermId};
 
 /// Takes terms out one by one, the weakest first, and refits after each.
 pub fn prune(training: &mut Training, round: &mut Round, monitor: &dyn Monitor) {
@@ -63,8 +64,16 @@ fn superfluous(training: &Training, round: &Round) -> Option<TermId> {
         let without = value(refit.sums().loss + growth, unknowns.saturating_sub(1));
         (id, without - present - round.columns.costs[Column::from(id)])
     };
+    // Where what runs have for themselves does all that a coefficient does, it stands for both.
+    let system = training.system();
+    let own = own(&system.parameters);
+    let shared = |term: &Term| {
+        let symbols = system.graph.symbols(&[term.expr]);
+        !own.iter().any(|&j| symbols.contains(&Symbol::Parameter(j)))
+    };
     (training.law.terms())
         .enumerate()
+        .filter(|(place, (_, term, _))| shared(term) || rest.contains(&Column::new(*place)))
         .map(change)
         .filter(|(_, change)| *change < 0.0)
         .min_by(|a, b| a.1.total_cmp(&b.1))
