@@ -19,7 +19,7 @@ use serde::Serialize;
 use super::candidates::candidates;
 use super::comparison::ResidualMap;
 pub use super::effect::RankedEffect;
-use super::hidden::{look_first, look_last};
+use super::hidden::{look_for_bodies, look_for_states};
 use super::law_on_data::{LawOnData, Measurements};
 use super::noise_floor::shortest;
 use super::options::Options;
@@ -181,13 +181,13 @@ pub fn diagnose(
     let question = Question { scope: &scope, model: &model, held_out: &held_out, monitor };
     let bare = Story::bare(&question);
     let beginnings = beginnings(&question, &bare, &first)?;
-    if !beginnings.iter().any(holds) && look_first(&question, &first, &mut diagnosis)? {
+    if !beginnings.iter().any(holds) && look_for_bodies(&question, &first, &mut diagnosis)? {
         return Ok(diagnosis);
     }
     let stories = stories(&question, &bare, beginnings)?;
     judge(&question, &mut diagnosis, stories)?;
     if diagnosis.verdict == Verdict::Unexplained && !monitor.stopped() {
-        look_last(&question, &mut diagnosis)?;
+        look_for_states(&question, &mut diagnosis)?;
     }
     Ok(diagnosis)
 }

@@ -198,12 +198,14 @@ pub struct Hidden {
     /// A part is fitted where the weak form of the force that is left is smaller by this factor
     /// with it, at least.
     pub gain: f64,
-    /// The same where other explanations were not looked for yet.
-    pub plain_gain: f64,
     /// A part whose coefficients are above zero is started from where its gain is this part of the
     /// best, at least. `learning::hidden_parts`.
     pub nearly: f64,
-    /// Parts that are fitted, at most.
+    /// Points of a grid from which the same part is fitted in turn, until one explains the data.
+    pub points: usize,
+    /// They differ by more than this part in some inner parameter.
+    pub points_apart: f64,
+    /// Parts that are fitted, at most, in every turn.
     pub fits: usize,
     /// Orbits of an unseen body that are fitted, at most: 0, none is looked for. Each fit takes
     /// minutes on a record of decades.

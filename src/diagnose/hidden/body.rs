@@ -84,6 +84,7 @@ fn find(model: &LawOnData) -> Option<Vec<Start>> {
         snippet: bodies.statements(system, &label, orbit, &frame),
         coefficients: Vec::<(TermName, f64)>::new(),
         gain: orbit.gain,
+        rank: 0,
         tests,
     };
     Some(apart.iter().map(start).collect())

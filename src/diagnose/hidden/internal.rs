@@ -11,7 +11,7 @@ use crate::fit::masses::pushes;
 use crate::spec::edit;
 use crate::spec::effects::{Instance, ScanBy};
 
-/// The best start of every effect that has internal states, on everything that it may act on.
+/// The best starts of every effect that has internal states, on everything that it may act on.
 pub(super) fn starts(spec: &Compiled, model: &LawOnData) -> Result<Vec<Start>> {
     let Some(motion) = MeasuredMotion::of(model) else { return Ok(Vec::new()) };
     let tuning = model.tuning();
@@ -38,7 +38,7 @@ pub(super) fn starts(spec: &Compiled, model: &LawOnData) -> Result<Vec<Start>> {
         let scans: Vec<ScanBy> = instance.effect.parameters.iter().map(|scan| scan.by).collect();
         let on = instance.arguments.first().map_or("", String::as_str);
         let grid = reach.grid(&scans, on);
-        starts.extend(start(spec, model, (&motion, &forms), instance, &grid));
+        starts.extend(starts_of(spec, model, (&motion, &forms), instance, &grid));
     }
     Ok(starts)
 }
@@ -59,76 +59,121 @@ struct Carried {
     standing: usize,
 }
 
-/// Gain, place of the weak form, inner parameters and coefficients of a point of a grid.
-type Best = (f64, usize, Vec<f64>, Vec<f64>);
+/// What the weak form says of a point of a grid.
+struct Point {
+    gain: f64,
+    /// Place of the weak form that says so.
+    form: usize,
+    /// Inner parameters.
+    values: Vec<f64>,
+    coefficients: Vec<f64>,
+    /// Whether a part of these coefficients could be built: its mass, its stiffness are above zero.
+    can_be: bool,
+}
 
-fn start(
+impl Point {
+    /// Whether some inner parameter differs from another point's by more than a part of it.
+    fn is_apart(&self, other: &Point, part: f64) -> bool {
+        let mut pairs = self.values.iter().zip(&other.values);
+        pairs.any(|(a, b)| (a - b).abs() > part * a.abs().max(b.abs()))
+    }
+}
+
+/// Starts of one effect, the best first, at points of its grid that are apart.
+fn starts_of(
     spec: &Compiled,
     model: &LawOnData,
     (motion, forms): (&MeasuredMotion, &[Vec<WeakForm>]),
     instance: &Instance,
     grid: &[Vec<f64>],
-) -> Option<Start> {
-    let coordinate =
-        spec.system.coordinates.iter().position(|q| q.name == instance.arguments[0])?;
-    let carried = Carried::of(spec, model, instance, coordinate)?;
+) -> Vec<Start> {
+    let mut coordinates = spec.system.coordinates.iter();
+    let Some(coordinate) = coordinates.position(|q| q.name == instance.arguments[0]) else {
+        return Vec::new();
+    };
+    let Some(carried) = Carried::of(spec, model, instance, coordinate) else { return Vec::new() };
     let tuning = &model.tuning().hidden;
-    let forms = forms.get(coordinate)?;
+    let Some(forms) = forms.get(coordinate) else { return Vec::new() };
     let without: Vec<f64> =
         forms.iter().map(|form| form.solve(&[]).map_or(f64::NAN, |(left, _)| left)).collect();
-    let mut best: Option<Best> = None;
-    // Where the data leave the numbers open, those of a part that could be built are better ones to
-    // start from: its mass, its stiffness are above zero.
-    let mut built: Option<Best> = None;
-    for points in grid.chunks(tuning.lanes) {
-        let pushes = carried.along(motion, points);
-        for (lane, values) in points.iter().enumerate() {
+    let mut points = Vec::new();
+    for chunk in grid.chunks(tuning.lanes) {
+        let pushes = carried.along(motion, chunk);
+        for (lane, values) in chunk.iter().enumerate() {
             for (at, (form, without)) in forms.iter().zip(&without).enumerate() {
-                let columns = pushes.columns(form, lane);
-                let Some((left, coefficients)) = form.solve(&columns) else { continue };
-                let gain = without / left.max(f64::MIN_POSITIVE);
+                let Some((left, coefficients)) = form.solve(&pushes.columns(form, lane)) else {
+                    continue;
+                };
                 let own = coefficients.iter().skip(form.names.len()).take(carried.terms.len());
                 let can_be = own.into_iter().all(|coefficient| *coefficient > 0.0);
-                let better = |best: &Option<Best>| best.as_ref().is_none_or(|best| gain > best.0);
-                if gain.is_finite() && can_be && better(&built) {
-                    built = Some((gain, at, values.clone(), coefficients.clone()));
-                }
-                if gain.is_finite() && better(&best) {
-                    best = Some((gain, at, values.clone(), coefficients));
+                let gain = without / left.max(f64::MIN_POSITIVE);
+                if gain.is_finite() {
+                    points.push(Point {
+                        gain,
+                        form: at,
+                        values: values.clone(),
+                        coefficients,
+                        can_be,
+                    });
                 }
             }
         }
     }
-    let least = best.as_ref()?.0 * tuning.nearly;
-    let (gain, at, values, found) = built.filter(|built| built.0 > least).or(best)?;
-    let names = &forms[at].names;
-    let mut coefficients = Vec::new();
-    let mass = spec.system.terms.iter().position(|term| {
-        let mut graph = spec.system.graph.clone();
+    // Where the data leave the numbers open, those of a part that could be built are better ones to
+    // start from.
+    let best = points.iter().map(|point| point.gain).fold(0.0, f64::max);
+    let first = |point: &Point| point.can_be && point.gain > best * tuning.nearly;
+    points.sort_by(|a, b| first(b).cmp(&first(a)).then(b.gain.total_cmp(&a.gain)));
+    let mut chosen: Vec<Point> = Vec::new();
+    for point in points {
+        if chosen.iter().all(|other| point.is_apart(other, tuning.points_apart)) {
+            chosen.push(point);
+        }
+        if chosen.len() == tuning.points {
+            break;
+        }
+    }
+    let tests = grid.len() * forms.len();
+    let start = |(rank, point): (usize, &Point)| {
+        let mut coefficients = coefficients(&spec.system, coordinate, &forms[point.form], point);
+        let own = carried.terms.iter().zip(&point.coefficients[forms[point.form].names.len()..]);
+        coefficients.extend(
+            own.map(|(&k, value)| (TermName::Own(carried.system.terms[k].label.clone()), *value)),
+        );
+        Start {
+            label: carried.label.clone(),
+            on: instance.arguments.clone(),
+            snippet: instance.statement_with(&point.values),
+            coefficients,
+            gain: point.gain,
+            rank,
+            tests,
+        }
+    };
+    chosen.iter().enumerate().map(start).collect()
+}
+
+/// Coefficients of the terms that stand, by a point of a grid.
+fn coefficients(
+    system: &System,
+    coordinate: usize,
+    form: &WeakForm,
+    point: &Point,
+) -> Vec<(TermName, f64)> {
+    let mass = system.terms.iter().position(|term| {
+        let mut graph = system.graph.clone();
         let p = graph.symbol(Symbol::Momentum(coordinate));
         let square = graph.power(p, 2.0);
         term.place == crate::expr::Place::Kinetic && term.expr == square
     });
-    for (name, value) in names.iter().zip(&found) {
+    let standing = form.names.iter().zip(&point.coefficients).filter_map(|(name, &value)| {
         match (name, mass) {
-            (Column::Term(k), _) => coefficients.push((TermName::Standing(*k), *value)),
-            (Column::Mass, Some(k)) if *value > 0.0 => {
-                coefficients.push((TermName::Standing(k), 0.5 / value));
-            }
-            _ => {}
+            (Column::Term(k), _) => Some((TermName::Standing(*k), value)),
+            (Column::Mass, Some(k)) if value > 0.0 => Some((TermName::Standing(k), 0.5 / value)),
+            _ => None,
         }
-    }
-    for (&k, value) in carried.terms.iter().zip(&found[names.len()..]) {
-        coefficients.push((TermName::Own(carried.system.terms[k].label.clone()), *value));
-    }
-    Some(Start {
-        label: carried.label,
-        on: instance.arguments.clone(),
-        snippet: instance.statement_with(&values),
-        coefficients,
-        gain,
-        tests: grid.len() * forms.len(),
-    })
+    });
+    standing.collect()
 }
 
 impl Carried {

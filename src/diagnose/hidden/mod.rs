@@ -15,6 +15,7 @@ use super::diagnosis::{Diagnosis, Verdict};
 use super::effect::RankedEffect;
 use super::law_on_data::LawOnData;
 use super::misfit::{error, error_of};
+use super::noise_floor::noise_of;
 use super::ranking::Ranking;
 use super::settling::settle;
 use super::story::Question;
@@ -38,6 +39,8 @@ pub struct Start {
     coefficients: Vec<(TermName, f64)>,
     /// By what factor the weak form of the force that is left is smaller with it.
     gain: f64,
+    /// How many starts of the same part are better.
+    rank: usize,
     /// How many were looked at for each that is tried.
     tests: usize,
 }
@@ -96,15 +99,18 @@ pub fn start_of(label: &str, spec: &Compiled, model: &LawOnData) -> Result<Optio
     Ok(internal::starts(spec, model)?.into_iter().find(|start| start.label == label))
 }
 
-/// Looks for what plainly moves unseen, where no change to one thing explains the data: a body
-/// whose pull is a small part of every force, which a search among all other effects takes long to
-/// imitate and never does; internal states that explain whole runs. Whether it was found, and told.
+/// Looks for a body that nobody measures, where no change to one thing explains the data: its pull
+/// is a small part of every force, which a search among all other effects takes long to imitate
+/// and never does. Whether it was found, and told.
 ///
 /// # Errors
 ///
 /// When the spec cannot be read with it.
-pub fn look_first(question: &Question, first: &Ranking, diagnosis: &mut Diagnosis) -> Result<bool> {
-    let tuning = question.model.tuning();
+pub fn look_for_bodies(
+    question: &Question,
+    first: &Ranking,
+    diagnosis: &mut Diagnosis,
+) -> Result<bool> {
     // What no candidate improves on lacks nothing that shows.
     if first.effects.is_empty() {
         return Ok(false);
@@ -119,24 +125,17 @@ pub fn look_first(question: &Question, first: &Ranking, diagnosis: &mut Diagnosi
         tell(diagnosis, found);
         return Ok(true);
     }
-    let mut starts = internal::starts(question.scope.compiled(), question.model)?;
-    starts.retain(|start| start.gain > tuning.hidden.plain_gain);
-    if let Some(found) = best_of(question, starts)?
-        && question.pays(&found)
-    {
-        tell(diagnosis, found);
-        return Ok(true);
-    }
     Ok(false)
 }
 
 /// Looks for internal states of effects, where no story of what is seen explains the data, and
-/// tells the best if it explains them.
+/// tells the best if it explains them. Not before: states that begin anew in every run can imitate
+/// effects of what is seen.
 ///
 /// # Errors
 ///
 /// When the spec cannot be read with such a part in it.
-pub fn look_last(question: &Question, diagnosis: &mut Diagnosis) -> Result<()> {
+pub fn look_for_states(question: &Question, diagnosis: &mut Diagnosis) -> Result<()> {
     let starts = internal::starts(question.scope.compiled(), question.model)?;
     if let Some(found) = best_of(question, starts)?
         && question.pays(&found)
@@ -157,17 +156,23 @@ impl Question<'_, '_> {
     }
 }
 
-/// The best of some parts, fitted from where the weak form likes them best.
+/// The best of some parts, fitted from where the weak form likes them best; where none of them
+/// explains the data, from where it likes them next.
 fn best_of(question: &Question, mut starts: Vec<Start>) -> Result<Option<Found>> {
     let tuning = &question.model.tuning().hidden;
     question.monitor.stage("what may move unseen", 0.95);
     starts.retain(|start| start.gain > tuning.gain);
-    starts.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    starts.sort_by(|a, b| a.rank.cmp(&b.rank).then(b.gain.total_cmp(&a.gain)));
     let mut best: Option<Found> = None;
-    for start in starts.iter().take(tuning.fits) {
-        if question.monitor.stopped() {
+    let mut rank = 0;
+    let same_rank = |rank: usize| starts.iter().filter(move |start| start.rank == rank);
+    let in_turn = (0..tuning.points.max(1)).flat_map(|rank| same_rank(rank).take(tuning.fits));
+    for start in in_turn {
+        let explained = best.as_ref().is_some_and(|best| question.pays(best));
+        if question.monitor.stopped() || explained && start.rank > rank {
             break;
         }
+        rank = start.rank;
         let Some(found) = fitted(question, question.scope.compiled(), start)? else { continue };
         if best.as_ref().is_none_or(|best| found.after < best.after) {
             best = Some(found);
@@ -227,10 +232,10 @@ fn fitted(question: &Question, spec: &Compiled, start: &Start) -> Result<Option<
     let law = law.with_window(window);
     let Ok(fitted) = resume(&law, &training, &options, question.monitor) else { return Ok(None) };
     let law = fitted.law_of(system)?;
-    // What the part leaves is held against the noise of the shortest predictions without it, which
-    // is at most too large: a part that explains little would take the rest for noise.
-    let most = model.law.noise_on(system, f64::INFINITY);
-    let noise = law.noise().iter().zip(most).map(|(with, most)| with.min(most)).collect();
+    // What the part leaves is held against the noise of the shortest predictions with it: a part
+    // that explains little would take the rest for noise.
+    let short = noise_of(&LawOnData::of(law.clone(), &training, model.options));
+    let noise = law.noise().iter().zip(short).map(|(&whole, short)| whole.min(short)).collect();
     let law = law.with_noise(noise);
     let on_training = LawOnData::of(law.clone(), &training, model.options);
     let on_held_out = LawOnData::of(law.clone(), &held_out, model.options);

@@ -144,11 +144,12 @@ const TUNING: Tuning = Tuning {
     },
     hidden: Hidden {
         gain: 1.3,
-        plain_gain: 5.0,
         nearly: 0.5,
         orbits: 0,
         coordinates: 12,
         samples: 200_000,
+        points: 3,
+        points_apart: 0.1,
         fits: 3,
         terms: 24,
         lanes: 32,
