@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::time::Instant;
 
-use leverrier::{Data, Discovery, Options, Silent, Spec, Verdict};
+use leverrier::{Data, Discovery, DiscoveryOptions, Silent, Spec, Verdict};
 
 /// The Newtonian spec: masses unknown, positions alone measured.
 fn newtonian(file: &str) -> String {
@@ -26,7 +26,7 @@ fn discovered(path: &Path) -> (Discovery, f64) {
     let (training, held_out) = data.split(0.25, 0).expect("enough samples");
     let clock = Instant::now();
     let threads = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
-    let options = Options::default();
+    let options = DiscoveryOptions::default();
     let found = threads.install(|| spec.discover(&training, &held_out, &options, &Silent));
     (found.expect("an answer"), clock.elapsed().as_secs_f64())
 }

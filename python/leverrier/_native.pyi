@@ -33,7 +33,7 @@ class Spec:
         self,
         training: Data,
         held_out: Data,
-        options: dict[str, Any],
+        options: tuple[dict[str, Any], dict[str, Any], bool],
         threads: int | None,
         progress: _Progress,
     ) -> tuple[str, Law, Spec]: ...
@@ -85,7 +85,12 @@ class Law:
         self, training: Data, held_out: Data, noise: list[float] | None, threads: int | None
     ) -> str: ...
     def diagnose(
-        self, training: Data, held_out: Data, threads: int | None, progress: _Progress
+        self,
+        training: Data,
+        held_out: Data,
+        options: dict[str, Any],
+        threads: int | None,
+        progress: _Progress,
     ) -> str: ...
 
 class VectorField:

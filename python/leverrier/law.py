@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 import os
+from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +22,13 @@ if TYPE_CHECKING:
 
 #: A coefficient that is so many standard errors from zero supports its effect.
 _SIGNIFICANT = 4.0
+
+
+def diagnosis_options(correlated_noise: Any, orbits: Any) -> dict[str, Any]:
+    """What a diagnosis looks for beside the usual."""
+    if not isinstance(orbits, Integral) or not 0 <= orbits < 2**32:
+        raise InvalidArgumentError(f"orbits is {orbits!r}", "give a whole number from 0 on")
+    return {"correlated_noise": bool(correlated_noise), "orbits": int(orbits)}
 
 
 class VectorField:
@@ -308,12 +316,16 @@ class Law:
         run: Any = None,
         held_out: float = 0.25,
         seed: int = 0,
+        correlated_noise: bool = False,
+        orbits: int = 0,
         threads: int | None = None,
         progress: bool | Progress | None = None,
     ) -> Diagnosis:
         """Which physical effect the law lacks, or that nothing is missing.
 
-        The arguments are those of :meth:`compare`. Ctrl-C raises KeyboardInterrupt with the
+        The arguments are those of :meth:`compare`, and what is looked for beside the usual: noise
+        with a memory, such as that of a filter, and so many orbits of a body that nobody measures.
+        Ctrl-C raises KeyboardInterrupt with the
         diagnosis so far as its attribute ``best``.
 
         >>> import leverrier
@@ -321,6 +333,7 @@ class Law:
         >>> diagnosis.verdict, diagnosis.missing
         ('missing', 'viscous_drag(q)')
         """
+        options = diagnosis_options(correlated_noise, orbits)
         judged = self._judged(X, t, run, held_out, seed, threads, progress)
 
         def wrapped(text: str) -> Diagnosis:
@@ -329,7 +342,7 @@ class Law:
         try:
             with shown(progress) as told:
                 text = judged.law._native.diagnose(
-                    judged.training._native, judged.unseen._native, threads, told
+                    judged.training._native, judged.unseen._native, options, threads, told
                 )
         except KeyboardInterrupt as interrupt:
             if hasattr(interrupt, "best"):

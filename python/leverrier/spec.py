@@ -10,7 +10,7 @@ from typing import Any
 
 from . import _native, tables
 from .errors import InvalidArgumentError
-from .law import Law
+from .law import Law, diagnosis_options
 from .progress import Progress, shown
 from .results import Discovery
 from .tables import Data
@@ -179,12 +179,17 @@ class Spec:
         run: Any = None,
         held_out: float = 0.25,
         seed: int = 0,
+        partial: bool = False,
+        correlated_noise: bool = False,
+        orbits: int = 0,
         threads: int | None = None,
         progress: bool | Progress | None = None,
     ) -> Discovery:
         """Fits, asks what is missing, adds it and fits again, until what is left is noise.
 
-        The spec stays as it is: ``discover(...).spec`` is the longer one, ``.law`` its law.
+        The spec stays as it is: ``discover(...).spec`` is the longer one, ``.law`` its law. Where no
+        story explains the data, ``partial`` adds the best that explains a part; the two options
+        behind it are those of :meth:`Law.diagnose`.
 
         >>> import leverrier
         >>> found = leverrier.open("examples/damped-pendulum/fit.ham").discover()
@@ -192,7 +197,8 @@ class Spec:
         ['viscous_drag(q)']
         """
         training, unseen = self.data(X, t=t, run=run).split(held_out, seed)
-        options, threads = fit_options(), threads_of(threads)
+        options = (fit_options(), diagnosis_options(correlated_noise, orbits), bool(partial))
+        threads = threads_of(threads)
 
         def wrapped(found: tuple[str, _native.Law, _native.Spec]) -> Discovery:
             text, law, longer = found

@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 
 use super::data::Data;
 use super::errors::OrRaise;
-use super::spec::Spec;
+use super::spec::{DiagnosisOptions, Spec};
 use super::work::work;
 
 /// A spec with a number for everything in it.
@@ -131,12 +131,14 @@ impl Law {
         py: Python<'_>,
         training: &Data,
         held_out: &Data,
+        options: DiagnosisOptions,
         threads: Option<usize>,
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<String> {
         let (law, training, held_out) = (self.0.clone(), training.0.clone(), held_out.0.clone());
+        let options = options.options();
         let diagnosed = work(py, threads, progress, move |monitor| {
-            law.diagnose_monitored(&training, &held_out, monitor)
+            law.diagnose_monitored(&training, &held_out, &options, monitor)
         })?;
         diagnosed.finish(py, |_, diagnosis| Ok(diagnosis.to_json()))
     }

@@ -31,6 +31,21 @@ pub struct FitOptions {
     memory: Option<u64>,
 }
 
+/// What a diagnosis looks for beside the usual.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct DiagnosisOptions {
+    correlated_noise: bool,
+    orbits: usize,
+}
+
+impl DiagnosisOptions {
+    pub fn options(self) -> leverrier::DiagnosisOptions {
+        let DiagnosisOptions { correlated_noise, orbits } = self;
+        leverrier::DiagnosisOptions { correlated_noise, orbits }
+    }
+}
+
 fn invalid(message: String, hint: &str) -> Error {
     Error::new(ErrorKind::InvalidArgument, message, hint)
 }
@@ -167,12 +182,14 @@ impl Spec {
         py: Python<'_>,
         training: &Data,
         held_out: &Data,
-        options: FitOptions,
+        options: (FitOptions, DiagnosisOptions, bool),
         threads: Option<usize>,
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<(String, Law, Spec)> {
         let (spec, training, held_out) = (self.0.clone(), training.0.clone(), held_out.0.clone());
-        let options = options.options().or_raise(py)?;
+        let (fit, diagnosis, partial) = options;
+        let fit = fit.options().or_raise(py)?;
+        let options = leverrier::DiscoveryOptions { fit, diagnosis: diagnosis.options(), partial };
         let search = move |monitor: &dyn leverrier::Monitor| {
             spec.discover(&training, &held_out, &options, monitor)
         };

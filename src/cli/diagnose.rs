@@ -6,13 +6,14 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::console::Console;
+use super::diagnosis_options::DiagnosisArguments;
 use super::progress::Progress;
 use super::splitting::SplitArguments;
 use super::workspace::Workspace;
+use crate::diagnose::LawOnData;
 use crate::diagnose::diagnosis::{self, Diagnosis};
 use crate::diagnose::instrument::detect;
 use crate::diagnose::sufficiency;
-use crate::diagnose::{LawOnData, Options};
 use crate::error::Result;
 use crate::report::{DiagnosisContext, diagnosis_text};
 
@@ -29,6 +30,8 @@ pub struct Arguments {
     /// The spec.
     pub spec: PathBuf,
     #[command(flatten)]
+    pub diagnosis: DiagnosisArguments,
+    #[command(flatten)]
     pub splitting: SplitArguments,
 }
 
@@ -37,7 +40,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let workspace = Workspace::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
     let (spec, split) = (&workspace.spec, &workspace.split);
-    let (training, options) = (&split.training, Options::default());
+    let (training, options) = (&split.training, arguments.diagnosis.options().tuned());
     let lacking = sufficiency::lacking(spec.system(), training, workspace.held_out(), &options);
     let (diagnosis, terms, detections) = match (lacking, workspace.held_out()) {
         (None, Some(held_out)) => {

@@ -6,6 +6,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::console::Console;
+use super::diagnosis_options::DiagnosisArguments;
 use super::ledger::{HeldOutErrors, Ledger};
 use super::progress::Progress;
 use super::project::ModelFile;
@@ -15,9 +16,10 @@ use super::splitting::SplitArguments;
 use super::workspace::Workspace;
 use crate::data::write_atomically;
 use crate::diagnose::diagnosis::Verdict;
-use crate::diagnose::discover::{Accepts, Discovery, DiscoveryOptions, discover};
+use crate::diagnose::discover::{Discovery, discover};
 use crate::diagnose::sufficiency;
 use crate::error::Result;
+use crate::facade::DiscoveryOptions;
 use crate::fit::{Options, Silent};
 use crate::report::discovery_text;
 use crate::report::layout::{WIDTH, wrapped};
@@ -40,6 +42,8 @@ pub struct Arguments {
     #[arg(long)]
     pub partial: bool,
     #[command(flatten)]
+    pub diagnosis: DiagnosisArguments,
+    #[command(flatten)]
     pub splitting: SplitArguments,
 }
 
@@ -53,9 +57,10 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let spec = &workspace.spec;
     let options = DiscoveryOptions {
         fit: Options { parameter_starts: spec.compiled().starts.clone(), ..Options::default() },
-        accepts: if arguments.partial { Accepts::Partial } else { Accepts::Whole },
-        ..DiscoveryOptions::default()
-    };
+        diagnosis: arguments.diagnosis.options(),
+        partial: arguments.partial,
+    }
+    .tuned();
     let training = &workspace.split.training;
     let lacking =
         sufficiency::lacking(spec.system(), training, workspace.held_out(), &options.diagnosis);

@@ -6,6 +6,7 @@ mod console;
 mod demo;
 mod design;
 mod diagnose;
+mod diagnosis_options;
 mod discover;
 mod effects;
 mod export;

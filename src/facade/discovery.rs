@@ -3,20 +3,20 @@
 use serde_json::{Value, json};
 
 use super::json::json_text;
-use super::{Data, Effect, Law, Spec, Verdict};
-use crate::diagnose::discover::{Discovery as Found, DiscoveryOptions, Step, discover};
+use super::{Data, DiscoveryOptions, Effect, Law, Spec, Verdict};
+use crate::diagnose::discover::{Discovery as Found, Step, discover};
 use crate::diagnose::sufficiency;
 use crate::error::{Error, ErrorKind, Result};
-use crate::fit::{Monitor, Options};
+use crate::fit::Monitor;
 
 /// What was added to a spec, one effect after the other, until what is left is noise.
 ///
 /// ```
-/// use leverrier::{Options, Silent, Spec};
+/// use leverrier::{DiscoveryOptions, Silent, Spec};
 ///
 /// let spec = Spec::open("examples/damped-pendulum/fit.ham")?;
 /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
-/// let found = spec.discover(&training, &held_out, &Options::default(), &Silent)?;
+/// let found = spec.discover(&training, &held_out, &DiscoveryOptions::default(), &Silent)?;
 /// assert_eq!(found.steps()[0].effect, "viscous_drag(q)");
 /// # Ok::<(), leverrier::Error>(())
 /// ```
@@ -39,11 +39,12 @@ impl Spec {
     /// an effect by ([`ErrorKind::InsufficientData`]), or cannot be fitted.
     ///
     /// ```
-    /// use leverrier::{Options, Silent, Spec};
+    /// use leverrier::{DiscoveryOptions, Silent, Spec};
     ///
     /// let spec = Spec::open("examples/damped-pendulum/fit.ham")?;
     /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
-    /// let found = spec.discover(&training, &held_out, &Options::default(), &Silent)?;
+    /// let options = DiscoveryOptions::default();
+    /// let found = spec.discover(&training, &held_out, &options, &Silent)?;
     /// assert!(found.law().spec().text().contains("effect viscous_drag(q)"));
     /// # Ok::<(), leverrier::Error>(())
     /// ```
@@ -51,13 +52,13 @@ impl Spec {
         &self,
         training: &Data,
         held_out: &Data,
-        options: &Options,
+        options: &DiscoveryOptions,
         monitor: &dyn Monitor,
     ) -> Result<Discovery> {
         training.require(self)?;
         held_out.require(self)?;
         let unseen = (held_out.runs() > 0).then(|| held_out.dataset());
-        let mut options = DiscoveryOptions { fit: options.clone(), ..Default::default() };
+        let mut options = options.tuned();
         let (system, diagnosis) = (self.system(), &options.diagnosis);
         if let Some(reason) = sufficiency::lacking(system, training.dataset(), unseen, diagnosis) {
             let hint = "measure more, or hold out another share of the samples";
@@ -96,11 +97,12 @@ impl Discovery {
     /// What was added, in order.
     ///
     /// ```
-    /// use leverrier::{Options, Silent, Spec};
+    /// use leverrier::{DiscoveryOptions, Silent, Spec};
     ///
     /// let spec = Spec::open("examples/damped-pendulum/fit.ham")?;
     /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
-    /// let found = spec.discover(&training, &held_out, &Options::default(), &Silent)?;
+    /// let options = DiscoveryOptions::default();
+    /// let found = spec.discover(&training, &held_out, &options, &Silent)?;
     /// assert_eq!(found.steps().len(), 1);
     /// # Ok::<(), leverrier::Error>(())
     /// ```
@@ -111,11 +113,12 @@ impl Discovery {
     /// Why it ended, in a sentence.
     ///
     /// ```
-    /// use leverrier::{Options, Silent, Spec};
+    /// use leverrier::{DiscoveryOptions, Silent, Spec};
     ///
     /// let spec = Spec::open("examples/damped-pendulum/fit.ham")?;
     /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
-    /// let found = spec.discover(&training, &held_out, &Options::default(), &Silent)?;
+    /// let options = DiscoveryOptions::default();
+    /// let found = spec.discover(&training, &held_out, &options, &Silent)?;
     /// assert!(!found.stop().is_empty());
     /// # Ok::<(), leverrier::Error>(())
     /// ```
@@ -130,7 +133,8 @@ impl Discovery {
     ///
     /// let spec = Spec::open("examples/damped-pendulum/fit.ham")?;
     /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
-    /// let found = spec.discover(&training, &held_out, &Options::default(), &Silent)?;
+    /// let options = DiscoveryOptions::default();
+    /// let found = spec.discover(&training, &held_out, &options, &Silent)?;
     /// assert_eq!(found.verdict(), Verdict::NothingMissing);
     /// # Ok::<(), leverrier::Error>(())
     /// ```
@@ -141,11 +145,12 @@ impl Discovery {
     /// The law with all that was added, learned from the training measurements.
     ///
     /// ```
-    /// use leverrier::{Options, Silent, Spec};
+    /// use leverrier::{DiscoveryOptions, Silent, Spec};
     ///
     /// let spec = Spec::open("examples/damped-pendulum/fit.ham")?;
     /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
-    /// let found = spec.discover(&training, &held_out, &Options::default(), &Silent)?;
+    /// let options = DiscoveryOptions::default();
+    /// let found = spec.discover(&training, &held_out, &options, &Silent)?;
     /// assert_eq!(found.law().terms().len(), 2);
     /// # Ok::<(), leverrier::Error>(())
     /// ```
@@ -157,11 +162,12 @@ impl Discovery {
     /// are not among them.
     ///
     /// ```
-    /// use leverrier::{Options, Silent, Spec};
+    /// use leverrier::{DiscoveryOptions, Silent, Spec};
     ///
     /// let spec = Spec::open("examples/damped-pendulum/fit.ham")?;
     /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
-    /// let found = spec.discover(&training, &held_out, &Options::default(), &Silent)?;
+    /// let options = DiscoveryOptions::default();
+    /// let found = spec.discover(&training, &held_out, &options, &Silent)?;
     /// assert!(found.to_json().contains("\"held_out_error\""));
     /// # Ok::<(), leverrier::Error>(())
     /// ```

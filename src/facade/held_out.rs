@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Comparison, Data, Diagnosis, Law, Spec};
+use super::{Comparison, Data, Diagnosis, DiagnosisOptions, Law, Spec};
 use crate::data::Dataset;
 use crate::diagnose::comparison::compare;
 use crate::diagnose::diagnosis::{self, diagnose};
@@ -164,7 +164,31 @@ impl Law {
     /// # Ok::<(), leverrier::Error>(())
     /// ```
     pub fn diagnose(&self, training: &Data, held_out: &Data) -> Result<Diagnosis> {
-        self.diagnose_monitored(training, held_out, &Silent)
+        self.diagnose_with(training, held_out, &DiagnosisOptions::default())
+    }
+
+    /// The same with options.
+    ///
+    /// # Errors
+    /// As [`Law::diagnose`].
+    ///
+    /// ```
+    /// use leverrier::{DiagnosisOptions, Spec};
+    ///
+    /// let spec = Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
+    /// let options = DiagnosisOptions { correlated_noise: true, ..DiagnosisOptions::default() };
+    /// let diagnosis = spec.fit(&training)?.diagnose_with(&training, &held_out, &options)?;
+    /// assert_eq!(diagnosis.missing(), Some("viscous_drag(q)"));
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn diagnose_with(
+        &self,
+        training: &Data,
+        held_out: &Data,
+        options: &DiagnosisOptions,
+    ) -> Result<Diagnosis> {
+        self.diagnose_monitored(training, held_out, options, &Silent)
     }
 
     /// The same, telling a monitor how far it has come, and asking it whether to stop: the
@@ -174,11 +198,12 @@ impl Law {
     /// As [`Law::diagnose`].
     ///
     /// ```
-    /// use leverrier::{Silent, Spec};
+    /// use leverrier::{DiagnosisOptions, Silent, Spec};
     ///
     /// let spec = Spec::open("examples/damped-pendulum/fit.ham")?;
     /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
-    /// let diagnosis = spec.fit(&training)?.diagnose_monitored(&training, &held_out, &Silent)?;
+    /// let (law, options) = (spec.fit(&training)?, DiagnosisOptions::default());
+    /// let diagnosis = law.diagnose_monitored(&training, &held_out, &options, &Silent)?;
     /// assert_eq!(diagnosis.missing(), Some("viscous_drag(q)"));
     /// # Ok::<(), leverrier::Error>(())
     /// ```
@@ -186,13 +211,14 @@ impl Law {
         &self,
         training: &Data,
         held_out: &Data,
+        options: &DiagnosisOptions,
         monitor: &dyn Monitor,
     ) -> Result<Diagnosis> {
         training.require(self.spec())?;
         held_out.require(self.spec())?;
         self.fitted("diagnose")?;
         let (compiled, law) = (self.spec().compiled(), self.numbers());
-        let options = diagnose::Options::default();
+        let options = options.tuned();
         let unseen = (held_out.runs() > 0).then(|| held_out.dataset());
         let (training, held_out) = (training.dataset(), held_out.dataset());
         if let Some(reason) = sufficiency::lacking(&compiled.system, training, unseen, &options) {

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use super::{DemoRun, indented};
+use crate::cli::diagnosis_options::DiagnosisArguments;
 use crate::cli::progress::Progress;
 use crate::cli::splitting::SplitArguments;
 use crate::cli::{compare, diagnose, revise};
@@ -102,7 +103,11 @@ fn story(stage: &DemoRun, runs: usize) -> Result<Value> {
     let arguments = compare::Arguments { spec: spec.clone(), splitting: splitting.clone() };
     compare::run(&arguments, stage.console)?;
     chapter(2, "What is missing?  leverrier diagnose pendulum.ham")?;
-    let ask = diagnose::Arguments { spec: spec.clone(), splitting: splitting.clone() };
+    let ask = diagnose::Arguments {
+        spec: spec.clone(),
+        diagnosis: DiagnosisArguments::default(),
+        splitting: splitting.clone(),
+    };
     diagnose::run(&ask, stage.console)?;
     chapter(3, &format!("Add it.  leverrier add pendulum.ham \"{HIDDEN}\""))?;
     let effect = HIDDEN.to_string();
