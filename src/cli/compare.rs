@@ -9,10 +9,8 @@ use super::console::Console;
 use super::progress::Progress;
 use super::splitting::SplitArguments;
 use super::workspace::Workspace;
-use crate::diagnose::comparison;
-use crate::diagnose::instrument::detect;
-use crate::diagnose::noise_floor::noise_floor;
-use crate::diagnose::{LawOnData, Measurements, Options};
+use crate::diagnose::Options;
+use crate::diagnose::comparison::Compared;
 use crate::error::Result;
 use crate::report::compare_text;
 
@@ -37,14 +35,9 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let progress = Progress::new();
     let (model, terms) = workspace.model(&progress)?;
     let (law, options) = (workspace.spec.learned(&model)?, Options::default());
-    let training = LawOnData::of(law, &workspace.split.training, &options);
-    let detections = detect(&training);
-    // A model that fails takes a part of what it lacks for noise; the floor is the instrument's.
-    let training = training.with_noise(noise_floor(&training));
-    let held_out = workspace.held_out().map(|data| Measurements::of(data, &options));
-    let held_out = held_out.map(|data| training.with_data(&data));
-    let mut comparison = comparison::compare(&training, held_out.as_ref())?;
-    comparison.findings.extend(detections.iter().map(|found| found.sentence.clone()));
+    let (training, held_out) = (&workspace.split.training, workspace.held_out());
+    let compared = Compared::new(law, training, held_out, &options, None)?;
+    let Compared { comparison, detections, .. } = compared;
     drop(progress);
     let time = &workspace.spec.system().time;
     let unit = time.unit_text.as_deref().unwrap_or("");

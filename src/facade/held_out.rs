@@ -4,12 +4,11 @@ use std::sync::Arc;
 
 use super::{Comparison, Data, Diagnosis, DiagnosisOptions, Law, Spec};
 use crate::data::Dataset;
-use crate::diagnose::comparison::compare;
+use crate::diagnose::comparison::{Compared, compare};
 use crate::diagnose::diagnosis::{self, diagnose};
 use crate::diagnose::instrument::detect;
-use crate::diagnose::noise_floor::noise_floor;
-use crate::diagnose::{self, LawOnData, Measurements, sufficiency};
-use crate::error::{Error, ErrorKind, Result};
+use crate::diagnose::{self, LawOnData, sufficiency};
+use crate::error::Result;
 use crate::expr::System;
 use crate::fit::model::fingerprint;
 use crate::fit::{self, Loss, Model, Monitor, Options, Silent, resume};
@@ -125,27 +124,10 @@ impl Law {
         held_out.require(self.spec())?;
         self.fitted("compare")?;
         let options = diagnose::Options::default();
-        let model = LawOnData::of(self.numbers().clone(), training.dataset(), &options);
-        let detections = detect(&model);
-        // A model that fails takes a part of what it lacks for noise; the floor is the
-        // instrument's.
-        let noise = match noise {
-            Some(noise) => noise.to_vec(),
-            None => noise_floor(&model).sizes,
-        };
-        if noise.len() != training.observables().len() || !noise.iter().all(|x| *x > 0.0) {
-            return Err(Error::new(
-                ErrorKind::InvalidArgument,
-                format!("{} numbers are no noise of these observables", noise.len()),
-                "give a standard deviation above zero for each",
-            ));
-        }
-        let seen = model.with_noise(noise);
-        let held_out = Measurements::of(held_out.dataset(), &options);
-        let unseen = (!held_out.dataset.runs.is_empty()).then(|| seen.with_data(&held_out));
-        let mut comparison = compare(&seen, unseen.as_ref())?;
-        comparison.findings.extend(detections.iter().map(|found| found.sentence.clone()));
-        Ok(Comparison::of(comparison, &detections))
+        let unseen = (held_out.runs() > 0).then(|| held_out.dataset());
+        let law = self.numbers().clone();
+        let compared = Compared::new(law, training.dataset(), unseen, &options, noise)?;
+        Ok(Comparison::of(compared.comparison, &compared.detections))
     }
 
     /// Asks what the law misses: every effect of the catalogue is tested on the measurements that

@@ -4,12 +4,10 @@ use super::fitting::origin;
 use super::ledger::{HeldOutErrors, Ledger, date};
 use super::workspace::Workspace;
 use super::{Law, ModelFile, digest};
+use crate::diagnose::Options;
 use crate::diagnose::comparison::view::{Quantity, View, view};
-use crate::diagnose::comparison::{self, Comparison, Horizon};
+use crate::diagnose::comparison::{Compared, Comparison, Horizon};
 use crate::diagnose::diagnosis::{self, Diagnosis};
-use crate::diagnose::instrument::detect;
-use crate::diagnose::noise_floor::noise_floor;
-use crate::diagnose::{LawOnData, Measurements, Options};
 use crate::error::{Error, ErrorKind, Result};
 use crate::export::formulas;
 use crate::expr::{Observed, Variable};
@@ -32,17 +30,11 @@ pub struct Assessment {
 pub fn assess(workspace: &Workspace, model: &Model, monitor: &dyn Monitor) -> Result<Assessment> {
     monitor.stage("comparing with the data", 0.2);
     let (law, options) = (workspace.spec.learned(model)?, Options::default());
-    let training = LawOnData::of(law, &workspace.split.training, &options);
-    let detections = detect(&training);
-    // A model that fails takes a part of what it lacks for noise; the floor is the instrument's.
-    let training = training.with_noise(noise_floor(&training));
-    let held_out = workspace.held_out().map(|data| Measurements::of(data, &options));
-    let held_out = held_out.map(|data| training.with_data(&data));
-    let mut comparison = comparison::compare(&training, held_out.as_ref())?;
-    comparison.findings.extend(detections.into_iter().map(|found| found.sentence));
+    let (training, held_out) = (&workspace.split.training, workspace.held_out());
+    let compared = Compared::new(law, training, held_out, &options, None)?;
     monitor.stage("computing the figures", 0.3);
-    let view = view(&training, held_out.as_ref())?;
-    Ok(Assessment { view, comparison })
+    let view = view(&compared.training, compared.held_out.as_ref())?;
+    Ok(Assessment { view, comparison: compared.comparison })
 }
 
 /// What is known of a model that was just judged, before it is held against the measurements

@@ -1,5 +1,6 @@
 //! Where a model fails: error by horizon, drift of the energy, residual force.
 
+mod compared;
 mod energy;
 mod hats;
 mod maps;
@@ -9,6 +10,7 @@ pub mod view;
 
 use serde::Serialize;
 
+pub use compared::Compared;
 use energy::energy_drift;
 pub use energy::{EnergyDrift, energies};
 pub(super) use maps::strongest_map;
