@@ -1,6 +1,7 @@
 //! Files of MATLAB, HDF5, NumPy, Excel and Arrow: one table in all of them is one law, and what
 //! is damaged is refused with a sentence. The files are written by `tests/fixtures/files/make.py`.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use leverrier::internals::data::{Table, file_of, read, read_bytes};
@@ -210,5 +211,36 @@ proptest! {
             }
             Err(error) => prop_assert!(error.to_string().contains(name)),
         }
+    }
+}
+
+/// Zeros without end in a small file fill no memory.
+#[test]
+fn files_that_inflate_without_end_are_refused() {
+    let zeros = vec![0; 1 << 20];
+    let archive = |name: &str| {
+        let mut writer = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+        writer.start_file(name, zip::write::SimpleFileOptions::default()).expect(name);
+        (0..400).for_each(|_| writer.write_all(&zeros).expect(name));
+        writer.finish().expect(name).into_inner()
+    };
+    let mut matlab = b"MATLAB 5.0 MAT-file".to_vec();
+    matlab.resize(124, b' ');
+    matlab.extend(b"\x00\x01IM");
+    let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
+    (0..400).for_each(|_| encoder.write_all(&zeros).expect("in memory"));
+    let compressed = encoder.finish().expect("in memory");
+    matlab.extend(15_u32.to_le_bytes());
+    matlab.extend((compressed.len() as u32).to_le_bytes());
+    matlab.extend(compressed);
+    let files = [
+        ("zeros.npz", archive("x.npy")),
+        ("zeros.xlsx", archive("xl/workbook.xml")),
+        ("zeros.mat", matlab),
+    ];
+    for (name, bytes) in files {
+        assert!(bytes.len() < 2 << 20, "{name}: {} bytes", bytes.len());
+        let said = read_bytes(Path::new(name), &bytes).expect_err(name).to_string();
+        assert!(said.contains("a hundred times"), "{name}: {said}");
     }
 }

@@ -10,7 +10,7 @@ use super::super::cell::format_number;
 use super::super::guard::guarded;
 use super::super::read::TableBuilder;
 use super::super::table::{Column, Reading, StoredReading, Table, column_of, wrong};
-use super::{damaged, digest};
+use super::{INFLATED, damaged, digest, most_inflated};
 use crate::error::{Error, Result};
 
 /// What workbooks of Excel before 2007 begin with.
@@ -29,6 +29,14 @@ pub(super) fn read(path: &Path, bytes: &[u8], part: Option<&str>) -> Result<Tabl
     }
     if super::contains(bytes, b"application/vnd.oasis") {
         return stop("this is a sheet of OpenDocument", "save it as .xlsx, or the sheet as CSV");
+    }
+    // What the table of contents says; a part that holds more than that is not read to its end.
+    let inflated = guarded(|| {
+        let archive = zip::ZipArchive::new(Cursor::new(bytes)).ok()?;
+        archive.decompressed_size()
+    });
+    if inflated.flatten().is_some_and(|size| size > u128::from(most_inflated(bytes))) {
+        return Err(damaged(path, INFLATED));
     }
     let open = || Xlsx::new(Cursor::new(bytes));
     let mut book = match guarded(open) {

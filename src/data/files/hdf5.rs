@@ -7,7 +7,7 @@ use hdf5_pure::{AttrValue, DType, Dataset, File, Group, Object};
 use super::super::guard::guarded;
 use super::super::table::{Table, wrong};
 use super::variables::{self, Variable};
-use super::{damaged, digest};
+use super::{damaged, digest, most_inflated};
 use crate::error::Result;
 
 const SIGNATURE: &[u8] = b"\x89HDF\r\n\x1a\n";
@@ -17,8 +17,6 @@ pub(super) const MATLAB: &[u8] = b"MATLAB 7.3 MAT-file";
 const DEEPEST: usize = 24;
 /// Data sets and groups that are read, at most.
 const MOST_OBJECTS: usize = 1 << 20;
-/// How many times smaller than its numbers a compressed file is, at most: deflate does no better.
-const MOST_COMPRESSED: u64 = 1032;
 
 /// Whether a file has the mark of HDF5, at its beginning or behind what another program put there.
 pub(super) fn is_hdf5(bytes: &[u8]) -> bool {
@@ -45,7 +43,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], part: Option<&str>) -> Result<Tabl
     let matlab = bytes.starts_with(MATLAB);
     let read = guarded(|| {
         let file = File::from_bytes(bytes.to_vec())?;
-        let mut walk = Walk { matlab, size: bytes.len() as u64, objects: 0 };
+        let mut walk = Walk { matlab, left: most_inflated(bytes), objects: 0 };
         walk.group(&file.root(), 0)
     });
     let root = match read {
@@ -64,8 +62,8 @@ type Read<T> = std::result::Result<T, hdf5_pure::Error>;
 
 struct Walk {
     matlab: bool,
-    /// Bytes of the file.
-    size: u64,
+    /// Bytes that may yet be read, decompressed.
+    left: u64,
     objects: usize,
 }
 
@@ -111,10 +109,11 @@ impl Walk {
         }
         let shape: Vec<u64> = dataset.shape()?;
         let count = shape.iter().try_fold(1_u64, |product, length| product.checked_mul(*length));
-        let within = self.size.saturating_mul(MOST_COMPRESSED);
-        let Some(count) = count.filter(|count| *count <= within) else {
+        let left = |count: u64| self.left.checked_sub(count.checked_mul(8)?);
+        let Some((count, left)) = count.and_then(|count| Some((count, left(count)?))) else {
             return Ok(Variable::Unreadable("more numbers than the file can hold"));
         };
+        self.left = left;
         let class = match self.matlab {
             true => dataset.attrs()?.get("MATLAB_class").and_then(text).unwrap_or_default(),
             false => String::new(),

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use super::super::table::{Table, wrong};
 use super::variables::{self, Variable};
-use super::{cut_off, damaged, digest, hdf5};
+use super::{INFLATED, cut_off, damaged, digest, hdf5, most_inflated};
 use crate::error::Result;
 
 const HEADER: usize = 128;
@@ -38,7 +38,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], part: Option<&str>) -> Result<Tabl
             ));
         }
     };
-    let mut reader = Reader { little, elements: 0 };
+    let mut reader = Reader { little, elements: 0, left: most_inflated(bytes) };
     let mut rest = bytes.get(HEADER..).unwrap_or_default();
     let mut members = Vec::new();
     while !rest.is_empty() {
@@ -62,6 +62,8 @@ struct Reader {
     little: bool,
     /// Matrices read so far.
     elements: usize,
+    /// Bytes that may yet be decompressed.
+    left: u64,
 }
 
 /// A tagged element: its type and its bytes.
@@ -105,8 +107,11 @@ impl Reader {
             COMPRESSED => {
                 let mut inflated = Vec::new();
                 flate2::read::ZlibDecoder::new(element.bytes)
+                    .take(self.left + 1)
                     .read_to_end(&mut inflated)
                     .map_err(|_| Broken::Damaged("a variable cannot be decompressed"))?;
+                let left = self.left.checked_sub(inflated.len() as u64);
+                self.left = left.ok_or(Broken::Damaged(INFLATED))?;
                 let inner = self.element(&mut inflated.as_slice())?;
                 match inner.kind {
                     MATRIX => self.matrix(inner.bytes, 0).map(Some),

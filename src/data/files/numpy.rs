@@ -8,7 +8,7 @@ use npyz::{DType, NpyHeader, Order, TypeChar, TypeStr};
 use super::super::guard::guarded;
 use super::super::table::{Table, wrong};
 use super::variables::{self, Variable};
-use super::{cut_off, damaged, digest};
+use super::{INFLATED, cut_off, damaged, digest, most_inflated};
 use crate::error::Result;
 
 /// What an array begins with.
@@ -48,16 +48,21 @@ pub(super) fn read_archive(path: &Path, bytes: &[u8], part: Option<&str>) -> Res
         ));
     };
     let mut members = Vec::new();
+    let mut left = most_inflated(bytes);
     for at in 0..archive.len() {
         let entry = guarded(|| -> zip::result::ZipResult<_> {
-            let mut entry = archive.by_index(at)?;
+            let entry = archive.by_index(at)?;
             let name = entry.name()?.to_string();
             let mut bytes = Vec::new();
-            entry.read_to_end(&mut bytes)?;
+            entry.take(left + 1).read_to_end(&mut bytes)?;
             Ok((name, bytes))
         });
         let Some(Ok((name, bytes))) = entry else {
             return Err(damaged(path, "an array cannot be decompressed"));
+        };
+        left = match left.checked_sub(bytes.len() as u64) {
+            Some(left) => left,
+            None => return Err(damaged(path, INFLATED)),
         };
         if let Some(name) = name.strip_suffix(".npy") {
             members.push((name.to_string(), array(&bytes).map_err(|broken| broken.told(path))?));
