@@ -45,6 +45,21 @@ pub(super) fn noise_of(model: &LawOnData) -> Vec<f64> {
     own.zip(measured).map(|(&own, short)| short.map_or(own, |short| short.noise)).collect()
 }
 
+/// Noise of every observable as the model has it, where a column is a little rougher: as rough as
+/// that. Where a force is missing, the shortest predictions tell the columns' noises apart badly:
+/// what momenta lack by it is taken for their noise, and initial states are then free to follow the
+/// noise of the coordinates.
+pub(super) fn no_less_than_rough(model: &LawOnData) -> Vec<f64> {
+    let tuning = &model.tuning().noise_floor;
+    let rough = |row: usize| roughness(&model.data.dataset, row, tuning);
+    let own = model.law.noise().iter().enumerate();
+    own.map(|(row, &own)| {
+        let rough = rough(row).filter(|rough| *rough < tuning.told_apart * own);
+        rough.map_or(own, |rough| rough.max(own))
+    })
+    .collect()
+}
+
 /// An estimate of the noise of an observable.
 struct Measured {
     noise: f64,

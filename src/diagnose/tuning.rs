@@ -72,6 +72,9 @@ pub struct NoiseFloor {
     /// Where even the shortest predictions stray this many times further than a column is rough,
     /// they stray for lack of a force. Columns that somebody smoothed before stay below.
     pub strays: f64,
+    /// A column that is rougher than its noise by up to this factor has the noise that it is rough
+    /// by; where it is rougher still, it is sampled too coarsely to say.
+    pub told_apart: f64,
 }
 
 /// Noise whose samples are not independent.

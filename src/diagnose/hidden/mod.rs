@@ -15,7 +15,7 @@ use super::diagnosis::{Diagnosis, Verdict};
 use super::effect::RankedEffect;
 use super::law_on_data::LawOnData;
 use super::misfit::{error, error_of};
-use super::noise_floor::noise_of;
+use super::noise_floor::no_less_than_rough;
 use super::ranking::Ranking;
 use super::settling::settle;
 use super::story::Question;
@@ -232,10 +232,11 @@ fn fitted(question: &Question, spec: &Compiled, start: &Start) -> Result<Option<
     let law = law.with_window(window);
     let Ok(fitted) = resume(&law, &training, &options, question.monitor) else { return Ok(None) };
     let law = fitted.law_of(system)?;
-    // What the part leaves is held against the noise of the shortest predictions with it: a part
-    // that explains little would take the rest for noise.
-    let short = noise_of(&LawOnData::of(law.clone(), &training, model.options));
-    let noise = law.noise().iter().zip(short).map(|(&whole, short)| whole.min(short)).collect();
+    // What the part leaves is held against the noise without it: a part that explains little would
+    // take the rest for noise.
+    let most = model.law.clone().with_noise(no_less_than_rough(model));
+    let most = most.noise_on(system, f64::INFINITY);
+    let noise = law.noise().iter().zip(most).map(|(with, most)| with.min(most)).collect();
     let law = law.with_noise(noise);
     let on_training = LawOnData::of(law.clone(), &training, model.options);
     let on_held_out = LawOnData::of(law.clone(), &held_out, model.options);

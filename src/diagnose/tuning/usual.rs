@@ -17,6 +17,7 @@ const TUNING: Tuning = Tuning {
         stories: 3,
         moved: 0.05,
         strays: 100.0,
+        told_apart: 1.5,
     },
     autocorrelation: Autocorrelation {
         order: 3,
