@@ -34,6 +34,7 @@ pub mod model;
 mod momenta;
 pub mod monitor;
 mod motion;
+mod noise_estimate;
 pub mod options;
 pub mod own_values;
 pub mod pass;
