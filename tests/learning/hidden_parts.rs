@@ -111,6 +111,7 @@ T = p^2/2; V = span{ x^2 }; force x += u + span{ drag: -p }";
 }
 
 #[test]
+#[ignore = "long"]
 fn a_mass_on_a_spring_is_named_where_free_motion_leaves_its_numbers_open() {
     let truth = "coordinates x, z; momenta p, p_z
 T = p^2/2 + p_z^2/(2*0.4)
