@@ -284,6 +284,35 @@ fn what_is_public_has_an_example() {
 const PAGES: &[&str] =
     &["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/architecture.md", "docs/glossary.md"];
 
+/// What the crate is built of, and what its page says of it: the same names.
+#[test]
+fn the_page_says_what_each_dependency_is_for() {
+    let manifest = fs::read_to_string(root().join("Cargo.toml")).expect("a manifest");
+    let mut depends = Vec::new();
+    let mut within = false;
+    for line in manifest.lines() {
+        if line.starts_with('[') {
+            within = line.ends_with("dependencies]") && !line.contains("dev-");
+        } else if let Some((name, _)) = line.split_once('=')
+            && within
+            && !line.starts_with('#')
+        {
+            depends.push(name.trim().to_string());
+        }
+    }
+    let page = fs::read_to_string(root().join("docs/security.md")).expect("a page");
+    let table = page.lines().skip_while(|line| !line.starts_with("| crate |")).skip(2);
+    let first = |line: &str| line.split('|').nth(1).map(str::to_string);
+    let mut listed: Vec<String> = table
+        .filter_map(first)
+        .flat_map(|cell| cell.split(',').map(|name| name.trim().to_string()).collect::<Vec<_>>())
+        .collect();
+    depends.sort();
+    listed.sort();
+    assert!(depends.len() > 30, "{depends:?}");
+    assert_eq!(depends, listed);
+}
+
 /// What a page puts between backticks or links to.
 fn mentioned(page: &str) -> Vec<String> {
     let code = page.split("```").step_by(2).flat_map(|prose| prose.split('`').skip(1).step_by(2));

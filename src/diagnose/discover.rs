@@ -129,8 +129,8 @@ pub fn discover(
             );
             break (sentence, Verdict::Missing);
         }
-        let beside = diagnosis.beside_story.iter();
-        let begun = beside.fold(Ok(law), |law, &(id, value)| law?.with_term(id, value))?;
+        let mut beside = diagnosis.beside_story.iter();
+        let begun = beside.try_fold(law, |law, &(id, value)| law.with_term(id, value))?;
         let Some((longer, next, fitted)) =
             with_story(name, &text, &begun, story, training, &options.fit, monitor)?
         else {
