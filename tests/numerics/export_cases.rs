@@ -286,6 +286,22 @@ force b += -0.02*(rate(b) - rate(a))";
     builder.finish(gauss_legendre_4(), 4, 0.02, (0.0, vec![1.3, -0.4, 0.2, 0.1]))
 }
 
+/// What moves and is not measured: a second mass, and a memory that the motion drives.
+fn hysteretic_pair() -> Case {
+    let text = "system \"hysteretic pair\"
+coordinates x; momenta p
+hidden z = 0.1 with p_z
+param b = 0.7
+state w = 0.2 { w' = rate(x) - b*w*p^2 }
+T = p^2/2 + p_z^2/2
+V = span{ x^2, (z - x)^2 }
+force x += span{ -w, -p }";
+    let compiled = build("case", text).unwrap_or_else(|error| panic!("{error}"));
+    let system = System::clone(&compiled.system);
+    let builder = Builder { system, coefficients: vec![0.5, 0.3, 0.4, 0.02] };
+    builder.finish(rk4(), 4, 0.02, (0.0, vec![0.9, 0.1, 0.2, 0.0, 0.1, 0.0]))
+}
+
 /// Nothing learned, no potential.
 fn free_particle() -> Case {
     let mut b = Builder::new("", &["q"], &["p"]);
@@ -332,6 +348,7 @@ pub fn cases() -> Vec<Case> {
         damped_rotor(),
         magnetic(),
         double_pendulum(),
+        hysteretic_pair(),
         free_particle(),
         every_function(),
     ]
@@ -355,9 +372,13 @@ impl<'a> Equations<'a> {
         let n = system.degrees();
         let energy = system.energy(case.law.support()).unwrap();
         let forces = system.force(case.law.support()).unwrap();
+        let rates = system.rates(case.law.support()).unwrap();
         let gradient = system.graph.gradient(energy, &case.law.system().state());
         let mut field = gradient[n..].to_vec();
         field.extend((0..n).map(|i| system.graph.subtract(forces[i], gradient[i])));
+        for (i, rate) in rates {
+            (field[i], field[n + i]) = (rate, system.graph.number(0.0));
+        }
         Equations { case, graph: system.graph, energy, field }
     }
 
