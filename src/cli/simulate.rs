@@ -7,10 +7,11 @@ use serde_json::{Value, json};
 
 use super::console::{Console, set, usage};
 use super::project::{Spec, read_inputs, refuse_overwrite};
-use super::values::{example, matching, noise, range_of, state};
+use super::values::{example, noise, range_of, state};
 use crate::data::{Dataset, Layout, concatenate, to_bytes, to_csv, write_atomically};
 use crate::error::Result;
 use crate::expr::{DataColumns, System};
+use crate::facade::components::matching;
 use crate::report::layout::counted;
 use crate::simulate::{
     InitialDistribution, InputRecord, IntegratorChoice, Interval, Simulator, add_noise,

@@ -2,35 +2,14 @@
 
 use super::console::usage;
 use crate::error::Result;
-use crate::expr::{System, candidates};
+use crate::expr::System;
+use crate::facade::components::matching;
 use crate::simulate::{Interval, NoiseLevel};
 use crate::spec::ast::{Expression, ExpressionKind};
 
 /// A whole initial state, as it may be written.
 pub fn example(names: &[String]) -> String {
     names.iter().map(|name| format!("{name}=0.1")).collect::<Vec<_>>().join(",")
-}
-
-/// Components that a name means: itself, `q1` for `q[1]`, or `q` for all of a family.
-pub fn matching(names: &[String], name: &str) -> Result<Vec<usize>> {
-    let exact = names.iter().position(|n| n == name || candidates(n).iter().any(|c| c == name));
-    if let Some(at) = exact {
-        return Ok(vec![at]);
-    }
-    let family: Vec<usize> = names
-        .iter()
-        .enumerate()
-        .filter(|(_, n)| n.strip_prefix(name).is_some_and(|rest| rest.starts_with('[')))
-        .map(|(at, _)| at)
-        .collect();
-    if !family.is_empty() {
-        return Ok(family);
-    }
-    let hint = match crate::spec::nearest(name, names.iter().map(String::as_str)) {
-        Some(near) => format!("did you mean `{near}`?"),
-        None => format!("the state has {}", names.join(", ")),
-    };
-    Err(usage(format!("the state has no component `{name}`"), hint))
 }
 
 /// `q=0.1,p=0` or `0.1,0`; `None` for what is not said.

@@ -4,7 +4,9 @@
 
 pub(crate) mod checked;
 mod comparison;
+pub(crate) mod components;
 mod data;
+pub(crate) mod design;
 mod diagnosis;
 mod discovery;
 pub(crate) mod effect;
@@ -22,6 +24,7 @@ mod vector_field;
 
 pub use comparison::{Comparison, Horizon};
 pub use data::Data;
+pub use design::{Design, DesignOptions};
 pub use diagnosis::{Diagnosis, Effect, Verdict};
 pub use discovery::Discovery;
 pub use law::Law;
