@@ -32,6 +32,7 @@ from .errors import (
 from .law import Law, Trajectory, VectorField
 from .results import (
     Comparison,
+    Design,
     Diagnosis,
     Discovery,
     Record,
@@ -45,6 +46,7 @@ __all__ = [
     "Comparison",
     "Data",
     "DataError",
+    "Design",
     "Diagnosis",
     "Diagnostic",
     "Discovery",

@@ -93,6 +93,15 @@ class Law:
         progress: _Progress,
     ) -> str: ...
 
+    def design(
+        self,
+        training: Data,
+        held_out: Data,
+        options: dict[str, Any],
+        threads: int | None,
+        progress: _Progress,
+    ) -> str: ...
+
 class VectorField:
     def rates(self, time: float, states: _Numbers) -> _Numbers: ...
     def energies(self, time: float, states: _Numbers) -> _Numbers: ...

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 import os
+from collections.abc import Mapping, Sequence
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,7 @@ import numpy as np
 from . import _native
 from .errors import InvalidArgumentError
 from .progress import Progress, shown
-from .results import Comparison, Diagnosis, Record, Revision, Rows, Table, record
+from .results import Comparison, Design, Diagnosis, Record, Revision, Rows, Table, record
 from .tables import _numbers, _seed, inputs_of, number, path_text
 
 if TYPE_CHECKING:
@@ -29,6 +30,29 @@ def diagnosis_options(correlated_noise: Any, orbits: Any) -> dict[str, Any]:
     if not isinstance(orbits, Integral) or not 0 <= orbits < 2**32:
         raise InvalidArgumentError(f"orbits is {orbits!r}", "give a whole number from 0 on")
     return {"correlated_noise": bool(correlated_noise), "orbits": int(orbits)}
+
+
+def _listed(names: Any) -> list[Any]:
+    """Names; one alone is none of a list of letters."""
+    return [names] if isinstance(names, str) else list(names)
+
+
+def _range(given: Any, name: str) -> tuple[float, float]:
+    """A number, or the lower and the upper end of a range."""
+    ends = list(given) if isinstance(given, (tuple, list, np.ndarray)) else [given, given]
+    if len(ends) != 2:
+        raise InvalidArgumentError(f"{name} is {given!r}", "give a number, or (lower, upper)")
+    return number(ends[0], name), number(ends[1], name)
+
+
+def _ranges(given: Any, name: str) -> list[tuple[str, tuple[float, float]]]:
+    """Ranges by component of the state."""
+    if given is None:
+        return []
+    if not isinstance(given, Mapping):
+        hint = 'give a dictionary, as {"q": (-1, 1)}'
+        raise InvalidArgumentError(f"{name} is {given!r}", hint)
+    return [(str(key), _range(ends, f"{name}[{key!r}]")) for key, ends in given.items()]
 
 
 class VectorField:
@@ -342,6 +366,64 @@ class Law:
         try:
             with shown(progress) as told:
                 text = judged.law._native.diagnose(
+                    judged.training._native, judged.unseen._native, options, threads, told
+                )
+        except KeyboardInterrupt as interrupt:
+            if hasattr(interrupt, "best"):
+                interrupt.best = wrapped(interrupt.best)
+            raise
+        return wrapped(text)
+
+    def design(
+        self,
+        X: Any = None,
+        *,
+        t: Any = None,
+        run: Any = None,
+        between: Sequence[str] = (),
+        coefficient: str | None = None,
+        within: Mapping[str, Any] | None = None,
+        stay: Mapping[str, Any] | None = None,
+        start_time: float | None = None,
+        duration: Any = None,
+        step: Any = None,
+        held_out: float = 0.25,
+        seed: int = 0,
+        threads: int | None = None,
+        progress: bool | Progress | None = None,
+    ) -> Design:
+        """Which run to measure next.
+
+        It is the run that best tells apart the effects ``between`` (or those that a diagnosis
+        cannot decide between), or that best measures a ``coefficient`` (or the one that is known
+        worst). ``within`` says where it may start, ``stay`` what the motion may not leave: a number
+        or (lower, upper) for components of the state. So are ``duration`` and ``step``. What is
+        left open is as in the measurements so far. The other arguments are those of
+        :meth:`compare`.
+
+        >>> import leverrier
+        >>> law = leverrier.open("examples/damped-pendulum/fit.ham").fit()
+        >>> design = law.design(within={"q": (-1, 1), "p": 0}, duration=(5, 20))
+        >>> design.start["p"], abs(design.start["q"]) <= 1
+        (0.0, True)
+        """
+        options = {
+            "between": [str(name) for name in _listed(between)],
+            "coefficient": None if coefficient is None else str(coefficient),
+            "start": _ranges(within, "within"),
+            "motion": _ranges(stay, "stay"),
+            "from": None if start_time is None else number(start_time, "start_time"),
+            "duration": None if duration is None else _range(duration, "duration"),
+            "step": None if step is None else _range(step, "step"),
+        }
+        judged = self._judged(X, t, run, held_out, seed, threads, progress)
+
+        def wrapped(text: str) -> Design:
+            return Design(judged.fields | json.loads(text), judged.law)
+
+        try:
+            with shown(progress) as told:
+                text = judged.law._native.design(
                     judged.training._native, judged.unseen._native, options, threads, told
                 )
         except KeyboardInterrupt as interrupt:

@@ -193,6 +193,45 @@ class Diagnosis(_Result):
         return head + (_html_table(names, rows) if rows else "")
 
 
+class Design(_Result):
+    """The next run worth measuring: ``design`` in ``docs/formats.md``.
+
+    ``why`` says what it is for; ``best`` is the run, ``alternatives`` others that would do.
+    """
+
+    @property
+    def start(self) -> dict[str, float]:
+        """Where the run starts, by component of the state."""
+        return {one.name: one.value for one in self.best.start}
+
+    @property
+    def times(self) -> np.ndarray:
+        """The times of its samples."""
+        best = self.best
+        return getattr(best, "from") + best.step * np.arange(best.samples)
+
+    def to_pandas(self) -> Any:
+        """The run and its alternatives, one in a row."""
+        return self._rows().to_pandas()
+
+    def _rows(self) -> Rows:
+        runs = [self.best, *self.alternatives]
+        names = ["from", "duration", "step", "samples"]
+
+        def row(run: Record) -> Record:
+            start = {one.name: one.value for one in run.start}
+            return Record(start | {name: run[name] for name in names})
+
+        return Rows(row(run) for run in runs)
+
+    def __repr__(self) -> str:
+        start = ", ".join(f"{name}={_short(value)}" for name, value in self.start.items())
+        return f"<leverrier.Design: {self.why} Start at {start}>"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{html.escape(self.why)}</p>{self._rows()._repr_html_()}"
+
+
 class Discovery(_Result):
     """What was added until what is left is noise: ``discover`` in ``docs/formats.md``.
 

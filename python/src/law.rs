@@ -142,6 +142,55 @@ impl Law {
         })?;
         diagnosed.finish(py, |_, diagnosis| Ok(diagnosis.to_json()))
     }
+
+    fn design(
+        &self,
+        py: Python<'_>,
+        training: &Data,
+        held_out: &Data,
+        options: DesignOptions,
+        threads: Option<usize>,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<String> {
+        let (law, training, held_out) = (self.0.clone(), training.0.clone(), held_out.0.clone());
+        let options = options.options();
+        let designed = work(py, threads, progress, move |monitor| {
+            law.design(&training, &held_out, &options, monitor)
+        })?;
+        designed.finish(py, |_, design| Ok(design.to_json()))
+    }
+}
+
+/// What the next run is for, and what it may be.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct DesignOptions {
+    between: Vec<String>,
+    coefficient: Option<String>,
+    start: Vec<(String, (f64, f64))>,
+    motion: Vec<(String, (f64, f64))>,
+    #[pyo3(item("from"))]
+    from: Option<f64>,
+    duration: Option<(f64, f64)>,
+    step: Option<(f64, f64)>,
+}
+
+impl DesignOptions {
+    fn options(self) -> leverrier::DesignOptions {
+        let range = |(lower, upper): (f64, f64)| lower..=upper;
+        let ranges = |parts: Vec<(String, (f64, f64))>| {
+            parts.into_iter().map(|(name, ends)| (name, range(ends))).collect()
+        };
+        leverrier::DesignOptions {
+            between: self.between,
+            coefficient: self.coefficient,
+            start: ranges(self.start),
+            motion: ranges(self.motion),
+            from: self.from,
+            duration: self.duration.map(range),
+            step: self.step.map(range),
+        }
+    }
 }
 
 /// A motion on its way to NumPy.

@@ -97,6 +97,38 @@ def test_discovery_ends_at_the_noise(pendulum) -> None:
     assert len(found.law.terms) == 2 and "viscous_drag" in found._repr_html_()
 
 
+def test_the_next_run_tells_two_drags_apart(pendulum) -> None:
+    two = ["viscous_drag", "coulomb_friction"]
+    design = pendulum.design(between=two, within={"q": (0.4, 1.1), "p": 0}, step=0.1)
+    assert 0.4 <= design.start["q"] <= 1.1 and design.start["p"] == 0.0
+    assert {rival.effect for rival in design.rivals} == {f"{name}(q)" for name in two}
+    assert np.allclose(np.diff(design.times), 0.1) and len(design.times) == design.best.samples
+    assert "tell" in design.why or "distinguish" in design.why
+    assert "viscous_drag" in repr(design) and "<table" in design._repr_html_()
+    worst = pendulum.design(coefficient="cos(q)", duration=10, start_time=0.0)
+    assert worst.coefficient.what == "cos(q)" and worst.best.duration == pytest.approx(10, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"within": {"r": 1}}, "no component `r`"),
+        ({"within": {"q": (1, 2, 3)}}, "lower, upper"),
+        ({"within": {"q": (2, 1)}}, "empty"),
+        ({"within": 3}, "dictionary"),
+        ({"duration": -1}, "positive"),
+        ({"step": "long"}, "number"),
+        ({"between": "viscous_drag"}, "two or more"),
+        ({"between": ["viscous_drag", "viscous_drag"]}, "named twice"),
+        ({"coefficient": "sin(q)"}, "sin"),
+    ],
+)
+def test_a_run_that_cannot_be_asked_for_is_said(pendulum, asked, said) -> None:
+    with pytest.raises(leverrier.LeverrierError, match=said) as error:
+        pendulum.design(**asked)
+    assert error.value.hint
+
+
 def test_a_known_law_has_nothing_to_judge() -> None:
     law = leverrier.parse("coordinates q; momenta p\nT = p^2/2\nV = q^2/2").known_law()
     assert law.predict([1.0, 0.0], [0.0, np.pi])["q"][-1] == pytest.approx(-1.0, abs=1e-12)
