@@ -129,7 +129,7 @@ impl Discovery {
     /// The answer of the last diagnosis.
     ///
     /// ```
-    /// use leverrier::{Options, Silent, Spec, Verdict};
+    /// use leverrier::{DiscoveryOptions, Silent, Spec, Verdict};
     ///
     /// let spec = Spec::open("examples/damped-pendulum/fit.ham")?;
     /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
