@@ -206,7 +206,10 @@ pub struct Hidden {
     pub nearly: f64,
     /// Points of a grid from which the same part is fitted in turn, until one explains the data.
     pub points: usize,
-    /// They differ by more than this part in some inner parameter.
+    /// The next point is tried where the best part takes the error on held-out runs to less than
+    /// this part of it.
+    pub again: f64,
+    /// Such points differ by more than this part in some inner parameter.
     pub points_apart: f64,
     /// Parts that are fitted, at most, in every turn.
     pub fits: usize,

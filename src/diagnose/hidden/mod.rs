@@ -156,7 +156,7 @@ impl Question<'_, '_> {
     }
 }
 
-/// The best of some parts, fitted from where the weak form likes them best; where none of them
+/// The best of some parts, fitted from where the weak form likes them best; where one of them nearly
 /// explains the data, from where it likes them next.
 fn best_of(question: &Question, mut starts: Vec<Start>) -> Result<Option<Found>> {
     let tuning = &question.model.tuning().hidden;
@@ -164,18 +164,21 @@ fn best_of(question: &Question, mut starts: Vec<Start>) -> Result<Option<Found>>
     starts.retain(|start| start.gain > tuning.gain);
     starts.sort_by(|a, b| a.rank.cmp(&b.rank).then(b.gain.total_cmp(&a.gain)));
     let mut best: Option<Found> = None;
-    let mut rank = 0;
-    let same_rank = |rank: usize| starts.iter().filter(move |start| start.rank == rank);
-    let in_turn = (0..tuning.points.max(1)).flat_map(|rank| same_rank(rank).take(tuning.fits));
-    for start in in_turn {
-        let explained = best.as_ref().is_some_and(|best| question.pays(best));
-        if question.monitor.stopped() || explained && start.rank > rank {
-            break;
+    for rank in 0..tuning.points.max(1) {
+        for start in starts.iter().filter(|start| start.rank == rank).take(tuning.fits) {
+            if question.monitor.stopped() {
+                return Ok(best);
+            }
+            let Some(found) = fitted(question, question.scope.compiled(), start)? else { continue };
+            if best.as_ref().is_none_or(|best| found.after < best.after) {
+                best = Some(found);
+            }
         }
-        rank = start.rank;
-        let Some(found) = fitted(question, question.scope.compiled(), start)? else { continue };
-        if best.as_ref().is_none_or(|best| found.after < best.after) {
-            best = Some(found);
+        // What is far from the noise from its best start is another part's doing.
+        let nearly = |best: &Found| best.after < tuning.again * best.effect.held_out_error_before;
+        match &best {
+            Some(best) if nearly(best) && !question.pays(best) => {}
+            _ => break,
         }
     }
     Ok(best)

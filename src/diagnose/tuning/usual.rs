@@ -150,6 +150,7 @@ const TUNING: Tuning = Tuning {
         coordinates: 12,
         samples: 200_000,
         points: 3,
+        again: 0.3,
         points_apart: 0.1,
         fits: 3,
         terms: 24,
