@@ -5,7 +5,7 @@ use std::path::Path;
 use leverrier::Law;
 
 /// One input and one output over time.
-pub struct Record {
+pub(crate) struct Record {
     pub times: Vec<f64>,
     pub input: Vec<f64>,
     pub output: Vec<f64>,
@@ -14,7 +14,7 @@ pub struct Record {
 impl Record {
     /// The columns of a file of comma-separated values whose first is the time; none where there
     /// is no such file.
-    pub fn read(path: &Path, input: &str, output: &str) -> Option<Record> {
+    pub(crate) fn read(path: &Path, input: &str, output: &str) -> Option<Record> {
         let text = std::fs::read_to_string(path).ok()?;
         let mut lines = text.lines();
         let header: Vec<&str> = lines.next()?.split(',').collect();
@@ -35,7 +35,7 @@ impl Record {
     }
 
     /// Some of its rows, counted from 0.
-    pub fn part(&self, start: usize, end: usize) -> Record {
+    pub(crate) fn part(&self, start: usize, end: usize) -> Record {
         let cut = |all: &[f64]| all[start..end.min(all.len())].to_vec();
         Record { times: cut(&self.times), input: cut(&self.input), output: cut(&self.output) }
     }
@@ -51,7 +51,7 @@ fn follow(law: &Law, record: &Record, start: &[f64; 2], samples: usize) -> Vec<f
 
 /// Root mean square of measured minus simulated over the whole record; the initial state is that
 /// which fits the first `free` outputs best (Gauss-Newton, derivatives by differences).
-pub fn rms(law: &Law, record: &Record, free: usize) -> f64 {
+pub(crate) fn rms(law: &Law, record: &Record, free: usize) -> f64 {
     let square = law.terms().iter().find(|term| term.term == "p^2").expect("a mass").coefficient;
     let mass = 0.5 / square;
     let pace = (record.output[1] - record.output[0]) / (record.times[1] - record.times[0]);

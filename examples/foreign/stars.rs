@@ -32,7 +32,7 @@ fn discovered(path: &Path) -> (Discovery, f64) {
 }
 
 /// A line for each file: what was added, the number that is known, and how far it is off.
-pub fn page(folder: &Path) -> String {
+pub(crate) fn page(folder: &Path) -> String {
     let mut out = String::from(
         "\n## Two stars that depart from Newton\n\n\
          Gravity-Bench's files as they are, in metres, kilograms and seconds: positions alone, masses \

@@ -5,10 +5,10 @@ use std::time::Instant;
 use super::trap::Trap;
 
 /// Times that each is asked.
-pub const TURNS: usize = 15;
+pub(crate) const TURNS: usize = 15;
 
 /// Time of a diagnosis with the whole catalogue, in seconds.
-pub struct Asked {
+pub(crate) struct Asked {
     /// That the model was fitted to; as many again are held out.
     pub samples: usize,
     /// Candidates times grid points.
@@ -19,7 +19,7 @@ pub struct Asked {
     pub median: f64,
 }
 
-pub fn by_samples() -> Vec<Asked> {
+pub(crate) fn by_samples() -> Vec<Asked> {
     [1_250, 2_500, 5_000, 10_000, 40_000].map(asked).into()
 }
 

@@ -12,12 +12,12 @@ use rayon::prelude::*;
 /// Time between the two samples of a transition.
 const STEP: f64 = 0.1;
 /// Standard deviation of the noise on every number.
-pub const SIGMA: f64 = 0.005;
+pub(crate) const SIGMA: f64 = 0.005;
 /// Transitions that are made at a time.
 const BLOCK: u64 = 1 << 17;
 
 /// Writes transitions with energies between 1/12 and 1/6.
-pub fn write(path: &Path, transitions: u64) {
+pub(crate) fn write(path: &Path, transitions: u64) {
     let observables: Vec<String> = ["q1", "q2", "p1", "p2"].map(String::from).to_vec();
     let file = File::create(path).expect("a file that can be written");
     let mut writer = ParquetWriter::new(path, file, &observables, &Layout::default(), true)

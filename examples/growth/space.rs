@@ -16,7 +16,7 @@ use rand_pcg::Pcg64;
 use super::stages::processor_seconds;
 
 /// Seconds of processor time.
-pub struct Cost {
+pub(crate) struct Cost {
     /// What was varied: terms or degrees of freedom.
     pub size: usize,
     /// Terms of the function space.
@@ -119,7 +119,7 @@ fn seconds(mut work: impl FnMut()) -> f64 {
 }
 
 /// Function spaces of two degrees of freedom: tensor products of growing degree.
-pub fn by_terms(largest: usize) -> Vec<Cost> {
+pub(crate) fn by_terms(largest: usize) -> Vec<Cost> {
     [3, 7, 15, 31, 70]
         .into_iter()
         .map(|degree| {
@@ -138,7 +138,7 @@ pub fn by_terms(largest: usize) -> Vec<Cost> {
 }
 
 /// Chains of masses and springs: the terms grow with the degrees of freedom.
-pub fn by_degrees() -> Vec<Cost> {
+pub(crate) fn by_degrees() -> Vec<Cost> {
     [1, 2, 5, 20, 100]
         .into_iter()
         .map(|n| {

@@ -11,7 +11,7 @@ use leverrier::internals::fit::{Monitor, Options, fit_stream};
 
 /// Seconds of the stages of a fit, and what it took.
 #[derive(Debug, Clone, Default)]
-pub struct Stages {
+pub(crate) struct Stages {
     /// Reading the file once, counting, sampling.
     pub survey: f64,
     /// The first pass: linearised by all 30 terms.
@@ -34,7 +34,7 @@ pub struct Stages {
 }
 
 impl Stages {
-    pub fn to_line(&self) -> String {
+    pub(crate) fn to_line(&self) -> String {
         let numbers = [
             self.survey,
             self.pass,
@@ -50,7 +50,7 @@ impl Stages {
         numbers.map(|x| format!("{x:.4}")).join(" ")
     }
 
-    pub fn from_line(line: &str) -> Stages {
+    pub(crate) fn from_line(line: &str) -> Stages {
         let n: Vec<f64> = line.split(' ').map(|x| x.parse().expect("a number")).collect();
         Stages {
             survey: n[0],
@@ -102,7 +102,7 @@ impl Monitor for Passes {
 }
 
 /// Fits a file on some threads, and measures this process.
-pub fn measure(file: &Path, threads: usize) -> Stages {
+pub(crate) fn measure(file: &Path, threads: usize) -> Stages {
     let clock = Instant::now();
     let mapping = Mapping {
         groups: Vec::new(),
@@ -152,7 +152,7 @@ fn peak_memory() -> f64 {
 }
 
 /// User and system time of this process, in hundredths of a second as Linux counts them.
-pub fn processor_seconds() -> f64 {
+pub(crate) fn processor_seconds() -> f64 {
     let about = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let fields: Vec<&str> = about.rsplit(')').next().unwrap_or("").split_whitespace().collect();
     let field = |at: usize| fields.get(at).and_then(|x| x.parse::<f64>().ok());

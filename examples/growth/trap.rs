@@ -17,7 +17,7 @@ const SPACE: &str = "T = (px^2 + py^2)/2\nV = span{ x^2, y^2 }\n";
 const RUN: usize = 250;
 
 /// A model that was learned without the drag, and measurements.
-pub struct Trap {
+pub(crate) struct Trap {
     learned: Compiled,
     model: Model,
     training: Dataset,
@@ -26,7 +26,7 @@ pub struct Trap {
 
 impl Trap {
     /// With so many noisy samples, and as many again that are held out.
-    pub fn new(samples: usize) -> Trap {
+    pub(crate) fn new(samples: usize) -> Trap {
         let truth = build("truth", &format!("{VARIABLES}{LAW}")).expect("a sound spec");
         let mut generator = Pcg64::seed_from_u64(1);
         let starts: Vec<Vec<f64>> = (0..2 * samples / RUN)
@@ -49,7 +49,7 @@ impl Trap {
     }
 
     /// Asks the whole catalogue what is missing.
-    pub fn diagnose(&self) -> Diagnosis {
+    pub(crate) fn diagnose(&self) -> Diagnosis {
         let Trap { learned, model, training, held_out } = self;
         let law = model.law(&learned.system).expect("its own");
         let options = diagnose::Options::default();

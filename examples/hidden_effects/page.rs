@@ -10,7 +10,7 @@ use super::hidden::score::{Mark, Member, Record};
 const NINETY_FIVE: f64 = 1.959_964;
 
 /// The whole page of some cases of a design of `all`.
-pub fn page(records: &[Record], all: usize) -> String {
+pub(crate) fn page(records: &[Record], all: usize) -> String {
     let mut out = format!(
         "{HEAD}\n**On this page: {} of the {all} cases of the design.** Any first part of it is a sample of \
          the whole, but short runs take less time: here are {}.\n",

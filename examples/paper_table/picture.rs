@@ -119,7 +119,7 @@ fn round_up(value: f64) -> f64 {
 }
 
 /// The whole picture.
-pub fn draw(times: &[f64], both: &Predicted) -> String {
+pub(crate) fn draw(times: &[f64], both: &Predicted) -> String {
     let (truth, learned) = (&both.truth[0], &both.learned[0]);
     let last = times.last().copied().unwrap_or(1.0);
     let orbit = Panel {

@@ -1,7 +1,7 @@
 //! What hand-written Rust does: the measure of the benchmarks of one trajectory.
 
 /// Steps of Hénon-Heiles by Forest and Ruth's method, as one writes it.
-pub fn by_hand(state: &mut [f64; 4], step: f64, steps: usize) {
+pub(crate) fn by_hand(state: &mut [f64; 4], step: f64, steps: usize) {
     let outer = 1.0 / (2.0 - 2.0_f64.cbrt());
     let weights = [outer, 1.0 - 2.0 * outer, outer];
     let drifts = [

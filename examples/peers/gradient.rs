@@ -104,7 +104,7 @@ const PEERS: [(&str, &str, Package, bool); 5] = [
     ("CasADi, C by the C compiler, `-O3 -march=native`", "casadi-c", CASADI, true),
 ];
 
-pub fn section(
+pub(crate) fn section(
     asked: &Asked,
     python: Result<&Python, &String>,
     functions: bool,

@@ -216,7 +216,7 @@ const DATA: &str = "5,000 pairs of states 0.1 apart at energies between 1/12 and
     time. Training times leave out loading and reading.";
 
 /// The paper's method, to its end.
-pub fn paper(asked: &Asked, python: Result<&Python, &String>) -> Result<Section, String> {
+pub(crate) fn paper(asked: &Asked, python: Result<&Python, &String>) -> Result<Section, String> {
     let about = format!(
         "{DATA} The paper's method is a script of ours with the settings of the paper's code \
          (single precision, as there; the code itself took 398 s on another machine and ended at \
@@ -254,7 +254,7 @@ fn timed(task: &Task) -> Result<f64, String> {
 }
 
 /// PySINDy and the networks, on clean and on noisy pairs.
-pub fn rivals(
+pub(crate) fn rivals(
     asked: &Asked,
     python: Result<&Python, &String>,
     noisy: bool,

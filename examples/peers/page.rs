@@ -5,7 +5,7 @@ use std::path::Path;
 
 /// What one part of the command found.
 #[derive(Default)]
-pub struct Section {
+pub(crate) struct Section {
     pub title: String,
     pub about: String,
     pub columns: Vec<&'static str>,
@@ -14,25 +14,25 @@ pub struct Section {
 }
 
 impl Section {
-    pub fn new(title: &str, about: &str, columns: &[&'static str]) -> Section {
+    pub(crate) fn new(title: &str, about: &str, columns: &[&'static str]) -> Section {
         let (title, about) = (title.to_string(), about.to_string());
         Section { title, about, columns: columns.to_vec(), ..Section::default() }
     }
 
-    pub fn row(&mut self, cells: &[&str]) {
+    pub(crate) fn row(&mut self, cells: &[&str]) {
         println!("    {}", cells.join(" | "));
         self.rows.push(cells.iter().map(|cell| cell.replace('|', "\\|")).collect());
     }
 
     /// A row that could not be taken.
-    pub fn not_run(&mut self, who: &str, why: &str) {
+    pub(crate) fn not_run(&mut self, who: &str, why: &str) {
         let mut cells = vec![who, "not run"];
         cells.resize(self.columns.len(), "");
         self.row(&cells);
         self.note(&format!("{who}: {why}."));
     }
 
-    pub fn note(&mut self, text: &str) {
+    pub(crate) fn note(&mut self, text: &str) {
         println!("    {text}");
         self.notes.push(text.to_string());
     }
@@ -53,14 +53,14 @@ impl Section {
         text
     }
 
-    pub fn keep(&self, folder: &Path, name: &str) -> Result<(), String> {
+    pub(crate) fn keep(&self, folder: &Path, name: &str) -> Result<(), String> {
         let path = folder.join(format!("{name}.md"));
         std::fs::write(&path, self.text()).map_err(|error| format!("{}: {error}", path.display()))
     }
 }
 
 /// The page of all sections that were ever taken in a folder, in the order of `names`.
-pub fn page(folder: &Path, names: &[&str]) -> String {
+pub(crate) fn page(folder: &Path, names: &[&str]) -> String {
     let mut text = format!(
         "# Beside others\n\n\
          `cargo run --release --example peers` takes these figures and writes this page. It makes \
@@ -96,13 +96,13 @@ fn machine() -> String {
 }
 
 /// Cores of the machine, whatever this process is bound to.
-pub fn cores() -> usize {
+pub(crate) fn cores() -> usize {
     let about = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     about.lines().filter(|line| line.starts_with("processor")).count().max(1)
 }
 
 /// 1.23 ns, 4.5 ms, 6.7 s.
-pub fn time(seconds: f64) -> String {
+pub(crate) fn time(seconds: f64) -> String {
     let (value, unit) = match seconds {
         s if s.is_nan() => return "-".to_string(),
         s if s < 1e-6 => (s * 1e9, "ns"),
@@ -114,7 +114,7 @@ pub fn time(seconds: f64) -> String {
 }
 
 /// 0.53, 1.2, 45, 12,000.
-pub fn ratio(value: f64) -> String {
+pub(crate) fn ratio(value: f64) -> String {
     match value {
         x if x.is_nan() => "-".to_string(),
         x if x < 3.0 => format!("{x:.2}"),

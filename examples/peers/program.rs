@@ -10,7 +10,7 @@ use crate::page::{Section, cores, ratio, time};
 use crate::paper::{SIGMA, henon_heiles_pairs, tensor};
 use crate::turns::{Turn, fastest, on_the_wall};
 
-pub fn start(_: &Asked) -> Result<Section, String> {
+pub(crate) fn start(_: &Asked) -> Result<Section, String> {
     let mut section = Section::new(
         "Start of the program",
         "`leverrier --version` from start to end, the fastest and the median of 50.",
@@ -45,7 +45,7 @@ pub fn start(_: &Asked) -> Result<Section, String> {
 const PAIRS: usize = 100_000;
 
 /// Prints the seconds of one fit after another, one for each line of the input.
-pub fn child(threads: &str) -> Result<(), String> {
+pub(crate) fn child(threads: &str) -> Result<(), String> {
     let threads = threads.parse().map_err(|_| "a number of threads is missing")?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|error| error.to_string())?;
@@ -57,7 +57,7 @@ pub fn child(threads: &str) -> Result<(), String> {
     Ok(())
 }
 
-pub fn two_cores(asked: &Asked) -> Result<Section, String> {
+pub(crate) fn two_cores(asked: &Asked) -> Result<Section, String> {
     let about = format!(
         "A whole fit of {PAIRS} noisy pairs in memory, 30 terms, search and all. On a machine that \
          does other things the second core is not all there, and the ratio is too low."

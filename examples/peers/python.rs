@@ -8,31 +8,34 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use serde_json::Value;
 
 /// A package with everything that its version depends on, to be installed at once.
-pub struct Package {
+pub(crate) struct Package {
     pub name: &'static str,
     pinned: &'static [&'static str],
 }
 
-pub const HEYOKA: Package = Package { name: "heyoka", pinned: &["heyoka==7.13.2", "numpy==2.4.6"] };
-pub const JAX: Package =
+pub(crate) const HEYOKA: Package =
+    Package { name: "heyoka", pinned: &["heyoka==7.13.2", "numpy==2.4.6"] };
+pub(crate) const JAX: Package =
     Package { name: "jax", pinned: &["jax==0.10.2", "jaxlib==0.10.2", "numpy==2.4.6"] };
-pub const CASADI: Package = Package { name: "casadi", pinned: &["casadi==3.8.2", "numpy==2.4.6"] };
-pub const PYSINDY: Package = Package {
+pub(crate) const CASADI: Package =
+    Package { name: "casadi", pinned: &["casadi==3.8.2", "numpy==2.4.6"] };
+pub(crate) const PYSINDY: Package = Package {
     name: "pysindy",
     pinned: &["pysindy==2.1.0", "numpy==2.4.6", "scipy==1.17.1", "scikit-learn==1.9.1"],
 };
 /// The wheel of the ordinary registry does not load without the CUDA libraries it depends on,
 /// which are never used here: 6 GB on the disk.
-pub const TORCH: Package = Package { name: "torch", pinned: &["torch==2.15.0", "numpy==2.4.6"] };
+pub(crate) const TORCH: Package =
+    Package { name: "torch", pinned: &["torch==2.15.0", "numpy==2.4.6"] };
 
 /// A virtual environment.
-pub struct Python {
+pub(crate) struct Python {
     folder: PathBuf,
 }
 
 impl Python {
     /// The environment in a folder, made if it is not there; an error says why there is none.
-    pub fn new(folder: &Path, interpreter: &str) -> Result<Python, String> {
+    pub(crate) fn new(folder: &Path, interpreter: &str) -> Result<Python, String> {
         let environment = folder.join("venv");
         let python = Python { folder: folder.to_path_buf() };
         if !python.program().exists() {
@@ -53,7 +56,7 @@ impl Python {
     }
 
     /// Installs a package, if it is not there.
-    pub fn install(&self, package: &Package) -> Result<(), String> {
+    pub(crate) fn install(&self, package: &Package) -> Result<(), String> {
         let mark = self.folder.join("venv").join(format!("{}.installed", package.name));
         let wanted = package.pinned.join("\n");
         if std::fs::read_to_string(&mark).is_ok_and(|found| found == wanted) {
@@ -73,7 +76,7 @@ impl Python {
     }
 
     /// Starts a script of this example, once its package is there; returns what it says first.
-    pub fn start(
+    pub(crate) fn start(
         &self,
         package: &Package,
         script: &str,
@@ -101,7 +104,7 @@ impl Python {
 }
 
 /// A script that is running; it ends when this is dropped.
-pub struct Peer {
+pub(crate) struct Peer {
     child: Child,
     input: ChildStdin,
     output: BufReader<ChildStdout>,
@@ -110,14 +113,14 @@ pub struct Peer {
 
 impl Peer {
     /// Sends a line and reads the answer.
-    pub fn ask(&mut self, line: &str) -> Result<Value, String> {
+    pub(crate) fn ask(&mut self, line: &str) -> Result<Value, String> {
         let sent = writeln!(self.input, "{line}").and_then(|()| self.input.flush());
         sent.map_err(|_| self.reason())?;
         self.read()
     }
 
     /// One more repeat: its seconds.
-    pub fn seconds(&mut self) -> Result<f64, String> {
+    pub(crate) fn seconds(&mut self) -> Result<f64, String> {
         Ok(number(&self.ask("")?, "seconds"))
     }
 
@@ -141,7 +144,7 @@ impl Drop for Peer {
 }
 
 /// A number of an answer; NaN if it is not there.
-pub fn number(answer: &Value, name: &str) -> f64 {
+pub(crate) fn number(answer: &Value, name: &str) -> f64 {
     answer[name].as_f64().unwrap_or(f64::NAN)
 }
 

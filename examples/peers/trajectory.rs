@@ -67,7 +67,7 @@ fn generated(folder: &Path) -> Result<PathBuf, String> {
         .ok_or_else(|| "its program is not there".to_string())
 }
 
-pub fn steps(asked: &Asked) -> Result<Section, String> {
+pub(crate) fn steps(asked: &Asked) -> Result<Section, String> {
     let steps = if asked.quick.is_some() { 500_000 } else { 10_000_000 };
     let about = format!(
         "{steps} steps of 0.01 of Forest and Ruth's method, one trajectory of Hénon-Heiles. Ours \
@@ -207,7 +207,7 @@ fn heyoka(peer: &mut Peer) -> Result<Run, String> {
     Ok(Run { seconds, error: (squares / count).sqrt(), steps: steps / count })
 }
 
-pub fn series(asked: &Asked, python: Result<&Python, &String>) -> Result<Section, String> {
+pub(crate) fn series(asked: &Asked, python: Result<&Python, &String>) -> Result<Section, String> {
     let end = if asked.quick.is_some() { 5e3 } else { 1e5 };
     let about = format!(
         "Eight motions of Hénon-Heiles to t = {end}, by adaptive Taylor series; times of one \

@@ -3,10 +3,10 @@
 use std::time::Instant;
 
 /// One turn: seconds, or why there are none.
-pub type Turn<'a> = Box<dyn FnMut() -> Result<f64, String> + 'a>;
+pub(crate) type Turn<'a> = Box<dyn FnMut() -> Result<f64, String> + 'a>;
 
 /// The fastest of `rounds` turns of each, after one that does not count.
-pub fn fastest(rounds: usize, contestants: &mut [Turn]) -> Vec<Result<f64, String>> {
+pub(crate) fn fastest(rounds: usize, contestants: &mut [Turn]) -> Vec<Result<f64, String>> {
     let mut best: Vec<Result<f64, String>> = contestants.iter().map(|_| Ok(f64::NAN)).collect();
     for round in 0..=rounds {
         for (best, turn) in best.iter_mut().zip(contestants.iter_mut()) {
@@ -19,7 +19,7 @@ pub fn fastest(rounds: usize, contestants: &mut [Turn]) -> Vec<Result<f64, Strin
 
 /// Seconds of processor time that a call takes on this thread; of a clock on the wall where it
 /// is short or the system does not tell.
-pub fn clocked<T>(call: impl FnOnce() -> T) -> (T, f64) {
+pub(crate) fn clocked<T>(call: impl FnOnce() -> T) -> (T, f64) {
     let (clock, before) = (Instant::now(), processor_seconds());
     let value = call();
     let wall = clock.elapsed().as_secs_f64();
@@ -28,7 +28,7 @@ pub fn clocked<T>(call: impl FnOnce() -> T) -> (T, f64) {
 }
 
 /// Seconds of a clock on the wall, for what runs in another process.
-pub fn on_the_wall<T>(call: impl FnOnce() -> T) -> (T, f64) {
+pub(crate) fn on_the_wall<T>(call: impl FnOnce() -> T) -> (T, f64) {
     let clock = Instant::now();
     let value = call();
     (value, clock.elapsed().as_secs_f64())
@@ -45,7 +45,7 @@ fn processor_seconds() -> Option<f64> {
 }
 
 /// Seconds of processor time that a call waits for in other processes.
-pub fn of_children<T>(call: impl FnOnce() -> T) -> (T, f64) {
+pub(crate) fn of_children<T>(call: impl FnOnce() -> T) -> (T, f64) {
     let (clock, before) = (Instant::now(), children_seconds());
     let value = call();
     let wall = clock.elapsed().as_secs_f64();

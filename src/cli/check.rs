@@ -19,7 +19,7 @@ use crate::report::layout::WIDTH;
     leverrier check pendulum.ham\n  \
     leverrier check pendulum.ham --no-data       the spec alone\n  \
     leverrier check pendulum.ham --data tuesday.csv")]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The spec.
     pub spec: PathBuf,
     /// Measurements to look at, instead of those that the spec names.
@@ -31,7 +31,7 @@ pub struct Arguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let spec = Spec::open(&arguments.spec)?;
     let named = spec.compiled().data.is_some() || arguments.data.is_some();
     let data = (named && !arguments.no_data).then(|| spec.measurements(arguments.data.as_deref()));

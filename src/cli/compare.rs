@@ -22,7 +22,7 @@ use crate::report::compare_text;
     leverrier compare pendulum.ham\n  \
     leverrier compare pendulum.ham --held-out 0.5 --seed 3\n  \
     leverrier compare pendulum.ham --format json")]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The spec.
     pub spec: PathBuf,
     #[command(flatten)]
@@ -30,7 +30,7 @@ pub struct Arguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let workspace = Workspace::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
     let (model, terms) = workspace.model(&progress)?;

@@ -16,21 +16,21 @@ const SHOWN: usize = 20;
 const LONGEST_LINE: usize = 400;
 
 /// Standard output for results, standard error for everything else.
-pub struct Console {
+pub(super) struct Console {
     format: Format,
 }
 
 impl Console {
-    pub fn new(format: Format) -> Self {
+    pub(super) fn new(format: Format) -> Self {
         Console { format }
     }
 
-    pub fn is_json(&self) -> bool {
+    pub(super) fn is_json(&self) -> bool {
         self.format == Format::Json
     }
 
     /// Columns of the terminal that results are read on; `None` when they go elsewhere.
-    pub fn width(&self) -> Option<u16> {
+    pub(super) fn width(&self) -> Option<u16> {
         if !io::stdout().is_terminal() {
             return None;
         }
@@ -38,7 +38,7 @@ impl Console {
     }
 
     /// Prints a result: the text for people, or the object for programs.
-    pub fn result(&self, text: &str, object: &Value) -> Result<()> {
+    pub(super) fn result(&self, text: &str, object: &Value) -> Result<()> {
         match self.format {
             Format::Text => self.text(text),
             Format::Json => self.text(&pretty(object)),
@@ -46,7 +46,7 @@ impl Console {
     }
 
     /// Writes text to standard output, ending its last line.
-    pub fn text(&self, text: &str) -> Result<()> {
+    pub(super) fn text(&self, text: &str) -> Result<()> {
         let failed = |error| Error::file("write", Path::new("standard output"), error);
         let mut out = io::stdout().lock();
         let end = if text.is_empty() || text.ends_with('\n') { "" } else { "\n" };
@@ -57,25 +57,25 @@ impl Console {
     }
 
     /// A message beside the result. Programs get none: what matters is in the object.
-    pub fn message(&self, text: &str) {
+    pub(super) fn message(&self, text: &str) {
         if self.format == Format::Text {
             self.stderr(text);
         }
     }
 
-    pub fn warning(&self, text: &str) {
+    pub(super) fn warning(&self, text: &str) {
         let mark = if coloured() { "\x1b[33mWarning:\x1b[0m" } else { "Warning:" };
         self.message(&format!("{mark} {text}"));
     }
 
     /// Warnings and notes about a spec.
-    pub fn diagnostics(&self, name: &str, text: &str, diagnostics: &[Diagnostic]) {
+    pub(super) fn diagnostics(&self, name: &str, text: &str, diagnostics: &[Diagnostic]) {
         for diagnostic in diagnostics.iter().take(SHOWN) {
             self.message(&drawn(diagnostic, name, text));
         }
     }
 
-    pub fn error(&self, error: &Error) {
+    pub(super) fn error(&self, error: &Error) {
         if self.format == Format::Json {
             return self.stderr(&pretty(&error_object(error)));
         }
@@ -111,19 +111,19 @@ impl Listener for Console {
 }
 
 /// Whether standard error takes colours: <https://no-color.org>.
-pub fn coloured() -> bool {
+pub(super) fn coloured() -> bool {
     let unwanted = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let dumb = std::env::var_os("TERM").is_some_and(|value| value == "dumb");
     io::stderr().is_terminal() && !unwanted && !dumb
 }
 
 /// The command line is wrong: what is wrong, and what to do.
-pub fn usage(message: impl Into<String>, hint: impl Into<String>) -> Error {
+pub(super) fn usage(message: impl Into<String>, hint: impl Into<String>) -> Error {
     Error::new(ErrorKind::Usage, message, hint)
 }
 
 /// How the remedy of an error is spelt on the command line, where it has an option there.
-pub fn options_for(kind: ErrorKind) -> Option<&'static str> {
+pub(super) fn options_for(kind: ErrorKind) -> Option<&'static str> {
     Some(match kind {
         ErrorKind::AlreadyExists => "--force, -o",
         ErrorKind::ChangedMeanwhile => "--force; `leverrier history --show NUMBER` prints a text",
@@ -138,7 +138,7 @@ pub fn options_for(kind: ErrorKind) -> Option<&'static str> {
 }
 
 /// The process's exit code: 1 failed, 2 wrong usage.
-pub fn exit_code(error: &Error) -> u8 {
+pub(super) fn exit_code(error: &Error) -> u8 {
     match error.kind() {
         ErrorKind::Usage
         | ErrorKind::UnknownName
@@ -155,18 +155,18 @@ pub fn exit_code(error: &Error) -> u8 {
     }
 }
 
-pub fn is_broken_pipe(error: &Error) -> bool {
+pub(super) fn is_broken_pipe(error: &Error) -> bool {
     matches!(error, Error::File { source, .. } if source.kind() == io::ErrorKind::BrokenPipe)
 }
 
 /// Writes a field of an object.
-pub fn set(object: &mut Value, field: &str, value: Value) {
+pub(super) fn set(object: &mut Value, field: &str, value: Value) {
     if let Some(fields) = object.as_object_mut() {
         fields.insert(field.to_string(), value);
     }
 }
 
-pub fn pretty(object: &Value) -> String {
+pub(super) fn pretty(object: &Value) -> String {
     serde_json::to_string_pretty(object).unwrap_or_default()
 }
 
@@ -228,7 +228,7 @@ fn error_object(error: &Error) -> Value {
 }
 
 /// A diagnostic with its place in lines and columns.
-pub fn diagnostic_object(diagnostic: &Diagnostic, text: &str) -> Value {
+pub(super) fn diagnostic_object(diagnostic: &Diagnostic, text: &str) -> Value {
     let (line, column) = diagnostic.place(text);
     json!({
         "severity": diagnostic.severity,

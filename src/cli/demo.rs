@@ -32,7 +32,7 @@ use crate::simulate::{InitialDistribution, Interval, NoiseLevel, Simulator, add_
     leverrier demo --quick\n  \
     leverrier demo henon-heiles     another one; --list shows all\n  \
     leverrier demo -o demo          keep its spec, data and model to play with")]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// Which demo; `--list` shows all.
     pub name: Option<String>,
     /// Fewer measurements: done in a moment.
@@ -91,7 +91,7 @@ struct DemoRun<'a> {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     if arguments.list {
         let rows = DEMOS.iter().map(|demo| vec![demo.name.to_string(), demo.shows.to_string()]);
         let list: Vec<Value> =

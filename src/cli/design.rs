@@ -32,7 +32,7 @@ use crate::simulate::Interval;
     leverrier design pendulum.ham --coefficient \"cos(theta)\" --step 0.02..0.2\n\n\
     What is left open is as in the measurements so far: where they went, how long their runs\n\
     last, how often they sample.")]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The spec.
     pub spec: PathBuf,
     /// Where the run may start: `q=-1..1`; `q=-1..1` for all of a family. Repeat it for others.
@@ -61,7 +61,7 @@ pub struct Arguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     if arguments.between.len() == 1 {
         return Err(usage(
             "one effect has no alternative to be distinguished from",

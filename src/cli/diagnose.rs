@@ -26,7 +26,7 @@ use crate::report::{DiagnosisContext, diagnosis_text};
     leverrier diagnose pendulum.ham\n  \
     leverrier diagnose pendulum.ham --held-out 0.5 --format json\n\n\
     `leverrier effects` lists what is tested; `leverrier add` puts one into the spec.")]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The spec.
     pub spec: PathBuf,
     #[command(flatten)]
@@ -36,7 +36,7 @@ pub struct Arguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let workspace = Workspace::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
     let (spec, split) = (&workspace.spec, &workspace.split);

@@ -6,7 +6,7 @@ use crate::facade::DiagnosisOptions;
 
 /// What a diagnosis looks for beside the usual.
 #[derive(Args, Debug, Clone, Copy, Default)]
-pub struct DiagnosisArguments {
+pub(super) struct DiagnosisArguments {
     /// Ask whether what is left is noise with a memory, such as that of a filter. Of short records
     /// of real rigs this can make friction noise.
     #[arg(long)]
@@ -19,7 +19,7 @@ pub struct DiagnosisArguments {
 
 impl DiagnosisArguments {
     /// The same as options.
-    pub fn options(self) -> DiagnosisOptions {
+    pub(super) fn options(self) -> DiagnosisOptions {
         let DiagnosisArguments { correlated_noise, orbits } = self;
         DiagnosisOptions { correlated_noise, orbits }
     }

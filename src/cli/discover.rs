@@ -32,7 +32,7 @@ use crate::report::layout::{WIDTH, wrapped};
 #[command(after_help = "Examples:\n  \
     leverrier discover pendulum.ham\n  \
     leverrier discover pendulum.ham --dry-run --format json")]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The spec.
     pub spec: PathBuf,
     /// Say what would be added, and leave the spec as it is.
@@ -48,7 +48,7 @@ pub struct Arguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     // Who only looks writes nothing, and need not wait.
     let lock = (!arguments.dry_run)
         .then(|| Lock::take(&arguments.spec, &Silent, |what| console.message(what)));

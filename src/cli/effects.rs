@@ -13,13 +13,13 @@ use crate::spec::effects::{ActsOn, EffectKind, EffectRow, Scene, by_name, catalo
 #[command(after_help = "Examples:\n  \
     leverrier effects\n  \
     leverrier effects viscous_drag")]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The effect to explain.
     pub name: Option<String>,
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let width = console.width().map_or(WIDTH, |width| usize::from(width).max(40));
     if let Some(name) = &arguments.name {
         let row = by_name(name)

@@ -21,7 +21,7 @@ use crate::export::{EXPORTERS, Output};
     leverrier export pendulum.ham latex --document -o pendulum.tex\n  \
     leverrier export pendulum.ham rust -o pendulum-simulator\n  \
     leverrier export pendulum.ham python > pendulum.py")]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The spec.
     pub spec: PathBuf,
     /// The format.
@@ -42,7 +42,7 @@ pub struct Arguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let name = match (arguments.document, arguments.to.as_str()) {
         (true, "latex") => "latex-document",
         (true, other) if other != "latex-document" => {

@@ -31,7 +31,7 @@ use crate::report::{self, FitReport, present};
     leverrier fit stars.ham --memory 1GiB              larger data are read part by part\n  \
     leverrier fit pendulum.ham --format json > fit.json\n\n\
     Ctrl-C keeps the best model so far; a second Ctrl-C ends at once.")]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The spec.
     pub spec: PathBuf,
     /// Measurements to learn from, instead of those that the spec names.
@@ -79,7 +79,7 @@ pub struct Arguments {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
-pub enum Select {
+pub(super) enum Select {
     /// By the extended Bayesian information criterion.
     Information,
     /// By the error on held-out data, to which a candidate was not fitted.
@@ -88,7 +88,7 @@ pub enum Select {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
-pub enum Train {
+pub(super) enum Train {
     GaussNewton,
     FirstOrder,
 }
@@ -128,7 +128,7 @@ impl Arguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let mut options = arguments.options()?;
     // A model that goes elsewhere is nobody else's.
     let lock = (arguments.output.is_none())

@@ -17,7 +17,7 @@ use crate::report::layout::{WIDTH, table, wrapped};
 /// Bring back the spec as it was before the last `add` or `remove`.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  leverrier undo pendulum.ham")]
-pub struct Undo {
+pub(super) struct Undo {
     /// The spec.
     pub spec: PathBuf,
     /// Also when the spec was edited by hand since; the edits stay in the ledger.
@@ -30,7 +30,7 @@ pub struct Undo {
 #[command(after_help = "Examples:\n  \
     leverrier history pendulum.ham\n  \
     leverrier history pendulum.ham --show 2        the spec as revision 2 left it")]
-pub struct History {
+pub(super) struct History {
     /// The spec.
     pub spec: PathBuf,
     /// Print the text of this revision, undone ones too.
@@ -39,7 +39,7 @@ pub struct History {
 }
 
 /// Runs `undo`.
-pub fn undo(arguments: &Undo, console: &Console) -> Result<()> {
+pub(super) fn undo(arguments: &Undo, console: &Console) -> Result<()> {
     let path = &arguments.spec;
     let lock = Lock::take(path, &Silent, |what| console.message(what))?;
     let undone = undo::undo(path, arguments.force)?;
@@ -62,7 +62,7 @@ pub fn undo(arguments: &Undo, console: &Console) -> Result<()> {
 }
 
 /// Runs `history`.
-pub fn history(arguments: &History, console: &Console) -> Result<()> {
+pub(super) fn history(arguments: &History, console: &Console) -> Result<()> {
     let path = &arguments.spec;
     let text = spec_text(path)?;
     let mut ledger = Ledger::open(path)?;

@@ -26,7 +26,7 @@ use crate::expr::{self, FunctionSpace, Unit};
     Column names that are understood: t, time; run, trial, id; theta with omega; x with v (x1 \
     with\nv1, x with x_dot or vx); q with p; theta, x, q and the like alone. Units are taken from \
     headers such\nas `theta [rad]`.")]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The file of measurements.
     pub data: PathBuf,
     /// The spec to write; by default the data's name with the ending .ham.
@@ -123,7 +123,7 @@ impl<'a> ColumnRoles<'a> {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let table = data::read(&arguments.data)?;
     let path = arguments.output.clone();
     let path = path.unwrap_or_else(|| data::file_of(&arguments.data).with_extension("ham"));

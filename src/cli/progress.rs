@@ -24,14 +24,14 @@ const PATIENCE: Duration = Duration::from_secs(1);
 const STEPS: u64 = 1000;
 
 /// Shows how far a computation has come, and asks it to stop on Ctrl-C.
-pub struct Progress {
+pub(super) struct Progress {
     bar: ProgressBar,
     end: Option<Sender<()>>,
     shower: Option<JoinHandle<()>>,
 }
 
 impl Progress {
-    pub fn new() -> Self {
+    pub(super) fn new() -> Self {
         HANDLER.get_or_init(|| {
             // Without a handler Ctrl-C ends the process at once, as it would anyway.
             let _ = ctrlc::set_handler(|| {

@@ -33,7 +33,7 @@ use crate::report::plots::{
     leverrier report pendulum.ham -o pendulum.tex     a document for LaTeX, and so for PDF\n  \
     leverrier report pendulum.ham --plots figures     every plot as an SVG file too\n  \
     leverrier report pendulum.ham --plots slides --as png --dark --scale 3")]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The spec.
     pub spec: PathBuf,
     /// The page, or a document for LaTeX where it ends in .tex; by default a page beside the spec
@@ -64,7 +64,7 @@ pub struct Arguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let path =
         arguments.output.clone().unwrap_or_else(|| arguments.spec.with_extension("report.html"));
     require_page(&path, arguments.force)?;
@@ -221,7 +221,7 @@ fn tell(
 }
 
 /// Commands that make the page again; files by their names alone.
-pub fn reproduce(workspace: &Workspace, diagnosed: bool) -> Vec<String> {
+pub(super) fn reproduce(workspace: &Workspace, diagnosed: bool) -> Vec<String> {
     let name = |path: &Path| -> String {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         if name.contains([' ', '\'', '"', '(', ')', '&', ';']) {

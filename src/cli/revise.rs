@@ -24,7 +24,7 @@ use crate::report::{RevisionSummary, revision_text};
     leverrier add pendulum.ham \"coupling_spring(q1, q2)\"\n  \
     leverrier add pendulum.ham \"harmonic_drive(theta; frequency = 2.5)\"\n\n\
     Comments and layout of the spec stay; `leverrier undo pendulum.ham` takes it back.")]
-pub struct Add {
+pub(super) struct Add {
     /// The spec.
     pub spec: PathBuf,
     /// The effect: its name, and what it is on where there is a choice.
@@ -38,7 +38,7 @@ pub struct Add {
 #[command(after_help = "Examples:\n  \
     leverrier remove pendulum.ham viscous_drag\n  \
     leverrier remove pendulum.ham stiffness        a term that the spec calls so")]
-pub struct Remove {
+pub(super) struct Remove {
     /// The spec.
     pub spec: PathBuf,
     /// The effect, with what it is on where there is a choice; or the name of a term.
@@ -48,7 +48,7 @@ pub struct Remove {
 }
 
 /// Runs `add`.
-pub fn add(arguments: &Add, console: &Console) -> Result<()> {
+pub(super) fn add(arguments: &Add, console: &Console) -> Result<()> {
     let _lock = Lock::take(&arguments.spec, &Silent, |what| console.message(what))?;
     let workspace = Workspace::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
@@ -59,7 +59,7 @@ pub fn add(arguments: &Add, console: &Console) -> Result<()> {
 }
 
 /// Runs `remove`.
-pub fn remove(arguments: &Remove, console: &Console) -> Result<()> {
+pub(super) fn remove(arguments: &Remove, console: &Console) -> Result<()> {
     let _lock = Lock::take(&arguments.spec, &Silent, |what| console.message(what))?;
     let workspace = Workspace::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();

@@ -35,7 +35,7 @@ const MOST_NUMBERS: usize = 200_000_000;
     --method taylor --check-energy -o long.csv\n  \
     leverrier simulate henon-heiles.ham --pairs --runs 5000 --sample q[1]=-1..1 \\\n      \
     --sample q[2]=-0.5..1 --sample p=-1..1 --energy 1/12..1/6 --dt 0.1 -o pairs.csv")]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The spec.
     pub spec: PathBuf,
     /// An initial state: `q=0.1,p=0` or all numbers in order, `0.1,0`. Repeat it for more runs.
@@ -106,7 +106,7 @@ pub struct Arguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let integrator = arguments.integrator()?;
     let spec = Spec::open(&arguments.spec)?;
     console.diagnostics(spec.name(), spec.text(), spec.warnings());

@@ -10,7 +10,7 @@ use crate::project::workspace::{self, HELD_OUT};
 
 /// How the measurements are split.
 #[derive(Args, Debug, Clone)]
-pub struct SplitArguments {
+pub(super) struct SplitArguments {
     /// Measurements, instead of those that the spec names.
     #[arg(long, value_name = "FILE")]
     pub data: Option<PathBuf>,
@@ -28,7 +28,7 @@ pub struct SplitArguments {
 
 impl SplitArguments {
     /// What was asked for, where it is possible.
-    pub fn asked(&self) -> Result<workspace::SplitOptions> {
+    pub(super) fn asked(&self) -> Result<workspace::SplitOptions> {
         let SplitArguments { data, held_out, seed, threads } = self.clone();
         if !workspace::SHARES.contains(&held_out) {
             return Err(usage(

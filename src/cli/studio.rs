@@ -22,7 +22,7 @@ use crate::studio::{StudioOptions, serve};
 #[command(after_help = "Examples:\n  \
     leverrier studio pendulum.ham\n  \
     leverrier studio pendulum.ham --port 8321 --no-open")]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The spec.
     pub spec: PathBuf,
     /// Port to serve on; by default one that is free.
@@ -34,7 +34,7 @@ pub struct Arguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let options = StudioOptions { spec: arguments.spec.clone(), port: arguments.port, reproduce };
     serve(&options, |address| {
         let object = json!({ "format": "leverrier.studio/1", "address": address });

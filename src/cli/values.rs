@@ -8,12 +8,12 @@ use crate::simulate::{Interval, NoiseLevel};
 use crate::spec::ast::{Expression, ExpressionKind};
 
 /// A whole initial state, as it may be written.
-pub fn example(names: &[String]) -> String {
+pub(super) fn example(names: &[String]) -> String {
     names.iter().map(|name| format!("{name}=0.1")).collect::<Vec<_>>().join(",")
 }
 
 /// `q=0.1,p=0` or `0.1,0`; `None` for what is not said.
-pub fn state(text: &str, names: &[String]) -> Result<Vec<Option<f64>>> {
+pub(super) fn state(text: &str, names: &[String]) -> Result<Vec<Option<f64>>> {
     // A comma inside brackets belongs to a name.
     let mut parts = vec![String::new()];
     let mut depth = 0;
@@ -86,7 +86,7 @@ fn constant(expression: &Expression) -> Option<f64> {
 }
 
 /// `-1..1`.
-pub fn range_of(text: &str) -> Result<Interval> {
+pub(super) fn range_of(text: &str) -> Result<Interval> {
     let wrong = |message: String| usage(message, "write the range as LOW..HIGH, such as -1..1");
     let (lower, upper) =
         text.split_once("..").ok_or_else(|| wrong(format!("`{}` is not a range", text.trim())))?;
@@ -98,7 +98,7 @@ pub fn range_of(text: &str) -> Result<Interval> {
 }
 
 /// `20`, or `5..20`.
-pub fn number_or_range(text: &str) -> Result<Interval> {
+pub(super) fn number_or_range(text: &str) -> Result<Interval> {
     if text.contains("..") {
         return range_of(text);
     }
@@ -107,7 +107,7 @@ pub fn number_or_range(text: &str) -> Result<Interval> {
 }
 
 /// One noise for each observable.
-pub fn noise(system: &System, texts: &[String]) -> Result<Vec<NoiseLevel>> {
+pub(super) fn noise(system: &System, texts: &[String]) -> Result<Vec<NoiseLevel>> {
     let names = system.observables();
     let mut out = vec![NoiseLevel::Absolute(0.0); names.len()];
     for text in texts {

@@ -47,7 +47,7 @@ pub(super) struct Since {
 
 impl Since {
     /// `row` is the first of the run, `time` its converted time; `scale` converts cells.
-    pub fn new(table: &Table, column: &Column, row: usize, time: f64, scale: f64) -> Since {
+    pub(super) fn new(table: &Table, column: &Column, row: usize, time: f64, scale: f64) -> Since {
         let (whole, origin) = match table.cell(column, row) {
             Cell::Number(cell) => {
                 let whole = Decimal::parse(&cell.trunc().to_string(), false);
@@ -61,7 +61,7 @@ impl Since {
     }
 
     /// The clock of the run, whose cells are like those of `column`.
-    pub fn clock(&self, column: &Column) -> Clock {
+    pub(super) fn clock(&self, column: &Column) -> Clock {
         // Uniform in half a unit of the last place to either side.
         let of_double = 0.5 * (self.origin.abs().next_up() - self.origin.abs()) / 3f64.sqrt();
         let rounding = if column.cells.as_numbers().is_some() { of_double } else { 0.0 };
@@ -69,7 +69,7 @@ impl Since {
     }
 
     /// The time of a row since the origin, in the spec's unit; `time` is its converted time.
-    pub fn of(&self, table: &Table, column: &Column, row: usize, time: f64) -> f64 {
+    pub(super) fn of(&self, table: &Table, column: &Column, row: usize, time: f64) -> f64 {
         match Decimal::of(table, column, row).minus(&self.whole) {
             Some(since) => since * self.scale,
             None => time - self.origin,

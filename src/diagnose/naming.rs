@@ -34,7 +34,7 @@ struct Alike {
 /// # Errors
 ///
 /// When a named effect does not fit the spec.
-pub fn with_name<'a>(
+pub(super) fn with_name<'a>(
     question: &Question<'a, '_>,
     bare: &Story<'a>,
     story: &Story<'a>,

@@ -31,7 +31,7 @@ pub struct Ranking {
 /// # Errors
 ///
 /// When the data do not suffice to score anything.
-pub fn ranking<'a>(
+pub(super) fn ranking<'a>(
     model: &LawOnData<'a>,
     held_out: &Measurements<'a>,
     candidates: &[Candidate],

@@ -14,7 +14,7 @@ use crate::data::Dataset;
 
 /// Whether rounding feigns what a model with changes explains more than one without; never where no
 /// column is rounded to coarse steps.
-pub fn is_feigned(without: &LawOnData, with: &LawOnData) -> bool {
+pub(super) fn is_feigned(without: &LawOnData, with: &LawOnData) -> bool {
     let steps = coarse_steps(without);
     if steps.iter().all(Option::is_none) {
         return false;

@@ -21,7 +21,7 @@ use crate::error::Result;
 /// # Errors
 ///
 /// When a change does not fit the spec.
-pub fn stories<'a>(
+pub(super) fn stories<'a>(
     question: &Question<'a, '_>,
     bare: &Story<'a>,
     mut beam: Vec<Story<'a>>,
@@ -106,7 +106,7 @@ pub fn stories<'a>(
 /// # Errors
 ///
 /// When a change does not fit the spec.
-pub fn beginnings<'a>(
+pub(super) fn beginnings<'a>(
     question: &Question<'a, '_>,
     bare: &Story<'a>,
     first: &Ranking,
@@ -132,7 +132,7 @@ pub fn beginnings<'a>(
 }
 
 /// Whether a story may be told: it explains the data over whole runs, with nothing to spare.
-pub fn holds(story: &Story) -> bool {
+pub(super) fn holds(story: &Story) -> bool {
     story.explains && story.stands()
 }
 

@@ -29,7 +29,7 @@ pub struct Question<'a, 'b> {
 
 /// One change of a story.
 #[derive(Clone)]
-pub struct Member {
+pub(super) struct Member {
     /// What it is, with its numbers when it was found; its errors are those of the story up to it.
     pub effect: RankedEffect,
     /// Its terms in the story's system.
@@ -44,7 +44,7 @@ pub struct Member {
 
 /// A model with changes to it, the changes and what they cost.
 #[derive(Clone)]
-pub struct Story<'a> {
+pub(super) struct Story<'a> {
     /// The changes, in the order in which they were found.
     pub members: Vec<Member>,
     /// The spec with all of them.
@@ -65,7 +65,7 @@ pub struct Story<'a> {
 
 impl<'a> Story<'a> {
     /// The story without a change: the model as it is.
-    pub fn bare(question: &Question<'a, '_>) -> Story<'a> {
+    pub(super) fn bare(question: &Question<'a, '_>) -> Story<'a> {
         let model = question.model.clone();
         let sums = settle(model.clone()).sums;
         let scope = question.scope.clone();
@@ -87,7 +87,7 @@ impl<'a> Story<'a> {
     /// # Errors
     ///
     /// When the change does not fit the spec.
-    pub fn with(
+    pub(super) fn with(
         &self,
         judged: &Judged,
         window: usize,
@@ -139,7 +139,7 @@ impl<'a> Story<'a> {
 
     /// Squares a residual in excess of the noise, of what it leaves of segments; zero for what is
     /// negligible.
-    pub fn excess_of(&self, sums: &Sums) -> f64 {
+    pub(super) fn excess_of(&self, sums: &Sums) -> f64 {
         let mean = sums.loss / sums.rows.max(1) as f64;
         if sums.rows > 0 && mean < self.negligible {
             return 0.0;
@@ -148,7 +148,7 @@ impl<'a> Story<'a> {
     }
 
     /// Judges what it leaves by another noise of each observable.
-    pub fn hold_against(&mut self, noise: Noise) {
+    pub(super) fn hold_against(&mut self, noise: Noise) {
         let smaller = self.model.noise().log_size() - noise.log_size();
         self.negligible *= (2.0 * smaller / noise.sizes.len().max(1) as f64).exp();
         self.model = self.model.with_noise(noise);
@@ -161,7 +161,11 @@ impl<'a> Story<'a> {
     /// # Errors
     ///
     /// When the other members do not fit the spec.
-    pub fn without(&self, question: &Question<'a, '_>, place: usize) -> Result<Option<Story<'a>>> {
+    pub(super) fn without(
+        &self,
+        question: &Question<'a, '_>,
+        place: usize,
+    ) -> Result<Option<Story<'a>>> {
         let mut members = self.members.clone();
         members.remove(place);
         let mut scope = question.scope.clone();
@@ -187,7 +191,7 @@ impl<'a> Story<'a> {
 
     /// Holds the story against longer segments as long as it leaves noise, its numbers fitted
     /// again where they no longer do.
-    pub fn grow(&mut self, question: &Question) {
+    pub(super) fn grow(&mut self, question: &Question) {
         self.explains = self.leaves_white_noise(question)
             || !question.monitor.stopped() && self.leaves_correlated_noise();
     }
@@ -280,7 +284,7 @@ impl<'a> Story<'a> {
 
     /// Fits all numbers to the longest segments that the story follows, and gives each member its
     /// own.
-    pub fn conclude(&mut self) {
+    pub(super) fn conclude(&mut self) {
         let settled = settle(self.model.clone());
         let Some(found) = fitted(&settled, &self.model.law, Precision::Full) else { return };
         if found.sums.diverged > self.sums.diverged || !found.sums.loss.is_finite() {
@@ -314,7 +318,7 @@ impl<'a> Story<'a> {
     }
 
     /// What all its unknowns and choices cost: twice the nats.
-    pub fn price(&self) -> f64 {
+    pub(super) fn price(&self) -> f64 {
         self.members.iter().map(|member| member.price).sum()
     }
 
@@ -330,7 +334,7 @@ impl<'a> Story<'a> {
     }
 
     /// Names of its changes, in alphabetical order.
-    pub fn labels(&self) -> Vec<String> {
+    pub(super) fn labels(&self) -> Vec<String> {
         let mut labels: Vec<String> =
             self.members.iter().map(|member| member.effect.effect.clone()).collect();
         labels.sort();
@@ -339,7 +343,7 @@ impl<'a> Story<'a> {
 
     /// Whether every coefficient of every member is clearly not zero. The cosine and the sine of
     /// one wave are its amplitude and its phase: they are so together.
-    pub fn stands(&self) -> bool {
+    pub(super) fn stands(&self) -> bool {
         let system = &self.scope.compiled().system;
         let clear = self.model.tuning().verdict.standard_errors;
         let wave = |id: TermId| {
@@ -371,7 +375,7 @@ impl<'a> Story<'a> {
 
 /// What stories leave over segments that all of them follow, and what they cost: twice the nats of
 /// their description, but for what all have in common.
-pub fn description_lengths(stories: &[&Story], tuning: &Tuning) -> Vec<f64> {
+pub(super) fn description_lengths(stories: &[&Story], tuning: &Tuning) -> Vec<f64> {
     let windows = stories.iter().map(|story| story.model.law.window());
     let (Some(window), Some(noise)) = (windows.min(), least_noise(stories)) else {
         return Vec::new();
@@ -399,7 +403,7 @@ fn least_noise(stories: &[&Story]) -> Option<Noise> {
 }
 
 /// Judges all stories by the noise of the one that leaves the least of it.
-pub fn agree_on_noise(stories: &mut [Story]) {
+pub(super) fn agree_on_noise(stories: &mut [Story]) {
     let Some(noise) = least_noise(&stories.iter().collect::<Vec<_>>()) else { return };
     for story in stories {
         if story.model.noise() != noise {
@@ -410,7 +414,7 @@ pub fn agree_on_noise(stories: &mut [Story]) {
 
 /// Sorts stories by their description length, the shortest first; those that explain the same stay
 /// in their order, which is that of their ranking.
-pub fn sort_by_description_length(stories: &mut Vec<Story>, tuning: &Tuning) {
+pub(super) fn sort_by_description_length(stories: &mut Vec<Story>, tuning: &Tuning) {
     let lengths = description_lengths(&stories.iter().collect::<Vec<_>>(), tuning);
     let mut both: Vec<(f64, Story)> = lengths.into_iter().zip(stories.drain(..)).collect();
     let least = both.iter().map(|(length, _)| *length).fold(f64::INFINITY, f64::min);

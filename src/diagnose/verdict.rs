@@ -28,7 +28,7 @@ struct Unseen {
 /// # Errors
 ///
 /// When the data do not suffice to ask for a residual force.
-pub fn judge<'a>(
+pub(super) fn judge<'a>(
     question: &Question<'a, '_>,
     diagnosis: &mut Diagnosis,
     mut stories: Vec<Story<'a>>,

@@ -7,14 +7,14 @@ use super::settling::Settled;
 use crate::fit::segments::longest_run;
 
 /// Samples of segments twice as long, or of whole runs; `None` where they are that already.
-pub fn doubled(model: &LawOnData) -> Option<usize> {
+pub(super) fn doubled(model: &LawOnData) -> Option<usize> {
     let window = (2 * model.law.window()).min(longest(model));
     (window > model.law.window()).then_some(window)
 }
 
 /// Twice as long segments, if the model keeps to all of them; `None` where it does not, or where
 /// there are none.
-pub fn longer(model: &LawOnData) -> Option<usize> {
+pub(super) fn longer(model: &LawOnData) -> Option<usize> {
     let window = doubled(model)?;
     let (_, lost) = error(model, model.law.window());
     let (far, more) = error(model, window);
@@ -28,7 +28,7 @@ pub(super) fn longest(model: &LawOnData) -> usize {
 
 /// The longest segments, in samples, that the model with an effect follows as well as those half
 /// as long.
-pub fn followed(refit: &Refit, settled: &Settled) -> usize {
+pub(super) fn followed(refit: &Refit, settled: &Settled) -> usize {
     let model = refit.on(&settled.model);
     let longest = longest(&model);
     let mut window = model.law.window();

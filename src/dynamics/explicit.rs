@@ -13,7 +13,7 @@ use crate::eval::{Aligned, InstructionSet, add_multiple, sum_with_multiple};
 ///
 /// The tangent of a stage is the variational equation at the same stage, so that the result is
 /// the Jacobian of the discrete map.
-pub fn advance(
+pub(super) fn advance(
     dynamics: &Dynamics,
     tableau: &Tableau,
     batch: &mut Batch,
@@ -59,7 +59,7 @@ pub fn advance(
 }
 
 /// Times of a stage `at` steps from the start; the factor of what is evaluated is the step.
-pub fn set_stage(scratch: &mut Scratch, start: &[f64], at: f64) {
+pub(super) fn set_stage(scratch: &mut Scratch, start: &[f64], at: f64) {
     let Scratch { time, since, scale, step, .. } = scratch;
     since.clear();
     since.extend(step.iter().map(|h| at * h));
@@ -70,7 +70,7 @@ pub fn set_stage(scratch: &mut Scratch, start: &[f64], at: f64) {
 }
 
 /// base + sum of factor * part, at `place` unless it is the base itself.
-pub fn combined<'a, P: Deref<Target = [f64]>>(
+pub(super) fn combined<'a, P: Deref<Target = [f64]>>(
     place: &'a mut [f64],
     base: &'a [f64],
     factors: &[f64],
@@ -85,7 +85,7 @@ pub fn combined<'a, P: Deref<Target = [f64]>>(
 }
 
 /// out += sum of factor * part.
-pub fn add_parts<P: Deref<Target = [f64]>>(out: &mut [f64], factors: &[f64], parts: &[P]) {
+pub(super) fn add_parts<P: Deref<Target = [f64]>>(out: &mut [f64], factors: &[f64], parts: &[P]) {
     let set = InstructionSet::widest();
     for (&factor, part) in factors.iter().zip(parts) {
         if factor != 0.0 {

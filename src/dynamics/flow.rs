@@ -11,7 +11,7 @@ use crate::eval::{
 use crate::expr::{Expr, Graph, Symbol};
 
 /// Functions of some rows of the state, time and theta, with their derivatives.
-pub struct Flow {
+pub(super) struct Flow {
     /// Compiled when it is first asked for: a function space moves by its derivatives alone.
     value: OnceLock<Box<dyn Evaluator>>,
     source: (Graph, Inputs, Vec<Expr>, Backend),
@@ -35,7 +35,7 @@ const PRODUCTS: usize = 2;
 const TILE: usize = 12;
 
 /// What a flow is compiled from.
-pub struct FlowSource<'a> {
+pub(super) struct FlowSource<'a> {
     pub functions: &'a [Expr],
     /// `linear[row]`: derivatives by coefficients, as (unknown, expression).
     pub linear: &'a [Vec<(usize, Expr)>],
@@ -45,7 +45,7 @@ pub struct FlowSource<'a> {
 }
 
 impl Flow {
-    pub fn new(mut graph: Graph, source: &FlowSource, backend: Backend) -> Flow {
+    pub(super) fn new(mut graph: Graph, source: &FlowSource, backend: Backend) -> Flow {
         let rows = source.functions.len();
         let mut jacobian = Vec::new();
         for column in source.inputs.clone() {
@@ -88,7 +88,7 @@ impl Flow {
     }
 
     /// Where the compiled functions take the symbols' values from.
-    pub fn sources(&self, state: &[Symbol], unknowns: &[Symbol]) -> Inputs {
+    pub(super) fn sources(&self, state: &[Symbol], unknowns: &[Symbol]) -> Inputs {
         sources(state, self.inputs.clone(), &self.driven, unknowns)
     }
 
@@ -98,19 +98,19 @@ impl Flow {
     }
 
     /// Whether the functions or their derivatives name the time or an input.
-    pub fn timed(&self) -> bool {
+    pub(super) fn timed(&self) -> bool {
         !self.driven.is_empty()
     }
 
     /// Number of values and derivatives together.
-    pub fn outputs(&self) -> usize {
+    pub(super) fn outputs(&self) -> usize {
         self.rows + self.jacobian.len() + self.mixed.len()
     }
 
     /// Evaluates into `scratch.out`: `[rows][lanes]`, and with `derivatives` the Jacobian and
     /// the mixed entries after it. `state` is `[2n][lanes]`, `scratch.time` the times,
     /// `scratch.since` those since the beginning of what `scratch.drive` says.
-    pub fn evaluate(
+    pub(super) fn evaluate(
         &self,
         state: &[f64],
         lanes: usize,
@@ -124,7 +124,7 @@ impl Flow {
 
     /// The same after an evaluation by this flow with the same theta, lanes and `derivatives`,
     /// if `scratch.workspace` is not empty.
-    pub fn evaluate_again(
+    pub(super) fn evaluate_again(
         &self,
         state: &[f64],
         lanes: usize,
@@ -161,7 +161,7 @@ impl Flow {
     /// same layout; `entries` is the Jacobian, then the mixed entries, `[entry][lanes]`, scaled
     /// as wanted. Unknown k has column `first + k`; without such columns there are only the
     /// derivatives by the initial state.
-    pub fn push(
+    pub(super) fn push(
         &self,
         target: &mut [f64],
         source: &[f64],
@@ -174,7 +174,7 @@ impl Flow {
     }
 
     /// The same with nothing in `target` before: target = entries * source, and the mixed entries.
-    pub fn map(
+    pub(super) fn map(
         &self,
         target: &mut [f64],
         source: &[f64],
@@ -247,7 +247,7 @@ impl Flow {
     ///
     /// `target` is `[rows][lanes]`, `source` is `[inputs][lanes]`. Products that are not finite
     /// are left out of the gradient: they belong to lanes that are lost.
-    pub fn pull(
+    pub(super) fn pull(
         &self,
         target: &[f64],
         source: &mut [f64],

@@ -26,7 +26,7 @@ const NEARLY_SOLVED: f64 = 1e-7;
 /// Advances a batch; `scratch.step` holds the step of each lane. `record` sees the
 /// state before every step. A lane whose stage equations
 /// cannot be solved becomes NaN.
-pub fn advance(
+pub(super) fn advance(
     dynamics: &Dynamics,
     tableau: &Tableau,
     batch: &mut Batch,
@@ -49,7 +49,7 @@ pub fn advance(
 }
 
 /// The stages of one step, all lanes at once.
-pub struct Stages<'a> {
+pub(super) struct Stages<'a> {
     field: &'a Flow,
     tableau: &'a Tableau,
     lanes: usize,
@@ -60,7 +60,7 @@ pub struct Stages<'a> {
 }
 
 impl<'a> Stages<'a> {
-    pub fn new(dynamics: &'a Dynamics, tableau: &'a Tableau, lanes: usize) -> Stages<'a> {
+    pub(super) fn new(dynamics: &'a Dynamics, tableau: &'a Tableau, lanes: usize) -> Stages<'a> {
         let field = dynamics.field();
         let count = tableau.weights.len();
         Stages {
@@ -74,7 +74,7 @@ impl<'a> Stages<'a> {
 
     /// Values and derivatives at the present stages of the step that begins `step` steps from
     /// `start`.
-    pub fn evaluate(
+    pub(super) fn evaluate(
         &mut self,
         state: &[f64],
         start: &[f64],
@@ -96,7 +96,7 @@ impl<'a> Stages<'a> {
     }
 
     /// The slopes of explicit stages, one after the other; the outputs are then current.
-    pub fn unroll(
+    pub(super) fn unroll(
         &mut self,
         state: &[f64],
         start: &[f64],
@@ -119,7 +119,7 @@ impl<'a> Stages<'a> {
     /// fro across the jump. The mean of its iterates then tends to the slopes at the jump (the
     /// sliding solution of Filippov, Differential Equations with Discontinuous Righthand Sides,
     /// 1988, chapter 2), up to a part of one step's change.
-    pub fn solve(
+    pub(super) fn solve(
         &mut self,
         state: &[f64],
         start: &[f64],
@@ -258,7 +258,7 @@ impl<'a> Stages<'a> {
 
     /// The cotangents of the slopes' functions h f, W^T cotangent, `[stage][2n * lanes]`; NaN
     /// where M is singular. The outputs must be current.
-    pub fn pull(&self, cotangent: &[f64]) -> Vec<Vec<f64>> {
+    pub(super) fn pull(&self, cotangent: &[f64]) -> Vec<Vec<f64>> {
         let (lanes, rows) = (self.lanes, self.field.rows);
         let mut out = vec![vec![f64::NAN; rows * lanes]; self.slopes.len()];
         for lane in 0..lanes {

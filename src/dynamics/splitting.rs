@@ -6,11 +6,11 @@ use super::flow::Flow;
 use crate::eval::{InstructionSet, Pace, add_carrying, add_multiple};
 
 /// Sees the states before every stage or step.
-pub type Recorder<'a> = &'a mut dyn FnMut(&[f64]);
+pub(super) type Recorder<'a> = &'a mut dyn FnMut(&[f64]);
 
 /// One stage of a splitting method.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SplittingStage {
+pub(super) struct SplittingStage {
     /// q += coefficient h v, or else p -= coefficient h g.
     pub drift: bool,
     pub coefficient: f64,
@@ -23,7 +23,7 @@ pub struct SplittingStage {
 /// The drift that ends one leapfrog step and the one that begins the next are one stage: the
 /// momenta and the time are the same. Time stands still during drift and kick and moves on
 /// between them, which keeps every leapfrog step symmetric and so the order of the composition.
-pub fn stages(gammas: &[f64], steps: usize) -> impl Iterator<Item = SplittingStage> {
+pub(super) fn stages(gammas: &[f64], steps: usize) -> impl Iterator<Item = SplittingStage> {
     let mut start = 0.0;
     let mut before = 0.0;
     let mut first = Vec::with_capacity(2 * gammas.len());
@@ -55,7 +55,7 @@ fn last(gammas: &[f64], steps: usize) -> Option<SplittingStage> {
 ///
 /// What rounding takes from a state is carried on from stage to stage, so that the error of
 /// rounding does not grow with the number of steps.
-pub fn advance(
+pub(super) fn advance(
     dynamics: &Dynamics,
     gammas: &[f64],
     batch: &mut Batch,
@@ -186,7 +186,7 @@ fn apply(
 impl SplittingStage {
     /// Sets the factors of the change from the step of each lane and, for what is `timed`, the
     /// times of evaluation.
-    pub fn prepare(self, start: &[f64], timed: bool, scratch: &mut Scratch) {
+    pub(super) fn prepare(self, start: &[f64], timed: bool, scratch: &mut Scratch) {
         let Scratch { time, since, scale, step, .. } = scratch;
         let sign = if self.drift { 1.0 } else { -1.0 };
         scale.clear();
@@ -203,6 +203,6 @@ impl SplittingStage {
 
 /// Multiplies each row by the scale of its lanes; a lane with scale 0 does not move, whatever
 /// stands in the row.
-pub fn rescale(rows: &mut [f64], scale: &[f64]) {
+pub(super) fn rescale(rows: &mut [f64], scale: &[f64]) {
     crate::eval::rescale(InstructionSet::widest(), rows, scale);
 }

@@ -5,7 +5,7 @@ use super::processor::dispatched;
 dispatched! {
     /// state += c_1 step + c_2 step^2 + ..., with c `[order][component]`; `carry` is what
     /// rounding took before, and then what it takes now.
-    pub fn add_series(
+    pub(crate) fn add_series(
         state: &mut [f64],
         carry: &mut [f64],
         coefficients: &[f64],

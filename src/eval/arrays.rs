@@ -4,7 +4,7 @@ use super::processor::dispatched;
 
 dispatched! {
     /// target += a * b, number by number, each rounded once.
-    pub fn add_products(target: &mut [f64], a: &[f64], b: &[f64]) = add_products_body;
+    pub(crate) fn add_products(target: &mut [f64], a: &[f64], b: &[f64]) = add_products_body;
 }
 
 #[inline(always)]
@@ -16,7 +16,7 @@ fn add_products_body(target: &mut [f64], a: &[f64], b: &[f64]) {
 
 dispatched! {
     /// target += a, number by number.
-    pub fn add(target: &mut [f64], a: &[f64]) = add_body;
+    pub(crate) fn add(target: &mut [f64], a: &[f64]) = add_body;
 }
 
 #[inline(always)]
@@ -28,7 +28,7 @@ fn add_body(target: &mut [f64], a: &[f64]) {
 
 dispatched! {
     /// target *= factor, number by number.
-    pub fn multiply(target: &mut [f64], factor: f64) = multiply_body;
+    pub(crate) fn multiply(target: &mut [f64], factor: f64) = multiply_body;
 }
 
 #[inline(always)]
@@ -40,7 +40,7 @@ fn multiply_body(target: &mut [f64], factor: f64) {
 
 dispatched! {
     /// target += factor * a, number by number, both operations rounded.
-    pub fn add_multiple(target: &mut [f64], a: &[f64], factor: f64) = add_multiple_body;
+    pub(crate) fn add_multiple(target: &mut [f64], a: &[f64], factor: f64) = add_multiple_body;
 }
 
 #[inline(always)]
@@ -52,7 +52,7 @@ fn add_multiple_body(target: &mut [f64], a: &[f64], factor: f64) {
 
 dispatched! {
     /// target = base + factor * a, number by number, both operations rounded.
-    pub fn sum_with_multiple(target: &mut [f64], base: &[f64], a: &[f64], factor: f64)
+    pub(crate) fn sum_with_multiple(target: &mut [f64], base: &[f64], a: &[f64], factor: f64)
         = sum_with_multiple_body;
 }
 
@@ -65,7 +65,7 @@ fn sum_with_multiple_body(target: &mut [f64], base: &[f64], a: &[f64], factor: f
 
 dispatched! {
     /// Adds the sum of the squares of each row of `lanes` numbers to its place in `sums`.
-    pub fn add_squares(sums: &mut [f64], rows: &[f64], lanes: usize) = add_squares_body;
+    pub(crate) fn add_squares(sums: &mut [f64], rows: &[f64], lanes: usize) = add_squares_body;
 }
 
 #[inline(always)]
@@ -86,7 +86,7 @@ dispatched! {
     /// of any number of changes is then rounded about once (Kahan, Comm. ACM 8, 1965). All
     /// slices are `[rows][lanes]` but `scale`, `[lanes]`. A lane with scale 0 does not move,
     /// whatever its change is.
-    pub fn add_carrying(state: &mut [f64], carry: &mut [f64], change: &[f64], scale: &[f64])
+    pub(crate) fn add_carrying(state: &mut [f64], carry: &mut [f64], change: &[f64], scale: &[f64])
         = add_carrying_body;
 }
 
@@ -122,7 +122,7 @@ dispatched! {
     /// The squared length of row R^-1 of every lane. `row` is `[column][lane]`, R stands in
     /// `triangle` as `[row][columns][lane]`, one over its diagonal in `inverse`, `[column][lane]`;
     /// `solved` is scratch memory of the size of `row`.
-    pub fn leverages(
+    pub(crate) fn leverages(
         leverage: &mut [f64],
         solved: &mut [f64],
         row: &[f64],
@@ -163,7 +163,7 @@ fn leverages_body(
 }
 
 /// What a comparison of one row of lanes fills, one number for each.
-pub struct Compared<'a> {
+pub(crate) struct Compared<'a> {
     /// `weight (measured - predicted)`.
     pub residuals: &'a mut [f64],
     /// What each residual was multiplied by.
@@ -176,7 +176,7 @@ pub struct Compared<'a> {
 
 impl Compared<'_> {
     /// The same places, lent on.
-    pub fn again(&mut self) -> Compared<'_> {
+    pub(crate) fn again(&mut self) -> Compared<'_> {
         let Compared { residuals, weights, squares, losses } = self;
         Compared { residuals, weights, squares, losses }
     }
@@ -185,7 +185,7 @@ impl Compared<'_> {
 dispatched! {
     /// Weighted residuals of one row of lanes. Where nothing was measured (not a number) all is
     /// zero; where the prediction is not finite so it is, and the loss is infinite.
-    pub fn compare(out: Compared, measured: &[f64], predicted: &[f64], weight: f64) = compare_body;
+    pub(crate) fn compare(out: Compared, measured: &[f64], predicted: &[f64], weight: f64) = compare_body;
 }
 
 #[inline(always)]

@@ -13,7 +13,7 @@ use super::processor::dispatched;
 use crate::expr::{Function, Kernel};
 
 /// The code of a [`Kernel`].
-pub struct Code {
+pub(super) struct Code {
     /// The function of every number of a row.
     pub row: fn(InstructionSet, &[f64], &mut [f64]),
     /// Where machine code finds the function of one number.
@@ -22,12 +22,12 @@ pub struct Code {
 }
 
 /// The straight line of a function, if it has one.
-pub fn code(function: Function) -> Option<Code> {
+pub(super) fn code(function: Function) -> Option<Code> {
     function.row().kernel.map(code_of)
 }
 
 /// function(x) for every number of a row.
-pub fn apply(set: InstructionSet, function: Function, from: &[f64], to: &mut [f64]) {
+pub(super) fn apply(set: InstructionSet, function: Function, from: &[f64], to: &mut [f64]) {
     match code(function) {
         Some(code) => (code.row)(set, from, to),
         None => {
@@ -110,7 +110,7 @@ macro_rules! kernels {
             }
 
             dispatched! {
-                pub fn row_of(from: &[f64], to: &mut [f64]) = body;
+                pub(super) fn row_of(from: &[f64], to: &mut [f64]) = body;
             }
 
             /// For machine code alone, which runs only where AVX2 is.
@@ -121,7 +121,7 @@ macro_rules! kernels {
             }
 
             #[cfg(target_arch = "x86_64")]
-            pub fn entry() -> usize {
+            pub(super) fn entry() -> usize {
                 one as unsafe extern "sysv64" fn(f64) -> f64 as usize
             }
         })*

@@ -3,12 +3,12 @@
 use crate::expr::{Expr, Function};
 
 /// Result of an instruction, named by its place in the code.
-pub type Value = u32;
+pub(crate) type Value = u32;
 
 /// One instruction over a block of points. Whatever multiplies and adds is fused: it rounds
 /// once, on every backend and processor alike.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Instruction {
+pub(crate) enum Instruction {
     /// A row of the points.
     Load { input: u32 },
     /// The same number at every point.
@@ -43,7 +43,7 @@ pub enum Instruction {
 
 impl Instruction {
     /// The values that the instruction reads.
-    pub fn operands(self) -> impl Iterator<Item = Value> {
+    pub(crate) fn operands(self) -> impl Iterator<Item = Value> {
         let list = match self {
             Instruction::Load { .. } | Instruction::Broadcast { .. } => [None, None, None],
             Instruction::Scale { a, .. }
@@ -64,7 +64,7 @@ impl Instruction {
     }
 
     /// The same instruction on other values.
-    pub fn renamed(mut self, name: impl Fn(Value) -> Value) -> Instruction {
+    pub(crate) fn renamed(mut self, name: impl Fn(Value) -> Value) -> Instruction {
         match &mut self {
             Instruction::Load { .. } | Instruction::Broadcast { .. } => {}
             Instruction::Scale { a, .. }
@@ -88,7 +88,7 @@ impl Instruction {
 
     /// The same instruction with slots counted from another place.
     #[cfg(target_arch = "x86_64")]
-    pub fn with_slots_from(mut self, first: u32) -> Instruction {
+    pub(crate) fn with_slots_from(mut self, first: u32) -> Instruction {
         match &mut self {
             Instruction::Broadcast { slot }
             | Instruction::Scale { slot, .. }
@@ -106,7 +106,7 @@ impl Instruction {
     }
 
     /// Time for one point, in units of one multiplication.
-    pub fn cost(self) -> u32 {
+    pub(crate) fn cost(self) -> u32 {
         match self {
             Instruction::Reciprocal { .. } => 4,
             Instruction::Raise { .. } | Instruction::Power { .. } => 40,
@@ -118,7 +118,7 @@ impl Instruction {
 
 /// A number computed once a call: factor * product of expr ^ exponent, each expr uniform.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Slot {
+pub(crate) struct Slot {
     /// A number.
     pub factor: f64,
     /// Uniform expressions and their exponents.
@@ -127,12 +127,12 @@ pub struct Slot {
 
 impl Slot {
     /// A number of the source.
-    pub fn number(value: f64) -> Slot {
+    pub(crate) fn number(value: f64) -> Slot {
         Slot { factor: value, parts: Vec::new() }
     }
 
     /// Whether the number is 1, whatever the coefficients.
-    pub fn is_one(&self) -> bool {
+    pub(crate) fn is_one(&self) -> bool {
         self.parts.is_empty() && self.factor == 1.0
     }
 }

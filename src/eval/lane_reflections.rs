@@ -12,7 +12,7 @@ use super::processor::dispatched;
 
 /// Householder reflections of rows of lanes, each lane with its own.
 #[derive(Clone, Copy)]
-pub struct LaneReflections<'a> {
+pub(crate) struct LaneReflections<'a> {
     /// `[reflection][lane]`: x becomes x + factor (v x) v.
     pub factors: &'a [f64],
     /// Number of lanes.
@@ -30,7 +30,7 @@ dispatched! {
     /// Takes reflections to the columns `targets` of `values`, `[row][columns][lane]`, one
     /// reflection after the other while a column is in the nearest cache; only those `among` the
     /// lanes.
-    pub fn reflect_lanes(
+    pub(crate) fn reflect_lanes(
         values: &mut [f64],
         by: LaneReflections,
         targets: Range<usize>,

@@ -35,7 +35,7 @@ macro_rules! in_pieces {
 
 dispatched! {
     /// target = a * weight, row after row of lanes.
-    pub fn set_weighted(target: &mut [f64], a: &[f64], weight: &[f64]) = set_weighted_body;
+    pub(crate) fn set_weighted(target: &mut [f64], a: &[f64], weight: &[f64]) = set_weighted_body;
 }
 
 #[inline(always)]
@@ -57,7 +57,7 @@ fn set_weighted_piece<const N: usize>(target: &mut [f64], a: &[f64], weight: &[f
 
 dispatched! {
     /// target += a * weight, row after row of lanes, each number rounded once.
-    pub fn add_weighted(target: &mut [f64], a: &[f64], weight: &[f64]) = add_weighted_body;
+    pub(crate) fn add_weighted(target: &mut [f64], a: &[f64], weight: &[f64]) = add_weighted_body;
 }
 
 #[inline(always)]
@@ -83,7 +83,7 @@ fn add_weighted_piece<const N: usize>(target: &mut [f64], a: &[f64], weight: &[f
 dispatched! {
     /// The same for two rows at once, `target += a * weights[0] + b * weights[1]`; the weights
     /// are `[2][lanes]`.
-    pub fn add_weighted_pair(target: &mut [f64], a: &[f64], b: &[f64], weights: &[f64])
+    pub(crate) fn add_weighted_pair(target: &mut [f64], a: &[f64], b: &[f64], weights: &[f64])
         = add_weighted_pair_body;
 }
 
@@ -118,7 +118,7 @@ fn add_weighted_pair_piece<const N: usize>(
 dispatched! {
     /// target = from * scale, row after row of lanes; zero where the scale is, whatever stands
     /// in `from`.
-    pub fn weigh(target: &mut [f64], from: &[f64], scale: &[f64]) = weigh_body;
+    pub(crate) fn weigh(target: &mut [f64], from: &[f64], scale: &[f64]) = weigh_body;
 }
 
 #[inline(always)]
@@ -143,7 +143,7 @@ fn weigh_piece<const N: usize>(target: &mut [f64], from: &[f64], scale: &[f64], 
 
 dispatched! {
     /// rows *= scale, row after row of lanes; zero where the scale is, whatever stands there.
-    pub fn rescale(rows: &mut [f64], scale: &[f64]) = rescale_body;
+    pub(crate) fn rescale(rows: &mut [f64], scale: &[f64]) = rescale_body;
 }
 
 #[inline(always)]
@@ -169,7 +169,7 @@ fn rescale_piece<const N: usize>(rows: &mut [f64], scale: &[f64], lane: usize) {
 dispatched! {
     /// sums = the squares of rows of lanes, one upon the other; the rows begin `stride` numbers
     /// apart.
-    pub fn sum_squares(sums: &mut [f64], rows: &[f64], stride: usize) = sum_squares_body;
+    pub(crate) fn sum_squares(sums: &mut [f64], rows: &[f64], stride: usize) = sum_squares_body;
 }
 
 #[inline(always)]
@@ -193,7 +193,7 @@ fn sum_squares_piece<const N: usize>(sums: &mut [f64], rows: &[f64], stride: usi
 dispatched! {
     /// Adds 0 to the mark of each lane, or what is not a number where any of its rows is not
     /// finite.
-    pub fn mark_broken(marks: &mut [f64], rows: &[f64]) = mark_broken_body;
+    pub(crate) fn mark_broken(marks: &mut [f64], rows: &[f64]) = mark_broken_body;
 }
 
 #[inline(always)]

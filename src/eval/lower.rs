@@ -19,7 +19,7 @@ const LONGEST_ROOT: f64 = 8.0;
 
 /// Expressions as instructions.
 #[derive(Clone)]
-pub struct Lowered {
+pub(crate) struct Lowered {
     pub code: Vec<Instruction>,
     pub slots: Vec<Slot>,
     /// For each output, the value to store.
@@ -37,19 +37,19 @@ enum Form {
 
 impl Lowered {
     /// The cheaper of the two forms.
-    pub fn new(graph: &Graph, inputs: &Inputs, outputs: &[Expr]) -> Lowered {
+    pub(crate) fn new(graph: &Graph, inputs: &Inputs, outputs: &[Expr]) -> Lowered {
         let expanded = Lowered::of(graph, inputs, outputs, Form::Expanded);
         let nested = Lowered::of(graph, inputs, outputs, Form::Nested);
         if nested.cost() < expanded.cost() { nested } else { expanded }
     }
 
     /// Sums term after term, as they are printed.
-    pub fn expanded(graph: &Graph, inputs: &Inputs, outputs: &[Expr]) -> Lowered {
+    pub(crate) fn expanded(graph: &Graph, inputs: &Inputs, outputs: &[Expr]) -> Lowered {
         Lowered::of(graph, inputs, outputs, Form::Expanded)
     }
 
     /// Time for one point, in units of one multiplication.
-    pub fn cost(&self) -> u32 {
+    pub(crate) fn cost(&self) -> u32 {
         self.code.iter().map(|instruction| instruction.cost()).sum()
     }
 

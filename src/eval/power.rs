@@ -17,7 +17,7 @@ const CHUNK: usize = 16;
 
 dispatched! {
     /// bases^exponents, number by number.
-    pub fn powers(bases: &[f64], exponents: &[f64], to: &mut [f64]) = rows;
+    pub(super) fn powers(bases: &[f64], exponents: &[f64], to: &mut [f64]) = rows;
 }
 
 dispatched! {
@@ -26,7 +26,7 @@ dispatched! {
 }
 
 /// bases^exponent as [`raise`] means it: exact for small whole exponents.
-pub fn raised(set: InstructionSet, bases: &[f64], exponent: f64, to: &mut [f64]) {
+pub(super) fn raised(set: InstructionSet, bases: &[f64], exponent: f64, to: &mut [f64]) {
     if exponent.fract() == 0.0 {
         to.iter_mut().zip(bases).for_each(|(to, &x)| *to = raise(x, exponent));
     } else {
@@ -100,13 +100,13 @@ extern "sysv64" fn one_raised(x: f64, exponent: f64) -> f64 {
 
 /// Where machine code finds the power of one number.
 #[cfg(target_arch = "x86_64")]
-pub fn entry() -> usize {
+pub(super) fn entry() -> usize {
     one as unsafe extern "sysv64" fn(f64, f64) -> f64 as usize
 }
 
 /// Where machine code finds that of an exponent that may be whole.
 #[cfg(target_arch = "x86_64")]
-pub fn entry_raised() -> usize {
+pub(super) fn entry_raised() -> usize {
     one_raised as unsafe extern "sysv64" fn(f64, f64) -> f64 as usize
 }
 

@@ -6,14 +6,14 @@ use super::{Backend, Evaluator, Inputs};
 use crate::expr::{Expr, Graph, Symbol};
 
 /// Expressions with the graph that they live in.
-pub struct Reference {
+pub(super) struct Reference {
     graph: Graph,
     inputs: Inputs,
     outputs: Vec<Expr>,
 }
 
 impl Reference {
-    pub fn new(graph: &Graph, inputs: &Inputs, outputs: &[Expr]) -> Self {
+    pub(super) fn new(graph: &Graph, inputs: &Inputs, outputs: &[Expr]) -> Self {
         Reference { graph: graph.clone(), inputs: inputs.clone(), outputs: outputs.to_vec() }
     }
 }

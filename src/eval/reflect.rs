@@ -13,11 +13,11 @@ const PARTS: usize = 8;
 /// Times that many sums of one inner product.
 const CHAINS: usize = 4;
 /// Reflections that are taken to a column at once, at best.
-pub const GROUP: usize = 4;
+pub(crate) const GROUP: usize = 4;
 
 /// `M` Householder reflections as one block reflector Q' = I - V T' V'.
 #[derive(Clone, Copy)]
-pub struct Reflections<'a, const M: usize> {
+pub(crate) struct Reflections<'a, const M: usize> {
     /// `[reflection][height]` with `stride` between the reflections; their heads are 1.
     pub vectors: &'a [f64],
     /// Rows of the vectors.
@@ -48,7 +48,7 @@ impl<const M: usize> Reflections<'_, M> {
 
 /// Takes reflections to columns, `[column][height]`, whose entries above the rectangle (one for
 /// each reflection) begin every column of `heads`, `[column][head_stride]`.
-pub fn reflect<const M: usize>(
+pub(crate) fn reflect<const M: usize>(
     set: InstructionSet,
     by: &Reflections<M>,
     heads: &mut [f64],
@@ -77,7 +77,7 @@ pub fn reflect<const M: usize>(
 }
 
 /// The inner product of two columns of the same height.
-pub fn product(set: InstructionSet, a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn product(set: InstructionSet, a: &[f64], b: &[f64]) -> f64 {
     #[cfg(target_arch = "x86_64")]
     if set.min(InstructionSet::widest()) == InstructionSet::Avx512 {
         // SAFETY: `widest` has just found the instruction set on this processor.
@@ -168,7 +168,7 @@ mod wide {
     }
 
     #[target_feature(enable = "avx512f")]
-    pub fn product(a: &[f64], b: &[f64]) -> f64 {
+    pub(super) fn product(a: &[f64], b: &[f64]) -> f64 {
         let mut parts = [_mm512_setzero_pd(); CHAINS];
         let mut at = 0;
         while at + PARTS * CHAINS <= a.len() {
@@ -192,7 +192,7 @@ mod wide {
     }
 
     #[target_feature(enable = "avx512f")]
-    pub fn reflect<const M: usize>(
+    pub(super) fn reflect<const M: usize>(
         by: &Reflections<M>,
         heads: &mut [f64],
         head_stride: usize,

@@ -17,14 +17,14 @@ use crate::expr::{Expr, Function, Graph, Node, Symbol};
 const LONGEST: usize = 60_000;
 
 /// The series of a solution, compiled.
-pub struct Series {
+pub(crate) struct Series {
     evaluator: Box<dyn Evaluator>,
 }
 
 impl Series {
     /// Compiles the series up to an order; see [`lower_series`]. `uniform` lists the symbols
     /// that have one value along the solution.
-    pub fn new(
+    pub(crate) fn new(
         graph: &mut Graph,
         state: &[Symbol],
         uniform: &[Symbol],
@@ -41,14 +41,14 @@ impl Series {
     }
 
     /// The same for given values of the uniform symbols.
-    pub fn at<'a>(&'a self, uniform: &'a [f64]) -> SeriesAt<'a> {
+    pub(crate) fn at<'a>(&'a self, uniform: &'a [f64]) -> SeriesAt<'a> {
         let out = vec![0.0; self.evaluator.outputs()];
         SeriesAt { series: self, uniform, out, workspace: Vec::new() }
     }
 }
 
 /// A series with values for everything but the state and the time.
-pub struct SeriesAt<'a> {
+pub(crate) struct SeriesAt<'a> {
     series: &'a Series,
     uniform: &'a [f64],
     out: Vec<f64>,
@@ -58,14 +58,14 @@ pub struct SeriesAt<'a> {
 impl SeriesAt<'_> {
     /// Coefficients 1, 2, ... of every component, `[order][component]`, at a state and a time,
     /// which comes last in `point`.
-    pub fn evaluate(&mut self, point: &[f64]) -> &[f64] {
+    pub(crate) fn evaluate(&mut self, point: &[f64]) -> &[f64] {
         let (out, workspace) = (&mut self.out, &mut self.workspace);
         self.series.evaluator.evaluate_again(point, self.uniform, 1, out, workspace);
         &self.out
     }
 
     /// What the last evaluation found.
-    pub fn coefficients(&self) -> &[f64] {
+    pub(crate) fn coefficients(&self) -> &[f64] {
         &self.out
     }
 }
@@ -98,7 +98,7 @@ enum Part {
 /// Coefficients 1 to `order` of every component of the state, `[order][component]`, from the
 /// state (and the time, the last input); `None` for what has kinks or jumps, and for what would
 /// take too many instructions.
-pub fn lower_series(
+pub(super) fn lower_series(
     graph: &mut Graph,
     state: &[Symbol],
     rates: &[Expr],

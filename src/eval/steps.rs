@@ -4,7 +4,7 @@ use super::Inputs;
 use crate::expr::{Expr, Graph, Symbol};
 
 /// A composition of drifts and kicks.
-pub struct StepSource<'a> {
+pub(crate) struct StepSource<'a> {
     /// Where the expressions are.
     pub graph: &'a Graph,
     /// Coordinates, then as many momenta.
@@ -18,7 +18,7 @@ pub struct StepSource<'a> {
 }
 
 /// How far [`Steps::run`] goes.
-pub struct Pace<'a> {
+pub(crate) struct Pace<'a> {
     /// Factor of the change of each stage; none is 0.
     pub scales: &'a [f64],
     /// Time of each stage, in steps from the beginning of its step.
@@ -34,14 +34,14 @@ pub struct Pace<'a> {
 }
 
 /// A composition, compiled.
-pub trait Steps: Send + Sync {
+pub(crate) trait Steps: Send + Sync {
     /// Moves a state on. `state` and what it carries (see [`super::add_carrying`]) have a
     /// number for each component.
     fn run(&self, state: &mut [f64], carry: &mut [f64], uniform: &[f64], pace: &Pace);
 }
 
 /// Machine code for a composition; `None` where there can be none.
-pub fn compile_steps(source: &StepSource) -> Option<Box<dyn Steps>> {
+pub(crate) fn compile_steps(source: &StepSource) -> Option<Box<dyn Steps>> {
     #[cfg(target_arch = "x86_64")]
     if let Some(machine) = super::jit::steps::MachineSteps::new(source) {
         return Some(Box::new(machine));

@@ -8,7 +8,7 @@ use crate::expr::{Expr, Function, Graph, Node, Number, Symbol, raise};
 
 /// The program that computes every slot from the uniform inputs.
 #[derive(Clone)]
-pub struct Uniforms {
+pub(super) struct Uniforms {
     steps: Vec<Step>,
     /// (factor, (step, exponent) of each part).
     slots: Vec<(f64, Vec<(usize, f64)>)>,
@@ -27,7 +27,7 @@ enum Step {
 }
 
 impl Uniforms {
-    pub fn new(graph: &Graph, inputs: &Inputs, slots: &[Slot]) -> Uniforms {
+    pub(super) fn new(graph: &Graph, inputs: &Inputs, slots: &[Slot]) -> Uniforms {
         let roots: Vec<Expr> =
             slots.iter().flat_map(|slot| slot.parts.iter().map(|&(e, _)| e)).collect();
         let row_of: FxHashMap<Symbol, usize> =
@@ -56,13 +56,18 @@ impl Uniforms {
     }
 
     /// Number of slots.
-    pub fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.slots.len()
     }
 
     /// Computes the slots; each is handed to `store` with its index. `values` is scratch
     /// memory of [`Uniforms::scratch`] numbers.
-    pub fn evaluate(&self, uniform: &[f64], values: &mut [f64], mut store: impl FnMut(usize, f64)) {
+    pub(super) fn evaluate(
+        &self,
+        uniform: &[f64],
+        values: &mut [f64],
+        mut store: impl FnMut(usize, f64),
+    ) {
         let product = |values: &[f64], parts: &[(usize, f64)]| match *parts {
             [] => 1.0,
             [(i, 1.0)] => values[i],
@@ -88,7 +93,7 @@ impl Uniforms {
     }
 
     /// Numbers of scratch memory that [`Uniforms::evaluate`] takes.
-    pub fn scratch(&self) -> usize {
+    pub(super) fn scratch(&self) -> usize {
         self.steps.len()
     }
 }

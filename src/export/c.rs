@@ -106,7 +106,7 @@ fn power(base: &str, exponent: &str, _: bool) -> String {
 }
 
 /// Writes `model.h`, `model.c` and `example.c`.
-pub fn export(export: &Export) -> Result<Output> {
+pub(super) fn export(export: &Export) -> Result<Output> {
     let model = Model::of_simulator(export)?;
     let files = [
         ("model.h", header(export)),

@@ -11,7 +11,7 @@ use crate::eval::{Inputs, Instruction, Lowered, Slot, Value};
 use crate::expr::{Expr, Function, Graph, Node, Symbol};
 
 /// How a language writes what is not common to all.
-pub struct Dialect {
+pub(super) struct Dialect {
     /// function(argument); the argument is text that binds like a name when `atom`.
     pub apply: fn(Function, &str, bool) -> String,
     /// base ^ exponent for a whole exponent.
@@ -26,7 +26,7 @@ const LINE: usize = 70;
 const OPERAND: usize = 32;
 
 /// The body of a function: locals in their order, then the outputs.
-pub struct Body {
+pub(super) struct Body {
     pub locals: Vec<(String, String)>,
     pub outputs: Vec<String>,
     /// Coordinates, momenta and time that occur.
@@ -34,7 +34,12 @@ pub struct Body {
 }
 
 /// The statements that compute the outputs from q, p and t.
-pub fn body(model: &Model, names: &Identifiers, dialect: &Dialect, outputs: &[Expr]) -> Body {
+pub(super) fn body(
+    model: &Model,
+    names: &Identifiers,
+    dialect: &Dialect,
+    outputs: &[Expr],
+) -> Body {
     let graph = &model.graph;
     let variables: BTreeSet<Symbol> = graph
         .symbols(outputs)
@@ -323,7 +328,7 @@ fn signed(negative: bool, text: CodeText) -> CodeText {
 }
 
 /// The shortest decimal with a point or an exponent that reads back as the same number.
-pub fn number(value: f64) -> String {
+pub(super) fn number(value: f64) -> String {
     let plain = value == 0.0 || (1e-5..1e16).contains(&value.abs());
     if plain { format!("{value:?}") } else { format!("{value:e}") }
 }

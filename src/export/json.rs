@@ -11,10 +11,10 @@ use crate::expr::{Expr, Graph, Names, Node, Place, Symbol, System, Variable};
 use crate::fit::distribution::Distribution;
 
 /// Name and version of the format.
-pub const FORMAT: &str = "leverrier.export/1";
+pub(super) const FORMAT: &str = "leverrier.export/1";
 
 /// Writes the model.
-pub fn export(export: &Export) -> Result<Output> {
+pub(super) fn export(export: &Export) -> Result<Output> {
     let model = Model::new(export)?;
     let system = export.system();
     let names = system.names();

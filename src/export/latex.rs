@@ -15,13 +15,13 @@ use crate::expr::{Expr, Graph, Names, Place, Symbol};
 const VALUES: usize = 80;
 
 /// One equation, its right side in as many lines as it needs.
-pub struct Equation {
+pub(super) struct Equation {
     pub left: String,
     pub right: Vec<String>,
 }
 
 /// The equations as people read them: T, V, H, the forces, then the equations of motion.
-pub fn equations(export: &Export) -> Result<Vec<Equation>> {
+pub(super) fn equations(export: &Export) -> Result<Vec<Equation>> {
     // A model that does not belong to its spec is an error here as in every other format.
     Model::new(export)?;
     let system = export.system();
@@ -85,7 +85,7 @@ pub fn equations(export: &Export) -> Result<Vec<Equation>> {
 }
 
 /// Writes the equations as one `align*` of amsmath.
-pub fn fragment(export: &Export) -> Result<Output> {
+pub(super) fn fragment(export: &Export) -> Result<Output> {
     Ok(Output::Text(align(&equations(export)?)))
 }
 
@@ -101,7 +101,7 @@ fn align(equations: &[Equation]) -> String {
 }
 
 /// Writes a whole document.
-pub fn document(export: &Export) -> Result<Output> {
+pub(super) fn document(export: &Export) -> Result<Output> {
     let model = Model::new(export)?;
     let system = export.system();
     let mut out = String::from(

@@ -20,7 +20,7 @@ pub struct Formula {
 }
 
 /// Writes one `math` element a line, each for one equation.
-pub fn export(export: &Export) -> Result<Output> {
+pub(super) fn export(export: &Export) -> Result<Output> {
     let mut out = String::new();
     for equation in latex::equations(export)? {
         let tex = format!("{} = {}", equation.left, equation.right.join(" "));

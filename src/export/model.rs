@@ -10,7 +10,7 @@ use crate::simplify::significant;
 
 /// Equations of motion in a graph of their own. Coefficients and parameters are symbols,
 /// so that expressions are the same as those that were fitted.
-pub struct Model {
+pub(super) struct Model {
     pub graph: Graph,
     pub energy: Expr,
     /// dH/dp_i.
@@ -32,7 +32,7 @@ pub struct Model {
 }
 
 /// A learned number.
-pub struct Constant {
+pub(super) struct Constant {
     pub symbol: Symbol,
     pub name: String,
     pub value: f64,
@@ -44,7 +44,7 @@ pub struct Constant {
 
 impl Model {
     /// The same for a simulator, which reads no inputs.
-    pub fn of_simulator(export: &Export) -> Result<Model> {
+    pub(super) fn of_simulator(export: &Export) -> Result<Model> {
         if let Some(input) = export.system().inputs.first() {
             return Err(Error::new(
                 ErrorKind::Export,
@@ -59,7 +59,7 @@ impl Model {
     }
 
     /// Derives the equations of motion; an error when the integrator cannot take them.
-    pub fn new(export: &Export) -> Result<Model> {
+    pub(super) fn new(export: &Export) -> Result<Model> {
         let law = export.law;
         let mut system = System::clone(law.system());
         let wrong = |message: &str| {
@@ -154,12 +154,12 @@ impl Model {
     }
 
     /// dq/dt, then dp/dt.
-    pub fn field(&self) -> Vec<Expr> {
+    pub(super) fn field(&self) -> Vec<Expr> {
         self.velocities.iter().chain(&self.accelerations).copied().collect()
     }
 
     /// Functions of the table that any of the expressions calls.
-    pub fn functions(&self) -> Vec<Function> {
+    pub(super) fn functions(&self) -> Vec<Function> {
         let mut roots = vec![self.energy, self.power];
         roots.extend(&self.forces);
         roots.extend(&self.jacobian);
@@ -227,7 +227,7 @@ fn meaning(parameter: &Parameter, distributions: &[Distribution]) -> String {
 }
 
 /// Names of symbols in generated code: letters, digits and underscores, each only once.
-pub struct Identifiers {
+pub(super) struct Identifiers {
     names: HashMap<Symbol, String>,
     taken: HashSet<String>,
 }
@@ -235,7 +235,7 @@ pub struct Identifiers {
 impl Identifiers {
     /// `reserved` are the words that the language and the generated code use themselves.
     /// Constants get capital letters when `capitals`, and variables small ones.
-    pub fn new<'a>(
+    pub(super) fn new<'a>(
         export: &Export,
         model: &Model,
         reserved: impl Iterator<Item = &'a str>,
@@ -277,12 +277,12 @@ impl Identifiers {
         unique
     }
 
-    pub fn of(&self, symbol: Symbol) -> &str {
+    pub(super) fn of(&self, symbol: Symbol) -> &str {
         self.names.get(&symbol).map_or("undefined", String::as_str)
     }
 
     /// A letter for numbered locals, such that no name begins with it and goes on in digits.
-    pub fn local_prefix(&self) -> &'static str {
+    pub(super) fn local_prefix(&self) -> &'static str {
         let free = |prefix: &&str| {
             !self.taken.iter().any(|name| {
                 name.strip_prefix(*prefix)
@@ -298,7 +298,7 @@ const ACCENTED: &str = "àáâãäåçèéêëìíîïñòóôõöøùúûüýÿ
 const BARE: &str = "aaaaaaceeeeiiiinoooooouuuuyy";
 
 /// `q[1]` is q1, `k[1,2]` is k1_2, θ is theta.
-pub fn identifier(name: &str) -> String {
+pub(super) fn identifier(name: &str) -> String {
     let mut out = String::new();
     for c in name.chars() {
         match c {

@@ -84,7 +84,7 @@ fn reserved() -> impl Iterator<Item = &'static str> {
 }
 
 /// Writes the module.
-pub fn export(export: &Export) -> Result<Output> {
+pub(super) fn export(export: &Export) -> Result<Output> {
     let model = Model::of_simulator(export)?;
     let system = export.system();
     let identifiers = Identifiers::new(export, &model, reserved(), false);

@@ -131,7 +131,7 @@ fn call(method: &str, on: &str, with: &str, atom: bool) -> String {
 }
 
 /// Writes the project.
-pub fn export(export: &Export) -> Result<Output> {
+pub(super) fn export(export: &Export) -> Result<Output> {
     let model = Model::of_simulator(export)?;
     let package = package_name(&export.system().name);
     let own = format!("{package}::");

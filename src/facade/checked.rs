@@ -15,7 +15,7 @@ const LONGEST_NAME: usize = 255;
 /// Longest sentence or term, in bytes.
 const LONGEST_LINE: usize = 100_000;
 /// A file's name without its folder, as model files hold it: what cannot be seen is `\u{fffd}`.
-pub fn file_name(name: Option<&OsStr>) -> String {
+pub(crate) fn file_name(name: Option<&OsStr>) -> String {
     let name = name.map(OsStr::to_string_lossy).unwrap_or_default();
     name.chars().map(|c| if is_visible(c) { c } else { '\u{fffd}' }).collect()
 }
@@ -26,7 +26,7 @@ fn is_visible(c: char) -> bool {
 
 /// What is wrong with a model file, in words that go on from "the file is damaged"; none where
 /// every field is what its name says.
-pub fn wrong_in_model(file: &ModelFile) -> Option<String> {
+pub(crate) fn wrong_in_model(file: &ModelFile) -> Option<String> {
     let ModelFile { model, origin } = file;
     let mut problems = Problems::default();
     problems.origin("origin.spec", &origin.spec, false);
@@ -40,19 +40,19 @@ pub fn wrong_in_model(file: &ModelFile) -> Option<String> {
 
 /// The first thing that is wrong.
 #[derive(Default)]
-pub struct Problems {
+pub(crate) struct Problems {
     pub first: Option<String>,
 }
 
 impl Problems {
-    pub fn require(&mut self, holds: bool, problem: impl FnOnce() -> String) {
+    pub(crate) fn require(&mut self, holds: bool, problem: impl FnOnce() -> String) {
         if !holds && self.first.is_none() {
             self.first = Some(problem());
         }
     }
 
     /// One line that can be seen as it is.
-    pub fn line(&mut self, field: &str, text: &str) {
+    pub(crate) fn line(&mut self, field: &str, text: &str) {
         let sound = text.len() <= LONGEST_LINE && text.chars().all(is_visible);
         self.require(sound, || format!("`{field}` is not one line of text"));
     }

@@ -5,7 +5,7 @@ use crate::expr::{System, candidates};
 use crate::spec::nearest;
 
 /// Names of coordinates, then of momenta.
-pub fn state_names(system: &System) -> Vec<String> {
+pub(crate) fn state_names(system: &System) -> Vec<String> {
     system.coordinates.iter().chain(&system.momenta).map(|v| v.name.clone()).collect()
 }
 
@@ -13,7 +13,7 @@ pub fn state_names(system: &System) -> Vec<String> {
 ///
 /// # Errors
 /// [`ErrorKind::InvalidArgument`] where it means none.
-pub fn matching(names: &[String], name: &str) -> Result<Vec<usize>> {
+pub(crate) fn matching(names: &[String], name: &str) -> Result<Vec<usize>> {
     let exact = names.iter().position(|n| n == name || candidates(n).iter().any(|c| c == name));
     if let Some(at) = exact {
         return Ok(vec![at]);

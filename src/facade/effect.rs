@@ -1,11 +1,8 @@
 //! An effect as a user names it, and where a spec has it.
 
-#[cfg(feature = "export")]
 use crate::diagnose::{LawOnData, candidates::candidates, scan::scan, settling::settle};
 use crate::error::{Error, ErrorKind, Result};
-use crate::expr::System;
-#[cfg(feature = "export")]
-use crate::expr::{Compiled, Scope};
+use crate::expr::{Compiled, Scope, System};
 use crate::spec::ast::{Statement, StatementKind};
 use crate::spec::edit;
 use crate::spec::effects::{EffectRow, Misfit, Scene, by_name, hint_for, instances};
@@ -13,7 +10,7 @@ use crate::spec::scene_of;
 
 /// An effect on its arguments.
 #[derive(Debug, Clone, PartialEq)]
-pub struct NamedEffect {
+pub(crate) struct NamedEffect {
     /// `viscous_drag(theta)`, or the name of a candidate of the spec.
     pub label: String,
     /// `effect viscous_drag(theta)`.
@@ -25,7 +22,7 @@ pub struct NamedEffect {
 }
 
 /// Labels of the effects that a text has.
-pub fn effects_of(text: &str) -> Vec<String> {
+pub(crate) fn effects_of(text: &str) -> Vec<String> {
     let found = edit::find(text, |s| matches!(s.kind, StatementKind::Effect { .. }));
     found.iter().map(|statement| label_of(text, statement)).collect()
 }
@@ -76,7 +73,7 @@ impl NamedEffect {
     ///
     /// # Errors
     /// An unknown name, or an effect that cannot act here, with the reason.
-    pub fn new(effect: &str, spec: &str, system: &System) -> Result<Self> {
+    pub(crate) fn new(effect: &str, spec: &str, system: &System) -> Result<Self> {
         let (name, arguments, settings) = parts(effect);
         let own = own(spec);
         if own.contains(&name) {
@@ -138,15 +135,14 @@ impl NamedEffect {
     }
 
     /// Its statement in a text.
-    pub fn place(&self, text: &str) -> Option<Statement> {
+    pub(crate) fn place(&self, text: &str) -> Option<Statement> {
         let found = edit::find(text, |s| matches!(s.kind, StatementKind::Effect { .. }));
         found.into_iter().find(|statement| label_of(text, statement) == self.label)
     }
 
     /// Values of the inner parameters that a scan over their grid likes best, where they were not
     /// given.
-    #[cfg(feature = "export")]
-    pub fn scanned(&mut self, compiled: &Compiled, model: LawOnData) -> Result<()> {
+    pub(crate) fn scanned(&mut self, compiled: &Compiled, model: LawOnData) -> Result<()> {
         if !self.open {
             return Ok(());
         }
@@ -163,10 +159,8 @@ impl NamedEffect {
             let parameters = candidate.parameters_in(&compiled.system);
             let names = parameters.map(|parameter| parameter.name.clone());
             self.values = names.zip(values.iter().copied()).collect();
-            let short: Vec<f64> = values
-                .iter()
-                .map(|x| crate::simplify::significant(*x, 6).parse().unwrap_or(*x))
-                .collect();
+            let short: Vec<f64> =
+                values.iter().map(|x| format!("{x:.5e}").parse().unwrap_or(*x)).collect();
             self.statement = candidate.snippet(&short);
         }
         Ok(())

@@ -55,7 +55,7 @@ impl Law {
     ///
     /// # Errors
     /// As [`Spec::fit_monitored`]; the law was not fitted
-    /// ([`ErrorKind::NotApplicable`]).
+    /// ([`ErrorKind::NotApplicable`](crate::ErrorKind::NotApplicable)).
     ///
     /// ```
     /// use leverrier::{Silent, Spec};
@@ -78,9 +78,9 @@ impl Law {
     ///
     /// # Errors
     /// The measurements are of another spec
-    /// ([`ErrorKind::InvalidArgument`]), or the law knows no
+    /// ([`ErrorKind::InvalidArgument`](crate::ErrorKind::InvalidArgument)), or the law knows no
     /// noise to judge by, for it was not fitted
-    /// ([`ErrorKind::NotApplicable`]).
+    /// ([`ErrorKind::NotApplicable`](crate::ErrorKind::NotApplicable)).
     ///
     /// ```
     /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
@@ -135,8 +135,8 @@ impl Law {
     ///
     /// # Errors
     /// The measurements are of another spec
-    /// ([`ErrorKind::InvalidArgument`]), or the law was not
-    /// fitted ([`ErrorKind::NotApplicable`]).
+    /// ([`ErrorKind::InvalidArgument`](crate::ErrorKind::InvalidArgument)), or the law was not
+    /// fitted ([`ErrorKind::NotApplicable`](crate::ErrorKind::NotApplicable)).
     ///
     /// ```
     /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;

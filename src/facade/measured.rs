@@ -19,7 +19,7 @@ const LARGEST_SPEC: u64 = 16 << 20;
 ///
 /// # Errors
 /// The file cannot be read or is not text.
-pub fn spec_text(path: &Path) -> Result<String> {
+pub(crate) fn spec_text(path: &Path) -> Result<String> {
     let failed = |error| Error::file("read", path, explained(error, NO_SPEC));
     let about = std::fs::metadata(path).map_err(failed)?;
     if about.is_dir() {
@@ -39,7 +39,7 @@ pub fn spec_text(path: &Path) -> Result<String> {
 ///
 /// # Errors
 /// The file cannot be read, or has not the columns that the spec asks for.
-pub fn read(compiled: &Compiled, path: &Path) -> Result<(Dataset, DataReport)> {
+pub(crate) fn read(compiled: &Compiled, path: &Path) -> Result<(Dataset, DataReport)> {
     let table = data::read(path).map_err(|error| not_there(error, path))?;
     of_table(compiled, table, None, None)
 }
@@ -67,7 +67,7 @@ fn of_table(
 ///
 /// # Errors
 /// A column that the spec asks for is missing, or is not as long as the first.
-pub fn of_columns(
+pub(crate) fn of_columns(
     compiled: &Compiled,
     columns: &[(&str, Values)],
     time: Option<&str>,
@@ -82,7 +82,7 @@ pub fn of_columns(
 ///
 /// # Errors
 /// There are too many or too few of them, or one is not as long as the times.
-pub fn of_samples(
+pub(crate) fn of_samples(
     compiled: &Compiled,
     times: &[f64],
     runs: Option<Values>,
@@ -199,7 +199,7 @@ fn in_memory<'a>(columns: impl Iterator<Item = (String, Values<'a>)>) -> Result<
 ///
 /// # Errors
 /// As [`read`].
-pub fn source(compiled: &Compiled, path: &Path) -> Result<FileSource> {
+pub(crate) fn source(compiled: &Compiled, path: &Path) -> Result<FileSource> {
     let head = data::head(path, HEAD).map_err(|error| not_there(error, path))?;
     FileSource::new(path, &mapping(compiled, &head)?, pairs(compiled))
 }
@@ -208,7 +208,7 @@ pub fn source(compiled: &Compiled, path: &Path) -> Result<FileSource> {
 ///
 /// # Errors
 /// As [`read`].
-pub fn read_inputs(compiled: &Compiled, path: &Path) -> Result<Dataset> {
+pub(crate) fn read_inputs(compiled: &Compiled, path: &Path) -> Result<Dataset> {
     let table = data::read(path).map_err(|error| not_there(error, path))?;
     let mut mapping = mapping(compiled, &table)?;
     mapping.observables.clear();
@@ -325,7 +325,7 @@ fn not_there(error: Error, path: &Path) -> Error {
 }
 
 /// Says what to do about a file that is not there.
-pub fn explained(error: std::io::Error, advice: &str) -> std::io::Error {
+pub(crate) fn explained(error: std::io::Error, advice: &str) -> std::io::Error {
     match error.kind() {
         std::io::ErrorKind::NotFound => std::io::Error::new(error.kind(), advice.to_string()),
         _ => error,

@@ -16,7 +16,7 @@ use crate::fit::{Law, Model};
 
 /// What a model was made from and where its motion starts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Origin {
+pub(crate) struct Origin {
     pub spec: FileDigest,
     pub data: FileDigest,
     /// Largest |value| of each state component in the data (q, then p); 0 where unknown.
@@ -27,21 +27,21 @@ pub struct Origin {
 
 /// A file's name, without its folder, and its SHA-256 in hexadecimal digits.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct FileDigest {
+pub(crate) struct FileDigest {
     pub name: String,
     pub sha256: String,
 }
 
 /// The model file: the model and its origin side by side.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ModelFile {
+pub(crate) struct ModelFile {
     #[serde(flatten)]
     pub model: Model,
     pub origin: Origin,
 }
 
 /// Where a model comes from: the file and text of its spec, and its measurements.
-pub fn origin(
+pub(crate) fn origin(
     system: &System,
     (spec, text): (&Path, &str),
     dataset: &Dataset,
@@ -58,7 +58,7 @@ pub fn origin(
 }
 
 /// Largest |value| of each state component; 0 for momenta that were not measured.
-pub fn ranges(system: &System, about: &DataReport) -> Vec<f64> {
+pub(crate) fn ranges(system: &System, about: &DataReport) -> Vec<f64> {
     let n = system.degrees();
     let largest = about.columns.iter().enumerate().map(|(at, column)| {
         if at >= n && system.observed == Observed::Velocities {
@@ -85,7 +85,7 @@ fn first_state(system: &System, dataset: &Dataset) -> Option<(f64, Vec<f64>)> {
 }
 
 /// Writes a model file, whole or not at all.
-pub fn write(path: &Path, file: &ModelFile) -> Result<()> {
+pub(crate) fn write(path: &Path, file: &ModelFile) -> Result<()> {
     let mut bytes = serde_json::to_vec_pretty(file)
         .map_err(|error| Error::file("write", path, std::io::Error::other(error)))?;
     bytes.push(b'\n');
@@ -97,7 +97,7 @@ pub fn write(path: &Path, file: &ModelFile) -> Result<()> {
 ///
 /// # Errors
 /// There is no such file, it is damaged, or it belongs to another spec.
-pub fn read(
+pub(crate) fn read(
     path: &Path,
     spec: &str,
     system: &Arc<System>,
@@ -119,7 +119,7 @@ pub fn read(
 ///
 /// # Errors
 /// As [`read`].
-pub fn parse(
+pub(crate) fn parse(
     path: &Path,
     bytes: &[u8],
     spec: &str,
@@ -164,7 +164,7 @@ pub fn parse(
 }
 
 /// A file's name and digest.
-pub fn digest(path: &Path, bytes: &[u8]) -> FileDigest {
+pub(crate) fn digest(path: &Path, bytes: &[u8]) -> FileDigest {
     let name = file_name(path.file_name());
     FileDigest { name, sha256: format!("{:x}", Sha256::digest(bytes)) }
 }

@@ -6,7 +6,7 @@
 
 /// Sizes of the pieces that a pass, a factor and a search are cut into.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Blocking {
+pub(super) struct Blocking {
     /// Segments side by side in one block, at most.
     pub lanes: usize,
     /// Bytes that the rows of one block may take.
@@ -50,7 +50,7 @@ pub struct Blocking {
 }
 
 /// The sizes that every fit goes by.
-pub const BLOCKING: Blocking = Blocking {
+pub(super) const BLOCKING: Blocking = Blocking {
     lanes: 64,
     block_bytes: 12 << 20,
     small_block_bytes: 128 << 10,

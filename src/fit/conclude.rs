@@ -16,7 +16,7 @@ use super::uncertainty::{Unlearnable, inclusion, unlearnable};
 use crate::expr::{Symbol, System};
 
 /// Sums a finished training up.
-pub fn conclude(training: &Training, round: &Round) -> Model {
+pub(super) fn conclude(training: &Training, round: &Round) -> Model {
     let (system, law) = (training.system(), training.law());
     let tuning = &training.options.tuning.conclusion;
     let refit = &round.refit;

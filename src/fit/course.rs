@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::expr::{ParameterId, System};
 
 /// Trains from the spec's start, or from the best of several starts, on growing segments.
-pub fn train<'a>(
+pub(crate) fn train<'a>(
     system: &Arc<System>,
     dataset: &Dataset,
     options: &'a Options,
@@ -61,7 +61,7 @@ fn lengthen<'a>(
 
 /// Trains on from a law: its numbers, its noise and its length of segments are the start,
 /// and the support is searched around it.
-pub fn train_on<'a>(
+pub(crate) fn train_on<'a>(
     start: &Law,
     dataset: &Dataset,
     options: &'a Options,

@@ -14,7 +14,7 @@ use crate::expr::{Observed, Place, Symbol, System, Term, TermId};
 const UNIT_MASS: f64 = 0.5;
 
 /// A system whose open scale was settled.
-pub struct SettledScale {
+pub(super) struct SettledScale {
     /// The system with the term moved to the known part.
     pub system: Arc<System>,
     /// The term of the original function space.
@@ -24,7 +24,7 @@ pub struct SettledScale {
 }
 
 /// Settles the scale of the momenta, if it is open and T has a pure square.
-pub fn settle_scale(system: &System, dataset: &Dataset) -> Option<SettledScale> {
+pub(super) fn settle_scale(system: &System, dataset: &Dataset) -> Option<SettledScale> {
     let degrees = system.degrees();
     let seen = |row: usize| {
         let cells = dataset.runs.iter().filter_map(|run| run.values.get(row)).flatten();
@@ -77,7 +77,7 @@ pub(super) fn unit_masses(system: &System) -> Vec<(TermId, f64)> {
 
 impl SettledScale {
     /// Puts the term back into a model of the settled system, so that it is one of `original`.
-    pub fn restore(&self, original: &System, model: &mut Model) {
+    pub(super) fn restore(&self, original: &System, model: &mut Model) {
         let Some(term) = original.term(self.term) else { return };
         model.terms.insert(
             0,

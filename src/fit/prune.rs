@@ -14,7 +14,7 @@ use super::uncertainty::{covariance, undetermined};
 use crate::expr::{Symbol, Term, TermId};
 
 /// Takes terms out one by one, the weakest first, and refits after each.
-pub fn prune(training: &mut Training, round: &mut Round, monitor: &dyn Monitor) {
+pub(super) fn prune(training: &mut Training, round: &mut Round, monitor: &dyn Monitor) {
     if !training.options.sparse {
         return;
     }

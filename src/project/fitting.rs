@@ -6,12 +6,12 @@ use super::Spec;
 use crate::data::{DataReport, Dataset};
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
-pub use crate::facade::model_file::write as write_model;
+pub(crate) use crate::facade::model_file::write as write_model;
 use crate::facade::model_file::{self, Origin};
 use crate::fit::{self, Model, Monitor, Options};
 
 /// Fits on the given number of threads.
-pub fn learn(
+pub(crate) fn learn(
     system: &Arc<System>,
     dataset: &Dataset,
     options: &Options,
@@ -22,7 +22,7 @@ pub fn learn(
 }
 
 /// Does the work on the given number of threads; on all cores by default.
-pub fn on_threads<T: Send>(
+pub(crate) fn on_threads<T: Send>(
     threads: Option<usize>,
     work: impl FnOnce() -> Result<T> + Send,
 ) -> Result<T> {
@@ -39,6 +39,6 @@ pub fn on_threads<T: Send>(
 }
 
 /// Where a model comes from.
-pub fn origin(spec: &Spec, dataset: &Dataset, about: &DataReport) -> Origin {
+pub(crate) fn origin(spec: &Spec, dataset: &Dataset, about: &DataReport) -> Origin {
     model_file::origin(spec.system(), (spec.file(), spec.text()), dataset, about)
 }

@@ -13,11 +13,11 @@ const FORMAT: &str = "leverrier.ledger/2";
 /// Formats that are read. In the first, errors on held-out runs were called `unseen_error`.
 const READ: [&str; 2] = ["leverrier.ledger/1", FORMAT];
 /// The action of a revision that no command made.
-pub const BY_HAND: &str = "edited by hand";
+pub(crate) const BY_HAND: &str = "edited by hand";
 
 /// Error of a model on held-out runs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct HeldOutErrors {
+pub(crate) struct HeldOutErrors {
     /// Root mean square in units of the noise, over `samples` at a time; null without held-out
     /// runs.
     #[serde(alias = "unseen_error")]
@@ -34,7 +34,7 @@ pub struct HeldOutErrors {
 
 impl HeldOutErrors {
     /// Where nothing is held out.
-    pub fn unknown() -> Self {
+    pub(crate) fn unknown() -> Self {
         HeldOutErrors {
             held_out_error: None,
             noise_floor: 1.0,
@@ -47,7 +47,7 @@ impl HeldOutErrors {
 
 /// A state of the spec.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Revision {
+pub(crate) struct Revision {
     /// `start`, `add viscous_drag(theta)`, `remove ...`.
     pub action: String,
     /// Seconds since 1970, UTC.
@@ -63,19 +63,19 @@ pub struct Revision {
 
 /// All revisions of a spec, oldest first.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Ledger {
+pub(crate) struct Ledger {
     pub format: String,
     pub revisions: Vec<Revision>,
 }
 
 impl Ledger {
     /// `pendulum.ham` has its ledger in `pendulum.ledger.json`.
-    pub fn path(spec: &Path) -> PathBuf {
+    pub(crate) fn path(spec: &Path) -> PathBuf {
         spec.with_extension("ledger.json")
     }
 
     /// The ledger of a spec; an empty one where there is none yet.
-    pub fn open(spec: &Path) -> Result<Self> {
+    pub(crate) fn open(spec: &Path) -> Result<Self> {
         let path = Self::path(spec);
         let bytes = match std::fs::read(&path) {
             Ok(bytes) => bytes,
@@ -100,7 +100,7 @@ impl Ledger {
     }
 
     /// Writes it beside the spec, whole or not at all.
-    pub fn write(&self, spec: &Path) -> Result<()> {
+    pub(crate) fn write(&self, spec: &Path) -> Result<()> {
         let path = Self::path(spec);
         let mut bytes = serde_json::to_vec_pretty(self)
             .map_err(|error| Error::file("write", &path, std::io::Error::other(error)))?;
@@ -109,12 +109,12 @@ impl Ledger {
     }
 
     /// The newest revision that was not taken back.
-    pub fn current(&self) -> Option<usize> {
+    pub(crate) fn current(&self) -> Option<usize> {
         self.revisions.iter().rposition(|revision| !revision.undone)
     }
 
     /// Takes the newest revision back; returns what it was, and the text to go back to.
-    pub fn take_back(&mut self) -> Option<(String, String)> {
+    pub(crate) fn take_back(&mut self) -> Option<(String, String)> {
         let current = self.current()?;
         let previous = self.revisions.iter().take(current).rposition(|r| !r.undone)?;
         let restored = self.revisions.get(previous)?.spec.clone();
@@ -127,7 +127,7 @@ impl Ledger {
     /// it wrote the spec, or between the spec and the ledger. What came later counts as undone.
     ///
     /// Returns what was undone that way, newest first.
-    pub fn recover(&mut self, text: &str) -> Vec<String> {
+    pub(crate) fn recover(&mut self, text: &str) -> Vec<String> {
         let found = self.revisions.iter().rposition(|r| !r.undone && r.spec == text);
         let Some(found) = found else { return Vec::new() };
         let later = self.revisions.iter_mut().skip(found + 1).rev().filter(|r| !r.undone);
@@ -141,7 +141,7 @@ impl Ledger {
 
     /// Makes sure that a text is what the newest revision has: what was edited by hand since
     /// becomes a revision of its own.
-    pub fn know(&mut self, text: &str) {
+    pub(crate) fn know(&mut self, text: &str) {
         self.recover(text);
         let known = self.current().and_then(|at| self.revisions.get(at));
         if known.is_some_and(|revision| revision.spec == text) {
@@ -152,7 +152,7 @@ impl Ledger {
     }
 
     /// Adds a revision.
-    pub fn push(
+    pub(crate) fn push(
         &mut self,
         action: String,
         spec: String,
@@ -165,7 +165,7 @@ impl Ledger {
 }
 
 /// `2026-11-21 05:31` of seconds since 1970, UTC, by the Gregorian calendar.
-pub fn date(seconds: u64) -> String {
+pub(crate) fn date(seconds: u64) -> String {
     let leap = |year: u64| {
         year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400))
     };

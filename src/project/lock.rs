@@ -16,7 +16,7 @@ const LOOK: Duration = Duration::from_millis(50);
 /// system gives the lock back; a file that is left over locks nothing.
 #[must_use]
 #[derive(Debug)]
-pub struct Lock {
+pub(crate) struct Lock {
     /// `None` where the folder or its file system takes no locks: nothing is written there either,
     /// or nobody can be kept out.
     held: Option<(File, PathBuf)>,
@@ -24,7 +24,7 @@ pub struct Lock {
 
 impl Lock {
     /// `pendulum.ham` has its lock in `pendulum.lock` while a command works on it.
-    pub fn path(spec: &Path) -> PathBuf {
+    pub(crate) fn path(spec: &Path) -> PathBuf {
         spec.with_extension("lock")
     }
 
@@ -33,7 +33,11 @@ impl Lock {
     ///
     /// # Errors
     /// The monitor stopped it while it waited.
-    pub fn take(spec: &Path, monitor: &dyn Monitor, wait: impl FnOnce(&str)) -> Result<Self> {
+    pub(crate) fn take(
+        spec: &Path,
+        monitor: &dyn Monitor,
+        wait: impl FnOnce(&str),
+    ) -> Result<Self> {
         let path = Self::path(spec);
         let mut wait = Some(wait);
         loop {

@@ -17,7 +17,7 @@ const LOOKED_AT: usize = 1 << 19;
 const SMALL: u64 = 1 << 20;
 
 /// Measurements to learn from.
-pub enum Measurements {
+pub(crate) enum Measurements {
     /// All of them.
     InMemory(Box<(Dataset, DataReport)>),
     /// A file that is read in every pass, and what the first pass found.
@@ -29,7 +29,7 @@ impl Measurements {
     ///
     /// # Errors
     /// As [`Spec::data`]; [`Error::Interrupted`](crate::error::Error::Interrupted).
-    pub fn read(
+    pub(crate) fn read(
         spec: &Spec,
         asked: Option<&Path>,
         allowed: u64,
@@ -56,7 +56,7 @@ impl Measurements {
     }
 
     /// Fits a system to all of them, on the given number of threads.
-    pub fn learn(
+    pub(crate) fn learn(
         &self,
         system: &Arc<System>,
         options: &Options,
@@ -72,7 +72,7 @@ impl Measurements {
     }
 
     /// All measurements, or a sample of them.
-    pub fn dataset(&self) -> &Dataset {
+    pub(crate) fn dataset(&self) -> &Dataset {
         match self {
             Measurements::InMemory(held) => &held.0,
             Measurements::Streamed(_, survey) => &survey.sample,
@@ -80,7 +80,7 @@ impl Measurements {
     }
 
     /// What they hold.
-    pub fn report(&self) -> &DataReport {
+    pub(crate) fn report(&self) -> &DataReport {
         match self {
             Measurements::InMemory(held) => &held.1,
             Measurements::Streamed(_, survey) => &survey.report,
@@ -103,7 +103,7 @@ fn too_large(spec: &Spec, asked: Option<&Path>, allowed: u64) -> Result<Option<u
 ///
 /// # Errors
 /// As [`Spec::data`].
-pub fn whole_or_sample(spec: &Spec, asked: Option<&Path>) -> Result<(Dataset, DataReport)> {
+pub(crate) fn whole_or_sample(spec: &Spec, asked: Option<&Path>) -> Result<(Dataset, DataReport)> {
     let allowed = memory::usual();
     let Some(needed) = too_large(spec, asked, allowed)? else { return spec.read(asked) };
     let survey = data::survey_file(&spec.source(asked)?, LOOKED_AT, 0, &|_| true)?;

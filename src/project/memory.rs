@@ -23,7 +23,7 @@ const UNITS: &[(&str, u64)] = &[
 ];
 
 /// Reads `1GiB`, `500 MB` or a number of bytes.
-pub fn parse(text: &str) -> std::result::Result<u64, String> {
+pub(crate) fn parse(text: &str) -> std::result::Result<u64, String> {
     let upper = text.trim().to_uppercase();
     let (number, unit) = UNITS
         .iter()
@@ -36,7 +36,7 @@ pub fn parse(text: &str) -> std::result::Result<u64, String> {
 }
 
 /// What may be taken when nothing was asked for.
-pub fn usual() -> u64 {
+pub(crate) fn usual() -> u64 {
     let memory = MemoryRefreshKind::nothing().with_ram();
     let system = System::new_with_specifics(RefreshKind::nothing().with_memory(memory));
     let free = system.map_or(0, |system| system.available_memory());
@@ -45,13 +45,13 @@ pub fn usual() -> u64 {
 }
 
 /// The least that a fit to data of any size takes.
-pub const LEAST: u64 = 64 << 20;
+pub(crate) const LEAST: u64 = 64 << 20;
 
 /// What was asked for, or else the usual.
 ///
 /// # Errors
 /// Less than any fit takes.
-pub fn allowed(asked: Option<u64>) -> Result<u64> {
+pub(crate) fn allowed(asked: Option<u64>) -> Result<u64> {
     match asked {
         Some(bytes) if bytes < LEAST => Err(Error::new(
             ErrorKind::InvalidArgument,

@@ -1,15 +1,15 @@
 //! A spec with its data and its model file, as they lie in a folder: what the commands and the
 //! studio work on.
 
-pub mod fitting;
-pub mod ledger;
-pub mod lock;
-pub mod measurements;
-pub mod memory;
-pub mod page;
-pub mod revise;
-pub mod undo;
-pub mod workspace;
+pub(crate) mod fitting;
+pub(crate) mod ledger;
+pub(crate) mod lock;
+pub(crate) mod measurements;
+pub(crate) mod memory;
+pub(crate) mod page;
+pub(crate) mod revise;
+pub(crate) mod undo;
+pub(crate) mod workspace;
 
 use std::path::{Path, PathBuf};
 
@@ -18,14 +18,14 @@ use crate::data::{DataReport, Dataset, FileSource};
 use crate::diagnostic::Diagnostic;
 use crate::error::{Error, ErrorKind, Result};
 use crate::facade::checked::wrong_in_model;
-pub use crate::facade::measured::read_inputs;
-pub use crate::facade::model_file::{ModelFile, digest};
-pub use crate::facade::{Law, Spec};
+pub(crate) use crate::facade::measured::read_inputs;
+pub(crate) use crate::facade::model_file::{ModelFile, digest};
+pub(crate) use crate::facade::{Law, Spec};
 use crate::facade::{measured, model_file};
 use crate::fit::{self, Model};
 
 /// Whoever wants to hear what is worth knowing beside a result.
-pub trait Listener {
+pub(crate) trait Listener {
     /// Warnings and notes about the text of a spec.
     fn diagnostics(&self, name: &str, text: &str, diagnostics: &[Diagnostic]);
 
@@ -89,7 +89,7 @@ impl Spec {
 }
 
 /// Refuses to overwrite a file unless that is asked for.
-pub fn refuse_overwrite(path: &Path, force: bool) -> Result<()> {
+pub(crate) fn refuse_overwrite(path: &Path, force: bool) -> Result<()> {
     if force || !path.exists() {
         return Ok(());
     }

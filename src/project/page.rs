@@ -18,16 +18,20 @@ use crate::report::plots::{HistoryPoint, PlotData};
 use crate::report::present;
 
 /// Gives the commands that make a page again, with or without a diagnosis.
-pub type Reproduce = fn(&Workspace, bool) -> Vec<String>;
+pub(crate) type Reproduce = fn(&Workspace, bool) -> Vec<String>;
 
 /// A model compared with its measurements.
-pub struct Assessment {
+pub(crate) struct Assessment {
     pub view: View,
     pub comparison: Comparison,
 }
 
 /// Where a model of the training part fails.
-pub fn assess(workspace: &Workspace, model: &Model, monitor: &dyn Monitor) -> Result<Assessment> {
+pub(crate) fn assess(
+    workspace: &Workspace,
+    model: &Model,
+    monitor: &dyn Monitor,
+) -> Result<Assessment> {
     monitor.stage("comparing with the data", 0.2);
     let (law, options) = (workspace.spec.learned(model)?, Options::default());
     let (training, held_out) = (&workspace.split.training, workspace.held_out());
@@ -39,7 +43,7 @@ pub fn assess(workspace: &Workspace, model: &Model, monitor: &dyn Monitor) -> Re
 
 /// What is known of a model that was just judged, before it is held against the measurements
 /// again: its errors on the held-out runs.
-pub fn judged_before(workspace: &Workspace, judged: &HeldOutErrors) -> Assessment {
+pub(crate) fn judged_before(workspace: &Workspace, judged: &HeldOutErrors) -> Assessment {
     let system = workspace.spec.system();
     let step = typical_step(&workspace.split.training);
     let horizons = judged.horizons.iter().map(|&(samples, error)| Horizon {
@@ -87,7 +91,7 @@ pub fn judged_before(workspace: &Workspace, judged: &HeldOutErrors) -> Assessmen
 }
 
 /// What is missing from a model of the training part; none without held-out runs.
-pub fn diagnosis(
+pub(crate) fn diagnosis(
     workspace: &Workspace,
     model: &Model,
     monitor: &dyn Monitor,
@@ -102,7 +106,7 @@ pub fn diagnosis(
 ///
 /// `terms` says where the terms of the `model` come from, `reproduce` with which commands the
 /// page is made again.
-pub fn with_page<T>(
+pub(crate) fn with_page<T>(
     workspace: &Workspace,
     (model, terms): (&Model, &str),
     seen: &Assessment,

@@ -23,7 +23,7 @@ const CLEAR: f64 = 4.0;
 const FREE: f64 = 1.02;
 
 /// An edited spec that was learned and judged, and is not written yet.
-pub struct RevisionOutcome {
+pub(crate) struct RevisionOutcome {
     /// `add viscous_drag(theta)`.
     pub action: String,
     pub adds: bool,
@@ -50,7 +50,7 @@ pub struct RevisionOutcome {
 ///
 /// # Errors
 /// The effect does not exist, cannot act here, or is there already.
-pub fn add(
+pub(crate) fn add(
     workspace: &Workspace,
     known: Option<&Model>,
     effect: &str,
@@ -104,7 +104,7 @@ pub fn add(
 ///
 /// # Errors
 /// The spec has no such effect or term.
-pub fn remove(
+pub(crate) fn remove(
     workspace: &Workspace,
     known: Option<&Model>,
     effect: &str,
@@ -180,7 +180,7 @@ impl RevisionOutcome {
     }
 
     /// Writes ledger, spec and model, each of them whole.
-    pub fn keep(&self, workspace: &Workspace) -> Result<()> {
+    pub(crate) fn keep(&self, workspace: &Workspace) -> Result<()> {
         let old = &workspace.spec;
         let mut ledger = Ledger::open(old.file())?;
         ledger.know(old.text());

@@ -7,7 +7,7 @@ use crate::data::write_atomically;
 use crate::error::{Error, ErrorKind, Result};
 
 /// What was taken back.
-pub struct Undone {
+pub(crate) struct Undone {
     /// The action.
     pub action: String,
     /// Whether a text that was edited by hand went into the ledger.
@@ -21,7 +21,7 @@ pub struct Undone {
 ///
 /// # Errors
 /// There is nothing to undo, or it was edited by hand.
-pub fn undo(path: &Path, force: bool) -> Result<Undone> {
+pub(crate) fn undo(path: &Path, force: bool) -> Result<Undone> {
     let text = spec_text(path)?;
     let mut ledger = Ledger::open(path)?;
     let lost = ledger.recover(&text);
@@ -78,6 +78,6 @@ pub fn undo(path: &Path, force: bool) -> Result<Undone> {
 }
 
 /// The text of a spec that need not compile.
-pub fn spec_text(path: &Path) -> Result<String> {
+pub(crate) fn spec_text(path: &Path) -> Result<String> {
     std::fs::read_to_string(path).map_err(|error| Error::file("read", path, error))
 }

@@ -15,13 +15,13 @@ use crate::facade::held_out;
 use crate::fit::{Law, Model, Monitor, Options, resume};
 
 /// Share of the samples that is put aside where nothing is said.
-pub const HELD_OUT: f64 = 0.25;
+pub(crate) const HELD_OUT: f64 = 0.25;
 /// Shares that leave something to learn from.
-pub const SHARES: RangeInclusive<f64> = 0.0..=0.9;
+pub(crate) const SHARES: RangeInclusive<f64> = 0.0..=0.9;
 
 /// How the measurements are split.
 #[derive(Debug, Clone)]
-pub struct SplitOptions {
+pub(crate) struct SplitOptions {
     /// Measurements, instead of those that the spec names.
     pub data: Option<PathBuf>,
     /// Share of the samples that are held out: no model is fitted to them before it is judged on
@@ -41,7 +41,7 @@ impl Default for SplitOptions {
 }
 
 /// A spec with its measurements split.
-pub struct Workspace {
+pub(crate) struct Workspace {
     pub spec: Spec,
     pub dataset: Dataset,
     pub about: DataReport,
@@ -51,7 +51,11 @@ pub struct Workspace {
 
 impl Workspace {
     /// Reads a spec and its data, and splits these.
-    pub fn open(spec: &Path, splitting: &SplitOptions, listener: &dyn Listener) -> Result<Self> {
+    pub(crate) fn open(
+        spec: &Path,
+        splitting: &SplitOptions,
+        listener: &dyn Listener,
+    ) -> Result<Self> {
         if !SHARES.contains(&splitting.held_out) {
             return Err(Error::new(
                 ErrorKind::InvalidArgument,
@@ -70,12 +74,12 @@ impl Workspace {
     }
 
     /// Held-out runs, if there are any.
-    pub fn held_out(&self) -> Option<&Dataset> {
+    pub(crate) fn held_out(&self) -> Option<&Dataset> {
         (!self.split.held_out.runs.is_empty()).then_some(&self.split.held_out)
     }
 
     /// The split, for programs.
-    pub fn split_json(&self) -> Value {
+    pub(crate) fn split_json(&self) -> Value {
         let names = |data: &Dataset| -> Vec<String> {
             data.runs.iter().map(|run| run.name.clone()).collect()
         };
@@ -92,7 +96,7 @@ impl Workspace {
     ///
     /// The terms are those of the model file where it belongs to the spec: their numbers are
     /// learned anew, for the file's own may come from all measurements.
-    pub fn model(&self, monitor: &dyn Monitor) -> Result<(Model, &'static str)> {
+    pub(crate) fn model(&self, monitor: &dyn Monitor) -> Result<(Model, &'static str)> {
         if !self.spec.system().terms.is_empty()
             && let Ok(law) = self.spec.law(None)
             && let Some(file) = law.file()
@@ -112,7 +116,7 @@ impl Workspace {
     }
 
     /// Searches terms and numbers of a spec (this one, or an edited one) on the training part.
-    pub fn fit(&self, spec: &Spec, monitor: &dyn Monitor) -> Result<Model> {
+    pub(crate) fn fit(&self, spec: &Spec, monitor: &dyn Monitor) -> Result<Model> {
         let parameter_starts = spec.compiled().starts.clone();
         let options = Options { parameter_starts, ..Options::default() };
         let (system, threads) = (spec.system(), self.splitting.threads);
@@ -121,14 +125,14 @@ impl Workspace {
     }
 
     /// Learns an edited spec on the training part, beginning at what is known already.
-    pub fn resume(&self, start: &Law, monitor: &dyn Monitor) -> Result<Model> {
+    pub(crate) fn resume(&self, start: &Law, monitor: &dyn Monitor) -> Result<Model> {
         let options = Options::default();
         let training = self.split.training.with_observables(start.system().observables());
         on_threads(self.splitting.threads, || resume(start, &training, &options, monitor))
     }
 
     /// The terms of a model with their numbers learned anew.
-    pub fn refit(
+    pub(crate) fn refit(
         &self,
         spec: &Spec,
         model: &Model,
@@ -140,7 +144,7 @@ impl Workspace {
 
     /// The terms of a model of the training part with numbers from all measurements, beginning
     /// at the model's own, which are nearly right.
-    pub fn widen(&self, spec: &Spec, model: &Model, monitor: &dyn Monitor) -> Result<Model> {
+    pub(crate) fn widen(&self, spec: &Spec, model: &Model, monitor: &dyn Monitor) -> Result<Model> {
         self.again(spec, model, &self.dataset, true, monitor)
     }
 
@@ -158,7 +162,7 @@ impl Workspace {
 }
 
 /// Error over each length of prediction (in samples), in units of `noise`.
-pub fn errors(model: &LawOnData, noise: &[f64], windows: &[usize]) -> Vec<(usize, f64)> {
+pub(crate) fn errors(model: &LawOnData, noise: &[f64], windows: &[usize]) -> Vec<(usize, f64)> {
     let judge = model.with_noise(noise.to_vec());
     windows.iter().map(|&window| (window, comparison::error(&judge, window).0)).collect()
 }

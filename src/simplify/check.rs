@@ -7,10 +7,10 @@ use super::lang::{Math, evaluate};
 use crate::expr::{Expr, Place, Symbol};
 
 /// Largest difference that counts as rounding, relative to the largest value.
-pub const ROUNDING: f64 = 1e-9;
+pub(super) const ROUNDING: f64 = 1e-9;
 
 /// Points with the model's values there.
-pub struct Samples {
+pub(super) struct Samples {
     degrees: usize,
     points: Vec<Vec<f64>>,
     values: Vec<f64>,
@@ -22,13 +22,13 @@ pub struct Samples {
 const TRIED: usize = 48;
 
 /// Points of the additive recurrence of the golden ratio's relatives, the same every time.
-pub fn coordinate(point: usize, component: usize) -> f64 {
+pub(super) fn coordinate(point: usize, component: usize) -> f64 {
     let step = (component as f64 + 2.0).sqrt() * 0.618_033_988_749_894_9 + 0.377 * component as f64;
     ((point + 1) as f64 * step + 0.31 * component as f64).fract()
 }
 
 impl Samples {
-    pub fn new(fitted: &FittedLaw, place: Place) -> Self {
+    pub(super) fn new(fitted: &FittedLaw, place: Place) -> Self {
         let law = fitted.law;
         let system = law.system();
         let degrees = system.degrees();
@@ -65,7 +65,7 @@ impl Samples {
         out
     }
 
-    pub fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.points.len()
     }
 
@@ -77,12 +77,12 @@ impl Samples {
     }
 
     /// Largest difference of a form from the model, relative to the largest value.
-    pub fn against_model(&self, expr: &RecExpr<Math>, number: &dyn Fn(usize) -> f64) -> f64 {
+    pub(super) fn against_model(&self, expr: &RecExpr<Math>, number: &dyn Fn(usize) -> f64) -> f64 {
         self.difference(&self.values, &self.evaluate(expr, number))
     }
 
     /// Largest difference of two forms.
-    pub fn between(
+    pub(super) fn between(
         &self,
         a: &RecExpr<Math>,
         b: &RecExpr<Math>,

@@ -23,7 +23,7 @@ type Rank = (bool, f64, Vec<Symbol>);
 
 /// Collects the numbers of all parts, then builds their expressions.
 #[derive(Default)]
-pub struct Emitter {
+pub(super) struct Emitter {
     pub numbers: Vec<DerivedNumber>,
     index: HashMap<Key, usize>,
     /// Numbers that multiply something; the others are offsets and print after variables.
@@ -135,7 +135,7 @@ fn ordered(expr: &RecExpr<Math>, id: Id) -> Vec<(bool, Id)> {
 
 impl Emitter {
     /// Enters the numbers of part `part` into the table, in the order of print.
-    pub fn collect(&mut self, expr: &RecExpr<Math>, numbers: &Numbers, part: usize) {
+    pub(super) fn collect(&mut self, expr: &RecExpr<Math>, numbers: &Numbers, part: usize) {
         if !expr.is_empty() {
             self.collect_sum(expr, expr.root(), numbers, part);
         }
@@ -197,7 +197,7 @@ impl Emitter {
     }
 
     /// Fixes the order of print: numbers in front, then the state, then offsets.
-    pub fn prepare(&self, graph: &mut Graph, degrees: usize) {
+    pub(super) fn prepare(&self, graph: &mut Graph, degrees: usize) {
         for (number, multiplies) in self.multiplies.iter().enumerate() {
             if *multiplies {
                 graph.symbol(Symbol::Coefficient(number));
@@ -213,7 +213,7 @@ impl Emitter {
     }
 
     /// The expression of part `part`, numbers as `Symbol::Coefficient`.
-    pub fn build(&self, graph: &mut Graph, expr: &RecExpr<Math>, part: usize) -> Expr {
+    pub(super) fn build(&self, graph: &mut Graph, expr: &RecExpr<Math>, part: usize) -> Expr {
         if expr.is_empty() {
             return graph.number(0.0);
         }

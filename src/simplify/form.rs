@@ -11,7 +11,7 @@ use crate::expr::{Function, Graph, Names, Number};
 
 /// What a form does beyond writing the terms down; each way is tried and the shortest kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct FormStyle {
+pub(super) struct FormStyle {
     /// Quadratic forms of coordinates as springs and completed squares.
     pub springs: bool,
     /// A sin x + B cos x as C cos(x - phi).
@@ -19,7 +19,7 @@ pub struct FormStyle {
 }
 
 /// One addend of a sum, its sign taken out.
-pub struct Addend {
+pub(super) struct Addend {
     /// The row of its number, or `None` where the number is 1.
     pub number: Option<usize>,
     pub negative: bool,
@@ -27,7 +27,7 @@ pub struct Addend {
 }
 
 /// Writes forms.
-pub struct FormWriter<'a, 'b> {
+pub(super) struct FormWriter<'a, 'b> {
     pub atoms: &'a Atoms,
     pub numbers: &'a mut Numbers<'b>,
     pub names: &'a Names,
@@ -35,12 +35,12 @@ pub struct FormWriter<'a, 'b> {
 }
 
 impl FormWriter<'_, '_> {
-    pub fn add(&mut self, node: Math) -> Id {
+    pub(super) fn add(&mut self, node: Math) -> Id {
         self.expr.add(node)
     }
 
     /// (row, whether the number is negative, its expression without the sign).
-    pub fn number(
+    pub(super) fn number(
         &mut self,
         quantity: &Quantity,
         niceness: Niceness,
@@ -50,22 +50,22 @@ impl FormWriter<'_, '_> {
         (row, quantity.value < 0.0, self.add(Math::Fitted(FittedNumber(row))))
     }
 
-    pub fn signed(&mut self, negative: bool, id: Id) -> Id {
+    pub(super) fn signed(&mut self, negative: bool, id: Id) -> Id {
         if negative { self.add(Math::Negate([id])) } else { id }
     }
 
-    pub fn rational(&mut self, numerator: i64, denominator: i64) -> Id {
+    pub(super) fn rational(&mut self, numerator: i64, denominator: i64) -> Id {
         let value = Rational::new(numerator.into(), denominator.into()).unwrap_or(Rational::ONE);
         self.add(Math::Rational(value))
     }
 
-    pub fn square(&mut self, base: Id) -> Id {
+    pub(super) fn square(&mut self, base: Id) -> Id {
         let two = self.rational(2, 1);
         self.add(Math::Raise([base, two]))
     }
 
     /// The monomial in the syntax of the mini-language.
-    pub fn label(&self, monomial: &Monomial) -> String {
+    pub(super) fn label(&self, monomial: &Monomial) -> String {
         let mut graph = Graph::new();
         let mut form = Polynomial::default();
         form.add_term(monomial.clone(), &Quantity::known(1.0));
@@ -74,7 +74,7 @@ impl FormWriter<'_, '_> {
     }
 
     /// Addends to one sum, those with the same number next to each other.
-    pub fn sum(&mut self, addends: Vec<Addend>) -> Id {
+    pub(super) fn sum(&mut self, addends: Vec<Addend>) -> Id {
         if addends.is_empty() {
             return self.add(Math::Rational(Rational::ZERO));
         }
@@ -110,7 +110,7 @@ impl FormWriter<'_, '_> {
     }
 
     /// Number times monomial.
-    pub fn term(&mut self, monomial: &Monomial, quantity: &Quantity) -> Addend {
+    pub(super) fn term(&mut self, monomial: &Monomial, quantity: &Quantity) -> Addend {
         let (mut negative, product) = self.monomial(monomial);
         let what = {
             let label = self.label(monomial);
@@ -190,7 +190,7 @@ impl FormWriter<'_, '_> {
     }
 
     /// A function with the sign of its argument and whole turns of its phase taken out.
-    pub fn apply(&mut self, function: Function, argument: &Polynomial) -> (bool, Id) {
+    pub(super) fn apply(&mut self, function: Function, argument: &Polynomial) -> (bool, Id) {
         let row = function.row();
         let mut argument = argument.clone();
         let mut negative = false;

@@ -189,7 +189,7 @@ define_language! {
 }
 
 /// The value of an expression; NaN for what has no value.
-pub fn evaluate(
+pub(super) fn evaluate(
     expr: &RecExpr<Math>,
     fitted: &dyn Fn(usize) -> f64,
     variable: &dyn Fn(Symbol) -> f64,

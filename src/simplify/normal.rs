@@ -9,15 +9,15 @@ use super::quantity::Quantity;
 use crate::expr::{Expr, Function, Graph, Node, Number, Symbol};
 
 /// A product of atoms with exponents, sorted by atom.
-pub type Monomial = Vec<(usize, Number)>;
+pub(super) type Monomial = Vec<(usize, Number)>;
 
 /// A sum of monomials. The empty monomial carries the constant.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Polynomial(pub BTreeMap<Monomial, Quantity>);
+pub(super) struct Polynomial(pub BTreeMap<Monomial, Quantity>);
 
 /// What the normal form does not look into.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Atom {
+pub(super) enum Atom {
     Symbol(Symbol),
     Apply(Function, Polynomial),
     /// A sum that stands under an exponent and is not expanded.
@@ -39,7 +39,7 @@ enum AtomKey {
 
 /// Every atom of a model, each once; a monomial names them by index.
 #[derive(Default)]
-pub struct Atoms {
+pub(super) struct Atoms {
     /// Whether products and powers of sums are multiplied out.
     expands: bool,
     list: Vec<Atom>,
@@ -52,13 +52,13 @@ const LARGEST_EXPANSION: usize = 400;
 const HIGHEST_EXPANSION: f64 = 4.0;
 
 impl Polynomial {
-    pub fn constant(value: Quantity) -> Self {
+    pub(super) fn constant(value: Quantity) -> Self {
         let mut out = Polynomial::default();
         out.add_term(Vec::new(), &value);
         out
     }
 
-    pub fn add_term(&mut self, monomial: Monomial, quantity: &Quantity) {
+    pub(super) fn add_term(&mut self, monomial: Monomial, quantity: &Quantity) {
         let entry = self.0.entry(monomial).or_default();
         *entry = entry.plus(quantity);
         if entry.value == 0.0 && entry.is_known() {
@@ -66,7 +66,7 @@ impl Polynomial {
         }
     }
 
-    pub fn add_scaled(&mut self, other: &Polynomial, factor: &Quantity) {
+    pub(super) fn add_scaled(&mut self, other: &Polynomial, factor: &Quantity) {
         for (monomial, quantity) in &other.0 {
             self.add_term(monomial.clone(), &quantity.times(factor));
         }
@@ -91,7 +91,7 @@ impl Polynomial {
     }
 
     /// The value, where nothing but a constant is left.
-    pub fn as_constant(&self) -> Option<Quantity> {
+    pub(super) fn as_constant(&self) -> Option<Quantity> {
         match self.single() {
             None if self.0.is_empty() => Some(Quantity::known(0.0)),
             Some((monomial, quantity)) if monomial.is_empty() => Some(quantity.clone()),
@@ -116,7 +116,7 @@ fn multiply(a: &Monomial, b: &Monomial) -> Monomial {
 
 impl Atoms {
     /// Atoms in the order of print: the state, then time.
-    pub fn new(degrees: usize, expands: bool) -> Self {
+    pub(super) fn new(degrees: usize, expands: bool) -> Self {
         let mut atoms = Atoms { expands, ..Atoms::default() };
         for i in 0..degrees {
             atoms.of(Atom::Symbol(Symbol::Coordinate(i)));
@@ -128,19 +128,19 @@ impl Atoms {
         atoms
     }
 
-    pub fn get(&self, atom: usize) -> &Atom {
+    pub(super) fn get(&self, atom: usize) -> &Atom {
         &self.list[atom]
     }
 
     /// The coordinate that an atom is.
-    pub fn coordinate(&self, atom: usize) -> Option<usize> {
+    pub(super) fn coordinate(&self, atom: usize) -> Option<usize> {
         match self.list[atom] {
             Atom::Symbol(Symbol::Coordinate(i)) => Some(i),
             _ => None,
         }
     }
 
-    pub fn of(&mut self, atom: Atom) -> usize {
+    pub(super) fn of(&mut self, atom: Atom) -> usize {
         let key = match &atom {
             Atom::Symbol(symbol) => AtomKey::Symbol(*symbol),
             Atom::Apply(function, argument) => AtomKey::Apply(*function, argument.key()),
@@ -155,7 +155,7 @@ impl Atoms {
     }
 
     /// The atom itself, as a polynomial.
-    pub fn alone(&mut self, atom: Atom) -> Polynomial {
+    pub(super) fn alone(&mut self, atom: Atom) -> Polynomial {
         let monomial = vec![(self.of(atom), Number::new(1.0))];
         let mut out = Polynomial::default();
         out.add_term(monomial, &Quantity::known(1.0));
@@ -163,7 +163,7 @@ impl Atoms {
     }
 
     /// The normal form of an expression; `number` gives symbols that stand for numbers their value.
-    pub fn expand(
+    pub(super) fn expand(
         &mut self,
         graph: &Graph,
         expr: Expr,
@@ -276,7 +276,7 @@ impl Atoms {
     }
 
     /// The form as an expression with plain numbers.
-    pub fn expression(&self, graph: &mut Graph, form: &Polynomial) -> Expr {
+    pub(super) fn expression(&self, graph: &mut Graph, form: &Polynomial) -> Expr {
         let mut parts = Vec::with_capacity(form.0.len());
         for (monomial, quantity) in self.ordered(form) {
             let mut factors = Vec::with_capacity(monomial.len());
@@ -302,7 +302,7 @@ impl Atoms {
     }
 
     /// Terms in the order of print: polynomials by degree, then what holds functions.
-    pub fn ordered<'a>(&self, form: &'a Polynomial) -> Vec<(&'a Monomial, &'a Quantity)> {
+    pub(super) fn ordered<'a>(&self, form: &'a Polynomial) -> Vec<(&'a Monomial, &'a Quantity)> {
         let mut terms: Vec<_> = form.0.iter().collect();
         terms.sort_by(|(a, _), (b, _)| {
             let (x, y) = (self.rank(a), self.rank(b));

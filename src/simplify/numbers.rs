@@ -10,7 +10,7 @@ use super::{Snap, Target};
 
 /// What stands in print for a number.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Printed {
+pub(super) enum Printed {
     Itself,
     NiceNumber(NiceNumber),
     /// The number of that row, which it cannot be told from.
@@ -19,7 +19,7 @@ pub enum Printed {
 
 /// A number: never negative, signs stand in the expression.
 #[derive(Debug, Clone)]
-pub struct Row {
+pub(super) struct Row {
     /// As fitted.
     pub fitted: Quantity,
     /// As printed, where it is printed itself: the mean of those that are taken as equal.
@@ -33,7 +33,7 @@ pub struct Row {
 type Key = (u64, Vec<(usize, u64)>, Option<Niceness>);
 
 /// Every number of the forms of one part.
-pub struct Numbers<'a> {
+pub(super) struct Numbers<'a> {
     covariance: &'a DMatrix<f64>,
     tolerance: Tolerance,
     pub rows: Vec<Row>,
@@ -44,16 +44,16 @@ pub struct Numbers<'a> {
 const ZERO_SIGMAS: f64 = 3.0;
 
 impl<'a> Numbers<'a> {
-    pub fn new(covariance: &'a DMatrix<f64>, tolerance: Tolerance) -> Self {
+    pub(super) fn new(covariance: &'a DMatrix<f64>, tolerance: Tolerance) -> Self {
         Numbers { covariance, tolerance, rows: Vec::new(), known: HashMap::new() }
     }
 
-    pub fn error(&self, quantity: &Quantity) -> f64 {
+    pub(super) fn error(&self, quantity: &Quantity) -> f64 {
         quantity.standard_error(self.covariance)
     }
 
     /// The row of |quantity|. `niceness` says what it may be printed as, `None` only itself.
-    pub fn row(
+    pub(super) fn row(
         &mut self,
         quantity: &Quantity,
         niceness: Option<Niceness>,
@@ -92,7 +92,7 @@ impl<'a> Numbers<'a> {
     }
 
     /// Whether a number that competes with `scale` may be taken for zero.
-    pub fn is_nothing(&self, quantity: &Quantity, scale: f64) -> bool {
+    pub(super) fn is_nothing(&self, quantity: &Quantity, scale: f64) -> bool {
         let error = self.error(quantity);
         let relative = self.tolerance.relative * scale.abs();
         let window = (ZERO_SIGMAS * error).max(relative);
@@ -101,7 +101,7 @@ impl<'a> Numbers<'a> {
     }
 
     /// A row that is printed as zero.
-    pub fn nothing(&mut self, quantity: &Quantity, what: String) -> usize {
+    pub(super) fn nothing(&mut self, quantity: &Quantity, what: String) -> usize {
         let size = if quantity.value < 0.0 { quantity.scaled(-1.0) } else { quantity.clone() };
         let zero = NiceNumber { numerator: 0, denominator: 1, pi: false };
         let snap = self.snap(&size, Target { text: "0".into(), value: 0.0 }, what.clone());
@@ -112,7 +112,7 @@ impl<'a> Numbers<'a> {
 
     /// Takes those rows as one, for their difference is not significant. All must mean the same
     /// kind of thing.
-    pub fn merge_equal(&mut self, candidates: &[usize]) {
+    pub(super) fn merge_equal(&mut self, candidates: &[usize]) {
         let mut free: Vec<usize> = candidates
             .iter()
             .copied()
@@ -166,7 +166,7 @@ impl<'a> Numbers<'a> {
     }
 
     /// The value that is printed.
-    pub fn printed_value(&self, row: usize) -> f64 {
+    pub(super) fn printed_value(&self, row: usize) -> f64 {
         match self.rows[row].printed {
             Printed::Itself => self.rows[row].shown.value,
             Printed::NiceNumber(nice) => nice.value(),

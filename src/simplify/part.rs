@@ -22,7 +22,7 @@ const SMALL: usize = 24;
 const LARGE: usize = 6_000;
 
 /// Every plan, simplest first: a tie is won by the first.
-pub const PLANS: &[FormStyle] = &[
+pub(super) const PLANS: &[FormStyle] = &[
     FormStyle { springs: false, waves: false },
     FormStyle { springs: true, waves: false },
     FormStyle { springs: false, waves: true },
@@ -34,7 +34,7 @@ const RELATION: f64 = 12.0;
 
 /// Writes a form according to a plan, and says what the relations that it shows are worth;
 /// `None` where the plan finds nothing to do.
-pub fn write(
+pub(super) fn write(
     plan: FormStyle,
     form: &Polynomial,
     atoms: &mut Atoms,
@@ -133,7 +133,7 @@ fn merge_waves(form: &Polynomial, atoms: &mut Atoms) -> Option<Polynomial> {
 }
 
 /// The form with its nice numbers as exact rationals.
-pub fn with_nice_numbers(expr: &RecExpr<Math>, numbers: &Numbers) -> RecExpr<Math> {
+pub(super) fn with_nice_numbers(expr: &RecExpr<Math>, numbers: &Numbers) -> RecExpr<Math> {
     let mut out = RecExpr::default();
     let mut image: Vec<Id> = Vec::with_capacity(expr.len());
     for (_, node) in expr.items() {
@@ -178,7 +178,7 @@ pub fn with_nice_numbers(expr: &RecExpr<Math>, numbers: &Numbers) -> RecExpr<Mat
 }
 
 /// The shortest equal expression that the rewrites reach, and its cost.
-pub fn rewritten(
+pub(super) fn rewritten(
     expr: &RecExpr<Math>,
     options: &SimplifyOptions,
     info: &mut Info,

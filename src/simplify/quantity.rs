@@ -6,7 +6,7 @@ use nalgebra::DMatrix;
 ///
 /// A number without derivatives is known exactly.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Quantity {
+pub(super) struct Quantity {
     pub value: f64,
     /// (index of the fitted number, derivative), sorted by index, no zeros.
     pub slopes: Vec<(usize, f64)>,
@@ -14,21 +14,21 @@ pub struct Quantity {
 
 impl Quantity {
     /// A number that was not learned.
-    pub fn known(value: f64) -> Self {
+    pub(super) fn known(value: f64) -> Self {
         Quantity { value, slopes: Vec::new() }
     }
 
     /// The fitted number of that index in the covariance.
-    pub fn fitted(index: usize, value: f64) -> Self {
+    pub(super) fn fitted(index: usize, value: f64) -> Self {
         Quantity { value, slopes: vec![(index, 1.0)] }
     }
 
-    pub fn is_known(&self) -> bool {
+    pub(super) fn is_known(&self) -> bool {
         self.slopes.is_empty()
     }
 
     /// f(a, b) with value `value` and partial derivatives `by_a`, `by_b`.
-    pub fn combine(value: f64, a: &Quantity, by_a: f64, b: &Quantity, by_b: f64) -> Self {
+    pub(super) fn combine(value: f64, a: &Quantity, by_a: f64, b: &Quantity, by_b: f64) -> Self {
         let mut slopes = Vec::with_capacity(a.slopes.len() + b.slopes.len());
         let (mut left, mut right) = (a.slopes.iter().peekable(), b.slopes.iter().peekable());
         loop {
@@ -56,46 +56,46 @@ impl Quantity {
         Quantity { value, slopes }
     }
 
-    pub fn plus(&self, other: &Quantity) -> Self {
+    pub(super) fn plus(&self, other: &Quantity) -> Self {
         Quantity::combine(self.value + other.value, self, 1.0, other, 1.0)
     }
 
-    pub fn minus(&self, other: &Quantity) -> Self {
+    pub(super) fn minus(&self, other: &Quantity) -> Self {
         Quantity::combine(self.value - other.value, self, 1.0, other, -1.0)
     }
 
-    pub fn times(&self, other: &Quantity) -> Self {
+    pub(super) fn times(&self, other: &Quantity) -> Self {
         Quantity::combine(self.value * other.value, self, other.value, other, self.value)
     }
 
     /// self / other; infinite where `other` is zero.
-    pub fn over(&self, other: &Quantity) -> Self {
+    pub(super) fn over(&self, other: &Quantity) -> Self {
         let ratio = self.value / other.value;
         Quantity::combine(ratio, self, 1.0 / other.value, other, -ratio / other.value)
     }
 
-    pub fn scaled(&self, factor: f64) -> Self {
+    pub(super) fn scaled(&self, factor: f64) -> Self {
         self.mapped(self.value * factor, factor)
     }
 
-    pub fn shifted(&self, by: f64) -> Self {
+    pub(super) fn shifted(&self, by: f64) -> Self {
         Quantity { value: self.value + by, slopes: self.slopes.clone() }
     }
 
     /// f(self) with value `value` and derivative `slope`.
-    pub fn mapped(&self, value: f64, slope: f64) -> Self {
+    pub(super) fn mapped(&self, value: f64, slope: f64) -> Self {
         let slopes = self.slopes.iter().map(|&(i, s)| (i, s * slope)).collect();
         Quantity { value, slopes }
     }
 
     /// self ^ exponent.
-    pub fn raised(&self, exponent: f64) -> Self {
+    pub(super) fn raised(&self, exponent: f64) -> Self {
         let value = crate::expr::raise(self.value, exponent);
         self.mapped(value, exponent * crate::expr::raise(self.value, exponent - 1.0))
     }
 
     /// Square root of the variance; zero for what is known exactly.
-    pub fn standard_error(&self, covariance: &DMatrix<f64>) -> f64 {
+    pub(super) fn standard_error(&self, covariance: &DMatrix<f64>) -> f64 {
         let entry = |i: usize, j: usize| covariance.get((i, j)).copied().unwrap_or(0.0);
         let mut variance = 0.0;
         for &(i, s) in &self.slopes {

@@ -71,7 +71,7 @@ impl Quadratic {
 
 /// The quadratic part as springs.
 #[derive(Default)]
-pub struct Springs {
+pub(super) struct Springs {
     pub addends: Vec<Addend>,
     /// The terms that the springs stand for.
     pub taken: Vec<Monomial>,
@@ -81,7 +81,7 @@ pub struct Springs {
 }
 
 /// Writes the quadratic part as springs. `None` where it is none.
-pub fn write(writer: &mut FormWriter, form: &Polynomial) -> Option<Springs> {
+pub(super) fn write(writer: &mut FormWriter, form: &Polynomial) -> Option<Springs> {
     let quadratic = Quadratic::of(writer, form);
     let completes = quadratic
         .linear

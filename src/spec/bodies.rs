@@ -7,7 +7,7 @@ use crate::diagnostic::{Diagnostic, Span};
 
 /// What a variable in a list of arguments is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Named {
+pub(crate) enum Named {
     /// The variable at this place in the list of its role.
     Variable(Role, usize),
     /// The body at this place.
@@ -97,7 +97,7 @@ impl Resolved<'_> {
     ///
     /// # Errors
     /// Nothing has its name, or an index is out of range.
-    pub fn named(&self, variable: &Expression) -> Result<Named, Diagnostic> {
+    pub(crate) fn named(&self, variable: &Expression) -> Result<Named, Diagnostic> {
         let (name, index) = match &variable.kind {
             ExpressionKind::Name(name) => (name, None),
             ExpressionKind::Index { name, index } => (name, Some(index)),
@@ -130,7 +130,7 @@ impl Resolved<'_> {
     }
 
     /// The declared bodies whose coordinates are sound.
-    pub fn declared_bodies(&self) -> Vec<Body> {
+    pub(crate) fn declared_bodies(&self) -> Vec<Body> {
         let sound = self.bodies.iter().filter(|body| !body.coordinates.is_empty());
         let body = |body: &super::resolve::BodyOf| Body {
             name: Some(body.name.text.clone()),

@@ -10,12 +10,12 @@ use super::resolve::{Resolved, resolve};
 use crate::diagnostic::{Diagnostic, Span};
 
 /// How many candidates a spec may have.
-pub const MOST_CANDIDATES: usize = 200;
+pub(crate) const MOST_CANDIDATES: usize = 200;
 
 /// The spec with every effect written out, candidates left aside.
 ///
 /// Statements that were made from an effect say so, and stand where it stands.
-pub fn expand(spec: &SyntaxTree, diagnostics: &mut Vec<Diagnostic>) -> SyntaxTree {
+pub(crate) fn expand(spec: &SyntaxTree, diagnostics: &mut Vec<Diagnostic>) -> SyntaxTree {
     let expands = |s: &&Statement| {
         matches!(s.kind, StatementKind::Effect { .. } | StatementKind::Candidates(_))
     };
@@ -52,7 +52,7 @@ pub fn expand(spec: &SyntaxTree, diagnostics: &mut Vec<Diagnostic>) -> SyntaxTre
 }
 
 /// The names that an effect meets in the text of a spec; what is wrong with it is left aside.
-pub fn scene_of(text: &str) -> Scene {
+pub(crate) fn scene_of(text: &str) -> Scene {
     let (spec, _) = super::parse::spec(text);
     resolve(&spec, &mut Vec::new()).scene()
 }

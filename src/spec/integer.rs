@@ -7,7 +7,7 @@ use crate::diagnostic::Diagnostic;
 ///
 /// # Errors
 /// Where it is no whole number, or names something that is none.
-pub fn integer(
+pub(crate) fn integer(
     expression: &Expression,
     look_up: &dyn Fn(&str) -> Option<i64>,
 ) -> Result<i64, Diagnostic> {

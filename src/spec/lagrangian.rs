@@ -5,7 +5,7 @@ use super::resolve::{Energy, Meaning, Resolved};
 
 /// A statement `constant g = ...` or `let x = ...`.
 #[derive(Debug, Clone, Copy)]
-pub struct Constant<'a> {
+pub(crate) struct Constant<'a> {
     pub value: &'a Expression,
     /// It may stand for any expression.
     pub by_let: bool,
@@ -14,7 +14,7 @@ pub struct Constant<'a> {
 /// A name that `let` gives to an expression of what moves, drives or is learned. It is put in the
 /// place of the name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Definition {
+pub(crate) struct Definition {
     /// A velocity stands in it.
     names_velocity: bool,
     /// What moves stands in it.
@@ -58,7 +58,7 @@ impl Resolved<'_> {
 
     /// Whether an energy is a function of coordinates and velocities: L always, T where it names
     /// a velocity.
-    pub fn is_of_velocities(&self, energy: &Energy) -> bool {
+    pub(crate) fn is_of_velocities(&self, energy: &Energy) -> bool {
         match energy.part {
             EnergyPart::Lagrangian => true,
             EnergyPart::Kinetic => self.names_velocity(energy.value),
@@ -67,12 +67,12 @@ impl Resolved<'_> {
     }
 
     /// Whether some energy is a function of velocities.
-    pub fn has_lagrangian(&self) -> bool {
+    pub(crate) fn has_lagrangian(&self) -> bool {
         self.energies.iter().any(|energy| self.is_of_velocities(energy))
     }
 
     /// Whether a velocity stands in an expression, by its name or as `rate(x)`.
-    pub fn names_velocity(&self, expression: &Expression) -> bool {
+    pub(crate) fn names_velocity(&self, expression: &Expression) -> bool {
         let named = match &expression.kind {
             ExpressionKind::Name(name)
             | ExpressionKind::Index { name, .. }

@@ -3,17 +3,17 @@
 use std::collections::HashMap;
 
 use super::ast::*;
-pub use super::integer::integer;
+pub(crate) use super::integer::integer;
 use super::lagrangian::{Constant, Definition};
 use super::{bodies, may_name, nearest};
 use crate::diagnostic::{Diagnostic, Span};
 
 /// How many coordinates a spec may have.
-pub const MOST_COORDINATES: i64 = 10_000;
+pub(crate) const MOST_COORDINATES: i64 = 10_000;
 
 /// A coordinate, momentum or velocity, one by one.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Declared {
+pub(crate) struct Declared {
     /// `theta`, `q[3]`.
     pub name: String,
     pub unit: Option<UnitText>,
@@ -22,7 +22,7 @@ pub struct Declared {
 
 /// What a name stands for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Meaning {
+pub(crate) enum Meaning {
     /// The variable at this place in the list of its role.
     Variable(Role, usize),
     /// `count` variables from `start` on; the first has the index `first`.
@@ -43,7 +43,7 @@ pub enum Meaning {
 
 /// A statement `T = ...`.
 #[derive(Debug, Clone, Copy)]
-pub struct Energy<'a> {
+pub(crate) struct Energy<'a> {
     pub part: EnergyPart,
     pub value: &'a Expression,
     /// The effect that it came with.
@@ -52,7 +52,7 @@ pub struct Energy<'a> {
 
 /// A statement `force q[i] += ...`.
 #[derive(Debug, Clone, Copy)]
-pub struct Force<'a> {
+pub(crate) struct Force<'a> {
     pub coordinate: &'a Expression,
     pub value: &'a Expression,
     pub comprehension: Option<&'a Comprehension>,
@@ -62,7 +62,7 @@ pub struct Force<'a> {
 
 /// A statement `sensor theta += ...`.
 #[derive(Debug, Clone, Copy)]
-pub struct Sensor<'a> {
+pub(crate) struct Sensor<'a> {
     pub observable: &'a Expression,
     pub value: &'a Expression,
     pub comprehension: Option<&'a Comprehension>,
@@ -72,7 +72,7 @@ pub struct Sensor<'a> {
 
 /// A statement `input u [N] { linear }`.
 #[derive(Debug, Clone, Copy)]
-pub struct Input<'a> {
+pub(crate) struct Input<'a> {
     pub name: &'a Word,
     pub unit: Option<&'a UnitText>,
     pub between: &'a Between,
@@ -80,7 +80,7 @@ pub struct Input<'a> {
 
 /// A statement `hidden z with p_z` or `state w { w' = ... }`.
 #[derive(Debug, Clone, Copy)]
-pub struct Hidden<'a> {
+pub(crate) struct Hidden<'a> {
     pub of: &'a HiddenStart,
     pub momentum: Option<&'a HiddenStart>,
     /// The law of an internal state of first order, which has no momentum.
@@ -93,7 +93,7 @@ pub struct Hidden<'a> {
 
 /// A statement `param a = ...`.
 #[derive(Debug, Clone, Copy)]
-pub struct Parameter<'a> {
+pub(crate) struct Parameter<'a> {
     pub name: &'a Word,
     pub starts: &'a [Expression],
     /// The column that tells apart what has a number of its own; `run` for every run.
@@ -103,7 +103,7 @@ pub struct Parameter<'a> {
 
 /// A statement `constrain a <= k <= b`.
 #[derive(Debug, Clone, Copy)]
-pub struct Constraint<'a> {
+pub(crate) struct Constraint<'a> {
     pub first: &'a Operand,
     /// Each relation stands before its operand.
     pub rest: &'a [(Relation, Operand)],
@@ -112,7 +112,7 @@ pub struct Constraint<'a> {
 
 /// A statement `body star = (x, y)`.
 #[derive(Debug, Clone)]
-pub struct BodyOf<'a> {
+pub(crate) struct BodyOf<'a> {
     pub name: &'a Word,
     /// Places of its coordinates; empty where one of them is none.
     pub coordinates: Vec<usize>,
@@ -120,7 +120,7 @@ pub struct BodyOf<'a> {
 
 /// A spec by the meaning of its statements.
 #[derive(Debug, Default)]
-pub struct Resolved<'a> {
+pub(crate) struct Resolved<'a> {
     pub title: Option<String>,
     pub coordinates: Vec<Declared>,
     /// As many as coordinates where the spec has no error.
@@ -151,7 +151,7 @@ pub struct Resolved<'a> {
 }
 
 /// Gives names their meaning, and says what is missing or doubled.
-pub fn resolve<'a>(spec: &'a SyntaxTree, diagnostics: &mut Vec<Diagnostic>) -> Resolved<'a> {
+pub(crate) fn resolve<'a>(spec: &'a SyntaxTree, diagnostics: &mut Vec<Diagnostic>) -> Resolved<'a> {
     let mut resolver = Resolver { out: Resolved::default(), diagnostics };
     let lost = |words: &[&str]| spec.lost.iter().any(|lost| words.contains(&lost.as_str()));
     let declaring = [
@@ -531,7 +531,7 @@ impl<'a> Resolver<'a, '_> {
 
 impl Resolved<'_> {
     /// What time is called in expressions.
-    pub fn time_name(&self) -> String {
+    pub(crate) fn time_name(&self) -> String {
         let named = |(name, (meaning, _)): (&String, &(Meaning, Span))| {
             (*meaning == Meaning::Time).then(|| name.clone())
         };
@@ -539,7 +539,7 @@ impl Resolved<'_> {
     }
 
     /// The names that a mistyped one may have meant.
-    pub fn hint_for(&self, name: &str, more: &[&str]) -> String {
+    pub(crate) fn hint_for(&self, name: &str, more: &[&str]) -> String {
         let mut names: Vec<&str> = self.names.keys().map(String::as_str).collect();
         names.sort_unstable();
         match nearest(name, names.iter().copied().chain(more.iter().copied())) {

@@ -8,7 +8,7 @@ use zip::write::SimpleFileOptions;
 use crate::error::{Error, ErrorKind, Result};
 
 /// A zip archive of files: names with forward slashes, and what they hold.
-pub fn zip(folder: &str, files: &[(String, impl AsRef<[u8]>)]) -> Result<Vec<u8>> {
+pub(super) fn zip(folder: &str, files: &[(String, impl AsRef<[u8]>)]) -> Result<Vec<u8>> {
     let failed = |error: String| {
         Error::new(ErrorKind::Export, format!("cannot pack {folder}: {error}"), "export it again")
     };

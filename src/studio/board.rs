@@ -7,18 +7,18 @@ use serde::Serialize;
 use tokio::sync::watch;
 
 /// Parts as JSON texts. Whoever has read up to a version is given what came later.
-pub struct StatusBoard {
+pub(super) struct StatusBoard {
     parts: Mutex<BTreeMap<&'static str, (u64, Arc<str>)>>,
     version: watch::Sender<u64>,
 }
 
 impl StatusBoard {
-    pub fn new() -> Self {
+    pub(super) fn new() -> Self {
         StatusBoard { parts: Mutex::new(BTreeMap::new()), version: watch::Sender::new(0) }
     }
 
     /// Puts a part up. What is as it was keeps its version.
-    pub fn post(&self, name: &'static str, part: &impl Serialize) {
+    pub(super) fn post(&self, name: &'static str, part: &impl Serialize) {
         let Ok(text) = serde_json::to_string(part) else { return };
         let mut parts = self.parts.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         if parts.get(name).is_some_and(|(_, old)| **old == *text) {
@@ -32,7 +32,7 @@ impl StatusBoard {
     }
 
     /// `{"version": ..., "parts": {...}}` of what changed after a version.
-    pub fn since(&self, seen: u64) -> String {
+    pub(super) fn since(&self, seen: u64) -> String {
         let parts = self.parts.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let mut out = format!("{{\"version\":{},\"parts\":{{", *self.version.borrow());
         let mut first = true;
@@ -47,7 +47,7 @@ impl StatusBoard {
     }
 
     /// Waits for a version after `seen`.
-    pub async fn after(&self, seen: u64) {
+    pub(super) async fn after(&self, seen: u64) {
         // The sender lives as long as the board, so there is no error.
         let _ = self.version.subscribe().wait_for(|version| *version != seen).await;
     }

@@ -28,7 +28,7 @@ const FREQUENT: Duration = Duration::from_millis(60);
 
 /// A learned model with what is known of it. It is never changed, only replaced.
 #[derive(Clone)]
-pub struct LearnedState {
+pub(super) struct LearnedState {
     pub workspace: Arc<Workspace>,
     /// The model of the training part.
     pub training: Arc<Model>,
@@ -41,7 +41,7 @@ pub struct LearnedState {
 impl LearnedState {
     /// # Errors
     /// It was not held against the measurements yet.
-    pub fn assessment(&self) -> Result<&Assessment> {
+    pub(super) fn assessment(&self) -> Result<&Assessment> {
         self.assessment.as_deref().ok_or_else(|| {
             Error::new(
                 ErrorKind::NotReady,
@@ -53,7 +53,7 @@ impl LearnedState {
 }
 
 /// Does the work, one thing after the other.
-pub struct Engine {
+pub(super) struct Engine {
     pub studio: Arc<Studio>,
     allowed: AllowedFolder,
     stamps: FileStamps,
@@ -71,7 +71,7 @@ impl Listener for NoMessages {
 }
 
 /// Tells the page how far a computation has come.
-pub struct ProgressReporter<'a> {
+pub(super) struct ProgressReporter<'a> {
     studio: &'a Studio,
     what: &'a str,
     background: bool,
@@ -79,7 +79,7 @@ pub struct ProgressReporter<'a> {
 }
 
 impl<'a> ProgressReporter<'a> {
-    pub fn new(studio: &'a Studio, what: &'a str, background: bool) -> Self {
+    pub(super) fn new(studio: &'a Studio, what: &'a str, background: bool) -> Self {
         let progress = ProgressReporter { studio, what, background, told: Mutex::new(None) };
         progress.stage("", 0.0);
         progress
@@ -110,7 +110,7 @@ impl Drop for ProgressReporter<'_> {
 }
 
 impl Engine {
-    pub fn new(studio: Arc<Studio>) -> Result<Self> {
+    pub(super) fn new(studio: Arc<Studio>) -> Result<Self> {
         let allowed = AllowedFolder::new(&studio.path);
         let engine =
             Engine { studio, allowed, stamps: FileStamps::default(), diagnosis_cancelled: false };
@@ -135,7 +135,7 @@ impl Engine {
     }
 
     /// Whether somebody else wrote the files since.
-    pub fn changed(&self) -> bool {
+    pub(super) fn changed(&self) -> bool {
         let data = self.studio.held().and_then(|held| held.workspace.spec.data_path(None).ok());
         self.stamps != FileStamps::of(&self.studio.path, data.as_deref())
     }
@@ -148,7 +148,7 @@ impl Engine {
     }
 
     /// Reads all files anew; learns the spec where it has no model.
-    pub fn open(&mut self, background: bool) -> Result<()> {
+    pub(super) fn open(&mut self, background: bool) -> Result<()> {
         self.post_files()?;
         let opened = self.opened(background);
         self.stamp();
@@ -241,7 +241,7 @@ impl Engine {
     }
 
     /// Does what the user asks for; returns a sentence about it.
-    pub fn carry_out(&mut self, request: &JobRequest) -> Result<String> {
+    pub(super) fn carry_out(&mut self, request: &JobRequest) -> Result<String> {
         match request {
             JobRequest::Diagnose => {
                 self.diagnosis_cancelled = false;
@@ -347,7 +347,7 @@ impl Engine {
     }
 
     /// Holds the model against the measurements and draws it. False if that is done already.
-    pub fn compare(&mut self) -> Result<bool> {
+    pub(super) fn compare(&mut self) -> Result<bool> {
         let Some(held) = self.studio.held().filter(|held| held.assessment.is_none()) else {
             return Ok(false);
         };
@@ -402,7 +402,7 @@ impl Engine {
     }
 
     /// Asks what is missing. False if that is answered already.
-    pub fn diagnose(&mut self) -> Result<bool> {
+    pub(super) fn diagnose(&mut self) -> Result<bool> {
         let asked =
             |held: &Arc<LearnedState>| held.diagnosis.is_none() && held.assessment.is_some();
         let Some(held) = self.studio.held().filter(asked) else { return Ok(false) };

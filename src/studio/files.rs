@@ -8,10 +8,10 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::project::{Spec, digest};
 
 /// Larger specs are not taken from the page, nor shown in it.
-pub const LARGEST: usize = 1 << 20;
+pub(super) const LARGEST: usize = 1 << 20;
 
 /// The text of a spec, which need not compile.
-pub fn read_spec(path: &Path) -> Result<String> {
+pub(super) fn read_spec(path: &Path) -> Result<String> {
     let failed = |error| Error::file("read", path, error);
     let about = std::fs::metadata(path).map_err(failed)?;
     if !about.is_file() || about.len() > LARGEST as u64 {
@@ -22,17 +22,17 @@ pub fn read_spec(path: &Path) -> Result<String> {
 }
 
 /// SHA-256 of a text in hexadecimal digits.
-pub fn hash(text: &str) -> String {
+pub(super) fn hash(text: &str) -> String {
     digest(Path::new(""), text.as_bytes()).sha256
 }
 
 /// When files were written last, and how long they are: enough to look closer.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct FileStamps(Vec<Option<(SystemTime, u64)>>);
+pub(super) struct FileStamps(Vec<Option<(SystemTime, u64)>>);
 
 impl FileStamps {
     /// Of a spec, its model, its ledger and its data.
-    pub fn of(spec: &Path, data: Option<&Path>) -> FileStamps {
+    pub(super) fn of(spec: &Path, data: Option<&Path>) -> FileStamps {
         let stamp = |path: &Path| {
             let about = std::fs::metadata(path).ok()?;
             Some((about.modified().ok()?, about.len()))
@@ -46,13 +46,13 @@ impl FileStamps {
 
 /// Which data may be read: what the spec named when the studio was started, and what lies in
 /// its folder. A text that is typed into a page gets no farther.
-pub struct AllowedFolder {
+pub(super) struct AllowedFolder {
     folder: PathBuf,
     first: Option<PathBuf>,
 }
 
 impl AllowedFolder {
-    pub fn new(spec: &Path) -> AllowedFolder {
+    pub(super) fn new(spec: &Path) -> AllowedFolder {
         let folder = match spec.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent,
             _ => Path::new("."),
@@ -67,7 +67,7 @@ impl AllowedFolder {
 
     /// # Errors
     /// The data lie elsewhere.
-    pub fn check(&self, spec: &Spec) -> Result<()> {
+    pub(super) fn check(&self, spec: &Spec) -> Result<()> {
         let Ok(path) = spec.data_path(None) else { return Ok(()) };
         let path = file_of(&path);
         // A file that is not there is for the reader to complain about, if it were inside.

@@ -11,10 +11,10 @@ use hyper::{Method, StatusCode};
 use crate::error::{Error, ErrorKind, Result};
 
 /// The header in which the page sends its token.
-pub const TOKEN: HeaderName = HeaderName::from_static("x-leverrier-token");
+pub(super) const TOKEN: HeaderName = HeaderName::from_static("x-leverrier-token");
 
 /// Headers of every answer: nothing from elsewhere, nothing kept, nothing guessed, no frames.
-pub const ALWAYS: &[(&str, &str)] = &[
+pub(super) const ALWAYS: &[(&str, &str)] = &[
     (
         "content-security-policy",
         "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; \
@@ -29,17 +29,17 @@ pub const ALWAYS: &[(&str, &str)] = &[
 ];
 
 /// What requests are held against.
-pub struct Guard {
+pub(super) struct Guard {
     hosts: [String; 2],
     token: String,
 }
 
 /// Why a request is refused.
-pub type Refusal = (StatusCode, &'static str);
+pub(super) type Refusal = (StatusCode, &'static str);
 
 impl Guard {
     /// A guard with a new token.
-    pub fn new(port: u16) -> Result<Self> {
+    pub(super) fn new(port: u16) -> Result<Self> {
         let mut bytes = [0; 24];
         getrandom::fill(&mut bytes).map_err(|error| {
             Error::new(
@@ -52,12 +52,12 @@ impl Guard {
         Ok(Guard { hosts: ["127.0.0.1", "localhost"].map(|name| format!("{name}:{port}")), token })
     }
 
-    pub fn token(&self) -> &str {
+    pub(super) fn token(&self) -> &str {
         &self.token
     }
 
     /// Whether a request may pass. `open` are paths that tell nothing of the user's work.
-    pub fn check(
+    pub(super) fn check(
         &self,
         method: &Method,
         headers: &HeaderMap,

@@ -9,7 +9,7 @@ use serde::Deserialize;
 /// A request of the user.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(tag = "do", rename_all = "snake_case")]
-pub enum JobRequest {
+pub(super) enum JobRequest {
     /// Learn the spec as `leverrier fit` does.
     Learn,
     /// Write the text into the spec, if it still is as `base` (a SHA-256) says; then learn.
@@ -25,7 +25,7 @@ pub enum JobRequest {
 }
 
 /// The request that waits or is being carried out, and whether it is to be given up.
-pub struct JobQueue {
+pub(super) struct JobQueue {
     state: Mutex<State>,
     arrived: Condvar,
     cancelled: AtomicBool,
@@ -40,7 +40,7 @@ struct State {
 }
 
 impl JobQueue {
-    pub fn new() -> Self {
+    pub(super) fn new() -> Self {
         JobQueue {
             state: Mutex::new(State::default()),
             arrived: Condvar::new(),
@@ -54,7 +54,7 @@ impl JobQueue {
     }
 
     /// Takes a request, or refuses it while another waits or is worked on.
-    pub fn ask(&self, request: JobRequest) -> bool {
+    pub(super) fn ask(&self, request: JobRequest) -> bool {
         let mut state = self.state();
         if state.busy || state.next.is_some() {
             return false;
@@ -67,12 +67,12 @@ impl JobQueue {
     }
 
     /// Gives up what is being done.
-    pub fn cancel(&self) {
+    pub(super) fn cancel(&self) {
         self.cancelled.store(true, Ordering::Relaxed);
     }
 
     /// The next request, if one comes in time. It is busy until [`JobQueue::done`].
-    pub fn next(&self, patience: Duration) -> Option<JobRequest> {
+    pub(super) fn next(&self, patience: Duration) -> Option<JobRequest> {
         let state = self.state();
         let waited = self.arrived.wait_timeout_while(state, patience, |state| state.next.is_none());
         let (mut state, _) = waited.unwrap_or_else(|poisoned| poisoned.into_inner());
@@ -82,22 +82,22 @@ impl JobQueue {
         Some(request)
     }
 
-    pub fn done(&self) {
+    pub(super) fn done(&self) {
         self.state().busy = false;
         self.cancelled.store(false, Ordering::Relaxed);
     }
 
     /// Whether what is being done was given up; in the background also when a request waits.
-    pub fn stopped(&self, background: bool) -> bool {
+    pub(super) fn stopped(&self, background: bool) -> bool {
         self.cancelled.load(Ordering::Relaxed) || background && self.waiting.load(Ordering::Relaxed)
     }
 
-    pub fn is_waiting(&self) -> bool {
+    pub(super) fn is_waiting(&self) -> bool {
         self.waiting.load(Ordering::Relaxed)
     }
 
     /// Forgets that the background's work was given up.
-    pub fn forget(&self) {
+    pub(super) fn forget(&self) {
         self.cancelled.store(false, Ordering::Relaxed);
     }
 }

@@ -26,7 +26,7 @@ use guard::Guard;
 use jobs::JobQueue;
 
 /// What a studio is started with.
-pub struct StudioOptions {
+pub(crate) struct StudioOptions {
     /// The spec.
     pub spec: PathBuf,
     /// 0 takes one that is free.
@@ -36,7 +36,7 @@ pub struct StudioOptions {
 }
 
 /// What the page, its routes and the worker share.
-pub struct Studio {
+pub(crate) struct Studio {
     /// The spec.
     path: PathBuf,
     reproduce: Reproduce,
@@ -64,7 +64,7 @@ impl Studio {
 ///
 /// # Errors
 /// The spec cannot be read (it may well have errors), or the port is taken.
-pub fn serve(options: &StudioOptions, ready: impl FnOnce(&str)) -> Result<()> {
+pub(crate) fn serve(options: &StudioOptions, ready: impl FnOnce(&str)) -> Result<()> {
     let path = options.spec.clone();
     files::read_spec(&path)?;
     let listener = server::listen(options.port)?;

@@ -24,7 +24,7 @@ use crate::report::plots::{
 const NEWS: Duration = Duration::from_secs(20);
 
 /// What is sent back.
-pub struct Reply {
+pub(super) struct Reply {
     pub status: StatusCode,
     pub kind: &'static str,
     pub body: Bytes,
@@ -42,7 +42,7 @@ impl Reply {
     }
 
     /// A refusal, with a sentence that says why.
-    pub fn refused(status: StatusCode, why: &str) -> Self {
+    pub(super) fn refused(status: StatusCode, why: &str) -> Self {
         Reply { status, ..Reply::json(&json!({ "message": why, "hint": null })) }
     }
 
@@ -65,7 +65,7 @@ enum Handler {
 }
 
 /// A row of what may be asked.
-pub struct Route {
+pub(super) struct Route {
     method: Method,
     path: &'static str,
     /// Whether it tells nothing of the user's work, and needs no token.
@@ -101,13 +101,13 @@ static ROUTES: &[Route] = &[
 ];
 
 /// The route of a request.
-pub fn find(method: &Method, path: &str) -> Option<&'static Route> {
+pub(super) fn find(method: &Method, path: &str) -> Option<&'static Route> {
     ROUTES.iter().find(|route| route.method == *method && route.path == path)
 }
 
 impl Route {
     /// Answers a request that the guard let pass.
-    pub async fn answer(&self, studio: &Arc<Studio>, query: String, body: Bytes) -> Reply {
+    pub(super) async fn answer(&self, studio: &Arc<Studio>, query: String, body: Bytes) -> Reply {
         let answered = match self.reply {
             Handler::Text(kind, text) => Ok(Reply::new(kind, text())),
             Handler::Now(reply) => reply(studio, &query, &body),
@@ -295,7 +295,7 @@ fn stem(studio: &Studio) -> String {
 }
 
 /// Names of the formats that the page offers.
-pub fn formats() -> Vec<&'static str> {
+pub(super) fn formats() -> Vec<&'static str> {
     EXPORTERS.iter().map(|row| row.name).collect()
 }
 

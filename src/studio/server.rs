@@ -33,7 +33,7 @@ const BODY: usize = 6 * files::LARGEST;
 ///
 /// # Errors
 /// The port is taken.
-pub fn listen(port: u16) -> Result<TcpListener> {
+pub(super) fn listen(port: u16) -> Result<TcpListener> {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(|error| {
         Error::new(
             ErrorKind::Port,
@@ -46,7 +46,7 @@ pub fn listen(port: u16) -> Result<TcpListener> {
 }
 
 /// Serves for ever.
-pub fn run(listener: TcpListener, studio: Arc<Studio>, ready: impl FnOnce()) -> Result<()> {
+pub(super) fn run(listener: TcpListener, studio: Arc<Studio>, ready: impl FnOnce()) -> Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_io()
         .enable_time()

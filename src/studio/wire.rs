@@ -19,7 +19,7 @@ const SHOWN: usize = 50;
 
 /// What is being done.
 #[derive(Serialize)]
-pub struct Job<'a> {
+pub(super) struct Job<'a> {
     pub what: &'a str,
     pub stage: &'a str,
     /// 0 to 1.
@@ -29,7 +29,7 @@ pub struct Job<'a> {
 
 /// Something that was done, or failed.
 #[derive(Serialize)]
-pub struct Message {
+pub(super) struct Message {
     /// Counts messages, so that one can be told from the same again.
     number: u64,
     failed: bool,
@@ -38,11 +38,11 @@ pub struct Message {
 }
 
 impl Message {
-    pub fn done(number: u64, text: &str) -> Self {
+    pub(super) fn done(number: u64, text: &str) -> Self {
         Message { number, failed: false, text: text.to_string(), hint: None }
     }
 
-    pub fn failed(number: u64, error: &Error) -> Self {
+    pub(super) fn failed(number: u64, error: &Error) -> Self {
         let Failure { message, hint, .. } = failure(error);
         Message { number, failed: true, text: message, hint }
     }
@@ -50,13 +50,13 @@ impl Message {
 
 /// Why something cannot be done.
 #[derive(Serialize)]
-pub struct Failure {
+pub(super) struct Failure {
     message: String,
     hint: Option<String>,
 }
 
 /// An error in words.
-pub fn failure(error: &Error) -> Failure {
+pub(super) fn failure(error: &Error) -> Failure {
     match error {
         Error::Refused { message, hint, .. } => {
             Failure { message: message.clone(), hint: Some(hint.clone()) }
@@ -72,7 +72,7 @@ pub fn failure(error: &Error) -> Failure {
 }
 
 /// What is wrong with a text: places in characters as the page counts them (UTF-16).
-pub fn diagnostics(all: &[Diagnostic], text: &str) -> Value {
+pub(super) fn diagnostics(all: &[Diagnostic], text: &str) -> Value {
     let units = |at: usize| text.get(..at.min(text.len())).map_or(0, |t| t.encode_utf16().count());
     let rows = all.iter().take(SHOWN).map(|diagnostic| {
         let span = diagnostic.span;
@@ -92,12 +92,12 @@ pub fn diagnostics(all: &[Diagnostic], text: &str) -> Value {
 }
 
 /// The spec as it lies in its folder.
-pub fn spec(name: &str, text: &str) -> Value {
+pub(super) fn spec(name: &str, text: &str) -> Value {
     json!({ "name": name, "text": text, "hash": files::hash(text), "formats": formats() })
 }
 
 /// The law and what is said about it, in HTML.
-pub fn law(page: &Page) -> Value {
+pub(super) fn law(page: &Page) -> Value {
     let parts = html::parts(page);
     let last = page.material.comparison.horizons.last();
     json!({
@@ -116,12 +116,12 @@ pub fn law(page: &Page) -> Value {
 const FIRST: &[&str] = &["horizons", "path", "front", "ledger"];
 
 /// Every plot, drawn.
-pub fn figures(material: &PlotData) -> Value {
+pub(super) fn figures(material: &PlotData) -> Value {
     PLOTS.iter().map(|row| drawn(row, material)).collect()
 }
 
 /// The plots that take no time; of the others, that they will come.
-pub fn first_figures(material: &PlotData) -> Value {
+pub(super) fn first_figures(material: &PlotData) -> Value {
     let rows = PLOTS.iter().map(|row| match FIRST.contains(&row.name) {
         true => drawn(row, material),
         false => json!({ "plot": row.name, "title": row.title, "pending": true }),
@@ -146,12 +146,12 @@ fn drawn(row: &Plot, material: &PlotData) -> Value {
 
 /// The question what is missing, before it is answered: `pending`, `running`, `stopped`, or
 /// `none` to ask it of.
-pub fn undiagnosed(state: &str) -> Value {
+pub(super) fn undiagnosed(state: &str) -> Value {
     json!({ "state": state })
 }
 
 /// The answer.
-pub fn missing(diagnosis: &Diagnosis) -> Value {
+pub(super) fn missing(diagnosis: &Diagnosis) -> Value {
     json!({
         "state": "answered",
         "verdict": diagnosis.verdict,
@@ -183,7 +183,7 @@ fn leader(leader: &RankedEffect) -> Value {
 }
 
 /// Every step of the spec, and what undoing would take back.
-pub fn ledger(ledger: &Ledger, text: &str) -> Value {
+pub(super) fn ledger(ledger: &Ledger, text: &str) -> Value {
     let mut ledger = ledger.clone();
     ledger.recover(text);
     let current = ledger.current();
@@ -216,7 +216,7 @@ pub fn ledger(ledger: &Ledger, text: &str) -> Value {
 }
 
 /// A sentence begins with a capital letter, unless with a name, and is ended by whoever prints it.
-pub fn capital(text: &str) -> String {
+pub(super) fn capital(text: &str) -> String {
     let word = text.split_whitespace().next().unwrap_or("");
     if word.contains(['_', '(', '^']) {
         return text.trim().trim_end_matches('.').to_string();

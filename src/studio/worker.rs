@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 const LOOK: Duration = Duration::from_millis(700);
 
 /// Works until the process ends.
-pub fn run(mut engine: Engine) {
+pub(super) fn run(mut engine: Engine) {
     let mut told = 0;
     let opened = engine.open(true);
     tell(&engine, &mut told, opened.map(|()| String::new()));

@@ -15,28 +15,28 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
 /// A system as it is known, and as it is learned.
-pub struct Base {
+pub(crate) struct Base {
     variables: &'static str,
     law: &'static str,
     space: &'static str,
     degrees: usize,
 }
 
-pub const PENDULUM: Base = Base {
+pub(crate) const PENDULUM: Base = Base {
     variables: "coordinates q\nmomenta p\n",
     law: "T = p^2/2\nV = -cos(q)\n",
     space: "T = p^2/2\nV = span{ cos(q) }\n",
     degrees: 1,
 };
 
-pub const TRAP: Base = Base {
+pub(crate) const TRAP: Base = Base {
     variables: "coordinates x, y\nmomenta px, py\n",
     law: "T = (px^2 + py^2)/2\nV = x^2/2 + 0.7*y^2\n",
     space: "T = (px^2 + py^2)/2\nV = span{ x^2, y^2 }\n",
     degrees: 2,
 };
 
-pub struct Case {
+pub(crate) struct Case {
     text: String,
     compiled: Compiled,
     training: Dataset,
@@ -57,7 +57,7 @@ fn case(base: &Base, hidden: &str, noise: f64, seed: u64) -> Case {
 
 /// The same as an instrument reads it: `read` gets each run of each column, and the column's
 /// spread.
-pub fn read_by(
+pub(crate) fn read_by(
     base: &Base,
     hidden: &str,
     seed: u64,
@@ -95,11 +95,11 @@ pub fn read_by(
 }
 
 impl Case {
-    pub fn diagnosis(&self) -> Diagnosis {
+    pub(crate) fn diagnosis(&self) -> Diagnosis {
         self.diagnosis_by(&diagnose::Options::default())
     }
 
-    pub fn diagnosis_by(&self, options: &diagnose::Options) -> Diagnosis {
+    pub(crate) fn diagnosis_by(&self, options: &diagnose::Options) -> Diagnosis {
         let law = self.law();
         let (training, held_out) = (&self.training, &self.held_out);
         diagnose(&self.compiled, &law, training, held_out, options, &Silent)

@@ -18,7 +18,12 @@ fn tones(run: usize, t: f64) -> f64 {
 }
 
 /// Runs of a law from rest under tones of an amplitude, with the inputs that made them.
-pub fn shaken(truth: &str, amplitude: f64, runs: usize, (samples, step): (usize, f64)) -> Dataset {
+pub(crate) fn shaken(
+    truth: &str,
+    amplitude: f64,
+    runs: usize,
+    (samples, step): (usize, f64),
+) -> Dataset {
     let compiled = build("truth", truth).unwrap_or_else(|error| panic!("{error}"));
     let system = &compiled.system;
     let inputs = system.measured_inputs();
@@ -40,7 +45,8 @@ pub fn shaken(truth: &str, amplitude: f64, runs: usize, (samples, step): (usize,
         let data = Dataset { runs: vec![driving], inputs: inputs.clone(), ..Dataset::default() };
         let record = InputRecord::of_runs(system, &data).unwrap().remove(0);
         let simulator = Simulator::known(system).driven_by(record);
-        let made = simulator.trajectories(&[rest.clone()], &times).unwrap().dataset(system);
+        let made =
+            simulator.trajectories(std::slice::from_ref(&rest), &times).unwrap().dataset(system);
         all.observables.clone_from(&made.observables);
         let made = made.runs.into_iter().map(|made| Run {
             name: (run + 1).to_string(),

@@ -49,8 +49,10 @@ fn recordings(springs: usize, times: usize, seed: u64) -> Vec<Recording> {
     for spring in 1..=springs {
         let stiffness = usual.sample(&mut generator);
         for time in 1..=times {
-            let (size, phase): (f64, f64) =
-                (generator.random_range(0.5..1.5), generator.random_range(0.0..6.28));
+            let (size, phase): (f64, f64) = (
+                generator.random_range(0.5..1.5),
+                generator.random_range(0.0..std::f64::consts::TAU),
+            );
             out.push(Recording {
                 name: format!("{spring}-{time}"),
                 spring: format!("S{spring}"),

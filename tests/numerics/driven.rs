@@ -59,7 +59,7 @@ fn every_method_keeps_its_order_under_a_smooth_input() {
                 let end = driven(&dynamics, method, 3.0, steps);
                 (end[0] - expected[0]).hypot(end[1] - expected[1])
             };
-            keeps_its_order(method, &error);
+            keeps_its_order(method, error);
             assert!(error(256) < 1e-3, "{}: {}", row.name, error(256));
         }
     }

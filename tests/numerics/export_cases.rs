@@ -15,7 +15,7 @@ use leverrier::internals::fit::{Law, Stepping};
 use nalgebra::DMatrix;
 
 /// A model with everything that an export needs.
-pub struct Case {
+pub(crate) struct Case {
     pub law: Law,
     pub pretty: Pretty,
     pub kind: IntegratorKind,
@@ -24,7 +24,7 @@ pub struct Case {
 }
 
 impl Case {
-    pub fn export(&self) -> Export<'_> {
+    pub(crate) fn export(&self) -> Export<'_> {
         Export {
             law: &self.law,
             pretty: &self.pretty,
@@ -44,7 +44,7 @@ impl Case {
     }
 }
 
-pub fn leapfrog() -> IntegratorKind {
+pub(crate) fn leapfrog() -> IntegratorKind {
     IntegratorKind::Splitting { weights: vec![1.0] }
 }
 
@@ -341,7 +341,7 @@ fn every_function() -> Case {
     b.finish(leapfrog(), 2, 0.05, (0.0, start))
 }
 
-pub fn cases() -> Vec<Case> {
+pub(crate) fn cases() -> Vec<Case> {
     vec![
         pendulum(),
         henon_heiles(),
@@ -354,12 +354,12 @@ pub fn cases() -> Vec<Case> {
     ]
 }
 
-pub fn case(name: &str) -> Case {
+pub(crate) fn case(name: &str) -> Case {
     cases().into_iter().find(|case| case.law.system().name == name).unwrap()
 }
 
 /// Equations of motion by the slow evaluator.
-pub struct Equations<'a> {
+pub(crate) struct Equations<'a> {
     case: &'a Case,
     graph: Graph,
     energy: Expr,
@@ -367,7 +367,7 @@ pub struct Equations<'a> {
 }
 
 impl<'a> Equations<'a> {
-    pub fn new(case: &'a Case) -> Equations<'a> {
+    pub(crate) fn new(case: &'a Case) -> Equations<'a> {
         let mut system = System::clone(case.law.system());
         let n = system.degrees();
         let energy = system.energy(case.law.support()).unwrap();
@@ -397,18 +397,18 @@ impl<'a> Equations<'a> {
         })
     }
 
-    pub fn energy(&self, state: &[f64], t: f64) -> f64 {
+    pub(crate) fn energy(&self, state: &[f64], t: f64) -> f64 {
         self.value(self.energy, state, t)
     }
 
     /// dq/dt, then dp/dt.
-    pub fn field(&self, state: &[f64], t: f64) -> Vec<f64> {
+    pub(crate) fn field(&self, state: &[f64], t: f64) -> Vec<f64> {
         self.field.iter().map(|&expr| self.value(expr, state, t)).collect()
     }
 }
 
 /// The start and the states after each step.
-pub fn reference(case: &Case, steps: usize) -> Vec<Vec<f64>> {
+pub(crate) fn reference(case: &Case, steps: usize) -> Vec<Vec<f64>> {
     let equations = Equations::new(case);
     let mut states = vec![case.start.1.clone()];
     for i in 0..steps {

@@ -8,7 +8,7 @@ use crate::export_cases::{Case, case, cases, reference};
 use leverrier::internals::export::{EXPORTERS, IntegratorKind, Output, exporter};
 use leverrier::internals::expr::Symbol;
 
-pub fn files(output: Output) -> Vec<(String, String)> {
+pub(crate) fn files(output: Output) -> Vec<(String, String)> {
     match output {
         Output::Text(text) => vec![("text".to_string(), text)],
         Output::Files(files) => files,
@@ -20,7 +20,7 @@ fn run_export(name: &str, case: &Case) -> Vec<(String, String)> {
     files((row.export)(&case.export()).unwrap())
 }
 
-pub fn write(folder: &Path, files: &[(String, String)]) {
+pub(crate) fn write(folder: &Path, files: &[(String, String)]) {
     for (path, text) in files {
         let path = folder.join(path);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -29,7 +29,7 @@ pub fn write(folder: &Path, files: &[(String, String)]) {
 }
 
 /// Whether a program is installed; says so when it is not.
-pub fn installed(program: &str) -> bool {
+pub(crate) fn installed(program: &str) -> bool {
     let found = Command::new(program).arg("--version").output().is_ok_and(|o| o.status.success());
     if !found {
         eprintln!("{program} is not installed: its part of the test is left out");
@@ -38,7 +38,7 @@ pub fn installed(program: &str) -> bool {
 }
 
 #[track_caller]
-pub fn run(command: &mut Command) -> String {
+pub(crate) fn run(command: &mut Command) -> String {
     let output = command.output().unwrap();
     assert!(
         output.status.success(),

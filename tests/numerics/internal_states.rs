@@ -75,7 +75,7 @@ fn every_method_keeps_its_order_with_internal_states() {
                 assert_eq!(end[4..], [0.0, 0.0], "what has no momentum gets none");
                 end.iter().zip(expected).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
             };
-            keeps_its_order(method, &error);
+            keeps_its_order(method, error);
             assert!(error(256) < 1e-5, "{}: {}", row.name, error(256));
         }
     }

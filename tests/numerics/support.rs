@@ -9,7 +9,7 @@ use proptest::prelude::*;
 
 /// A system of two degrees of freedom with learned terms in T and V, an inner parameter in V
 /// and one that nothing uses, and on request a learned drive, or a learned drag and coupling.
-pub fn learned_system(driven: bool, separable: bool) -> System {
+pub(crate) fn learned_system(driven: bool, separable: bool) -> System {
     let mut system = known_system("learned", 2, |g, q, p, _| {
         let zero = g.number(0.0);
         let t = g.power(p[0], 2.0);
@@ -68,7 +68,7 @@ pub fn learned_system(driven: bool, separable: bool) -> System {
 }
 
 /// Largest entry of J^T Omega J - Omega of the state part of one lane's tangent.
-pub fn symplectic_defect(
+pub(crate) fn symplectic_defect(
     tangent: &[f64],
     n: usize,
     columns: usize,
@@ -94,7 +94,7 @@ pub fn symplectic_defect(
 
 /// The shape of a random expression.
 #[derive(Debug, Clone)]
-pub enum Shape {
+pub(crate) enum Shape {
     Number(f64),
     /// q1, p1, t, the first coefficient or the first inner parameter.
     Symbol(usize),
@@ -105,7 +105,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    pub fn build(&self, graph: &mut Graph) -> Expr {
+    pub(crate) fn build(&self, graph: &mut Graph) -> Expr {
         match self {
             Shape::Number(value) => graph.number(*value),
             Shape::Symbol(which) => {
@@ -139,7 +139,7 @@ impl Shape {
 }
 
 /// Random expressions of every kind of node and every function.
-pub fn shape() -> impl Strategy<Value = Shape> {
+pub(crate) fn shape() -> impl Strategy<Value = Shape> {
     let leaf = prop_oneof![
         1 => (-2.0..2.0_f64).prop_map(Shape::Number),
         4 => (0..5_usize).prop_map(Shape::Symbol),
@@ -159,7 +159,7 @@ pub fn shape() -> impl Strategy<Value = Shape> {
 }
 
 /// How far a value may be magnified by its parts: a rough bound of its condition.
-pub fn largest_part(graph: &Graph, expr: Expr, of: &dyn Fn(Symbol) -> f64) -> f64 {
+pub(crate) fn largest_part(graph: &Graph, expr: Expr, of: &dyn Fn(Symbol) -> f64) -> f64 {
     graph
         .topological(&[expr])
         .into_iter()
@@ -169,7 +169,7 @@ pub fn largest_part(graph: &Graph, expr: Expr, of: &dyn Fn(Symbol) -> f64) -> f6
 
 /// Whether errors after 2, 4, ... steps fall as a method's order says: the best order between two
 /// of them that are not rounding yet is at least its own, but for what a limit is from.
-pub fn keeps_its_order(method: Method, error: impl Fn(usize) -> f64) {
+pub(crate) fn keeps_its_order(method: Method, error: impl Fn(usize) -> f64) {
     let row = method.row();
     let errors: Vec<f64> =
         (1..9).map(|level| error(1 << level)).take_while(|error| *error > 1e-12).collect();

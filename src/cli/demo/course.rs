@@ -20,7 +20,7 @@ use crate::simulate::{
 };
 
 /// One folder of the course.
-pub struct Course {
+pub(super) struct Course {
     /// What moves, in a sentence.
     pub about: &'static str,
     pub truth: &'static str,
@@ -38,7 +38,7 @@ pub struct Course {
 }
 
 /// Nonlinearly coupled oscillators: 200 noisy runs of four samples.
-pub static COUPLED: Course = Course {
+pub(super) static COUPLED: Course = Course {
     about: "two oscillators with a coupling that is not linear",
     truth: include_str!("../../../examples/coupled-oscillators/truth.ham"),
     spec: include_str!("../../../examples/coupled-oscillators/fit.ham"),
@@ -51,7 +51,7 @@ pub static COUPLED: Course = Course {
 };
 
 /// Five masses and six springs: 800 consecutive pairs.
-pub static SPRINGS: Course = Course {
+pub(super) static SPRINGS: Course = Course {
     about: "five masses between two walls, joined by six springs",
     truth: include_str!("../../../examples/mass-spring/truth.ham"),
     spec: include_str!("../../../examples/mass-spring/fit.ham"),
@@ -75,7 +75,7 @@ pub static SPRINGS: Course = Course {
 };
 
 /// A pendulum: 200 consecutive pairs, and numbers inside a sine.
-pub static PENDULUM: Course = Course {
+pub(super) static PENDULUM: Course = Course {
     about: "a pendulum let go at 1.4",
     truth: include_str!("../../../examples/pendulum/truth.ham"),
     spec: include_str!("../../../examples/pendulum/fit.ham"),
@@ -88,7 +88,7 @@ pub static PENDULUM: Course = Course {
 };
 
 /// Makes the data, learns the law from them, and shows it beside the truth.
-pub fn walk(stage: &DemoRun, course: &Course) -> Result<Value> {
+pub(super) fn walk(stage: &DemoRun, course: &Course) -> Result<Value> {
     let say = |text: &str| match stage.console.is_json() {
         true => Ok(()),
         false => stage.console.text(&format!("{}\n\n", text.trim_end())),

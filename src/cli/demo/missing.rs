@@ -52,7 +52,7 @@ const TERMS: [(&str, &str, f64); 2] = [("V", "cos(q)", -1.0), ("force q", "-p", 
 const NOISE: f64 = 0.01;
 
 /// The hidden drag.
-pub fn drag(stage: &DemoRun) -> Result<Value> {
+pub(super) fn drag(stage: &DemoRun) -> Result<Value> {
     let runs = if stage.quick { 6 } else { 8 };
     measure(stage, runs)?;
     // In the folder itself, so that commands are shown as one would type them.

@@ -10,7 +10,7 @@ use crate::expr::{Bounds, Expr, Function, Graph, Place, System, Term};
 /// either side.
 ///
 /// Empty when the values do not spread.
-pub fn centres(values: &mut Vec<f64>, count: usize, outermost: f64) -> Vec<f64> {
+pub(super) fn centres(values: &mut Vec<f64>, count: usize, outermost: f64) -> Vec<f64> {
     values.retain(|x| x.is_finite());
     if values.len() < 2 * count || count < 2 {
         return Vec::new();
@@ -26,7 +26,7 @@ pub fn centres(values: &mut Vec<f64>, count: usize, outermost: f64) -> Vec<f64> 
 }
 
 /// The hat functions of `variable` around the centres; the outermost ones stay 1 beyond them.
-pub fn hats(graph: &mut Graph, variable: Expr, centres: &[f64]) -> Vec<Expr> {
+pub(super) fn hats(graph: &mut Graph, variable: Expr, centres: &[f64]) -> Vec<Expr> {
     let abs = Function::ABS;
     let Some(width) = centres.windows(2).map(|pair| pair[1] - pair[0]).next() else {
         return Vec::new();
@@ -58,7 +58,7 @@ fn clamped(graph: &mut Graph, x: Expr, lower: f64, upper: f64, abs: Function) ->
 }
 
 /// Terms of a force on one coordinate, one for each expression.
-pub fn force_terms(coordinate: usize, exprs: &[Expr], system: &System) -> Vec<Term> {
+pub(super) fn force_terms(coordinate: usize, exprs: &[Expr], system: &System) -> Vec<Term> {
     exprs
         .iter()
         .map(|&expr| Term {

@@ -70,7 +70,7 @@ pub fn residual_maps(model: &LawOnData) -> Result<Vec<ResidualMap>> {
 /// # Errors
 ///
 /// When the data do not suffice to ask for it.
-pub fn strongest_map(model: &LawOnData) -> Result<Option<ResidualMap>> {
+pub(crate) fn strongest_map(model: &LawOnData) -> Result<Option<ResidualMap>> {
     let maps = residual_maps(model)?;
     let count = maps.len() as f64;
     let most = maps.into_iter().min_by(|a, b| a.p_value.total_cmp(&b.p_value));

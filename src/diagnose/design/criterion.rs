@@ -27,7 +27,7 @@ pub(super) struct Sampling {
 
 impl Sampling {
     /// The sampling of a run at `times`, made beside the measurements so far.
-    pub fn beside(dataset: &Dataset, times: Vec<f64>) -> Sampling {
+    pub(super) fn beside(dataset: &Dataset, times: Vec<f64>) -> Sampling {
         let mut all = dataset.clone();
         let values = vec![vec![0.0; times.len()]; all.observables.len()];
         let lines = vec![0; times.len()];
@@ -78,7 +78,7 @@ pub(super) struct Criterion<'a> {
 
 impl Criterion<'_> {
     /// Pairs of (true rival, rival against it), in the order of [`Criterion::evaluate`].
-    pub fn pairs(&self) -> Vec<(usize, usize)> {
+    pub(super) fn pairs(&self) -> Vec<(usize, usize)> {
         let count = self.known.len();
         (0..count)
             .flat_map(|a| (0..count).filter_map(move |b| (a != b).then_some((a, b))))
@@ -88,7 +88,7 @@ impl Criterion<'_> {
     /// What each planned_run would bring: the growth of the deviance for each of the pairs, or the
     /// standard error of the unknown. `None` where the motion is not allowed, or cannot be
     /// followed.
-    pub fn evaluate(&self, planned: &[PlannedRun]) -> Vec<Option<Vec<f64>>> {
+    pub(super) fn evaluate(&self, planned: &[PlannedRun]) -> Vec<Option<Vec<f64>>> {
         let runs: Vec<(&[f64], &[f64])> =
             planned.iter().map(|t| (t.start.as_slice(), t.sampling.times.as_slice())).collect();
         let paths: Vec<Vec<Path>> = self.known.iter().map(|known| known.predict(&runs)).collect();
@@ -127,7 +127,7 @@ impl Criterion<'_> {
 
     /// The growth of the deviance for each of the pairs, every rival refitted in full to the
     /// measurements so far and what the true one predicts. `None` as in [`Criterion::evaluate`].
-    pub fn evaluate_in_full(&self, planned_run: &PlannedRun) -> Option<Vec<f64>> {
+    pub(super) fn evaluate_in_full(&self, planned_run: &PlannedRun) -> Option<Vec<f64>> {
         let runs = [(planned_run.start.as_slice(), planned_run.sampling.times.as_slice())];
         let planned = std::slice::from_ref(planned_run);
         let paths: Vec<Vec<Path>> = self.known.iter().map(|known| known.predict(&runs)).collect();

@@ -102,7 +102,7 @@ pub(super) struct Known<'a> {
 impl<'a> Known<'a> {
     /// Fits a rival to the measurements so far, in segments of `window` samples, with the noise
     /// that all rivals are judged by.
-    pub fn new(
+    pub(super) fn new(
         rival: &'a Rival,
         data: &Measurements<'a>,
         window: usize,
@@ -132,7 +132,7 @@ impl<'a> Known<'a> {
 
     /// Trajectories from (start, times) of each run; where one leaves the finite numbers, so do
     /// its states.
-    pub fn predict(&self, runs: &[(&[f64], &[f64])]) -> Vec<Path> {
+    pub(super) fn predict(&self, runs: &[(&[f64], &[f64])]) -> Vec<Path> {
         runs.par_chunks(self.model.tuning().design.lanes)
             .flat_map_iter(|chunk| self.predict_block(chunk))
             .collect()
@@ -180,7 +180,12 @@ impl<'a> Known<'a> {
 
     /// The rival on other measurements, from guesses of the segments' initial states: one
     /// factor for each fold of the segments.
-    pub fn before(&self, dataset: &Dataset, segments: &Segments, mut states: States) -> Linearised {
+    pub(super) fn before(
+        &self,
+        dataset: &Dataset,
+        segments: &Segments,
+        mut states: States,
+    ) -> Linearised {
         let model = self.on(dataset);
         let weights = model.law.weights();
         let law = (&self.dynamics, &self.theta[..]);
@@ -188,7 +193,7 @@ impl<'a> Known<'a> {
     }
 
     /// The loss after a full refit to other measurements.
-    pub fn refitted(&self, dataset: &Dataset, segments: &Segments, states: States) -> f64 {
+    pub(super) fn refitted(&self, dataset: &Dataset, segments: &Segments, states: States) -> f64 {
         let start = (&self.dynamics, &self.theta[..]);
         fitted(&self.on(dataset), start, segments, states).sums().loss
     }
@@ -198,7 +203,7 @@ impl<'a> Known<'a> {
     }
 
     /// Deviance so far, with a price of log(residuals) for every unknown.
-    pub fn standing(&self) -> f64 {
+    pub(super) fn standing(&self) -> f64 {
         self.sums.loss + self.theta.len() as f64 * (self.sums.rows.max(1) as f64).ln()
     }
 }

@@ -4,7 +4,7 @@ use iced_x86::{Code, Encoder, Instruction, MemoryOperand, Register};
 
 /// How many numbers a register holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Width {
+pub(super) enum Width {
     /// One, for a single trajectory.
     One,
     /// Four: AVX2.
@@ -15,7 +15,7 @@ pub enum Width {
 
 impl Width {
     /// Numbers in a register.
-    pub fn lanes(self) -> usize {
+    pub(super) fn lanes(self) -> usize {
         match self {
             Width::One => 1,
             Width::Four => 4,
@@ -24,12 +24,12 @@ impl Width {
     }
 
     /// Bytes of a register in memory.
-    pub fn bytes(self) -> i64 {
+    pub(super) fn bytes(self) -> i64 {
         8 * self.lanes() as i64
     }
 
     /// Number of registers.
-    pub fn registers(self) -> usize {
+    pub(super) fn registers(self) -> usize {
         if self == Width::Eight { 32 } else { 16 }
     }
 
@@ -45,7 +45,7 @@ impl Width {
 
 /// A place in memory, as large as a register.
 #[derive(Debug, Clone, Copy)]
-pub struct Place {
+pub(super) struct Place {
     /// That of the first copy.
     pub first: MemoryOperand,
     /// Bytes from one copy to the next; 0 if all copies share it.
@@ -63,7 +63,7 @@ impl Place {
 
 /// The last operand of an instruction.
 #[derive(Debug, Clone, Copy)]
-pub enum Operand {
+pub(super) enum Operand {
     /// A vector register by its number.
     Register(u8),
     /// A place in memory.
@@ -72,7 +72,7 @@ pub enum Operand {
 
 /// Two operands and a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Binary {
+pub(super) enum Binary {
     Add,
     Subtract,
     Multiply,
@@ -83,7 +83,7 @@ pub enum Binary {
 
 /// A product and a sum in one rounding, named by the order of target, middle and last.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Fused {
+pub(super) enum Fused {
     /// target = middle * last + target.
     Accumulate,
     /// target = middle * target + last.
@@ -96,7 +96,7 @@ pub enum Fused {
 ///
 /// Every instruction on vector registers can be written twice, for the next points too: the
 /// processor then has something to do while an instruction waits for the one before it.
-pub struct Assembler {
+pub(super) struct Assembler {
     pub width: Width,
     copies: u8,
     encoder: Encoder,
@@ -107,22 +107,22 @@ pub struct Assembler {
 
 impl Assembler {
     /// Writes every instruction on vector registers `copies` times, once or twice.
-    pub fn new(width: Width, copies: u8) -> Assembler {
+    pub(super) fn new(width: Width, copies: u8) -> Assembler {
         Assembler { width, copies, encoder: Encoder::new(64), length: 0, failed: false }
     }
 
     /// How often an instruction is written.
-    pub fn copies(&self) -> usize {
+    pub(super) fn copies(&self) -> usize {
         usize::from(self.copies)
     }
 
     /// Numbers that a register and its copies hold.
-    pub fn lanes(&self) -> usize {
+    pub(super) fn lanes(&self) -> usize {
         self.width.lanes() * self.copies()
     }
 
     /// Registers that each copy has to itself; one that they share is behind them.
-    pub fn registers(&self) -> usize {
+    pub(super) fn registers(&self) -> usize {
         match self.copies {
             1 => self.width.registers(),
             _ => self.width.registers() / 2 - 1,
@@ -134,16 +134,16 @@ impl Assembler {
     }
 
     /// Bytes so far.
-    pub fn position(&self) -> u64 {
+    pub(super) fn position(&self) -> u64 {
         self.length
     }
 
     /// The code, if all of it could be encoded.
-    pub fn finish(mut self) -> Option<Vec<u8>> {
+    pub(super) fn finish(mut self) -> Option<Vec<u8>> {
         (!self.failed).then(|| self.encoder.take_buffer())
     }
 
-    pub fn emit(&mut self, instruction: Result<Instruction, iced_x86::IcedError>) {
+    pub(super) fn emit(&mut self, instruction: Result<Instruction, iced_x86::IcedError>) {
         let Ok(instruction) = instruction else {
             self.failed = true;
             return;
@@ -162,7 +162,7 @@ impl Assembler {
         }]
     }
 
-    pub fn load(&mut self, to: u8, from: Place) {
+    pub(super) fn load(&mut self, to: u8, from: Place) {
         for copy in 0..self.copies {
             self.load_one(self.register(to, copy), from.of(copy));
         }
@@ -177,7 +177,7 @@ impl Assembler {
         self.emit(Instruction::with2(code, to, from));
     }
 
-    pub fn store(&mut self, to: Place, from: u8) {
+    pub(super) fn store(&mut self, to: Place, from: u8) {
         let code = self.by_width([
             Code::VEX_Vmovsd_m64_xmm,
             Code::VEX_Vmovupd_ymmm256_ymm,
@@ -188,7 +188,7 @@ impl Assembler {
         }
     }
 
-    pub fn copy(&mut self, to: u8, from: u8) {
+    pub(super) fn copy(&mut self, to: u8, from: u8) {
         let code = self.by_width([
             Code::VEX_Vmovapd_xmm_xmmm128,
             Code::VEX_Vmovapd_ymm_ymmm256,
@@ -200,7 +200,7 @@ impl Assembler {
         }
     }
 
-    pub fn binary(&mut self, operation: Binary, to: u8, a: u8, b: Operand) {
+    pub(super) fn binary(&mut self, operation: Binary, to: u8, a: u8, b: Operand) {
         let code = match operation {
             Binary::Add => self.by_width([
                 Code::VEX_Vaddsd_xmm_xmm_xmmm64,
@@ -231,7 +231,7 @@ impl Assembler {
         self.three(code, to, a, b);
     }
 
-    pub fn fused(&mut self, order: Fused, target: u8, middle: u8, last: Operand) {
+    pub(super) fn fused(&mut self, order: Fused, target: u8, middle: u8, last: Operand) {
         let code = match order {
             Fused::Accumulate => self.by_width([
                 Code::VEX_Vfmadd231sd_xmm_xmm_xmmm64,
@@ -252,7 +252,7 @@ impl Assembler {
         self.three(code, target, middle, last);
     }
 
-    pub fn square_root(&mut self, to: u8, from: u8) {
+    pub(super) fn square_root(&mut self, to: u8, from: u8) {
         for copy in 0..self.copies {
             let (to, from) = (self.register(to, copy), self.register(from, copy));
             self.emit(match self.width {
@@ -288,23 +288,23 @@ impl Assembler {
     }
 
     /// A jump back to `position` as long as the last comparison found less (unsigned).
-    pub fn jump_if_below(&mut self, position: u64) {
+    pub(super) fn jump_if_below(&mut self, position: u64) {
         self.emit(Instruction::with_branch(Code::Jb_rel32_64, position));
     }
 
     /// A jump back to `position` as long as the last result was not zero.
-    pub fn jump_if_not_zero(&mut self, position: u64) {
+    pub(super) fn jump_if_not_zero(&mut self, position: u64) {
         self.emit(Instruction::with_branch(Code::Jne_rel32_64, position));
     }
 
     /// Calls a function that lives as long as the program.
-    pub fn call(&mut self, address: usize) {
+    pub(super) fn call(&mut self, address: usize) {
         self.emit(Instruction::with2(Code::Mov_r64_imm64, Register::RAX, address as u64));
         self.emit(Instruction::with1(Code::Call_rm64, Register::RAX));
     }
 
     /// Ends the function.
-    pub fn leave(&mut self) {
+    pub(super) fn leave(&mut self) {
         if self.width != Width::One {
             self.emit(Ok(Instruction::with(Code::VEX_Vzeroupper)));
         }

@@ -5,10 +5,10 @@ use std::io;
 use memmap2::{Mmap, MmapMut};
 
 /// Puts machine code into executable memory; tests replace it by one that fails.
-pub type Mapper = fn(&[u8]) -> io::Result<Mmap>;
+pub(super) type Mapper = fn(&[u8]) -> io::Result<Mmap>;
 
 /// What the operating system gives.
-pub fn map(bytes: &[u8]) -> io::Result<Mmap> {
+pub(super) fn map(bytes: &[u8]) -> io::Result<Mmap> {
     let mut memory = MmapMut::map_anon(bytes.len().max(1))?;
     memory[..bytes.len()].copy_from_slice(bytes);
     memory.make_exec()

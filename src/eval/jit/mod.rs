@@ -9,7 +9,7 @@
 
 mod assembler;
 mod memory;
-pub mod steps;
+pub(super) mod steps;
 mod straight;
 
 use std::io;
@@ -34,7 +34,7 @@ const MOST_PHASES: usize = 64;
 const BLOCK_BYTES: usize = 24 << 10;
 
 /// A function in machine code.
-pub struct Machinecode {
+pub(super) struct Machinecode {
     memory: Mmap,
     width: Width,
     /// Points that the code does at once: those of a register, or of two.
@@ -101,7 +101,11 @@ fn is_at_hand(instruction: Instruction) -> bool {
 impl Machinecode {
     /// Machine code for the instruction set; `None` where there can be none: on a processor
     /// without AVX2, if the operating system refuses, for code that is too long.
-    pub fn new(lowered: &Lowered, uniforms: Uniforms, set: InstructionSet) -> Option<Machinecode> {
+    pub(super) fn new(
+        lowered: &Lowered,
+        uniforms: Uniforms,
+        set: InstructionSet,
+    ) -> Option<Machinecode> {
         let set = set.min(InstructionSet::widest());
         let width = match set {
             InstructionSet::Plain => return None,
@@ -112,7 +116,7 @@ impl Machinecode {
     }
 
     /// Machine code that does one point at a time.
-    pub fn for_one_point(lowered: &Lowered, uniforms: Uniforms) -> Option<Machinecode> {
+    pub(super) fn for_one_point(lowered: &Lowered, uniforms: Uniforms) -> Option<Machinecode> {
         match InstructionSet::widest() {
             InstructionSet::Plain => None,
             set => Machinecode::with(lowered, uniforms, set, Width::One, map),

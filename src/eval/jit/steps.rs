@@ -40,7 +40,7 @@ const SAVED: [Register; 5] =
 type Entry = unsafe extern "sysv64" fn(*mut f64, *const f64, *mut f64, usize);
 
 /// A loop of steps in machine code.
-pub struct MachineSteps {
+pub(crate) struct MachineSteps {
     memory: Mmap,
     /// Of drift and kick.
     uniforms: [Uniforms; 2],
@@ -56,7 +56,7 @@ extern "sysv64" fn function(x: f64, row: &'static FunctionRow) -> f64 {
 
 impl MachineSteps {
     /// Machine code for a composition; `None` where there can be none.
-    pub fn new(source: &StepSource) -> Option<MachineSteps> {
+    pub(crate) fn new(source: &StepSource) -> Option<MachineSteps> {
         if InstructionSet::widest() == InstructionSet::Plain {
             return None;
         }

@@ -12,7 +12,7 @@ use crate::expr::MachineInstruction;
 
 /// Where a value is in memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Home {
+pub(super) enum Home {
     /// A row of numbers, one for each point, by its place in the table of rows.
     Row(u32),
     /// A number that is the same at every point.
@@ -25,7 +25,7 @@ pub enum Home {
 
 /// Machine registers that hold addresses while the code runs.
 #[derive(Debug, Clone, Copy)]
-pub struct Frame {
+pub(super) struct Frame {
     /// Addresses of the rows.
     pub table: Register,
     /// Number of the point.
@@ -37,7 +37,7 @@ pub struct Frame {
 
 /// Slots behind those of the program, with numbers that the code itself needs.
 #[derive(Debug, Clone, Copy)]
-pub struct Constants {
+pub(super) struct Constants {
     /// 1.
     pub one: u32,
     /// All bits but the sign.
@@ -46,13 +46,13 @@ pub struct Constants {
 
 /// An operand before it is known where it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Source {
+pub(super) enum Source {
     Value(Value),
     Slot(u32),
 }
 
 /// The code of a straight line as it grows.
-pub struct Straight<'a> {
+pub(super) struct Straight<'a> {
     pub assembler: Assembler,
     frame: Frame,
     constants: Constants,
@@ -76,7 +76,7 @@ pub struct Straight<'a> {
 impl<'a> Straight<'a> {
     /// For each value: where it is from the start, the places in the code (ascending) that need
     /// it, and where it goes as soon as it is there.
-    pub fn new(
+    pub(super) fn new(
         assembler: Assembler,
         frame: Frame,
         constants: Constants,
@@ -102,18 +102,18 @@ impl<'a> Straight<'a> {
     }
 
     /// Says that a value is in a register from the start.
-    pub fn hold(&mut self, value: Value, register: u8) {
+    pub(super) fn hold(&mut self, value: Value, register: u8) {
         self.held[register as usize] = Some(value);
         self.register[value as usize] = Some(register);
     }
 
     /// The register that holds a value.
-    pub fn register_of(&self, value: Value) -> Option<u8> {
+    pub(super) fn register_of(&self, value: Value) -> Option<u8> {
         self.register[value as usize]
     }
 
     /// Code of one instruction; calls are for others to write.
-    pub fn instruction(&mut self, at: usize, value: Value, instruction: Instruction) {
+    pub(super) fn instruction(&mut self, at: usize, value: Value, instruction: Instruction) {
         use Source::{Slot as S, Value as V};
         self.move_to(at);
         self.keep(instruction);
@@ -158,7 +158,7 @@ impl<'a> Straight<'a> {
     }
 
     /// A value has been computed into a register.
-    pub fn define(&mut self, value: Value, to: u8) {
+    pub(super) fn define(&mut self, value: Value, to: u8) {
         self.hold(value, to);
         self.store_at_once(value, Some(to));
         if self.next_use(value).is_none() {
@@ -275,7 +275,7 @@ impl<'a> Straight<'a> {
     }
 
     /// Brings an operand into a register and keeps it there for this instruction.
-    pub fn in_register(&mut self, source: Source) -> u8 {
+    pub(super) fn in_register(&mut self, source: Source) -> u8 {
         if let Source::Value(value) = source
             && let Some(register) = self.register_of(value)
         {
@@ -302,7 +302,7 @@ impl<'a> Straight<'a> {
         Operand::Memory(self.memory_of(source))
     }
 
-    pub fn memory_of(&mut self, source: Source) -> Place {
+    pub(super) fn memory_of(&mut self, source: Source) -> Place {
         let home = match source {
             Source::Slot(slot) => Home::Slot(slot),
             // Every value is somewhere: in a register, or where it was put from there.
@@ -312,7 +312,7 @@ impl<'a> Straight<'a> {
     }
 
     /// The address of a place; that of a row is first looked up in the table.
-    pub fn memory(&mut self, home: Home) -> Place {
+    pub(super) fn memory(&mut self, home: Home) -> Place {
         let bytes = self.assembler.width.bytes();
         // Slots are the same at every point; other places have one for each copy.
         let (copies, apart) = match home {
@@ -337,7 +337,7 @@ impl<'a> Straight<'a> {
     }
 
     /// A free register, if need be by sending a value away. Not one that is busy.
-    pub fn take(&mut self) -> u8 {
+    pub(super) fn take(&mut self) -> u8 {
         if let Some(free) = (0..self.held.len())
             .find(|&r| self.held[r].is_none() && !self.busy.contains(&(r as u8)))
         {
@@ -355,7 +355,7 @@ impl<'a> Straight<'a> {
     }
 
     /// Frees a register; its value goes to memory if it is needed and not there.
-    pub fn send_away(&mut self, register: u8) {
+    pub(super) fn send_away(&mut self, register: u8) {
         let Some(value) = self.held[register as usize] else { return };
         if self.next_use(value).is_some() && self.home[value as usize].is_none() {
             let place = self.free_spills.pop().unwrap_or_else(|| {
@@ -371,7 +371,7 @@ impl<'a> Straight<'a> {
 
     /// Sends every value away that is needed after the present instruction: a call follows.
     /// What the registers hold stays there until then.
-    pub fn send_all_away(&mut self) {
+    pub(super) fn send_all_away(&mut self) {
         self.busy.clear();
         for register in 0..self.held.len() as u8 {
             self.send_away(register);
@@ -416,14 +416,14 @@ impl<'a> Straight<'a> {
     }
 
     /// Keeps the operands of an instruction in their registers until it is done.
-    pub fn keep(&mut self, instruction: Instruction) {
+    pub(super) fn keep(&mut self, instruction: Instruction) {
         let operands = instruction.operands();
         let here: Vec<u8> = operands.filter_map(|value| self.register_of(value)).collect();
         self.busy.extend(here);
     }
 
     /// The present place in the code.
-    pub fn move_to(&mut self, at: usize) {
+    pub(super) fn move_to(&mut self, at: usize) {
         self.at = at;
         self.busy.clear();
     }

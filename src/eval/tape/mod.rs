@@ -15,7 +15,7 @@ use super::uniform::Uniforms;
 use super::{Backend, Evaluator, InstructionSet, elementary, power};
 
 /// A function as a tape.
-pub struct Tape {
+pub(super) struct Tape {
     program: Program,
     uniforms: Uniforms,
     outputs: usize,
@@ -57,7 +57,7 @@ impl Runs {
 }
 
 impl Tape {
-    pub fn new(lowered: &Lowered, uniforms: Uniforms, set: InstructionSet) -> Tape {
+    pub(super) fn new(lowered: &Lowered, uniforms: Uniforms, set: InstructionSet) -> Tape {
         let set = set.min(InstructionSet::widest());
         Tape { program: Program::new(lowered), uniforms, outputs: lowered.outputs.len(), set }
     }

@@ -10,12 +10,12 @@ use crate::eval::lower::Lowered;
 use crate::expr::Function;
 
 /// A register of the tape, which holds a row.
-pub type Place = u32;
+pub(super) type Place = u32;
 
 /// What becomes of the accumulator. `Of` in a name: the accumulator is not read, only written.
 /// `first` is the place of a step's numbers or pairs in the lists of the [`Program`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Step {
+pub(super) enum Step {
     /// A row of the points.
     Load { input: u32 },
     /// The number at every point.
@@ -80,7 +80,7 @@ pub enum Step {
 
 /// Steps, and the lists that they refer to.
 #[derive(Debug, Default)]
-pub struct Program {
+pub(super) struct Program {
     pub steps: Vec<Step>,
     /// The slots of the steps' numbers, in the order in which they are needed.
     pub slots: Vec<u32>,
@@ -91,7 +91,7 @@ pub struct Program {
 }
 
 impl Program {
-    pub fn new(lowered: &Lowered) -> Program {
+    pub(super) fn new(lowered: &Lowered) -> Program {
         let count = lowered.code.len();
         let mut last_use: Vec<usize> = (0..count).collect();
         for (at, instruction) in lowered.code.iter().enumerate() {

@@ -16,7 +16,7 @@
 /// # Safety
 ///
 /// The type is `LANES` numbers side by side and nothing else; every pattern of bits is one of it.
-pub unsafe trait Vector: Copy {
+pub(super) unsafe trait Vector: Copy {
     /// Numbers in a register.
     const LANES: usize;
     /// Whether the processor has too few registers for an operand of a whole block beside the
@@ -34,25 +34,25 @@ pub unsafe trait Vector: Copy {
 }
 
 /// The numbers of one value at the points of a block.
-pub type Row<V, const W: usize> = [V; W];
+pub(super) type Row<V, const W: usize> = [V; W];
 
 /// The numbers of a row, one for each point.
 #[inline(always)]
-pub fn numbers<V: Vector, const W: usize>(row: &Row<V, W>) -> &[f64] {
+pub(super) fn numbers<V: Vector, const W: usize>(row: &Row<V, W>) -> &[f64] {
     // SAFETY: a row is so many numbers side by side.
     unsafe { std::slice::from_raw_parts(row.as_ptr().cast(), W * V::LANES) }
 }
 
 /// The same to be written.
 #[inline(always)]
-pub fn numbers_mut<V: Vector, const W: usize>(row: &mut Row<V, W>) -> &mut [f64] {
+pub(super) fn numbers_mut<V: Vector, const W: usize>(row: &mut Row<V, W>) -> &mut [f64] {
     // SAFETY: as above; a row may hold any numbers.
     unsafe { std::slice::from_raw_parts_mut(row.as_mut_ptr().cast(), W * V::LANES) }
 }
 
 /// The rows that memory has room for, from the first place on where one may stand.
 #[inline(always)]
-pub fn rows<V: Vector, const W: usize>(memory: &mut [f64]) -> &mut [Row<V, W>] {
+pub(super) fn rows<V: Vector, const W: usize>(memory: &mut [f64]) -> &mut [Row<V, W>] {
     // SAFETY: a row is so many numbers side by side and may hold any.
     unsafe { memory.align_to_mut().1 }
 }
@@ -67,7 +67,7 @@ fn read<V: Vector>(from: &[f64], at: usize) -> V {
 
 /// Puts one row into another.
 #[inline(always)]
-pub fn put<V: Vector, const W: usize>(to: &mut Row<V, W>, from: &Row<V, W>) {
+pub(super) fn put<V: Vector, const W: usize>(to: &mut Row<V, W>, from: &Row<V, W>) {
     for i in 0..W {
         to[i] = from[i];
     }
@@ -75,7 +75,7 @@ pub fn put<V: Vector, const W: usize>(to: &mut Row<V, W>, from: &Row<V, W>) {
 
 /// x * b + number, for one number after the other.
 #[inline(always)]
-pub fn horner<V: Vector, const W: usize>(x: &mut Row<V, W>, b: &Row<V, W>, given: &[f64]) {
+pub(super) fn horner<V: Vector, const W: usize>(x: &mut Row<V, W>, b: &Row<V, W>, given: &[f64]) {
     for &number in given {
         let number = V::splat(number);
         for i in 0..W {
@@ -94,7 +94,7 @@ pub fn horner<V: Vector, const W: usize>(x: &mut Row<V, W>, b: &Row<V, W>, given
 
 /// The row of the first numbers of a slice; zeros where there are not enough.
 #[inline(always)]
-pub fn load<V: Vector, const W: usize>(row: &mut Row<V, W>, from: &[f64]) {
+pub(super) fn load<V: Vector, const W: usize>(row: &mut Row<V, W>, from: &[f64]) {
     if from.len() == W * V::LANES {
         for i in 0..W {
             row[i] = read(from, i * V::LANES);
@@ -108,7 +108,7 @@ pub fn load<V: Vector, const W: usize>(row: &mut Row<V, W>, from: &[f64]) {
 
 /// As many numbers of a row as a slice has room for.
 #[inline(always)]
-pub fn store<V: Vector, const W: usize>(row: &Row<V, W>, to: &mut [f64]) {
+pub(super) fn store<V: Vector, const W: usize>(row: &Row<V, W>, to: &mut [f64]) {
     if to.len() == W * V::LANES {
         for i in 0..W {
             let to = &mut to[i * V::LANES..][..V::LANES];

@@ -14,7 +14,7 @@ use crate::spec::resolve::{Force, Meaning};
 
 /// A term before labels and constraints.
 #[derive(Debug, Clone, PartialEq)]
-pub struct DraftTerm {
+pub(super) struct DraftTerm {
     pub place: Place,
     pub expr: Expr,
     pub unit: Option<Unit>,
@@ -31,7 +31,7 @@ pub struct DraftTerm {
 
 /// What a coefficient multiplies at a further place.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TermPart {
+pub(super) struct TermPart {
     pub place: Place,
     pub expr: Expr,
     pub unit: Option<Unit>,

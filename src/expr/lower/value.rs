@@ -10,7 +10,7 @@ use crate::spec::families;
 
 /// An expression and its unit; `None` where the unit is not known and nothing is checked.
 #[derive(Debug, Clone, Copy)]
-pub struct Value {
+pub(super) struct Value {
     pub expr: Expr,
     pub unit: Option<Unit>,
 }

@@ -9,7 +9,7 @@ use crate::report::present;
 use crate::simplify::Style;
 
 /// A heading and what stands below it.
-pub struct Section {
+pub(crate) struct Section {
     pub id: &'static str,
     pub title: &'static str,
     pub body: String,
@@ -18,7 +18,7 @@ pub struct Section {
 type Drawn = [(&'static str, Vec<Figure>)];
 
 /// All sections that have something to say.
-pub fn all(page: &Page, figures: &Drawn) -> Vec<Section> {
+pub(crate) fn all(page: &Page, figures: &Drawn) -> Vec<Section> {
     let mut sections = vec![
         Section { id: "law", title: "The law", body: law(page) },
         Section { id: "findings", title: "Findings", body: findings(page) },
@@ -44,7 +44,7 @@ pub fn all(page: &Page, figures: &Drawn) -> Vec<Section> {
 }
 
 /// The numbers that a reader looks for first.
-pub fn cards(page: &Page) -> String {
+pub(crate) fn cards(page: &Page) -> String {
     let mut out = String::from("<div class=\"cards\">\n");
     let mut card = |number: &str, words: &str| {
         // The name of an effect breaks before its arguments.
@@ -98,7 +98,7 @@ fn law(page: &Page) -> String {
 }
 
 /// The law, typeset.
-pub fn equations(page: &Page) -> String {
+pub(crate) fn equations(page: &Page) -> String {
     let mut out = String::new();
     let (motion, energy): (Vec<_>, Vec<_>) = page.formulas.iter().partition(|f| f.motion);
     if energy.is_empty() {
@@ -122,7 +122,7 @@ pub fn equations(page: &Page) -> String {
 }
 
 /// What was done to the printed law, and the numbers in it.
-pub fn numbers(page: &Page) -> String {
+pub(crate) fn numbers(page: &Page) -> String {
     let mut out = String::new();
     out +=
         "<p class=\"soft\">Digits in parentheses are the standard error of the last digits.</p>\n";
@@ -144,7 +144,7 @@ pub fn numbers(page: &Page) -> String {
 }
 
 /// A sentence with its capital letter, its full stop and its minus signs.
-pub fn sentence(text: &str) -> String {
+pub(crate) fn sentence(text: &str) -> String {
     let mut letters = text.trim().chars();
     let first: String = letters.next().map(|c| c.to_uppercase().collect()).unwrap_or_default();
     // Names of effects and terms stay as they are.
@@ -168,7 +168,7 @@ fn sentences(all: impl Iterator<Item = String>) -> String {
 }
 
 /// Where the model fails, what is missing and what is odd about the data.
-pub fn found(page: &Page) -> Vec<String> {
+pub(crate) fn found(page: &Page) -> Vec<String> {
     let mut all = page.material.comparison.findings.clone();
     if let Some(diagnosis) = page.material.diagnosis {
         all.push(format!("{}: {}", verdict(diagnosis.verdict), diagnosis.reason));
@@ -177,7 +177,7 @@ pub fn found(page: &Page) -> Vec<String> {
     all
 }
 
-pub fn findings(page: &Page) -> String {
+pub(crate) fn findings(page: &Page) -> String {
     let how = format!(
         "<p class=\"soft\">Split: {} The model that is judged: {}.</p>\n",
         escaped(page.split),
@@ -333,7 +333,7 @@ fn ledger(page: &Page, figures: &Drawn) -> String {
 }
 
 /// How much was measured, in a sentence.
-pub fn amount_of_data(page: &Page) -> String {
+pub(crate) fn amount_of_data(page: &Page) -> String {
     let data = page.data;
     let sampling = data.sampling;
     let time = unit(page.material.view.time.unit.as_deref());
@@ -355,7 +355,7 @@ pub fn amount_of_data(page: &Page) -> String {
     )
 }
 
-pub fn data(page: &Page) -> String {
+pub(crate) fn data(page: &Page) -> String {
     let data = page.data;
     let mut out = format!("<p>{}</p>\n", escaped(&amount_of_data(page)));
     out += &tables::columns(data).html();

@@ -14,7 +14,7 @@ use crate::report::plots::{escaped, measured, number, plain, tenths, term, unit}
 const MOST: usize = 40;
 
 /// A table: its head, its rows, and the columns that stand to the right.
-pub struct Table {
+pub(crate) struct Table {
     pub head: Vec<&'static str>,
     pub rows: Vec<Vec<String>>,
     pub numbers: Vec<usize>,
@@ -22,13 +22,13 @@ pub struct Table {
 
 impl Table {
     /// The first rows, and how many are left out.
-    pub fn shown(&self) -> (&[Vec<String>], usize) {
+    pub(crate) fn shown(&self) -> (&[Vec<String>], usize) {
         let most = self.rows.len().min(MOST);
         (&self.rows[..most], self.rows.len() - most)
     }
 
     /// Nothing without rows.
-    pub fn html(&self) -> String {
+    pub(crate) fn html(&self) -> String {
         if self.rows.is_empty() {
             return String::new();
         }
@@ -70,7 +70,7 @@ fn table(head: &[&'static str], mut rows: Vec<Vec<String>>, numbers: &[usize]) -
 }
 
 /// Coefficients and inner parameters of the law.
-pub fn coefficients(model: &Model) -> Table {
+pub(crate) fn coefficients(model: &Model) -> Table {
     let rows: Vec<Vec<String>> = model
         .terms
         .iter()
@@ -98,7 +98,7 @@ pub fn coefficients(model: &Model) -> Table {
 }
 
 /// The values of a number that groups of runs have for themselves.
-pub fn own_values(found: &Distribution) -> Table {
+pub(crate) fn own_values(found: &Distribution) -> Table {
     let rows: Vec<Vec<String>> = found
         .values
         .iter()
@@ -115,7 +115,7 @@ pub fn own_values(found: &Distribution) -> Table {
 }
 
 /// Noise of every observable.
-pub fn noise(page: &Page) -> Table {
+pub(crate) fn noise(page: &Page) -> Table {
     let view = page.material.view;
     let rows: Vec<Vec<String>> = view
         .observables
@@ -132,7 +132,7 @@ pub fn noise(page: &Page) -> Table {
 }
 
 /// Errors by length of prediction.
-pub fn horizons(comparison: &Comparison) -> Table {
+pub(crate) fn horizons(comparison: &Comparison) -> Table {
     let times = |error: f64| number(error, 3);
     let rows: Vec<Vec<String>> = comparison
         .horizons
@@ -153,7 +153,7 @@ pub fn horizons(comparison: &Comparison) -> Table {
 }
 
 /// Residual forces, the most telling first.
-pub fn forces(comparison: &Comparison) -> Table {
+pub(crate) fn forces(comparison: &Comparison) -> Table {
     let mut maps: Vec<_> = comparison.maps.iter().collect();
     maps.sort_by(|a, b| a.p_value.total_cmp(&b.p_value).then(b.deviance.total_cmp(&a.deviance)));
     let rows: Vec<Vec<String>> = maps
@@ -177,7 +177,7 @@ fn p_value_text(p: f64) -> String {
 }
 
 /// The leaders of a diagnosis.
-pub fn leaders(diagnosis: &Diagnosis) -> Table {
+pub(crate) fn leaders(diagnosis: &Diagnosis) -> Table {
     let rows: Vec<Vec<String>> = diagnosis
         .ranking
         .iter()
@@ -199,7 +199,7 @@ pub fn leaders(diagnosis: &Diagnosis) -> Table {
 }
 
 /// Models that came close.
-pub fn runners_up(model: &Model) -> Table {
+pub(crate) fn runners_up(model: &Model) -> Table {
     let rows: Vec<Vec<String>> = model
         .runners_up
         .iter()
@@ -216,7 +216,7 @@ pub fn runners_up(model: &Model) -> Table {
 }
 
 /// The ledger.
-pub fn ledger(history: &[HistoryEntry]) -> Table {
+pub(crate) fn ledger(history: &[HistoryEntry]) -> Table {
     let error = |error: Option<f64>| error.map_or(String::new(), |e| number(e, 3));
     let rows: Vec<Vec<String>> = history
         .iter()
@@ -234,7 +234,7 @@ pub fn ledger(history: &[HistoryEntry]) -> Table {
 }
 
 /// What was measured.
-pub fn columns(data: &DataReport) -> Table {
+pub(crate) fn columns(data: &DataReport) -> Table {
     let value = |x: Option<f64>| x.map_or("–".to_string(), |x| number(x, 5));
     let rows: Vec<Vec<String>> = data
         .columns
@@ -258,7 +258,7 @@ pub fn columns(data: &DataReport) -> Table {
 }
 
 /// Where samples are missing.
-pub fn gaps(data: &DataReport) -> Table {
+pub(crate) fn gaps(data: &DataReport) -> Table {
     let rows: Vec<Vec<String>> = data
         .gaps
         .iter()
@@ -277,7 +277,7 @@ pub fn gaps(data: &DataReport) -> Table {
 }
 
 /// Names and values.
-pub fn facts(facts: &[(String, String)]) -> String {
+pub(crate) fn facts(facts: &[(String, String)]) -> String {
     let mut out = String::from("<div class=\"scroll\"><table>\n<tbody>\n");
     for (name, value) in facts {
         let hash = value.len() >= 64 && value.split(' ').any(|word| word.len() == 64);

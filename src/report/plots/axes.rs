@@ -128,7 +128,7 @@ impl Axis {
 }
 
 /// Smallest and largest finite value.
-pub fn extent(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
+pub(super) fn extent(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     values.filter(|x| x.is_finite()).fold(None, |found, x| match found {
         None => Some((x, x)),
         Some((low, high)) => Some((f64::min(low, x), f64::max(high, x))),
@@ -147,7 +147,7 @@ fn apart(low: f64, high: f64) -> (f64, f64) {
 }
 
 /// Ticks at multiples of 1, 2 or 5 times a power of ten, about `count` of them, inside.
-pub fn nice_ticks(low: f64, high: f64, count: usize) -> Vec<Tick> {
+pub(super) fn nice_ticks(low: f64, high: f64, count: usize) -> Vec<Tick> {
     let rough = (high / 2.0 - low / 2.0) / count.max(1) as f64 * 2.0;
     if !(rough.is_finite() && rough > 0.0) {
         return Vec::new();

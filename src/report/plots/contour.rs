@@ -9,7 +9,7 @@ type Edge = (usize, usize, bool);
 ///
 /// Cells with a corner that is not finite have no line. A saddle is cut by the mean of its
 /// corners. Closed lines end where they begin.
-pub fn lines(
+pub(super) fn lines(
     columns: &[f64],
     rows: &[f64],
     heights: &[Vec<f64>],

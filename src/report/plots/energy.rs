@@ -19,7 +19,7 @@ fn energy_unit(view: &View) -> Option<String> {
 }
 
 /// One figure of all runs that are long enough.
-pub fn figures(material: &PlotData) -> Vec<Figure> {
+pub(super) fn figures(material: &PlotData) -> Vec<Figure> {
     let view = material.view;
     let drift = |series: &EnergySeries| -> Option<&EnergyDrift> {
         material.comparison.energy.iter().find(|e| !series.held_out && e.run == series.run)

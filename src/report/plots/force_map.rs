@@ -11,7 +11,7 @@ use crate::diagnose::comparison::view::View;
 const TELLING: f64 = 1e-3;
 
 /// One figure for each coordinate whose plane is known, the most telling first.
-pub fn figures(material: &PlotData) -> Vec<Figure> {
+pub(super) fn figures(material: &PlotData) -> Vec<Figure> {
     let view = material.view;
     let mut planes: Vec<&ForcePlane> = view.planes.iter().collect();
     planes.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));

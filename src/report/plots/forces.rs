@@ -10,14 +10,14 @@ use crate::diagnose::comparison::view::View;
 const MOST: usize = 6;
 
 /// The most telling maps.
-pub fn figures(material: &PlotData) -> Vec<Figure> {
+pub(super) fn figures(material: &PlotData) -> Vec<Figure> {
     let mut maps: Vec<&ResidualMap> = material.comparison.maps.iter().collect();
     maps.sort_by(|a, b| a.p_value.total_cmp(&b.p_value).then(b.deviance.total_cmp(&a.deviance)));
     maps.iter().filter_map(|map| figure(material.view, map)).take(MOST).collect()
 }
 
 /// One map; none where no point of it is known.
-pub fn figure(view: &View, map: &ResidualMap) -> Option<Figure> {
+pub(super) fn figure(view: &View, map: &ResidualMap) -> Option<Figure> {
     let points: Vec<(f64, f64, f64)> = map
         .points
         .iter()
@@ -94,14 +94,14 @@ pub fn figure(view: &View, map: &ResidualMap) -> Option<Figure> {
 }
 
 /// Unit of the force on a coordinate: that of its momentum over time.
-pub fn force_unit(view: &View, on: &str) -> Option<String> {
+pub(super) fn force_unit(view: &View, on: &str) -> Option<String> {
     let at = view.state.iter().position(|quantity| quantity.name == on)?;
     let momentum = view.state.get(view.state.len() / 2 + at)?;
     label::product(&[(momentum.unit.as_deref(), 1), (view.time.unit.as_deref(), -1)])
 }
 
 /// An axis of a quantity that is derived from the spec's: with its unit, where the spec says any.
-pub fn in_units_of(axis: Axis, name: &str, unit: Option<String>) -> Axis {
+pub(super) fn in_units_of(axis: Axis, name: &str, unit: Option<String>) -> Axis {
     match unit.as_deref() {
         None => axis.words(&format!("{name}, in units of the data")),
         Some("1") => axis.words(name),
@@ -110,7 +110,7 @@ pub fn in_units_of(axis: Axis, name: &str, unit: Option<String>) -> Axis {
 }
 
 /// A p-value in words.
-pub fn p_value_text(p: f64) -> String {
+pub(super) fn p_value_text(p: f64) -> String {
     if !p.is_finite() {
         return "?".to_string();
     }

@@ -6,7 +6,7 @@ use super::{PlotData, label, times};
 use crate::fit::model::FrontPoint;
 
 /// One figure of all sizes.
-pub fn figures(material: &PlotData) -> Vec<Figure> {
+pub(super) fn figures(material: &PlotData) -> Vec<Figure> {
     let mut front: Vec<&FrontPoint> = material
         .model
         .front

@@ -6,7 +6,7 @@ use super::{PlotData, label, times};
 use crate::diagnose::comparison::Horizon;
 
 /// One figure: training, held-out, persistence.
-pub fn figures(material: &PlotData) -> Vec<Figure> {
+pub(super) fn figures(material: &PlotData) -> Vec<Figure> {
     let horizons = &material.comparison.horizons;
     let (Some(last), true) = (horizons.last(), horizons.len() > 1) else { return Vec::new() };
     let time = &material.view.time;

@@ -38,7 +38,7 @@ const GREEK: &[(&str, &str)] = &[
 ];
 
 /// The letter of a name, and its subscript (which may be empty): `q[1]` is q and 1.
-pub fn parts(name: &str) -> (String, String) {
+pub(super) fn parts(name: &str) -> (String, String) {
     let mut pieces = name.split(['_', '[', ']', ',', ' ']).filter(|piece| !piece.is_empty());
     let Some(first) = pieces.next() else { return (name.to_string(), String::new()) };
     let stem = first.trim_end_matches(|c: char| c.is_ascii_digit());
@@ -101,7 +101,7 @@ pub fn unit(text: Option<&str>) -> String {
 
 /// A product of units to powers, as a unit of the mini-language: `kg*m/s` over `s` is `kg*m/s^2`.
 /// None where one of them is not known.
-pub fn product(units: &[(Option<&str>, i32)]) -> Option<String> {
+pub(super) fn product(units: &[(Option<&str>, i32)]) -> Option<String> {
     let mut powers: Vec<(String, i32)> = Vec::new();
     for (unit, power) in units {
         // Brackets and broken powers are not taken apart.
@@ -148,7 +148,7 @@ fn superscript(c: char) -> char {
 }
 
 /// 10 to a power: `10⁻³`.
-pub fn power_of_ten(exponent: i32) -> String {
+pub(super) fn power_of_ten(exponent: i32) -> String {
     format!("10{}", exponent.to_string().chars().map(superscript).collect::<String>())
 }
 

@@ -8,7 +8,7 @@ use super::{HistoryPoint, PlotData, times};
 const MOST: usize = 24;
 
 /// One figure, the first step on top.
-pub fn figures(material: &PlotData) -> Vec<Figure> {
+pub(super) fn figures(material: &PlotData) -> Vec<Figure> {
     let known = |stage: &&HistoryPoint| stage.error.is_some_and(|e| e.is_finite() && e > 0.0);
     let all: Vec<&HistoryPoint> = material.history.iter().filter(known).collect();
     let stages = &all[all.len().saturating_sub(MOST)..];

@@ -8,7 +8,7 @@ use super::thin;
 
 /// A rectangle in pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Frame {
+pub(super) struct Frame {
     pub left: f64,
     pub top: f64,
     pub width: f64,
@@ -16,7 +16,7 @@ pub struct Frame {
 }
 
 /// The name of a style in the style sheet.
-pub fn class(style: Style) -> String {
+pub(super) fn class(style: Style) -> String {
     match style {
         Style::Measured => "measured".to_string(),
         Style::Model => "model".to_string(),
@@ -33,7 +33,7 @@ pub fn class(style: Style) -> String {
 }
 
 /// A marker whose form belongs to its style: colour never stands alone.
-pub fn marker(style: Style, x: f64, y: f64, text: &str) -> String {
+pub(super) fn marker(style: Style, x: f64, y: f64, text: &str) -> String {
     let class = class(style);
     let form = match style {
         Style::HeldOut | Style::Negative | Style::Series(1 | 5) => {
@@ -54,17 +54,17 @@ pub fn marker(style: Style, x: f64, y: f64, text: &str) -> String {
 }
 
 /// A panel's own coordinates.
-pub struct Pen<'a> {
+pub(super) struct Pen<'a> {
     pub panel: &'a Panel,
     pub frame: Frame,
 }
 
 impl Pen<'_> {
-    pub fn x(&self, value: f64) -> f64 {
+    pub(super) fn x(&self, value: f64) -> f64 {
         self.frame.left + self.frame.width * self.panel.x.place(value)
     }
 
-    pub fn y(&self, value: f64) -> f64 {
+    pub(super) fn y(&self, value: f64) -> f64 {
         self.frame.top + self.frame.height * (1.0 - self.panel.y.place(value))
     }
 
@@ -72,11 +72,11 @@ impl Pen<'_> {
         (self.x(x), self.y(y))
     }
 
-    pub fn right(&self) -> f64 {
+    pub(super) fn right(&self) -> f64 {
         self.frame.left + self.frame.width
     }
 
-    pub fn bottom(&self) -> f64 {
+    pub(super) fn bottom(&self) -> f64 {
         self.frame.top + self.frame.height
     }
 
@@ -131,7 +131,7 @@ const CROWD: usize = 1500;
 const CELL: f64 = 2.0;
 
 /// Draws one mark into its panel.
-pub fn draw_mark(out: &mut String, pen: &Pen, mark: &Mark) {
+pub(super) fn draw_mark(out: &mut String, pen: &Pen, mark: &Mark) {
     match mark {
         Mark::Line { style, points, about } => {
             let columns = (pen.frame.width * COLUMNS_A_PIXEL) as usize;

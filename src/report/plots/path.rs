@@ -10,7 +10,7 @@ use super::{PlotData, label};
 const NAMED: usize = 7;
 
 /// One figure: the larger the penalty, the fewer terms are left.
-pub fn figures(material: &PlotData) -> Vec<Figure> {
+pub(super) fn figures(material: &PlotData) -> Vec<Figure> {
     let path = &material.model.path;
     let entries: Vec<_> = path.iter().filter(|e| e.lambda > 0.0 && e.lambda.is_finite()).collect();
     let mut terms: Vec<&str> = Vec::new();

@@ -15,7 +15,7 @@ const FEW: usize = 4;
 const RUNS: usize = 40;
 
 /// One figure for each plane.
-pub fn figures(material: &PlotData) -> Vec<Figure> {
+pub(super) fn figures(material: &PlotData) -> Vec<Figure> {
     let view = material.view;
     view.portraits.iter().filter_map(|portrait| figure(view, portrait)).collect()
 }

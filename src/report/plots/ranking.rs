@@ -8,7 +8,7 @@ use crate::diagnose::diagnosis::Diagnosis;
 use crate::report::present;
 
 /// The leaders, the best on top; and the force that is left when all that has a name is in.
-pub fn figures(material: &PlotData) -> Vec<Figure> {
+pub(super) fn figures(material: &PlotData) -> Vec<Figure> {
     let Some(diagnosis) = material.diagnosis else { return Vec::new() };
     let shape = diagnosis.shape.as_ref().and_then(|map| forces::figure(material.view, map));
     let shape = shape.map(|mut figure| {

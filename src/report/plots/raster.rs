@@ -50,7 +50,7 @@ fn own_fonts() -> Database {
 ///
 /// # Errors
 /// The scale is not one of [`SCALES`], or the picture cannot be drawn.
-pub fn png(figure: &Figure, paper: Background, scale: f64) -> Result<Vec<u8>> {
+pub(super) fn png(figure: &Figure, paper: Background, scale: f64) -> Result<Vec<u8>> {
     require_scale(scale)?;
     let failed = |why: String| {
         Error::new(

@@ -48,7 +48,7 @@ pub fn live_sheet() -> String {
 }
 
 /// The style sheet of figures on one kind of paper, whatever the reader prefers.
-pub fn print_sheet(paper: Background) -> String {
+pub(super) fn print_sheet(paper: Background) -> String {
     coloured(FIGURES, paper)
 }
 

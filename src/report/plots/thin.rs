@@ -7,7 +7,7 @@ use std::collections::HashSet;
 /// each of `columns` columns of equal width, and both sides of every break.
 ///
 /// A point that is not finite breaks the line. The points ascend in x.
-pub fn line(points: &[(f64, f64)], columns: usize) -> Vec<usize> {
+pub(super) fn line(points: &[(f64, f64)], columns: usize) -> Vec<usize> {
     if points.len() <= 4 * columns {
         return (0..points.len()).collect();
     }
@@ -55,7 +55,7 @@ pub fn line(points: &[(f64, f64)], columns: usize) -> Vec<usize> {
 /// direction, and the first of every cell `1 / across` wide and `1 / up` high.
 ///
 /// `place` brings a point into the unit square.
-pub fn cloud(
+pub(super) fn cloud(
     points: &[(f64, f64)],
     place: &dyn Fn((f64, f64)) -> (f64, f64),
     across: usize,

@@ -13,10 +13,10 @@ use crate::diagnostic::Span;
 use crate::spec::ast::*;
 
 /// Words that cannot be names.
-pub const RESERVED: [&str; 8] = ["for", "in", "where", "and", "sum", "span", "terms", "of"];
+pub(super) const RESERVED: [&str; 8] = ["for", "in", "where", "and", "sum", "span", "terms", "of"];
 
 /// A mark: `(`, `+=`, ...
-pub fn mark<'a>(text: &'static str) -> impl Fn(Tokens<'a>) -> Parsed<'a, ()> {
+pub(super) fn mark<'a>(text: &'static str) -> impl Fn(Tokens<'a>) -> Parsed<'a, ()> {
     move |input| match input.first() {
         Some(token) if token.kind == TokenKind::Mark && token.text == text => {
             Ok((nom::Input::take_from(&input, 1), ()))
@@ -26,7 +26,7 @@ pub fn mark<'a>(text: &'static str) -> impl Fn(Tokens<'a>) -> Parsed<'a, ()> {
 }
 
 /// A fixed word.
-pub fn keyword<'a>(text: &'static str) -> impl Fn(Tokens<'a>) -> Parsed<'a, ()> {
+pub(super) fn keyword<'a>(text: &'static str) -> impl Fn(Tokens<'a>) -> Parsed<'a, ()> {
     move |input| match input.first() {
         Some(token) if token.kind == TokenKind::Word && token.text == text => {
             Ok((nom::Input::take_from(&input, 1), ()))
@@ -36,7 +36,7 @@ pub fn keyword<'a>(text: &'static str) -> impl Fn(Tokens<'a>) -> Parsed<'a, ()> 
 }
 
 /// name = word ;
-pub fn name(input: Tokens) -> Parsed<Word> {
+pub(super) fn name(input: Tokens) -> Parsed<Word> {
     match input.first() {
         Some(token) if token.kind == TokenKind::Word && !RESERVED.contains(&token.text) => {
             let word = Word { text: token.text.to_string(), site: Site(token.span) };
@@ -47,7 +47,7 @@ pub fn name(input: Tokens) -> Parsed<Word> {
 }
 
 /// quoted = '"' , text , '"' ;
-pub fn quoted(input: Tokens) -> Parsed<Word> {
+pub(super) fn quoted(input: Tokens) -> Parsed<Word> {
     match input.first() {
         Some(token) if token.kind == TokenKind::Text => {
             let word = Word { text: token.text.to_string(), site: Site(token.span) };
@@ -58,7 +58,7 @@ pub fn quoted(input: Tokens) -> Parsed<Word> {
 }
 
 /// unit = "[" , text without "]" , "]" ;
-pub fn unit(input: Tokens) -> Parsed<UnitText> {
+pub(super) fn unit(input: Tokens) -> Parsed<UnitText> {
     let (inside, ()) = mark("[")(input)?;
     let Some(length) = inside.rest.iter().position(|token| token.text == "]") else {
         return Err(Fault::expected(inside, "`]`"));
@@ -93,7 +93,7 @@ fn from_to(input: Tokens, rest: Tokens) -> Site {
 }
 
 /// expression = term , { ( "+" | "-" ) , term } ;
-pub fn expression(input: Tokens) -> Parsed<Expression> {
+pub(super) fn expression(input: Tokens) -> Parsed<Expression> {
     deeper(input, |input| {
         let sign = alt((mark("+").map(|()| false), mark("-").map(|()| true)));
         let (rest, first) = term(input)?;
@@ -237,7 +237,7 @@ fn item(input: Tokens) -> Parsed<Item> {
 
 /// comprehension = "for" , binding , { ( "," | "for" ) , binding } ,
 ///                 [ "where" , comparison , { "and" , comparison } ] ;
-pub fn comprehension(input: Tokens) -> Parsed<Comprehension> {
+pub(super) fn comprehension(input: Tokens) -> Parsed<Comprehension> {
     let (rest, ()) = keyword("for")(input)?;
     let (rest, first) = cut(binding).parse(rest)?;
     // After a comma stands another index only if `in` follows; otherwise the next item.
@@ -259,7 +259,7 @@ fn binding(input: Tokens) -> Parsed<Binding> {
 }
 
 /// range = expression , ".." , expression ;
-pub fn range(input: Tokens) -> Parsed<Range> {
+pub(super) fn range(input: Tokens) -> Parsed<Range> {
     let (rest, (first, (), last)) = (expression, mark(".."), cut(expression)).parse(input)?;
     let site = from_to(input, rest);
     Ok((rest, Range { first: Box::new(first), last: Box::new(last), site }))
@@ -272,7 +272,7 @@ fn comparison(input: Tokens) -> Parsed<Comparison> {
 }
 
 /// relation = "<" | "<=" | ">" | ">=" | "==" | "!=" ;
-pub fn relation(input: Tokens) -> Parsed<Relation> {
+pub(super) fn relation(input: Tokens) -> Parsed<Relation> {
     let found = input
         .first()
         .and_then(|token| Relation::ALL.into_iter().find(|relation| relation.sign() == token.text));
@@ -313,7 +313,7 @@ fn cut_only(error: nom::Err<Fault>) -> nom::Err<Fault> {
 /// variable = name , [ "[" , ( range | expression ) , "]" ] ;
 ///
 /// The bracket follows its name without a space; with one, it holds a unit.
-pub fn variable(input: Tokens) -> Parsed<Expression> {
+pub(super) fn variable(input: Tokens) -> Parsed<Expression> {
     let (rest, word) = name(input)?;
     let indexed = rest.first().is_some_and(|token| token.text == "[" && !token.spaced);
     if !indexed {

@@ -19,7 +19,7 @@ use token::{Token, TokenKind};
 
 /// What is left of one statement.
 #[derive(Debug, Clone, Copy)]
-pub struct Tokens<'a> {
+pub(super) struct Tokens<'a> {
     rest: &'a [Token<'a>],
     source: &'a str,
     /// Where the statement ends in the text.
@@ -32,7 +32,7 @@ pub struct Tokens<'a> {
 
 /// Why a production does not match: what was expected at the furthest place reached.
 #[derive(Debug, Clone)]
-pub struct Fault {
+pub(super) struct Fault {
     at: Span,
     expected: Vec<String>,
     /// A message that says more than what was expected.

@@ -17,7 +17,7 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::spec::ast::*;
 
 /// Every word that begins a statement.
-pub const STATEMENTS: [&str; 22] = [
+pub(super) const STATEMENTS: [&str; 22] = [
     "system",
     "coordinates",
     "momenta",
@@ -44,7 +44,7 @@ pub const STATEMENTS: [&str; 22] = [
 
 /// statement = system | variables | time | input | hidden | state | data | constant | parameter
 ///           | energy | force | sensor | body | effect | candidates | constrain ;
-pub fn statement(input: Tokens) -> Parsed<Statement> {
+pub(super) fn statement(input: Tokens) -> Parsed<Statement> {
     let Some(first) = input.first() else { return Err(Fault::expected(input, "a statement")) };
     let (rest, kind) = match first.text {
         "system" => cut(system).parse(input)?,

@@ -10,10 +10,10 @@ use super::Tokens;
 use crate::diagnostic::{Diagnostic, Span};
 
 /// How many brackets may stand inside each other.
-pub const DEEPEST: usize = 100;
+pub(super) const DEEPEST: usize = 100;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum TokenKind {
+pub(crate) enum TokenKind {
     Word,
     Number(f64),
     /// A quoted text; the token's text is what stands between the quotes.
@@ -24,7 +24,7 @@ pub enum TokenKind {
 
 /// The smallest piece of text that means something.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Token<'a> {
+pub(crate) struct Token<'a> {
     pub kind: TokenKind,
     pub text: &'a str,
     pub span: Span,
@@ -79,7 +79,7 @@ fn mark(input: &str) -> IResult<&str, &str> {
 }
 
 /// Cuts the whole text into tokens.
-pub fn tokens<'a>(source: &'a str, diagnostics: &mut Vec<Diagnostic>) -> Vec<Token<'a>> {
+pub(super) fn tokens<'a>(source: &'a str, diagnostics: &mut Vec<Diagnostic>) -> Vec<Token<'a>> {
     let mut out = Vec::new();
     let mut rest = source;
     loop {
@@ -186,7 +186,7 @@ const CONTINUED: [&str; 9] = ["+", "-", "*", "/", "^", "=", "+=", ",", ":"];
 ///
 /// A statement whose brackets do not match is reported and left out, and so is one
 /// that nests too deeply.
-pub fn statements<'a>(
+pub(super) fn statements<'a>(
     tokens: &[Token<'a>],
     lost: &mut Vec<String>,
     diagnostics: &mut Vec<Diagnostic>,
@@ -292,7 +292,7 @@ fn never_closed(bracket: &Token) -> Diagnostic {
 }
 
 /// The diagnostic for what nests deeper than [`DEEPEST`].
-pub fn too_deep(span: Span) -> Diagnostic {
+pub(super) fn too_deep(span: Span) -> Diagnostic {
     Diagnostic::error(span, format!("this nests more than {DEEPEST} levels deep"))
         .label("one level too many")
         .hint("take parentheses away, or give a part a name with `constant`")
@@ -300,12 +300,12 @@ pub fn too_deep(span: Span) -> Diagnostic {
 
 impl<'a> Tokens<'a> {
     /// The next token.
-    pub fn first(&self) -> Option<Token<'a>> {
+    pub(crate) fn first(&self) -> Option<Token<'a>> {
         self.rest.first().copied()
     }
 
     /// The place of the next token; behind the statement, an empty place at its end.
-    pub fn place(&self) -> Span {
+    pub(crate) fn place(&self) -> Span {
         self.first().map_or(Span::new(self.end, self.end), |token| token.span)
     }
 }

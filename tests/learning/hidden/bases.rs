@@ -2,7 +2,7 @@
 
 /// A system as it is known, and as it is learned.
 #[derive(Debug)]
-pub struct Base {
+pub(crate) struct Base {
     /// What it is called in tables.
     pub name: &'static str,
     /// Declarations of the spec.
@@ -20,12 +20,12 @@ pub struct Base {
 }
 
 /// The system of the benchmark with this name.
-pub fn base(name: &str) -> &'static Base {
+pub(crate) fn base(name: &str) -> &'static Base {
     BASES.iter().find(|base| base.name == name).unwrap_or_else(|| panic!("no base {name}"))
 }
 
 /// The systems of the benchmark.
-pub static BASES: &[Base] = &[
+pub(crate) static BASES: &[Base] = &[
     Base {
         name: "pendulum",
         variables: "coordinates q\nmomenta p\n",

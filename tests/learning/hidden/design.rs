@@ -18,7 +18,7 @@ use super::wholes::{GROUPS, NUMBERS, PARTNERS};
 
 /// What kind of thing is hidden.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Kind {
+pub(crate) enum Kind {
     /// Nothing at all.
     Nothing,
     /// One effect of the catalogue.
@@ -39,7 +39,7 @@ pub enum Kind {
 
 impl Kind {
     /// Every kind, and how many of it a block of the design holds.
-    pub const SHARES: [(Kind, usize); 8] = [
+    pub(crate) const SHARES: [(Kind, usize); 8] = [
         (Kind::Nothing, 6),
         (Kind::Single, 8),
         (Kind::Pair, 2),
@@ -51,7 +51,7 @@ impl Kind {
     ];
 
     /// In words, as in tables and in the file of results.
-    pub fn text(self) -> &'static str {
+    pub(crate) fn text(self) -> &'static str {
         match self {
             Kind::Nothing => "nothing",
             Kind::Single => "one effect",
@@ -67,7 +67,7 @@ impl Kind {
 
 /// What the noise is like.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Colour {
+pub(crate) enum Colour {
     /// Independent from sample to sample.
     White,
     /// Each deviation goes with the one before it.
@@ -80,7 +80,7 @@ pub enum Colour {
 
 impl Colour {
     /// In a word.
-    pub fn text(self) -> &'static str {
+    pub(crate) fn text(self) -> &'static str {
         match self {
             Colour::White => "white",
             Colour::Correlated => "correlated",
@@ -92,7 +92,7 @@ impl Colour {
 
 /// Which numbers of the spec are known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Known {
+pub(crate) enum Known {
     /// All of them.
     All,
     /// Some.
@@ -103,7 +103,7 @@ pub enum Known {
 
 impl Known {
     /// In a word.
-    pub fn text(self) -> &'static str {
+    pub(crate) fn text(self) -> &'static str {
         match self {
             Known::All => "all numbers",
             Known::Half => "half of them",
@@ -114,7 +114,7 @@ impl Known {
 
 /// What is measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Seen {
+pub(crate) enum Seen {
     /// Positions and momenta of several runs.
     States,
     /// Positions alone.
@@ -127,7 +127,7 @@ pub enum Seen {
 
 impl Seen {
     /// In words.
-    pub fn text(self) -> &'static str {
+    pub(crate) fn text(self) -> &'static str {
         match self {
             Seen::States => "states",
             Seen::Positions => "positions",
@@ -138,11 +138,11 @@ impl Seen {
 }
 
 /// By how much of their spread what is hidden moves the samples.
-pub const REACHES: [f64; 4] = [0.02, 0.2, 1.0, 2.0];
+pub(crate) const REACHES: [f64; 4] = [0.02, 0.2, 1.0, 2.0];
 /// Noise in parts of each column's spread.
-pub const NOISES: [f64; 4] = [0.0, 0.001, 0.01, 0.05];
+pub(crate) const NOISES: [f64; 4] = [0.0, 0.001, 0.01, 0.05];
 /// Turns of a unit oscillator in a run.
-pub const PERIODS: [f64; 5] = [5.0, 12.0, 30.0, 80.0, 200.0];
+pub(crate) const PERIODS: [f64; 5] = [5.0, 12.0, 30.0, 80.0, 200.0];
 /// Colours of the noise: most is white.
 const COLOURS: [Colour; 6] = [
     Colour::White,
@@ -155,7 +155,7 @@ const COLOURS: [Colour; 6] = [
 
 /// What is hidden.
 #[derive(Debug, Clone)]
-pub enum What {
+pub(crate) enum What {
     /// Nothing.
     Nothing,
     /// Statements of the language, each with a coefficient; the labels of effects.
@@ -170,7 +170,7 @@ pub enum What {
 
 /// One case of the design.
 #[derive(Debug, Clone)]
-pub struct Plan {
+pub(crate) struct Plan {
     /// Its place in the design, from 0.
     pub number: usize,
     /// What kind of thing is hidden.
@@ -197,7 +197,7 @@ pub struct Plan {
 
 impl Plan {
     /// Labels of the effects that are hidden.
-    pub fn labels(&self) -> Vec<String> {
+    pub(crate) fn labels(&self) -> Vec<String> {
         match &self.what {
             What::Statements(all) => all.iter().map(|(label, _)| label.clone()).collect(),
             _ => Vec::new(),
@@ -215,7 +215,7 @@ fn level(factor: u64, k: usize, count: usize) -> usize {
 }
 
 /// The first `count` cases of the design.
-pub fn plans(count: usize) -> Vec<Plan> {
+pub(crate) fn plans(count: usize) -> Vec<Plan> {
     let slots: Vec<Kind> =
         Kind::SHARES.iter().flat_map(|&(kind, share)| vec![kind; share]).collect();
     let mut met = [0usize; Kind::SHARES.len()];

@@ -16,7 +16,7 @@ use super::wholes::{NUMBERS, PARTNERS};
 use super::{Case, HELD_OUT, compiled, difference, spreads};
 
 /// A case of the design, made.
-pub struct Made {
+pub(crate) struct Made {
     /// The measurements and the spec.
     pub case: Case,
     /// What is hidden, member for member.
@@ -27,7 +27,7 @@ pub struct Made {
 
 /// One thing that is hidden.
 #[derive(Debug, Clone)]
-pub struct Truth {
+pub(crate) struct Truth {
     /// As a story would name it.
     pub label: String,
     /// The statement that says it; empty for a number, and where no statement does.
@@ -43,7 +43,7 @@ const FINE: usize = 10;
 /// What the velocity filter keeps of its last output.
 const MEMORY: f64 = 0.8;
 /// What one deviation of correlated noise keeps of the one before it.
-pub const CORRELATION: f64 = 0.7;
+pub(crate) const CORRELATION: f64 = 0.7;
 /// Runs that strengths are found with.
 const TRIAL_RUNS: usize = 3;
 /// Terms of one effect have coefficients that differ: this ratio from one to the next.
@@ -289,7 +289,7 @@ fn clean(plan: &Plan, starts: &[Vec<f64>], times: &[f64]) -> Option<Clean> {
 }
 
 /// Makes a case; `None` where what is hidden runs away at any strength.
-pub fn made(plan: &Plan) -> Option<Made> {
+pub(crate) fn made(plan: &Plan) -> Option<Made> {
     let sampling = Sampling::of(plan);
     let mut generator = Pcg64::seed_from_u64(plan.seed ^ 0x9e37_79b9);
     let mut draw = || {
@@ -323,7 +323,7 @@ pub fn made(plan: &Plan) -> Option<Made> {
 }
 
 /// Whether momenta are velocities, so that differences of positions measure them.
-pub fn may_be_filtered(plan: &Plan) -> bool {
+pub(crate) fn may_be_filtered(plan: &Plan) -> bool {
     let turns = |statement: &str| {
         let head = statement.split('(').next().unwrap_or_default();
         ["position_dependent_mass", "coupled_momenta", "relativistic_kinetic"]

@@ -1,15 +1,15 @@
 //! Effects hidden in simulated measurements, and whether they are named: what the benchmark
 //! and the test of its representative part share.
 
-pub mod bases;
-pub mod design;
-pub mod making;
-pub mod outcome;
-pub mod pairs;
-pub mod score;
-pub mod strangers;
-pub mod terms;
-pub mod wholes;
+pub(crate) mod bases;
+pub(crate) mod design;
+pub(crate) mod making;
+pub(crate) mod outcome;
+pub(crate) mod pairs;
+pub(crate) mod score;
+pub(crate) mod strangers;
+pub(crate) mod terms;
+pub(crate) mod wholes;
 
 use leverrier::internals::data::Dataset;
 use leverrier::internals::expr::{Compiled, System, build};
@@ -23,16 +23,16 @@ use rand_pcg::Pcg64;
 use bases::Base;
 
 /// Runs of a data set, and samples of a run.
-pub const RUNS: usize = 8;
+pub(crate) const RUNS: usize = 8;
 /// Samples of a run.
-pub const SAMPLES: usize = 200;
+pub(crate) const SAMPLES: usize = 200;
 /// A hidden effect moves the samples by this part of their spread (root mean square).
-pub const REACH: f64 = 0.2;
+pub(crate) const REACH: f64 = 0.2;
 /// Runs put aside.
 const HELD_OUT: f64 = 0.25;
 
 /// Measurements of a system with something hidden, and the spec of one who does not know.
-pub struct Case {
+pub(crate) struct Case {
     /// The spec.
     pub text: String,
     /// The same, compiled.
@@ -61,12 +61,12 @@ fn compiled(name: &str, text: &str) -> Compiled {
 }
 
 /// The spec of someone who knows the base and nothing else.
-pub fn space(base: &Base) -> Compiled {
+pub(crate) fn space(base: &Base) -> Compiled {
     compiled("learned", &format!("{}{}", base.variables, base.space))
 }
 
 /// The statement of an effect of the catalogue with plain values of its inner parameters.
-pub fn statement(effect: &str, on: &[&str]) -> String {
+pub(crate) fn statement(effect: &str, on: &[&str]) -> String {
     let row = by_name(effect).unwrap_or_else(|| panic!("{effect} is not in the catalogue"));
     let values: Vec<f64> = row.parameters.iter().map(|scan| scan.example).collect();
     let arguments: Vec<String> = on.iter().map(|&name| name.to_string()).collect();
@@ -87,7 +87,7 @@ fn difference(first: &Dataset, second: &Dataset) -> f64 {
 }
 
 /// Standard deviation of every column.
-pub fn spreads(data: &Dataset) -> Vec<f64> {
+pub(crate) fn spreads(data: &Dataset) -> Vec<f64> {
     (0..data.observables.len())
         .map(|row| {
             let all: Vec<f64> =
@@ -152,24 +152,30 @@ fn spoil(data: &mut Dataset, noise: f64, seed: u64) -> Vec<f64> {
 }
 
 /// Measurements as one who knows only the base gets them.
-pub fn case(base: &Base, statement: &str, noise: f64, seed: u64) -> Case {
+pub(crate) fn case(base: &Base, statement: &str, noise: f64, seed: u64) -> Case {
     case_reaching(REACH, base, statement, noise, seed)
 }
 
 /// The same with another reach of what is hidden.
-pub fn case_reaching(reach: f64, base: &Base, statement: &str, noise: f64, seed: u64) -> Case {
+pub(crate) fn case_reaching(
+    reach: f64,
+    base: &Base,
+    statement: &str,
+    noise: f64,
+    seed: u64,
+) -> Case {
     measured(base, hide(base, statement, reach, seed), noise, seed)
 }
 
 /// Measurements of a law in which everything is known, as one who knows only the base gets them.
-pub fn case_of(base: &Base, truth: &str, noise: f64, seed: u64) -> Case {
+pub(crate) fn case_of(base: &Base, truth: &str, noise: f64, seed: u64) -> Case {
     let system = compiled("truth", truth).system;
     let data = motion(&system, &starts(base, seed), &times(base), 0.0);
     measured(base, data.expect("the law does not diverge"), noise, seed)
 }
 
 /// The same from clean measurements of any origin.
-pub fn measured(base: &Base, data: Dataset, noise: f64, seed: u64) -> Case {
+pub(crate) fn measured(base: &Base, data: Dataset, noise: f64, seed: u64) -> Case {
     let mut data = data;
     let sigma = spoil(&mut data, noise, seed);
     let text = format!("{}{}", base.variables, base.space);
@@ -185,7 +191,7 @@ pub fn measured(base: &Base, data: Dataset, noise: f64, seed: u64) -> Case {
 
 impl Case {
     /// Leaves of a plane's measurements those of its first coordinate, to one with this spec.
-    pub fn see_first(&mut self, text: &str) {
+    pub(crate) fn see_first(&mut self, text: &str) {
         for data in [&mut self.training, &mut self.held_out] {
             for run in &mut data.runs {
                 run.values = vec![run.values[0].clone(), run.values[2].clone()];
@@ -198,7 +204,7 @@ impl Case {
     }
 
     /// The model of the spec.
-    pub fn fit(&self) -> Model {
+    pub(crate) fn fit(&self) -> Model {
         fit(&self.compiled.system, &self.training, &Options::default(), &Silent)
             .unwrap_or_else(|error| panic!("{error}"))
     }

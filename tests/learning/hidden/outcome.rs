@@ -10,7 +10,7 @@ use super::Case;
 
 /// How well an effect was named.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
+pub(crate) enum Place {
     /// It stands first.
     First,
     /// It is in the group that the data cannot tell apart, of at most three.
@@ -25,14 +25,14 @@ pub enum Place {
 
 impl Place {
     /// First, or in a group of at most three.
-    pub fn is_named(self) -> bool {
+    pub(crate) fn is_named(self) -> bool {
         matches!(self, Place::First | Place::Group)
     }
 }
 
 /// What became of one hidden effect.
 #[derive(Debug, Clone)]
-pub struct Outcome {
+pub(crate) struct Outcome {
     /// The verdict.
     pub verdict: Verdict,
     /// Where the hidden effect stands in the ranking.
@@ -54,7 +54,7 @@ pub struct Outcome {
 
 impl Case {
     /// What is missing from a model of the case.
-    pub fn diagnosis(&self, model: &Model) -> Diagnosis {
+    pub(crate) fn diagnosis(&self, model: &Model) -> Diagnosis {
         let law = model.law(&self.compiled.system).expect("the case's own");
         let options = diagnose::Options::default();
         let (training, held_out) = (&self.training, &self.held_out);
@@ -64,7 +64,7 @@ impl Case {
 }
 
 /// Diagnoses a case in which `hidden` (a label such as `viscous_drag(q)`) is missing.
-pub fn outcome(case: &Case, hidden: &str) -> Outcome {
+pub(crate) fn outcome(case: &Case, hidden: &str) -> Outcome {
     let model = case.fit();
     let clock = std::time::Instant::now();
     let diagnosis = case.diagnosis(&model);
@@ -90,7 +90,7 @@ pub fn outcome(case: &Case, hidden: &str) -> Outcome {
 
 /// Error on held-out runs, over segments of the model's own window, once an effect is added and
 /// everything is fitted again.
-pub fn added(case: &Case, effect: &RankedEffect) -> f64 {
+pub(crate) fn added(case: &Case, effect: &RankedEffect) -> f64 {
     let text = effect.written_into(&case.text);
     let compiled = build("learned", &text).unwrap_or_else(|error| panic!("{text}\n{error}"));
     // The case has no columns for a part with states of its own.

@@ -7,7 +7,7 @@ use super::bases::base;
 use super::case;
 
 /// Two effects hidden in one base.
-pub struct Pair {
+pub(crate) struct Pair {
     /// Name of the base.
     pub base: &'static str,
     /// What is hidden, with numbers.
@@ -17,7 +17,7 @@ pub struct Pair {
 }
 
 /// The pairs of the benchmark.
-pub static PAIRS: &[Pair] = &[
+pub(crate) static PAIRS: &[Pair] = &[
     Pair {
         base: "pendulum",
         statement: "force q += span{ hidden_drag: -0.05*p, hidden_tilt: 0.08*cos(q) }",
@@ -40,7 +40,7 @@ pub static PAIRS: &[Pair] = &[
 impl Pair {
     /// What the loop finds, and its labels, sorted: where the data could not tell a step's effect
     /// from a hidden one, the hidden one's.
-    pub fn discovered(&self, noise: f64, seed: u64) -> (Discovery, Vec<String>) {
+    pub(crate) fn discovered(&self, noise: f64, seed: u64) -> (Discovery, Vec<String>) {
         let base = base(self.base);
         let case = case(base, self.statement, noise, seed);
         let options = DiscoveryOptions::default();

@@ -21,7 +21,7 @@ use super::making::{CORRELATION, Made, Truth, made};
 
 /// A member of a story: what is true, or what is told.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Member {
+pub(crate) struct Member {
     /// `viscous_drag(theta)`.
     pub label: String,
     /// Coefficients, then inner parameters.
@@ -34,7 +34,7 @@ pub struct Member {
 
 /// One case of the design and what became of it: a line of the file of results.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Record {
+pub(crate) struct Record {
     /// Its place in the design.
     pub number: usize,
     /// What kind of thing is hidden.
@@ -75,7 +75,7 @@ pub struct Record {
 
 /// What became of a case, strictly.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Mark {
+pub(crate) enum Mark {
     /// The same names, and each number within five of its standard errors.
     Right,
     /// Another name that explains the data as well as the truth does, or that the program says it
@@ -99,7 +99,7 @@ pub enum Mark {
 
 impl Mark {
     /// In words.
-    pub fn text(self) -> &'static str {
+    pub(crate) fn text(self) -> &'static str {
         match self {
             Mark::Right => "right",
             Mark::Equal => "equal within the noise",
@@ -116,7 +116,7 @@ impl Mark {
 
 impl Record {
     /// A case before it is run.
-    pub fn of(plan: &Plan) -> Record {
+    pub(crate) fn of(plan: &Plan) -> Record {
         Record {
             number: plan.number,
             kind: plan.kind.text().to_string(),
@@ -139,13 +139,13 @@ impl Record {
     }
 
     /// Whether it is of a kind.
-    pub fn is(&self, kind: Kind) -> bool {
+    pub(crate) fn is(&self, kind: Kind) -> bool {
         self.kind == kind.text()
     }
 
     /// Whether the data could tell what is hidden, by the likelihood of the truth. Where that is
     /// not known, because the case was not finished or the truth could not be fitted, they could.
-    pub fn identifiable(&self) -> bool {
+    pub(crate) fn identifiable(&self) -> bool {
         match self.gain {
             Some(gain) => gain > self.price || gain < -25.0,
             // What was found is so by its own numbers: squares of them over their errors.
@@ -164,7 +164,7 @@ impl Record {
     }
 
     /// What became of it.
-    pub fn mark(&self) -> Mark {
+    pub(crate) fn mark(&self) -> Mark {
         let told = self.told();
         if self.verdict.is_empty() {
             return Mark::Unmade;
@@ -205,7 +205,7 @@ impl Record {
     }
 
     /// Whether the first member of the story is one that is hidden, or said to be as good.
-    pub fn first_is_right(&self) -> bool {
+    pub(crate) fn first_is_right(&self) -> bool {
         let of = |truth: &Member, one: &Member| one.label == truth.label;
         let told = self.told();
         let first = told.first();
@@ -214,7 +214,7 @@ impl Record {
 
     /// For each number of a story with the right names, how far it is from the truth in standard
     /// errors.
-    pub fn deviations(&self) -> Vec<f64> {
+    pub(crate) fn deviations(&self) -> Vec<f64> {
         if !matches!(self.mark(), Mark::Right | Mark::Off) {
             return Vec::new();
         }
@@ -257,7 +257,7 @@ impl Monitor for Patience {
 }
 
 /// Runs a case of the design.
-pub fn scored(plan: &Plan) -> Record {
+pub(crate) fn scored(plan: &Plan) -> Record {
     let mut record = Record::of(plan);
     let Some(made) = made(plan) else {
         record.reason = RUNS_AWAY.to_string();

@@ -8,7 +8,7 @@ use super::bases::{Base, base};
 use super::{Case, case_reaching, difference, measured, space, starts, times};
 
 /// Something that acts and that no effect describes.
-pub struct Stranger {
+pub(crate) struct Stranger {
     /// What it is.
     pub name: &'static str,
     /// Name of its base.
@@ -18,7 +18,7 @@ pub struct Stranger {
 }
 
 /// How a stranger is hidden.
-pub enum How {
+pub(crate) enum How {
     /// A statement of the language, one coefficient for its terms.
     Statement(&'static str),
     /// A force on the first coordinate that goes with what the last one was a while ago. In a
@@ -33,7 +33,7 @@ pub enum How {
 const REACH: f64 = 0.5;
 
 /// All strangers of the benchmark.
-pub static STRANGERS: &[Stranger] = &[
+pub(crate) static STRANGERS: &[Stranger] = &[
     Stranger {
         name: "bump",
         base: "pendulum",
@@ -57,12 +57,12 @@ pub static STRANGERS: &[Stranger] = &[
 
 impl Stranger {
     /// Whether a term of the language says it.
-    pub fn is_statement(&self) -> bool {
+    pub(crate) fn is_statement(&self) -> bool {
         matches!(self.how, How::Statement(_))
     }
 
     /// Clean measurements of runs from `starts` at evenly spaced `times`, for each strength.
-    pub fn motion<'a>(
+    pub(crate) fn motion<'a>(
         &self,
         base: &'a Base,
         starts: &'a [Vec<f64>],
@@ -78,7 +78,7 @@ impl Stranger {
     }
 
     /// Measurements with the stranger in them.
-    pub fn case(&self, noise: f64, seed: u64) -> Case {
+    pub(crate) fn case(&self, noise: f64, seed: u64) -> Case {
         let base = base(self.base);
         match self.how {
             How::Statement(statement) => case_reaching(REACH, base, statement, noise, seed),

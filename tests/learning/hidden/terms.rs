@@ -6,7 +6,7 @@ use rand_pcg::Pcg64;
 use super::bases::{Base, base};
 
 /// A term that is hidden in a system.
-pub struct Hidden {
+pub(crate) struct Hidden {
     pub base: &'static Base,
     pub statement: String,
 }
@@ -74,7 +74,7 @@ const BY_HAND: &[(&str, &str)] = &[
 const COUNT: usize = 30;
 
 /// All hidden terms: those by hand, and others drawn at random with a fixed seed.
-pub fn hidden_terms() -> Vec<Hidden> {
+pub(crate) fn hidden_terms() -> Vec<Hidden> {
     let mut all: Vec<Hidden> = BY_HAND
         .iter()
         .map(|&(name, term)| Hidden { base: system(name), statement: term.to_string() })

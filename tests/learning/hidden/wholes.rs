@@ -1,7 +1,7 @@
 //! What is hidden beside single effects: groups, wrong numbers, and partners that nobody measures.
 
 /// One effect with one coefficient: base, effect, coordinates.
-pub static GROUPS: &[(&str, &str, &[&str])] = &[
+pub(crate) static GROUPS: &[(&str, &str, &[&str])] = &[
     ("trap", "viscous_drag", &["x", "y"]),
     ("trap", "coulomb_friction", &["x", "y"]),
     ("trap", "cubic_stiffness", &["x", "y"]),
@@ -23,7 +23,7 @@ pub static GROUPS: &[(&str, &str, &[&str])] = &[
 ];
 
 /// A known number that is wrong.
-pub struct Number {
+pub(crate) struct Number {
     /// Name of the base.
     pub base: &'static str,
     /// Name of the constant.
@@ -35,7 +35,7 @@ pub struct Number {
 }
 
 /// Numbers that are wrong.
-pub static NUMBERS: &[Number] = &[
+pub(crate) static NUMBERS: &[Number] = &[
     Number { base: "pendulum", name: "gravity", was: 1.0, law: "T = p^2/2\nV = -gravity*cos(q)\n" },
     Number {
         base: "pendulum",
@@ -87,7 +87,7 @@ pub static NUMBERS: &[Number] = &[
 ];
 
 /// Something that moves too, and that nobody measures: a coordinate of its own.
-pub struct Partner {
+pub(crate) struct Partner {
     /// What it is.
     pub name: &'static str,
     /// Name of the base.
@@ -99,7 +99,7 @@ pub struct Partner {
 }
 
 /// Hidden partners; the last have no coordinate of their own, but a law beyond any single term.
-pub static PARTNERS: &[Partner] = &[
+pub(crate) static PARTNERS: &[Partner] = &[
     Partner {
         name: "hidden oscillator",
         base: "trap",

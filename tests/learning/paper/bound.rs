@@ -5,14 +5,14 @@
 use nalgebra::{DMatrix, DVector};
 
 /// A law as plain functions: dH/dq and dH/dp at a state, with coefficients theta.
-pub struct PlainLaw {
+pub(crate) struct PlainLaw {
     pub theta: Vec<f64>,
     /// The time derivative of the state (q1, q2, p1, p2).
     pub flow: fn(&[f64], &[f64]) -> [f64; 4],
 }
 
 /// Hénon-Heiles with its six coefficients, in the order of `henon_heiles().terms`.
-pub fn henon_heiles() -> PlainLaw {
+pub(crate) fn henon_heiles() -> PlainLaw {
     PlainLaw {
         theta: vec![0.5, 0.5, 0.5, 0.5, 1.0, -1.0 / 3.0],
         flow: |x, c| {
@@ -27,7 +27,7 @@ pub fn henon_heiles() -> PlainLaw {
 }
 
 /// The coupled oscillators with their five coefficients, in the order of `coupled().terms`.
-pub fn coupled() -> PlainLaw {
+pub(crate) fn coupled() -> PlainLaw {
     PlainLaw {
         theta: vec![0.5; 5],
         flow: |x, c| {
@@ -43,7 +43,7 @@ pub fn coupled() -> PlainLaw {
 
 impl PlainLaw {
     /// The state after `time`, by the classical Runge-Kutta method in twenty steps a tenth.
-    pub fn follow(&self, start: &[f64], theta: &[f64], time: f64) -> [f64; 4] {
+    pub(crate) fn follow(&self, start: &[f64], theta: &[f64], time: f64) -> [f64; 4] {
         let steps = ((time / 0.005).round() as usize).max(1);
         let h = time / steps as f64;
         let mut x = [start[0], start[1], start[2], start[3]];
@@ -94,7 +94,12 @@ impl PlainLaw {
 
     /// The smallest covariance that an unbiased estimate of theta can have, from runs of
     /// `samples` samples, 0.1 apart, of all four components with noise `sigma`.
-    pub fn covariance(&self, starts: &[Vec<f64>], samples: usize, sigma: f64) -> DMatrix<f64> {
+    pub(crate) fn covariance(
+        &self,
+        starts: &[Vec<f64>],
+        samples: usize,
+        sigma: f64,
+    ) -> DMatrix<f64> {
         let size = self.theta.len();
         let mut information = DMatrix::zeros(size, size);
         for start in starts {
@@ -116,7 +121,7 @@ impl PlainLaw {
 
     /// Expected mean absolute error of a prediction one step ahead, of each component, for
     /// Gaussian estimates with this covariance.
-    pub fn one_step(&self, starts: &[Vec<f64>], covariance: &DMatrix<f64>) -> Vec<f64> {
+    pub(crate) fn one_step(&self, starts: &[Vec<f64>], covariance: &DMatrix<f64>) -> Vec<f64> {
         let mut mean = vec![0.0; 4];
         for start in starts {
             let (_, by_theta) = self.jacobians(start, 0.1);

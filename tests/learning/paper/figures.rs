@@ -16,7 +16,7 @@ use super::{Law, STEP, system};
 
 /// Estimate minus truth and standard error of every coefficient, in the order of the law's
 /// terms; `None` unless the support is exact.
-pub fn deviations(law: &Law, model: &Model) -> Option<Vec<(f64, f64)>> {
+pub(crate) fn deviations(law: &Law, model: &Model) -> Option<Vec<(f64, f64)>> {
     if model.terms.len() != law.terms.len() {
         return None;
     }
@@ -30,28 +30,28 @@ pub fn deviations(law: &Law, model: &Model) -> Option<Vec<(f64, f64)>> {
 }
 
 /// The support in words, for messages.
-pub fn support(model: &Model) -> String {
+pub(crate) fn support(model: &Model) -> String {
     let terms = model.terms.iter();
     let words = terms.map(|t| format!("{} {:+.6} {}", t.place, t.coefficient, t.term));
     words.collect::<Vec<_>>().join(", ")
 }
 
 /// Largest error of a coefficient; panics with the support unless that is exact.
-pub fn largest_error(law: &Law, model: &Model) -> f64 {
+pub(crate) fn largest_error(law: &Law, model: &Model) -> f64 {
     let deviations = deviations(law, model)
         .unwrap_or_else(|| panic!("the support is not exact: {}", support(model)));
     deviations.iter().fold(0.0, |most, (error, _)| most.max(error.abs()))
 }
 
 /// Largest error of a coefficient in its standard errors.
-pub fn largest_in_standard_errors(law: &Law, model: &Model) -> f64 {
+pub(crate) fn largest_in_standard_errors(law: &Law, model: &Model) -> f64 {
     let deviations = deviations(law, model)
         .unwrap_or_else(|| panic!("the support is not exact: {}", support(model)));
     deviations.iter().fold(0.0, |most, (error, width)| most.max((error / width).abs()))
 }
 
 /// The trajectories of a law and of a learned model from the same starts.
-pub struct Predicted {
+pub(crate) struct Predicted {
     /// `[run][sample][component]`.
     pub truth: Vec<Vec<Vec<f64>>>,
     pub learned: Vec<Vec<Vec<f64>>>,
@@ -61,7 +61,7 @@ pub struct Predicted {
 }
 
 /// Follows a law and what was learned of it, both near machine precision.
-pub fn predict(
+pub(crate) fn predict(
     law: &Law,
     space: &Arc<System>,
     model: &Model,
@@ -84,7 +84,12 @@ pub fn predict(
 }
 
 /// Mean absolute error of each component of a prediction one step ahead.
-pub fn one_step(law: &Law, space: &Arc<System>, model: &Model, starts: &[Vec<f64>]) -> Vec<f64> {
+pub(crate) fn one_step(
+    law: &Law,
+    space: &Arc<System>,
+    model: &Model,
+    starts: &[Vec<f64>],
+) -> Vec<f64> {
     let both = predict(law, space, model, starts, &[0.0, STEP]);
     let components = starts.first().map_or(0, Vec::len);
     let mut mean = vec![0.0; components];
@@ -97,14 +102,14 @@ pub fn one_step(law: &Law, space: &Arc<System>, model: &Model, starts: &[Vec<f64
 }
 
 /// Mean over the coordinates and mean over the momenta.
-pub fn halves(components: &[f64]) -> (f64, f64) {
+pub(crate) fn halves(components: &[f64]) -> (f64, f64) {
     let n = components.len() / 2;
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len().max(1) as f64;
     (mean(&components[..n]), mean(&components[n..]))
 }
 
 /// Clean starts for predictions: uniform between -1 and 1.
-pub fn fresh_starts(law: &Law, count: usize, seed: u64) -> Vec<Vec<f64>> {
+pub(crate) fn fresh_starts(law: &Law, count: usize, seed: u64) -> Vec<Vec<f64>> {
     let known = system(&law.spec);
     let nature = Simulator::known(&known);
     let side = Side { lower: -1.0, upper: 1.0 };
@@ -113,12 +118,12 @@ pub fn fresh_starts(law: &Law, count: usize, seed: u64) -> Vec<Vec<f64>> {
 }
 
 /// The first sample of every run.
-pub fn first_samples(data: &Dataset) -> Vec<Vec<f64>> {
+pub(crate) fn first_samples(data: &Dataset) -> Vec<Vec<f64>> {
     data.runs.iter().map(|run| run.values.iter().map(|column| column[0]).collect()).collect()
 }
 
 /// Largest |value| of each component.
-pub fn ranges(data: &Dataset) -> Vec<f64> {
+pub(crate) fn ranges(data: &Dataset) -> Vec<f64> {
     (0..data.observables.len())
         .map(|row| {
             let cells = data.runs.iter().flat_map(|run| &run.values[row]);
@@ -128,19 +133,19 @@ pub fn ranges(data: &Dataset) -> Vec<f64> {
 }
 
 /// What is printed of a model.
-pub fn simplified(space: &Arc<System>, model: &Model, data: &Dataset) -> Simplified {
+pub(crate) fn simplified(space: &Arc<System>, model: &Model, data: &Dataset) -> Simplified {
     let law = model.law(space).expect("the model's own spec");
     present::simplified(&law, &ranges(data))
 }
 
 /// The printed equations.
-pub fn printed(space: &Arc<System>, model: &Model, data: &Dataset) -> String {
+pub(crate) fn printed(space: &Arc<System>, model: &Model, data: &Dataset) -> String {
     simplified(space, model, data).text(Style::default())
 }
 
 /// A shifted sine c sin(w q + b) in its one form with w > 0, c < 0 and b in [0, 2 pi):
 /// amplitude, wave number, phase.
-pub fn canonical_sine(amplitude: f64, wave: f64, phase: f64) -> (f64, f64, f64) {
+pub(crate) fn canonical_sine(amplitude: f64, wave: f64, phase: f64) -> (f64, f64, f64) {
     let (mut amplitude, mut wave, mut phase) = (amplitude, wave, phase);
     if wave < 0.0 {
         (amplitude, wave, phase) = (-amplitude, -wave, -phase);
@@ -153,7 +158,7 @@ pub fn canonical_sine(amplitude: f64, wave: f64, phase: f64) -> (f64, f64, f64) 
 
 /// Largest error of the pendulum's four numbers: 1/4, -2, wave number 1, phase pi/2.
 /// `None` unless T is p^2 alone and V the sine alone.
-pub fn pendulum_error(model: &Model) -> Option<f64> {
+pub(crate) fn pendulum_error(model: &Model) -> Option<f64> {
     let kinetic: Vec<_> = model.terms.iter().filter(|t| t.place == "T").collect();
     let potential: Vec<_> = model.terms.iter().filter(|t| t.place == "V").collect();
     let ([kinetic], [potential]) = (&kinetic[..], &potential[..]) else { return None };
@@ -169,7 +174,7 @@ pub fn pendulum_error(model: &Model) -> Option<f64> {
 
 /// Mean absolute error one step ahead in p of the best quintic potential, found from the law:
 /// the least-squares fit of a q + b q^3 to the pendulum's 2 sin(q) where the data lie.
-pub fn best_quintic(data: &Dataset) -> f64 {
+pub(crate) fn best_quintic(data: &Dataset) -> f64 {
     let at: Vec<f64> =
         data.runs.iter().map(|run| (run.values[0][0] + run.values[0][1]) / 2.0).collect();
     let sum = |f: &dyn Fn(f64) -> f64| at.iter().map(|&q| f(q)).sum::<f64>();
@@ -182,14 +187,14 @@ pub fn best_quintic(data: &Dataset) -> f64 {
 
 /// Bytes of the model file, and of what a prediction needs of it: a number and a term's place
 /// in the function space for every learned coefficient.
-pub fn bytes(model: &Model) -> (usize, usize) {
+pub(crate) fn bytes(model: &Model) -> (usize, usize) {
     let file = serde_json::to_vec(model).expect("a model is plain data").len();
     (file, model.evidence.learned * (size_of::<f64>() + size_of::<u32>()))
 }
 
 /// Largest relative stray of the true energy along the learned motion, integrated with
 /// `method` in steps of [`STEP`] to the time `until`.
-pub fn energy_stray(
+pub(crate) fn energy_stray(
     law: &Law,
     space: &Arc<System>,
     model: &Model,

@@ -2,8 +2,8 @@
 //! code makes them, and what is measured of a fit. Shared by the tests of recovery and by the
 //! program that prints the table.
 
-pub mod bound;
-pub mod figures;
+pub(crate) mod bound;
+pub(crate) mod figures;
 
 use std::sync::Arc;
 
@@ -18,19 +18,19 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 /// Time between the samples of every data set of the paper.
-pub const STEP: f64 = 0.1;
+pub(crate) const STEP: f64 = 0.1;
 /// Standard deviation of the noise of every noisy data set.
-pub const SIGMA: f64 = 0.005;
+pub(crate) const SIGMA: f64 = 0.005;
 
 /// A law: its spec, and the terms that an exact fit has.
-pub struct Law {
+pub(crate) struct Law {
     pub spec: String,
     /// Part, term and coefficient.
     pub terms: Vec<(&'static str, String, f64)>,
 }
 
 /// Compiles a spec.
-pub fn system(spec: &str) -> Arc<System> {
+pub(crate) fn system(spec: &str) -> Arc<System> {
     match build("spec", spec) {
         Ok(Compiled { system, .. }) => system,
         Err(error) => panic!("{error}\n{spec}"),
@@ -38,7 +38,7 @@ pub fn system(spec: &str) -> Arc<System> {
 }
 
 /// A spec that searches two function spaces.
-pub fn space(variables: &str, kinetic: &str, potential: &str) -> Arc<System> {
+pub(crate) fn space(variables: &str, kinetic: &str, potential: &str) -> Arc<System> {
     system(&format!("{variables}\nT = span{{ {kinetic} }}\nV = span{{ {potential} }}"))
 }
 
@@ -46,12 +46,12 @@ const TWO: &str = "coordinates q[1..2]\nmomenta p[1..2]";
 const FIVE: &str = "coordinates q[1..5]\nmomenta p[1..5]";
 
 /// The bivariate spaces of the paper's sections 4.2 and 4.3.
-pub fn tensor(degree: u32) -> Arc<System> {
+pub(crate) fn tensor(degree: u32) -> Arc<System> {
     space(TWO, &format!("tensor(p; {degree})"), &format!("tensor(q; {degree})"))
 }
 
 /// The five-variable spaces of the paper's section 4.4.
-pub fn pairs(degree: u32) -> Arc<System> {
+pub(crate) fn pairs(degree: u32) -> Arc<System> {
     space(FIVE, &format!("pairs(p; {degree})"), &format!("pairs(q; {degree})"))
 }
 
@@ -65,7 +65,7 @@ fn side(lower: f64, upper: f64) -> Side {
 }
 
 /// Section 4.3.
-pub fn henon_heiles() -> Law {
+pub(crate) fn henon_heiles() -> Law {
     law(
         TWO,
         "T = (p[1]^2 + p[2]^2)/2\nV = (q[1]^2 + q[2]^2)/2 + q[1]^2*q[2] - q[2]^3/3",
@@ -81,7 +81,7 @@ pub fn henon_heiles() -> Law {
 }
 
 /// 5,000 pairs at chaotic energies.
-pub fn henon_heiles_pairs(count: usize, sigma: f64, seed: u64) -> Dataset {
+pub(crate) fn henon_heiles_pairs(count: usize, sigma: f64, seed: u64) -> Dataset {
     let sampling = InitialDistribution {
         intervals: vec![side(-1.0, 1.0), side(-0.5, 1.0), side(-1.0, 1.0), side(-1.0, 1.0)],
         energy: Some(side(1.0 / 12.0, 1.0 / 6.0)),
@@ -90,7 +90,7 @@ pub fn henon_heiles_pairs(count: usize, sigma: f64, seed: u64) -> Dataset {
 }
 
 /// Section 4.2.
-pub fn coupled() -> Law {
+pub(crate) fn coupled() -> Law {
     law(
         TWO,
         "T = (p[1]^2 + p[2]^2)/2\nV = (q[1]^2 + q[2]^2 + q[1]^2*q[2]^2)/2",
@@ -109,17 +109,17 @@ fn anywhere(components: usize) -> InitialDistribution {
 }
 
 /// 500 consecutive pairs of one clean motion.
-pub fn coupled_clean(seed: u64) -> Dataset {
+pub(crate) fn coupled_clean(seed: u64) -> Dataset {
     consecutive_pairs(&runs(&coupled(), &anywhere(4), 1, 501, 0.0, seed))
 }
 
 /// 200 noisy runs to t = 0.3, sampled every 0.1.
-pub fn coupled_noisy(sigma: f64, seed: u64) -> Dataset {
+pub(crate) fn coupled_noisy(sigma: f64, seed: u64) -> Dataset {
     runs(&coupled(), &anywhere(4), 200, 4, sigma, seed)
 }
 
 /// Section 4.4: random masses and springs.
-pub fn mass_spring(seed: u64) -> Law {
+pub(crate) fn mass_spring(seed: u64) -> Law {
     let mut generator = Pcg64::seed_from_u64(seed ^ 0x6d61_7373);
     let mut uniform =
         |lower: f64, upper: f64| lower + (upper - lower) * generator.random_range(0.0..1.0);
@@ -145,7 +145,7 @@ pub fn mass_spring(seed: u64) -> Law {
 }
 
 /// 800 consecutive pairs of one motion, each copy of each sample with its own noise.
-pub fn mass_spring_pairs(law: &Law, sigma: f64, seed: u64) -> Dataset {
+pub(crate) fn mass_spring_pairs(law: &Law, sigma: f64, seed: u64) -> Dataset {
     let mut intervals: Vec<Side> =
         [0.25, 0.5, 0.75, 1.0, 1.25].iter().map(|&q| side(q, q)).collect();
     intervals.extend(vec![side(-0.1, 0.1); 5]);
@@ -162,7 +162,7 @@ pub fn mass_spring_pairs(law: &Law, sigma: f64, seed: u64) -> Dataset {
 }
 
 /// Section 4.1: g = l = 1, m = 2.
-pub fn pendulum() -> Law {
+pub(crate) fn pendulum() -> Law {
     law(
         "coordinates q\nmomenta p",
         "T = p^2/4\nV = -2*cos(q)",
@@ -171,14 +171,14 @@ pub fn pendulum() -> Law {
 }
 
 /// 200 consecutive pairs from 1.4 at rest.
-pub fn pendulum_pairs() -> Dataset {
+pub(crate) fn pendulum_pairs() -> Dataset {
     let sampling =
         InitialDistribution { intervals: vec![side(1.4, 1.4), side(0.0, 0.0)], energy: None };
     consecutive_pairs(&runs(&pendulum(), &sampling, 1, 201, 0.0, 0))
 }
 
 /// The three spaces of the pendulum.
-pub enum PendulumSpace {
+pub(crate) enum PendulumSpace {
     /// Cubic T, shifted sine V.
     Sine,
     /// Cubic and shifted sine for both.
@@ -188,7 +188,7 @@ pub enum PendulumSpace {
 }
 
 /// The spec of one of the pendulum's spaces.
-pub fn pendulum_space(which: &PendulumSpace) -> Arc<System> {
+pub(crate) fn pendulum_space(which: &PendulumSpace) -> Arc<System> {
     let (variables, kinetic, potential) = match which {
         PendulumSpace::Sine => (
             "coordinates q\nmomenta p\nparam a = 0\nparam b = 0",
@@ -232,11 +232,11 @@ fn noisy(data: &mut Dataset, sigma: f64, seed: u64) {
 }
 
 /// A fit with the defaults, as every figure is made.
-pub fn learn(system: &Arc<System>, data: &Dataset) -> Model {
+pub(crate) fn learn(system: &Arc<System>, data: &Dataset) -> Model {
     learn_with(system, data, &Options::default())
 }
 
 /// A fit with other options than the defaults.
-pub fn learn_with(system: &Arc<System>, data: &Dataset, options: &Options) -> Model {
+pub(crate) fn learn_with(system: &Arc<System>, data: &Dataset, options: &Options) -> Model {
     fit::fit(system, data, options, &Silent).unwrap_or_else(|error| panic!("{error}"))
 }

@@ -9,7 +9,7 @@ use tempfile::TempDir;
 use super::http::send;
 use super::studio::PATIENCE;
 
-pub struct Browser {
+pub(crate) struct Browser {
     driver: Child,
     port: u16,
     session: String,
@@ -18,14 +18,14 @@ pub struct Browser {
 }
 
 /// What WebDriver calls a key.
-pub const TAB: &str = "\u{E004}";
-pub const ENTER: &str = "\u{E007}";
-pub const ALT: &str = "\u{E00A}";
-pub const CONTROL: &str = "\u{E009}";
+pub(crate) const TAB: &str = "\u{E004}";
+pub(crate) const ENTER: &str = "\u{E007}";
+pub(crate) const ALT: &str = "\u{E00A}";
+pub(crate) const CONTROL: &str = "\u{E009}";
 
 impl Browser {
     /// A browser of a size in pixels; `None`, which it says, where there is none.
-    pub fn open(width: u32, height: u32, dark: bool) -> Option<Browser> {
+    pub(crate) fn open(width: u32, height: u32, dark: bool) -> Option<Browser> {
         // A port that was free a moment ago.
         let port = std::net::TcpListener::bind(("127.0.0.1", 0)).ok()?.local_addr().ok()?.port();
         let driver = Command::new("chromedriver")
@@ -98,24 +98,24 @@ impl Browser {
         self.own("/goog/cdp/execute", &json!({ "cmd": name, "params": parameters }))
     }
 
-    pub fn go(&self, address: &str) {
+    pub(crate) fn go(&self, address: &str) {
         self.own("/url", &json!({ "url": address }));
     }
 
     /// The value of a script.
-    pub fn run(&self, script: &str) -> Value {
+    pub(crate) fn run(&self, script: &str) -> Value {
         let value = self.own("/execute/sync", &json!({ "script": script, "args": [] }));
         assert!(value["error"].is_null(), "{script}: {value}");
         value
     }
 
     /// The value of an expression.
-    pub fn value(&self, expression: &str) -> Value {
+    pub(crate) fn value(&self, expression: &str) -> Value {
         self.run(&format!("return ({expression})"))
     }
 
     /// Waits until an expression is true.
-    pub fn until(&self, expression: &str) {
+    pub(crate) fn until(&self, expression: &str) {
         let start = Instant::now();
         while self.value(&format!("Boolean({expression})")) != true {
             let told = self.value("document.getElementById('message').innerText");
@@ -125,7 +125,7 @@ impl Browser {
     }
 
     /// Clicks as a hand does: where the element is, if nothing lies over it.
-    pub fn click(&self, selector: &str) {
+    pub(crate) fn click(&self, selector: &str) {
         let by = json!({ "using": "css selector", "value": selector });
         let found = self.own("/element", &by);
         let id = found.as_object().and_then(|object| object.values().next()).cloned();
@@ -139,7 +139,7 @@ impl Browser {
     }
 
     /// Presses keys together, and lets them go.
-    pub fn press(&self, keys: &[&str]) {
+    pub(crate) fn press(&self, keys: &[&str]) {
         let down = keys.iter().map(|key| json!({ "type": "keyDown", "value": key }));
         let up = keys.iter().rev().map(|key| json!({ "type": "keyUp", "value": key }));
         let actions: Vec<Value> = down.chain(up).collect();
@@ -151,14 +151,14 @@ impl Browser {
     }
 
     /// Types a text, key by key.
-    pub fn write(&self, text: &str) {
+    pub(crate) fn write(&self, text: &str) {
         for key in text.chars() {
             self.press(&[&key.to_string()]);
         }
     }
 
     /// Drags with the mouse from one place of the window to another.
-    pub fn drag(&self, from: (f64, f64), to: (f64, f64)) {
+    pub(crate) fn drag(&self, from: (f64, f64), to: (f64, f64)) {
         let at = |(x, y): (f64, f64), duration: u64| json!({ "type": "pointerMove", "duration": duration, "x": x.round(), "y": y.round() });
         let actions = json!([
             at(from, 0), { "type": "pointerDown", "button": 0 }, at(to, 150),
@@ -171,7 +171,7 @@ impl Browser {
     }
 
     /// Errors that the browser complained of, such as what the policy forbids.
-    pub fn complaints(&self) -> Vec<String> {
+    pub(crate) fn complaints(&self) -> Vec<String> {
         let log = self.own("/se/log", &json!({ "type": "browser" }));
         let rows = log.as_array().cloned().unwrap_or_default();
         let bad = rows.iter().filter(|row| row["level"] == "SEVERE");
@@ -179,7 +179,7 @@ impl Browser {
     }
 
     /// Pictures of the window by day and by night, into the folder that `LEVERRIER_SHOTS` names.
-    pub fn shot(&self, name: &str) {
+    pub(crate) fn shot(&self, name: &str) {
         let Some(folder) = std::env::var_os("LEVERRIER_SHOTS") else { return };
         std::fs::create_dir_all(&folder).expect("a folder");
         for (dark, scheme) in [(false, "light"), (true, "dark")] {

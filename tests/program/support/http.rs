@@ -7,7 +7,7 @@ use std::time::Duration;
 use serde_json::Value;
 
 /// What a server answered.
-pub struct Reply {
+pub(crate) struct Reply {
     pub status: u16,
     /// Lines of the head, without the first.
     pub head: Vec<String>,
@@ -15,15 +15,15 @@ pub struct Reply {
 }
 
 impl Reply {
-    pub fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         String::from_utf8_lossy(&self.body).into_owned()
     }
 
-    pub fn json(&self) -> Value {
+    pub(crate) fn json(&self) -> Value {
         serde_json::from_slice(&self.body).unwrap_or_else(|e| panic!("{e}: {}", self.text()))
     }
 
-    pub fn header(&self, name: &str) -> Option<&str> {
+    pub(crate) fn header(&self, name: &str) -> Option<&str> {
         self.head.iter().find_map(|line| {
             let (own, value) = line.split_once(':')?;
             own.eq_ignore_ascii_case(name).then_some(value.trim())
@@ -32,7 +32,7 @@ impl Reply {
 }
 
 /// Sends a request as it is; the body's length is added.
-pub fn send(
+pub(crate) fn send(
     port: u16,
     method: &str,
     path: &str,

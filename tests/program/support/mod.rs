@@ -1,6 +1,6 @@
 //! The program, the studio and a browser, as several test files use them.
 
-pub mod browser;
-pub mod http;
-pub mod program;
-pub mod studio;
+pub(crate) mod browser;
+pub(crate) mod http;
+pub(crate) mod program;
+pub(crate) mod studio;

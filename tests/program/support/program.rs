@@ -8,13 +8,13 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 /// What a command did.
-pub struct Done {
+pub(crate) struct Done {
     pub code: Option<i32>,
     pub out: String,
     pub err: String,
 }
 
-pub fn run(folder: &Path, arguments: &[&str]) -> Done {
+pub(crate) fn run(folder: &Path, arguments: &[&str]) -> Done {
     let output = Command::cargo_bin("leverrier")
         .expect("the program is built")
         .current_dir(folder)
@@ -32,13 +32,13 @@ pub fn run(folder: &Path, arguments: &[&str]) -> Done {
     done
 }
 
-pub fn good(folder: &Path, arguments: &[&str]) -> Done {
+pub(crate) fn good(folder: &Path, arguments: &[&str]) -> Done {
     let done = run(folder, arguments);
     assert_eq!(done.code, Some(0), "{arguments:?}\n{}\n{}", done.out, done.err);
     done
 }
 
-pub fn json(folder: &Path, arguments: &[&str], format: &str) -> Value {
+pub(crate) fn json(folder: &Path, arguments: &[&str], format: &str) -> Value {
     let mut all = arguments.to_vec();
     all.extend(["--format", "json"]);
     let done = good(folder, &all);
@@ -48,7 +48,7 @@ pub fn json(folder: &Path, arguments: &[&str], format: &str) -> Value {
     value
 }
 
-pub const KNOWN: &str = "system \"pendulum\"
+pub(crate) const KNOWN: &str = "system \"pendulum\"
 coordinates theta [rad]
 velocities omega [rad/s]
 time t [s]
@@ -56,7 +56,7 @@ T = p_theta^2/2
 V = -1.3 [1/s^2]*cos(theta)
 ";
 
-pub const UNKNOWN: &str = "system \"pendulum\"
+pub(crate) const UNKNOWN: &str = "system \"pendulum\"
 coordinates theta [rad]
 velocities omega [rad/s]
 time t [s]
@@ -66,7 +66,7 @@ V = span{ poly(theta; 2), cos(theta) }
 ";
 
 /// A folder with a known and an unknown pendulum, and data made by `simulate`.
-pub fn pendulum() -> TempDir {
+pub(crate) fn pendulum() -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     fs::write(folder.path().join("known.ham"), KNOWN).expect("written");
     fs::write(folder.path().join("swings.ham"), UNKNOWN).expect("written");
@@ -74,7 +74,7 @@ pub fn pendulum() -> TempDir {
     folder
 }
 
-pub const MAKE_SWINGS: [&str; 15] = [
+pub(crate) const MAKE_SWINGS: [&str; 15] = [
     "simulate",
     "known.ham",
     "--runs",
@@ -93,7 +93,7 @@ pub const MAKE_SWINGS: [&str; 15] = [
 ];
 
 /// Names of the files of a folder.
-pub fn listing(folder: &Path) -> Vec<String> {
+pub(crate) fn listing(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).expect("a folder");
     let mut names: Vec<String> =
         entries.map(|e| e.expect("an entry").file_name().to_string_lossy().into_owned()).collect();

@@ -13,9 +13,9 @@ use tempfile::TempDir;
 use super::http::{Reply, send};
 
 /// Longest time that anything may take on a busy machine.
-pub const PATIENCE: Duration = Duration::from_secs(240);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(240);
 
-pub struct Studio {
+pub(crate) struct Studio {
     child: Child,
     pub port: u16,
     pub token: String,
@@ -26,12 +26,12 @@ pub struct Studio {
 }
 
 impl Studio {
-    pub fn open(spec: &Path) -> Studio {
+    pub(crate) fn open(spec: &Path) -> Studio {
         Studio::started(spec, &["--no-open"], &[])
     }
 
     /// Started with more arguments and variables of the environment.
-    pub fn started(spec: &Path, arguments: &[&str], variables: &[(&str, &str)]) -> Studio {
+    pub(crate) fn started(spec: &Path, arguments: &[&str], variables: &[(&str, &str)]) -> Studio {
         let mut child = Command::new(env!("CARGO_BIN_EXE_leverrier"))
             .arg("studio")
             .arg(spec)
@@ -53,27 +53,27 @@ impl Studio {
         Studio { child, port, token, address, version: 0, parts }
     }
 
-    pub fn host(&self) -> String {
+    pub(crate) fn host(&self) -> String {
         format!("127.0.0.1:{}", self.port)
     }
 
-    pub fn pid(&self) -> u32 {
+    pub(crate) fn pid(&self) -> u32 {
         self.child.id()
     }
 
     /// Ends it at once, as a power failure would.
-    pub fn kill(&mut self) {
+    pub(crate) fn kill(&mut self) {
         self.child.kill().expect("it ran");
         self.child.wait().expect("it ended");
     }
 
-    pub fn get(&self, path: &str) -> Reply {
+    pub(crate) fn get(&self, path: &str) -> Reply {
         let host = self.host();
         let headers = [("host", host.as_str()), ("x-leverrier-token", &self.token)];
         send(self.port, "GET", path, &headers, b"").expect("an answer")
     }
 
-    pub fn post(&self, path: &str, body: &Value) -> Reply {
+    pub(crate) fn post(&self, path: &str, body: &Value) -> Reply {
         let host = self.host();
         let origin = format!("http://{host}");
         let headers = [
@@ -85,7 +85,7 @@ impl Studio {
     }
 
     /// Reads news until something holds of the parts.
-    pub fn until(&mut self, what: &str, holds: impl Fn(&BTreeMap<String, Value>) -> bool) {
+    pub(crate) fn until(&mut self, what: &str, holds: impl Fn(&BTreeMap<String, Value>) -> bool) {
         let start = Instant::now();
         while !holds(&self.parts) {
             let last = self.parts.get("message");
@@ -99,7 +99,7 @@ impl Studio {
     }
 
     /// Wishes for something and waits until it is done; returns the message about it.
-    pub fn wish(&mut self, what: Value) -> Value {
+    pub(crate) fn wish(&mut self, what: Value) -> Value {
         let before = self.number();
         let reply = self.post("/api/do", &what);
         assert_eq!(reply.status, 202, "{what}: {}", reply.text());
@@ -107,12 +107,12 @@ impl Studio {
         self.parts["message"].clone()
     }
 
-    pub fn number(&self) -> u64 {
+    pub(crate) fn number(&self) -> u64 {
         number(&self.parts)
     }
 
     /// Waits for the answer to what is missing.
-    pub fn answered(&mut self) -> Value {
+    pub(crate) fn answered(&mut self) -> Value {
         self.until("what is missing", |parts| {
             let state = |name: &str| parts.get(name).map(|part| part["state"].clone());
             state("missing") == Some(json!("answered"))
@@ -133,7 +133,7 @@ impl Drop for Studio {
 }
 
 /// A folder with the demo of a hidden effect, and its spec.
-pub fn demo() -> (TempDir, PathBuf) {
+pub(crate) fn demo() -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/damped-pendulum");
     for name in ["fit.ham", "swings.csv"] {
