@@ -134,10 +134,12 @@ impl Model {
             ));
         }
         let conservative = graph.is_zero(power);
+        let mut acting = forces.clone();
+        acting.push(energy);
+        acting.extend(rates.iter().map(|&(_, rate)| rate));
         let smooth = !graph
-            .topological(&[energy])
+            .topological(&acting)
             .into_iter()
-            .chain(graph.topological(&forces))
             .any(|part| matches!(graph.node(part), Node::Apply(f, _) if !f.row().smooth));
         Ok(Model {
             energy,

@@ -154,9 +154,25 @@ pub(super) fn export(export: &Export) -> Result<Output> {
         ("src/model.rs", model_file(export, &model)),
         ("src/integrator.rs", integrator),
         ("src/main.rs", MAIN.replace("simulator::", &own)),
-        ("tests/checks.rs", TESTS.replace("simulator::", &own)),
+        ("tests/checks.rs", checks(export, &own)),
     ];
     Ok(Output::Files(files.into_iter().map(|(path, text)| (path.to_string(), text)).collect()))
+}
+
+/// The project's tests, which know the internal states.
+fn checks(export: &Export, own: &str) -> String {
+    let system = export.system();
+    let internal: Vec<String> = (0..system.degrees())
+        .filter(|&i| system.internal(i).is_some())
+        .map(|i| i.to_string())
+        .collect();
+    let tests = TESTS.replace("simulator::", own);
+    if internal.is_empty() {
+        return tests;
+    }
+    let (count, list) = (internal.len(), internal.join(", "));
+    let array = format!("#[rustfmt::skip]\nconst INTERNAL: [usize; {count}] = [{list}];");
+    tests.replace("const INTERNAL: [usize; 0] = [];", &array)
 }
 
 /// How the generated project is compiled.

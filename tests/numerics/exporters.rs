@@ -66,7 +66,9 @@ fn every_exporter_writes_every_model() {
                 }
             }
             let all: String = written.iter().map(|(_, text)| text.as_str()).collect();
-            for variable in case.law.system().coordinates.iter().chain(&case.law.system().momenta) {
+            let system = case.law.system();
+            let momenta = system.mechanical().into_iter().map(|i| &system.momenta[i]);
+            for variable in system.coordinates.iter().chain(momenta) {
                 let tex = leverrier::internals::export::letters::name(&variable.name);
                 let letters = tex.trim_start_matches('\\').split('_').next().unwrap_or("");
                 // MathML writes Greek letters as characters.

@@ -156,8 +156,8 @@ impl Question<'_, '_> {
     }
 }
 
-/// The best of some parts, fitted from where the weak form likes them best; where one of them nearly
-/// explains the data, from where it likes them next.
+/// The best of some parts, fitted from where the weak form likes them best; where one of them
+/// nearly explains the data, from where it likes them next.
 fn best_of(question: &Question, mut starts: Vec<Start>) -> Result<Option<Found>> {
     let tuning = &question.model.tuning().hidden;
     question.monitor.stage("what may move unseen", 0.95);
