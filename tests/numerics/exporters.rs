@@ -7,6 +7,7 @@ use std::process::Command;
 use crate::export_cases::{Case, case, cases, reference};
 use leverrier::internals::export::{EXPORTERS, IntegratorKind, Output, exporter};
 use leverrier::internals::expr::Symbol;
+use rayon::prelude::*;
 
 pub(crate) fn files(output: Output) -> Vec<(String, String)> {
     match output {
@@ -125,12 +126,9 @@ fn largest_difference(csv: &str, case: &Case, steps: usize) -> f64 {
 /// Generated projects build offline, pass their own tests, and follow the model for 10,000 steps.
 #[test]
 fn the_rust_simulator_agrees_with_the_model() {
-    let folder = tempfile::tempdir().unwrap();
-    let target = folder.path().join("target");
-    let cargo = std::env::var("CARGO").unwrap_or("cargo".to_string());
-    for (i, case) in cases().into_iter().enumerate() {
-        let project = folder.path().join(format!("project-{i}"));
-        write(&project, &run_export("rust", &case));
+    cases().into_par_iter().for_each(|case| {
+        let project = tempfile::tempdir().unwrap();
+        write(project.path(), &run_export("rust", &case));
         if installed("rustfmt") {
             let sources = ["src/lib.rs", "src/main.rs", "tests/checks.rs"];
             run(Command::new("rustfmt")
@@ -138,31 +136,25 @@ fn the_rust_simulator_agrees_with_the_model() {
                 .args(sources)
                 .current_dir(&project));
         }
-        let mut command = Command::new(&cargo);
-        command
-            .args(["test", "--offline", "--quiet"])
-            .current_dir(&project)
-            .env("CARGO_TARGET_DIR", &target)
-            .env("RUSTFLAGS", "-D warnings");
-        run(&mut command);
+        let cargo = |arguments: &[&str]| {
+            let program = std::env::var("CARGO").unwrap_or("cargo".to_string());
+            run(Command::new(program)
+                .args([&[arguments[0], "--offline", "--quiet"], &arguments[1..]].concat())
+                .current_dir(&project)
+                .env_remove("CARGO_TARGET_DIR")
+                .env("RUSTFLAGS", "-D warnings"))
+        };
+        cargo(&["test"]);
         let steps = 10_000;
         let duration = (steps as f64 * case.law.stepping().longest).to_string();
-        let output = Command::new(&cargo)
-            .args(["run", "--offline", "--quiet", "--", "--duration", &duration])
-            .current_dir(&project)
-            .env("CARGO_TARGET_DIR", &target)
-            .env("RUSTFLAGS", "-D warnings")
-            .output()
-            .unwrap();
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        let csv = String::from_utf8(output.stdout).unwrap();
+        let csv = cargo(&["run", "--", "--duration", &duration]);
         let header: Vec<&str> = csv.lines().next().unwrap().split(',').collect();
         assert_eq!(header.len(), 1 + 2 * case.law.system().degrees());
         let error = largest_difference(&csv, &case, steps);
         // A rounding error a step, each carried on with the phase of a regular orbit.
         let bound = 1e-16 * steps as f64;
         assert!(error <= bound, "{}: {error:e} after {steps} steps", case.law.system().name);
-    }
+    });
 }
 
 #[test]
