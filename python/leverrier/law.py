@@ -13,7 +13,7 @@ import numpy as np
 
 from . import _native
 from .errors import InvalidArgumentError
-from .progress import Progress, shown
+from .progress import Progress, finished, shown
 from .results import Comparison, Design, Diagnosis, Record, Revision, Rows, Table, record
 from .tables import _numbers, _seed, inputs_of, number, path_text
 
@@ -349,8 +349,7 @@ class Law:
 
         The arguments are those of :meth:`compare`, and what is looked for beside the usual: noise
         with a memory, such as that of a filter, and so many orbits of a body that nobody measures.
-        Ctrl-C raises KeyboardInterrupt with the
-        diagnosis so far as its attribute ``best``.
+        Ctrl-C raises KeyboardInterrupt with the diagnosis so far as its attribute ``best``.
 
         >>> import leverrier
         >>> diagnosis = leverrier.open("examples/damped-pendulum/fit.ham").fit().diagnose()
@@ -359,20 +358,13 @@ class Law:
         """
         options = diagnosis_options(correlated_noise, orbits)
         judged = self._judged(X, t, run, held_out, seed, threads, progress)
-
-        def wrapped(text: str) -> Diagnosis:
-            return Diagnosis(judged.fields | json.loads(text), judged.law)
-
-        try:
-            with shown(progress) as told:
-                text = judged.law._native.diagnose(
-                    judged.training._native, judged.unseen._native, options, threads, told
-                )
-        except KeyboardInterrupt as interrupt:
-            if hasattr(interrupt, "best"):
-                interrupt.best = wrapped(interrupt.best)
-            raise
-        return wrapped(text)
+        native = judged.law._native
+        both = (judged.training._native, judged.unseen._native)
+        return finished(
+            progress,
+            lambda told: native.diagnose(*both, options, threads, told),
+            lambda text: Diagnosis(judged.fields | json.loads(text), judged.law),
+        )
 
     def design(
         self,
@@ -417,20 +409,13 @@ class Law:
             "step": None if step is None else _range(step, "step"),
         }
         judged = self._judged(X, t, run, held_out, seed, threads, progress)
-
-        def wrapped(text: str) -> Design:
-            return Design(judged.fields | json.loads(text), judged.law)
-
-        try:
-            with shown(progress) as told:
-                text = judged.law._native.design(
-                    judged.training._native, judged.unseen._native, options, threads, told
-                )
-        except KeyboardInterrupt as interrupt:
-            if hasattr(interrupt, "best"):
-                interrupt.best = wrapped(interrupt.best)
-            raise
-        return wrapped(text)
+        native = judged.law._native
+        both = (judged.training._native, judged.unseen._native)
+        return finished(
+            progress,
+            lambda told: native.design(*both, options, threads, told),
+            lambda text: Design(judged.fields | json.loads(text), judged.law),
+        )
 
     def add(
         self,

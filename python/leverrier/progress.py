@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeVar
 
 from .errors import InvalidArgumentError
 
@@ -15,6 +15,27 @@ Progress = Callable[[str, float], object]
 
 #: Shorter work shows nothing, in seconds.
 PATIENCE = 1.0
+
+
+Raw = TypeVar("Raw")
+Result = TypeVar("Result")
+
+
+def finished(
+    progress: bool | Progress | None,
+    work: Callable[[Progress | None], Raw],
+    wrapped: Callable[[Raw], Result],
+) -> Result:
+    """What long work gives, wrapped. Where Ctrl-C ends it, so is the best so far that it leaves in
+    the attribute ``best`` of KeyboardInterrupt."""
+    try:
+        with shown(progress) as told:
+            raw = work(told)
+    except KeyboardInterrupt as interrupt:
+        if hasattr(interrupt, "best"):
+            interrupt.best = wrapped(interrupt.best)
+        raise
+    return wrapped(raw)
 
 
 @contextmanager

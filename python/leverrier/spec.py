@@ -11,7 +11,7 @@ from typing import Any
 from . import _native, tables
 from .errors import InvalidArgumentError
 from .law import Law, diagnosis_options
-from .progress import Progress, shown
+from .progress import Progress, finished
 from .results import Discovery
 from .tables import Data
 
@@ -162,14 +162,11 @@ class Spec:
             seed=seed, sparse=sparse, trainer=trainer, memory=memory,
         )  # fmt: skip
         threads = threads_of(threads)
-        try:
-            with shown(progress) as told:
-                native = self._native.fit(data._native, options, threads, told)
-        except KeyboardInterrupt as interrupt:
-            if hasattr(interrupt, "best"):
-                interrupt.best = Law(interrupt.best, self, data)
-            raise
-        return Law(native, self, data)
+        return finished(
+            progress,
+            lambda told: self._native.fit(data._native, options, threads, told),
+            lambda native: Law(native, self, data),
+        )
 
     def discover(
         self,
@@ -206,16 +203,10 @@ class Spec:
             fields = {"system": self.system, "split": split_fields(training, unseen, held_out, seed)}
             return Discovery(fields | json.loads(text), Law(law, spec, training), spec)
 
-        try:
-            with shown(progress) as told:
-                found = self._native.discover(
-                    training._native, unseen._native, options, threads, told
-                )
-        except KeyboardInterrupt as interrupt:
-            if hasattr(interrupt, "best"):
-                interrupt.best = wrapped(interrupt.best)
-            raise
-        return wrapped(found)
+        both = (training._native, unseen._native)
+        return finished(
+            progress, lambda told: self._native.discover(*both, options, threads, told), wrapped
+        )
 
     def known_law(self) -> Law:
         """The law of a spec in which no term is to be learned.
