@@ -52,9 +52,9 @@
 //!
 //! Without default features the crate reads specs and CSV files, fits, predicts, compares and
 //! diagnoses. `export` adds the simplified form of a law and its exports, `parquet` (and `zstd`)
-//! Parquet files, `files` those of MATLAB, HDF5, NumPy and Excel, `arrow` those of Arrow, `cli` the
-//! program `leverrier`, `pictures` its figures as PNG, and `studio` its page in the browser. All
-//! but `zstd` are on by default.
+//! Parquet files, `files` those of MATLAB, HDF5, NumPy and Excel, `arrow` those of Arrow,
+//! `figures` the figures of the report as SVG, `cli` the program `leverrier`, `pictures` its
+//! figures as PNG, and `studio` its page in the browser. All but `zstd` are on by default.
 
 // What only a feature uses is not worth a mark of its own: with all of them on, nothing is dead.
 #![cfg_attr(
@@ -84,7 +84,7 @@ mod fit;
 #[cfg(feature = "cli")]
 #[deny(clippy::indexing_slicing)]
 mod project;
-#[cfg(feature = "cli")]
+#[cfg(feature = "figures")]
 mod report;
 #[cfg(feature = "export")]
 mod simplify;
@@ -95,17 +95,21 @@ mod spec;
 #[deny(clippy::indexing_slicing)]
 mod studio;
 
+pub use data::{PartPlace, PartSampling, PartSurvey};
 pub use diagnostic::{Diagnostic, Severity, Span};
 pub use dynamics::Method;
 pub use error::{DataError, Error, ErrorKind, Result};
 pub use facade::{Comparison, Data, Design, DesignOptions, Diagnosis, DiagnosisOptions};
 pub use facade::{Discovery, DiscoveryOptions, Effect, Horizon, Law, Spec, Trajectory, Values};
-pub use facade::{VectorField, Verdict};
+pub use facade::{LocalParts, Part, VectorField, Verdict};
 pub use fit::distribution::{Distribution, OwnValue, Unusual};
 pub use fit::hidden::HiddenMotion;
 pub use fit::model::{LearnedParameter, LearnedTerm, Noise};
+pub use fit::parts::{Engine, PassFactor, PassRequest};
 pub use fit::tuning;
 pub use fit::{Flag, Loss, Monitor, Options, Selection, Silent, Trainer, Tuning};
+#[cfg(feature = "figures")]
+pub use report::Drawing;
 
 /// The README's examples, run as tests.
 #[cfg(all(doctest, feature = "export"))]
@@ -151,6 +155,10 @@ pub mod internals {
         pub use crate::fit::*;
     }
     #[cfg(feature = "cli")]
+    pub mod project {
+        pub use crate::project::ledger::Ledger;
+    }
+    #[cfg(feature = "figures")]
     pub mod report {
         pub use crate::report::*;
     }

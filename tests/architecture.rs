@@ -281,8 +281,14 @@ fn what_is_public_has_an_example() {
 }
 
 /// Pages that say where things are.
-const PAGES: &[&str] =
-    &["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/architecture.md", "docs/glossary.md"];
+const PAGES: &[&str] = &[
+    "README.md",
+    "CONTRIBUTING.md",
+    "CHANGELOG.md",
+    "docs/architecture.md",
+    "docs/glossary.md",
+    "docs/security.md",
+];
 
 /// What the crate is built of, and what its page says of it: the same names.
 #[test]
@@ -311,6 +317,113 @@ fn the_page_says_what_each_dependency_is_for() {
     listed.sort();
     assert!(depends.len() > 30, "{depends:?}");
     assert_eq!(depends, listed);
+}
+
+/// Every file with `unsafe` in it stands on the page on security, with how often.
+#[test]
+fn the_page_on_security_counts_what_is_unsafe() {
+    let kinds = ["unsafe {", "unsafe fn", "unsafe impl", "unsafe trait"];
+    let of = |source: &Source| {
+        let lines = source.code().map(|(_, line)| line);
+        lines.flat_map(|line| kinds.map(|kind| line.matches(kind).count())).sum::<usize>()
+    };
+    let sources = sources();
+    let counted = sources.iter().map(|source| (format!("src/{}", source.name), of(source)));
+    let counted: Vec<(String, usize)> = counted.filter(|(_, count)| *count > 0).collect();
+    let page = fs::read_to_string(root().join("docs/security.md")).expect("a page");
+    let table = page.lines().skip_while(|line| !line.starts_with("| file |")).skip(2);
+    let mut told: Vec<(String, usize)> = table
+        .map_while(|line| line.strip_prefix("| `"))
+        .map(|line| {
+            let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+            let reason = cells[2].len() > 20;
+            assert!(reason, "{line}");
+            (cells[0].trim_end_matches('`').to_string(), cells[1].parse().expect("a number"))
+        })
+        .collect();
+    told.sort();
+    assert!(counted.len() > 5 && counted == told, "counted: {counted:#?}");
+}
+
+/// Whether an expression of licences (`MIT OR Apache-2.0`) can be met with those that are allowed.
+fn is_allowed(expression: &str, allowed: &[&str]) -> bool {
+    let spaced = expression.replace('(', " ( ").replace(')', " ) ").replace('/', " OR ");
+    let words: Vec<&str> = spaced.split_whitespace().collect();
+    any_of(&mut words.as_slice(), allowed)
+}
+
+fn any_of(words: &mut &[&str], allowed: &[&str]) -> bool {
+    let mut met = all_of(words, allowed);
+    while let Some(("OR", rest)) = words.split_first().map(|(word, rest)| (*word, rest)) {
+        *words = rest;
+        met |= all_of(words, allowed);
+    }
+    met
+}
+
+fn all_of(words: &mut &[&str], allowed: &[&str]) -> bool {
+    let mut met = true;
+    loop {
+        let Some((first, rest)) = words.split_first() else { return false };
+        *words = rest;
+        met &= match (*first, rest) {
+            ("(", _) => {
+                let inner = any_of(words, allowed);
+                *words = words.get(1..).unwrap_or(&[]);
+                inner
+            }
+            (licence, ["WITH", exception, ..]) => {
+                *words = &words[2..];
+                let whole = format!("{licence} WITH {exception}");
+                allowed.contains(&licence) || allowed.contains(&whole.as_str())
+            }
+            (licence, _) => allowed.contains(&licence),
+        };
+        match words.split_first() {
+            Some((&"AND", rest)) => *words = rest,
+            _ => return met,
+        }
+    }
+}
+
+/// The licences of all dependencies are of those that `deny.toml` allows: what `cargo deny` asks,
+/// too, where it is installed.
+#[test]
+fn licences_of_dependencies_are_allowed() {
+    let list = fs::read_to_string(root().join("deny.toml")).expect("deny.toml");
+    let list = list.split("allow = [").nth(1).and_then(|rest| rest.split(']').next());
+    let allowed: Vec<&str> = list.expect("a list").split('"').skip(1).step_by(2).collect();
+    for (expression, expected) in [
+        ("MIT OR Apache-2.0", true),
+        ("GPL-3.0", false),
+        ("MIT AND GPL-3.0", false),
+        ("(MIT OR GPL-3.0) AND Unicode-3.0", true),
+        ("Apache-2.0 WITH LLVM-exception", true),
+        ("GPL-2.0 OR (GPL-3.0 AND MIT)", false),
+        ("Unlicense/MIT", true),
+    ] {
+        assert_eq!(is_allowed(expression, &allowed), expected, "{expression}");
+    }
+    let said = |program: &str, arguments: &[&str]| {
+        let mut command = std::process::Command::new(program);
+        let output = command.args(arguments).current_dir(root()).output().ok()?;
+        output.status.success().then(|| String::from_utf8_lossy(&output.stdout).into_owned())
+    };
+    let about = said("rustc", &["-vV"]).unwrap_or_default();
+    let host = about.lines().find_map(|line| line.strip_prefix("host: ")).unwrap_or_default();
+    let cargo = std::env::var("CARGO").unwrap_or("cargo".to_string());
+    let filter = ["metadata", "--format-version=1", "--offline", "--locked", "--filter-platform"];
+    let Some(metadata) = said(&cargo, &[&filter[..], &[host]].concat()) else {
+        println!("skipped: cargo cannot say what the dependencies are without a network");
+        return;
+    };
+    let metadata: serde_json::Value = serde_json::from_str(&metadata).expect("JSON");
+    let packages = metadata["packages"].as_array().expect("packages");
+    assert!(packages.len() > 60, "{}", packages.len());
+    for package in packages {
+        let licence = package["license"].as_str().unwrap_or_default();
+        assert!(is_allowed(licence, &allowed), "{}: {licence:?}", package["name"]);
+    }
 }
 
 /// What a page puts between backticks or links to.

@@ -4,6 +4,7 @@
 //! ```console
 //! $ cargo run --release --example growth                   1e6 and 1e7 transitions
 //! $ cargo run --release --example growth -- --largest 1e8  another 7 GB in a temporary folder
+//! $ cargo run --release --example growth -- --degrees      the section on chains and lattices
 //! ```
 //!
 //! Files of transitions are made in a temporary folder (`--folder` names another) and fitted in
@@ -16,6 +17,7 @@
     reason = "a benchmark that fails stops"
 )]
 
+mod degrees;
 mod diagnosis;
 mod make;
 mod page;
@@ -27,6 +29,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use stages::Stages;
+
+/// The section of the page that another program writes.
+const DISTRIBUTED: &str = "\n## Beyond one machine";
 
 /// What the command line asks for.
 struct Asked {
@@ -44,6 +49,16 @@ fn main() {
         let threads = threads.parse().expect("a number of threads");
         println!("{}", stages::measure(Path::new(file), threads).to_line());
         return;
+    }
+    if let [child, shape, size, transitions] = words.as_slice()
+        && child == "--degrees-child"
+    {
+        let number = |word: &String| word.parse().expect("a number");
+        return degrees::measure(shape, number(size), number(transitions));
+    }
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
+    if words == ["--degrees"] {
+        return degrees::write(&docs.join("growth.md"));
     }
     let asked = asked(&words);
     let temporary = tempfile::tempdir().expect("a temporary folder");
@@ -74,9 +89,12 @@ fn main() {
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     let (by_terms, by_degrees, by_samples) = one
         .install(|| (space::by_terms(asked.terms), space::by_degrees(), diagnosis::by_samples()));
-    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
     let page = page::Page { by_size, cores, by_terms, by_degrees, by_samples };
-    std::fs::write(docs.join("growth.md"), page.text()).expect("docs can be written");
+    // What examples/growth/distributed.py wrote stands behind.
+    let before = std::fs::read_to_string(docs.join("growth.md")).unwrap_or_default();
+    let rest = before.find(DISTRIBUTED).map_or("", |at| &before[at..]);
+    let text = degrees::renewed(&page.text(), &degrees::section());
+    std::fs::write(docs.join("growth.md"), text + rest).expect("docs can be written");
     std::fs::write(docs.join("growth.svg"), page.picture()).expect("docs can be written");
     println!("{}", page.text());
 }

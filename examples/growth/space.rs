@@ -77,6 +77,7 @@ fn cost(spec: &str, size: usize, degrees: usize, pairs_of: usize, factorised: bo
                 terms,
                 companions: vec![Vec::new(); terms],
                 forced: Vec::new(),
+                required: Vec::new(),
                 bounds: space.system.terms.iter().map(|t| t.bounds).collect(),
                 complexity: vec![1; terms],
                 costs: vec![2.0 * (terms as f64).ln(); terms],

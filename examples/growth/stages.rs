@@ -141,7 +141,7 @@ pub(crate) fn measure(file: &Path, threads: usize) -> Stages {
 }
 
 /// MiB; NaN where the system does not tell.
-fn peak_memory() -> f64 {
+pub(crate) fn peak_memory() -> f64 {
     let about = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     about
         .lines()

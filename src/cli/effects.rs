@@ -84,6 +84,7 @@ fn example(row: &EffectRow) -> Option<String> {
 fn arguments(row: &EffectRow) -> Vec<String> {
     let names: &[&str] = match row.on {
         ActsOn::Coordinate => &["q"],
+        ActsOn::Driven => &["q", "u"],
         ActsOn::Pair | ActsOn::OrderedPair => &["q", "r"],
         ActsOn::Observable => &["o"],
         ActsOn::ObservablePair => &["o", "u"],
@@ -105,7 +106,7 @@ fn explained(row: &EffectRow, width: usize) -> String {
     line("in data", row.telltale);
     line("formula", &formula(row));
     for scan in row.parameters {
-        let unit = scan.by.unit_text(Some("q"), Some("p"), Some("t"));
+        let unit = scan.by.unit_text(Some("q"), Some("p"), Some("t"), Some("u"));
         let unit = unit.map_or("a pure number".to_string(), |unit| format!("in units of {unit}"));
         line("inner parameter", &format!("{}, {unit}", scan.name));
     }
@@ -137,7 +138,7 @@ fn about(row: &EffectRow) -> Value {
         "example": example(row),
         "parameters": row.parameters.iter().map(|scan| json!({
             "name": scan.name,
-            "unit": scan.by.unit_text(Some("q"), Some("p"), Some("t")),
+            "unit": scan.by.unit_text(Some("q"), Some("p"), Some("t"), Some("u")),
             "example": scan.example,
         })).collect::<Vec<_>>(),
         "physics": row.physics,

@@ -28,6 +28,8 @@ use clap::error::ErrorKind;
 use clap::{Parser, Subcommand, ValueEnum};
 
 use console::{Console, exit_code, options_for};
+#[cfg(feature = "studio")]
+pub use studio::served;
 
 // Where the commands find what they share with the studio.
 use crate::error::Result;

@@ -437,11 +437,7 @@ fn inputs_in_columns(
 fn in_columns(data: &Dataset, system: &System, columns: Option<&DataColumns>) -> (Dataset, Layout) {
     let mut out = data.clone();
     let observed = columns.map_or_else(|| system.observed_columns(), |c| c.observables.clone());
-    let second = match system.observed {
-        crate::expr::Observed::Momenta => &system.momenta,
-        crate::expr::Observed::Velocities => &system.velocities,
-    };
-    let variables: Vec<_> = system.coordinates.iter().chain(second).collect();
+    let variables: Vec<_> = system.observed_variables().collect();
     let mut units = Vec::new();
     for (row, column) in observed.iter().enumerate() {
         // `q[1]` would read as a column `q` in a unit `1`.

@@ -1,7 +1,7 @@
 //! `leverrier studio`: the same in the browser.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
@@ -46,6 +46,15 @@ pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
             console.message("No browser could be opened: open the address yourself.");
         }
     })
+}
+
+/// Serves the studio of a spec without a word on the console: for tests that send it requests.
+/// `ready` is told the address.
+///
+/// # Errors
+/// As those of the command.
+pub fn served(spec: &Path, ready: impl FnOnce(&str)) -> Result<()> {
+    serve(&StudioOptions { spec: spec.to_path_buf(), port: 0, reproduce }, ready)
 }
 
 /// How long a browser may take to start and read where to go.

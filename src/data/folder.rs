@@ -1,9 +1,9 @@
 //! Writing folders whole or not at all.
 
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use super::write::{beside, write_atomically};
+use super::beside::TemporaryFolder;
+use super::write::write_atomically;
 use crate::error::{Error, ErrorKind, Result};
 
 /// Writes a folder whole or not at all: into a temporary one beside it, which takes its name.
@@ -48,9 +48,9 @@ pub fn write_folder(folder: &Path, files: &[(String, String)], force: bool) -> R
         }
         return Ok(());
     }
-    let staging = Staging::create(parent)
+    let temporary = TemporaryFolder::create(parent)
         .map_err(|error| Error::file("create", folder, std::io::Error::from(error.kind())))?;
-    let inside = staging.path.join("export");
+    let inside = temporary.inside();
     for (name, text) in files {
         let path = inside.join(name);
         if let Some(inner) = path.parent() {
@@ -62,24 +62,4 @@ pub fn write_folder(folder: &Path, files: &[(String, String)], force: bool) -> R
         std::fs::remove_dir(folder).map_err(failed(folder))?;
     }
     std::fs::rename(&inside, folder).map_err(failed(folder))
-}
-
-/// A folder under a name of its own, which goes away with all that is in it.
-struct Staging {
-    path: PathBuf,
-}
-
-impl Staging {
-    fn create(parent: &Path) -> io::Result<Staging> {
-        let create = |path: &Path| std::fs::create_dir(path);
-        let (path, ()) = beside(parent, create)?;
-        Ok(Staging { path })
-    }
-}
-
-impl Drop for Staging {
-    fn drop(&mut self) {
-        // What cannot be removed is left: there is nobody to tell.
-        let _ = std::fs::remove_dir_all(&self.path);
-    }
 }

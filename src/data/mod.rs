@@ -9,6 +9,7 @@
 
 use std::borrow::Cow;
 
+mod beside;
 mod blocks;
 mod cell;
 mod cells;
@@ -31,9 +32,12 @@ mod parquet;
 #[cfg(not(feature = "parquet"))]
 #[path = "without_parquet.rs"]
 mod parquet;
+mod parts;
 mod quality;
 mod read;
+mod record;
 mod report;
+mod sealed;
 mod select;
 mod source;
 mod split;
@@ -43,6 +47,7 @@ mod table;
 mod text;
 mod write;
 
+pub(crate) use beside::{can_remove, is_at};
 pub use cell::{Cell, format_number, parse_cell, short};
 pub use cells::Cells;
 pub use clock::Clock;
@@ -55,8 +60,11 @@ pub use mapping::{ColumnMap, InputMap, Mapping, ObservableMap, TIME_NAMES, liste
 pub use packed::{Packed, typical_step};
 #[cfg(feature = "parquet")]
 pub use parquet::{ParquetWriter, to_parquet};
+pub use parts::{PartPlace, PartSampling, PartSurvey};
 pub use quality::{Suspicion, SuspicionKind};
+pub use record::Record;
 pub use report::{ColumnReport, DataReport, FileReport, Gap, RunReport, Sampling, Streamed};
+pub use sealed::{MOST, Sealed, sum};
 pub use select::dataset;
 pub use source::{Chunk, InMemory, Pass, Piece, RunName, Source};
 pub use split::{Split, concatenate};

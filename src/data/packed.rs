@@ -2,11 +2,12 @@
 
 use std::collections::HashMap;
 use std::ops::Range;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 
-use super::{Clock, Dataset, Interpolation, MeasuredInput, Run};
+use super::record::{PackedInput, Record};
+use super::{Clock, Dataset, MeasuredInput, Run};
 
 /// What was measured, run after run in one column for each observable.
 ///
@@ -15,27 +16,16 @@ use super::{Clock, Dataset, Interpolation, MeasuredInput, Run};
 /// much memory again as the numbers of the data set.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Packed {
-    times: Vec<f64>,
-    /// `[observable][sample]`; NaN where nothing was measured.
-    values: Vec<Vec<f64>>,
-    /// First sample of each run, and the one after its last.
-    places: Vec<[usize; 2]>,
+    record: Arc<Record>,
     typical: OnceLock<f64>,
     /// What the times of each run are counted from; empty where all are from zero.
     clocks: Vec<Clock>,
-    /// Inputs, whose columns stand behind those of the observables.
-    inputs: Vec<PackedInput>,
     /// Of each [grouping](super::Mapping::groups) the group of every run: the first run of it, and
     /// its name.
     groups: Vec<Vec<(usize, String)>>,
-}
-
-/// An input among the columns of packed runs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct PackedInput {
-    /// The first of its columns.
-    column: usize,
-    between: Interpolation,
+    /// First guesses of observables that no column holds, laid out as `values` are; empty where
+    /// there are none.
+    guessed: OnceLock<Vec<Vec<f64>>>,
 }
 
 /// Runs of each pile that one thread copies at a time.
@@ -75,7 +65,8 @@ impl Packed {
         let far = runs.iter().any(|run| run.clock != Clock::default());
         let clocks = if far { runs.iter().map(|run| run.clock).collect() } else { Vec::new() };
         let groups = groups(runs);
-        let packed = Packed { times, values, places, clocks, groups, ..Packed::default() };
+        let record = Arc::new(Record { times, values, places, ..Record::default() });
+        let packed = Packed { record, clocks, groups, ..Packed::default() };
         packed.driven_by(observables, &dataset.inputs)
     }
 
@@ -86,53 +77,40 @@ impl Packed {
             column: observables + place,
             between: input.between,
         };
-        self.inputs = places.into_iter().zip(inputs).map(packed).collect();
+        let inputs = places.into_iter().zip(inputs).map(packed).collect();
+        Arc::make_mut(&mut self.record).inputs = inputs;
         self
     }
 
     /// How many inputs drive the runs, and the number of coefficients that polynomials of all of
     /// them have.
     pub fn driven(&self) -> (usize, usize) {
-        let powers = self.inputs.iter().map(|input| input.between.coefficients()).max();
-        (self.inputs.len(), powers.unwrap_or(0))
+        let inputs = &self.record.inputs;
+        let powers = inputs.iter().map(|input| input.between.coefficients()).max();
+        (inputs.len(), powers.unwrap_or(0))
     }
 
     /// Coefficients, lowest power first, of an input in the time since a sample of a run, until the
     /// next sample; where nothing is followed beyond that sample (`ends`), as it came there.
     pub fn driving(&self, input: usize, run: usize, sample: usize, ends: bool, out: &mut [f64]) {
-        out.fill(0.0);
-        let Some(PackedInput { column, between }) = self.inputs.get(input).copied() else { return };
-        let Some(out) = out.get_mut(..between.coefficients()) else { return };
-        let mut nodes = [[0.0; 4]; 2];
-        let count = between.columns();
-        let from = if ends && between != Interpolation::Hold { sample.max(1) - 1 } else { sample };
-        for k in 0..count {
-            let values = self.values_of(column + k, run);
-            for (node, at) in nodes.iter_mut().zip([from, from + 1]) {
-                if let (Some(place), Some(value)) = (node.get_mut(k), values.get(at)) {
-                    *place = *value;
-                }
-            }
-        }
-        let times = self.times_of(run);
-        let span = times.get(from + 1).zip(times.get(from)).map(|(next, here)| next - here);
-        let [here, next] = &nodes;
-        let (Some(here), next) = (here.get(..count), next.get(..count)) else { return };
-        between.polynomial(here, next.zip(span), out);
-        if let Some(span) = span.filter(|_| from < sample) {
-            shift(out, span);
-        }
+        self.record.driving(input, run, sample, ends, out);
+    }
+
+    /// What was recorded, for those who look inputs up at other times than those of a motion.
+    pub fn record(&self) -> &Arc<Record> {
+        &self.record
     }
 
     /// Columns that are one run already, `[observable][sample]`.
     pub fn run_of(times: Vec<f64>, values: Vec<Vec<f64>>) -> Packed {
         let places = vec![[0, times.len()]];
-        Packed { times, values, places, ..Packed::default() }
+        let record = Arc::new(Record { times, values, places, ..Record::default() });
+        Packed { record, ..Packed::default() }
     }
 
     /// How many runs there are.
     pub fn runs(&self) -> usize {
-        self.places.len()
+        self.record.places.len()
     }
 
     /// The group of a run by one of the groupings of the data, as the first run that belongs to it;
@@ -149,19 +127,20 @@ impl Packed {
 
     /// How many samples there are in all.
     pub fn samples(&self) -> usize {
-        self.times.len()
+        self.record.times.len()
     }
 
     /// Number of samples of the longest run.
     pub fn longest_run(&self) -> usize {
-        self.places.iter().map(|[start, end]| end - start).max().unwrap_or(0)
+        self.record.places.iter().map(|[start, end]| end - start).max().unwrap_or(0)
     }
 
     /// The same columns of several runs: which clock each has, for `clock_of`. All samples belong
     /// to each of the runs.
     pub fn runs_of(times: Vec<f64>, values: Vec<Vec<f64>>, clocks: Vec<Clock>) -> Packed {
         let places = vec![[0, times.len()]; clocks.len()];
-        Packed { times, values, places, clocks, ..Packed::default() }
+        let record = Arc::new(Record { times, values, places, ..Record::default() });
+        Packed { record, clocks, ..Packed::default() }
     }
 
     /// What the times of a run are counted from.
@@ -172,7 +151,7 @@ impl Packed {
     /// Sample times of a run since its clock's origin, in the spec's time unit, strictly
     /// increasing.
     pub fn times_of(&self, run: usize) -> &[f64] {
-        self.times.get(self.samples_of(run)).unwrap_or_default()
+        self.record.times_of(run)
     }
 
     /// What a run shows of an observable; nothing where it was never measured.
@@ -180,9 +159,35 @@ impl Packed {
         self.column(observable).get(self.samples_of(run)).unwrap_or_default()
     }
 
+    /// What may stand for an observable of a run that no column holds, as a first guess; nothing
+    /// where there is none.
+    pub fn guessed_of(&self, observable: usize, run: usize) -> &[f64] {
+        let columns = self.guessed.get().map_or(&[][..], Vec::as_slice);
+        let column = columns.get(observable).map_or(&[][..], Vec::as_slice);
+        column.get(self.samples_of(run)).unwrap_or_default()
+    }
+
+    /// Sets such guesses, if nobody did: columns of [`Packed::column_of`], empty for those that
+    /// have none.
+    pub fn guess(&self, by: impl FnOnce() -> Vec<Vec<f64>>) {
+        self.guessed.get_or_init(by);
+    }
+
+    /// The values of every run as one column.
+    pub fn column_of<'a>(&self, runs: impl Iterator<Item = &'a [f64]>) -> Vec<f64> {
+        let mut column = vec![f64::NAN; self.samples()];
+        for (run, values) in runs.enumerate() {
+            let place = column.get_mut(self.samples_of(run));
+            if let Some(place) = place.filter(|place| place.len() == values.len()) {
+                place.copy_from_slice(values);
+            }
+        }
+        column
+    }
+
     /// What all runs show of an observable, pile after pile.
     pub fn column(&self, observable: usize) -> &[f64] {
-        self.values.get(observable).map_or(&[], Vec::as_slice)
+        self.record.values.get(observable).map_or(&[], Vec::as_slice)
     }
 
     /// The median interval between consecutive samples of a run; 0 when there is none.
@@ -192,7 +197,7 @@ impl Packed {
     }
 
     fn samples_of(&self, run: usize) -> Range<usize> {
-        self.places.get(run).map_or(0..0, |&[start, end]| start..end)
+        self.record.samples_of(run)
     }
 }
 
@@ -212,18 +217,6 @@ fn groups(runs: &[Run]) -> Vec<Vec<(usize, String)>> {
         all.push(runs.iter().enumerate().map(group).collect());
     }
     all
-}
-
-/// The same polynomial in the time since a later moment (Taylor shift by Horner's rule).
-fn shift(coefficients: &mut [f64], by: f64) {
-    for first in 0..coefficients.len() {
-        let rest = coefficients.get_mut(first..).unwrap_or_default();
-        let mut above = 0.0;
-        for coefficient in rest.iter_mut().rev() {
-            *coefficient += by * above;
-            above = *coefficient;
-        }
-    }
 }
 
 /// The median interval between consecutive times of runs; 0 when there is none.
@@ -328,7 +321,7 @@ mod tests {
         // Runs of one pile lie next to each other.
         let pile: Vec<f64> =
             [0, 3, 6].iter().flat_map(|&run| packed.times_of(run).to_vec()).collect();
-        assert_eq!(packed.times[..pile.len()], pile);
+        assert_eq!(packed.record.times[..pile.len()], pile);
         assert_eq!(packed.column(0).len(), packed.samples());
         assert_eq!(Packed::of(&Dataset::default(), 16).runs(), 0);
     }

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 use super::report::{ColumnReport, DataReport, FileReport, Streamed};
 use super::source::{Chunk, Piece, Source};
 use super::stream::FileSource;
@@ -41,9 +43,8 @@ pub fn survey(
     watch: &dyn Fn(f64) -> bool,
 ) -> Result<Survey> {
     let observables = source.observables().to_vec();
-    let mut counting =
-        Counting { columns: vec![Counted::default(); observables.len()], ..Counting::default() };
-    let mut kept = Reservoir { most: most.max(4), seed, ..Reservoir::default() };
+    let mut counting = Counting::new(observables.len());
+    let mut kept = Reservoir::new(most, seed);
     let mut pass = source.pass()?;
     while let Some(chunk) = pass.next()? {
         counting.take(&chunk);
@@ -110,17 +111,21 @@ pub fn survey_file(
 
 /// Sums over all samples.
 #[derive(Default)]
-struct Counting {
-    runs: u64,
-    samples: u64,
-    longest: u64,
+pub(super) struct Counting {
+    pub(super) runs: u64,
+    pub(super) samples: u64,
+    pub(super) longest: u64,
     /// Samples so far of the run that the last chunk left open.
     open: u64,
-    columns: Vec<Counted>,
+    pub(super) columns: Vec<Counted>,
 }
 
 impl Counting {
-    fn take(&mut self, chunk: &Chunk) {
+    pub(super) fn new(columns: usize) -> Counting {
+        Counting { columns: vec![Counted::default(); columns], ..Counting::default() }
+    }
+
+    pub(super) fn take(&mut self, chunk: &Chunk) {
         self.samples += chunk.times.len() as u64;
         for piece in &chunk.pieces {
             let before = if piece.begins { 0 } else { self.open };
@@ -138,8 +143,8 @@ impl Counting {
 }
 
 /// Moments of a column, merged chunk by chunk (Chan, Golub and LeVeque, Am. Stat. 37, 1983).
-#[derive(Clone, Default)]
-struct Counted {
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Counted {
     measured: u64,
     minimum: f64,
     maximum: f64,
@@ -158,19 +163,39 @@ impl Counted {
         let squares = measured().map(|x| (x - mean).powi(2)).sum::<f64>();
         let (least, most) =
             measured().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
-        if self.measured == 0 {
-            (self.minimum, self.maximum) = (least, most);
-        }
-        self.minimum = self.minimum.min(least);
-        self.maximum = self.maximum.max(most);
-        let all = (self.measured + count as u64) as f64;
-        let apart = mean - self.mean;
-        self.squares += squares + apart * apart * self.measured as f64 * count as f64 / all;
-        self.mean += apart * count as f64 / all;
-        self.measured += count as u64;
+        self.merge(&Counted {
+            measured: count as u64,
+            minimum: least,
+            maximum: most,
+            mean,
+            squares,
+        });
     }
 
-    fn put_into(&self, column: &mut ColumnReport, samples: u64) {
+    /// The moments of both together.
+    pub(super) fn merge(&mut self, other: &Counted) {
+        if other.measured == 0 {
+            return;
+        }
+        if self.measured == 0 {
+            (self.minimum, self.maximum) = (other.minimum, other.maximum);
+        }
+        self.minimum = self.minimum.min(other.minimum);
+        self.maximum = self.maximum.max(other.maximum);
+        let all = (self.measured + other.measured) as f64;
+        let apart = other.mean - self.mean;
+        self.squares +=
+            other.squares + apart * apart * self.measured as f64 * other.measured as f64 / all;
+        self.mean += apart * other.measured as f64 / all;
+        self.measured += other.measured;
+    }
+
+    /// How many values there were.
+    pub(super) fn measured(&self) -> u64 {
+        self.measured
+    }
+
+    pub(super) fn put_into(&self, column: &mut ColumnReport, samples: u64) {
         let whole = |count: u64| usize::try_from(count).unwrap_or(usize::MAX);
         let some = |number: f64| (self.measured > 0).then_some(number);
         column.measured = whole(self.measured);
@@ -186,18 +211,24 @@ impl Counted {
 /// depends on the seed and the source alone (Efraimidis and Spirakis, Inf. Process. Lett. 97,
 /// 2006, with equal weights).
 #[derive(Default)]
-struct Reservoir {
+pub(super) struct Reservoir {
     most: usize,
     seed: u64,
     samples: usize,
     /// By priority, then by run and stretch.
-    kept: BTreeMap<(u64, u64, u64), Run>,
+    pub(super) kept: BTreeMap<(u64, u64, u64), Run>,
+    /// The number of the first run.
+    pub(super) first: u64,
     /// Stretches that the open run has given.
     stretches: u64,
 }
 
 impl Reservoir {
-    fn take(&mut self, chunk: &Chunk, piece: &Piece) {
+    pub(super) fn new(most: usize, seed: u64) -> Reservoir {
+        Reservoir { most: most.max(4), seed, ..Reservoir::default() }
+    }
+
+    pub(super) fn take(&mut self, chunk: &Chunk, piece: &Piece) {
         if piece.begins {
             self.stretches = 0;
         }
@@ -216,8 +247,9 @@ impl Reservoir {
         if end - start < 2 {
             return;
         }
-        let priority = scramble(self.seed ^ scramble(scramble(piece.run) ^ self.stretches));
-        let key = (priority, piece.run, self.stretches);
+        let number = self.first + piece.run;
+        let priority = scramble(self.seed ^ scramble(scramble(number) ^ self.stretches));
+        let key = (priority, number, self.stretches);
         let full = self.samples >= self.most;
         if full && self.kept.last_key_value().is_some_and(|(last, _)| key > *last) {
             return;
@@ -234,7 +266,12 @@ impl Reservoir {
             inputs: Vec::new(),
             groups: Vec::new(),
         };
-        self.samples += end - start;
+        self.keep(key, run);
+    }
+
+    /// Keeps a run of so high a priority, and gives up those that are then too many.
+    pub(super) fn keep(&mut self, key: (u64, u64, u64), run: Run) {
+        self.samples += run.times.len();
         self.kept.insert(key, run);
         while let Some(last) = self.kept.last_entry() {
             let without = self.samples - last.get().times.len();
@@ -247,7 +284,7 @@ impl Reservoir {
     }
 
     /// In the order of the source; behind so many observables stand inputs.
-    fn runs(self, observables: usize) -> Vec<Run> {
+    pub(super) fn runs(self, observables: usize) -> Vec<Run> {
         let mut runs: Vec<((u64, u64), Run)> =
             self.kept.into_iter().map(|((_, run, part), kept)| ((run, part), kept)).collect();
         runs.sort_by_key(|(place, _)| *place);

@@ -1,9 +1,9 @@
 //! Writing files whole or not at all, and data sets as CSV.
 
-use std::fs::File;
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use super::beside::TemporaryFile;
 use super::cell::format_number;
 use super::table::wrong;
 use super::{Dataset, Run};
@@ -165,59 +165,10 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
         let message = format!("there is no folder {}", folder.display());
         return Err(failed(std::io::Error::other(message)));
     }
-    let mut beside = Beside::create(&folder).map_err(failed)?;
+    let mut beside = TemporaryFile::create(&folder).map_err(failed)?;
     beside.file.write_all(bytes).and_then(|()| beside.file.sync_all()).map_err(failed)?;
     if let Some(old) = old {
         beside.file.set_permissions(old.permissions()).map_err(failed)?;
     }
     beside.rename(&target).map_err(failed)
-}
-
-/// A file under a name of its own, which goes away unless it gets the name that it is meant for.
-struct Beside {
-    path: PathBuf,
-    file: File,
-    renamed: bool,
-}
-
-/// Creates something in a folder under a name that nothing has yet.
-pub(super) fn beside<T>(
-    folder: &Path,
-    create: impl Fn(&Path) -> io::Result<T>,
-) -> io::Result<(PathBuf, T)> {
-    let mut taken = io::Error::from(io::ErrorKind::AlreadyExists);
-    for number in 0..NAMES {
-        let path = folder.join(format!(".leverrier-{}-{number}", std::process::id()));
-        match create(&path) {
-            Ok(made) => return Ok((path, made)),
-            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => taken = error,
-            Err(error) => return Err(error),
-        }
-    }
-    Err(taken)
-}
-
-/// Names that are tried: so many files would have to be left over from killed programs.
-const NAMES: u32 = 10_000;
-
-impl Beside {
-    fn create(folder: &Path) -> io::Result<Beside> {
-        let (path, file) = beside(folder, |path| File::create_new(path))?;
-        Ok(Beside { path, file, renamed: false })
-    }
-
-    fn rename(mut self, target: &Path) -> io::Result<()> {
-        std::fs::rename(&self.path, target)?;
-        self.renamed = true;
-        Ok(())
-    }
-}
-
-impl Drop for Beside {
-    fn drop(&mut self) {
-        if !self.renamed {
-            // What cannot be removed is left: there is nobody to tell.
-            let _ = std::fs::remove_file(&self.path);
-        }
-    }
 }

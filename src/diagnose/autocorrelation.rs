@@ -5,16 +5,16 @@
 //! over whole runs it looks like something missing. It is told from that by its memory, which is
 //! short and the same everywhere, while what a model misses goes on as long as the motion does: an
 //! autoregressive model of low order (Yule and Walker, 1927 and 1931) leaves of the one
-//! nothing but white noise (Ljung and Box, Biometrika 65, 1978), and of the other the motion.
+//! nothing but white noise (`whiteness`), and of the other the motion.
 
 use std::f64::consts::PI;
 
-use statrs::distribution::{ChiSquared, ContinuousCDF};
-
+use super::instrument::coarse_steps;
 use super::law_on_data::LawOnData;
 use super::misfit::error_of;
 use super::settling::settle;
 use super::tuning::Autocorrelation;
+use super::whiteness::{White, autocovariance, p_value};
 use super::window::longest;
 
 /// The noise of an instrument.
@@ -44,10 +44,17 @@ impl Noise {
 /// The noise that a model leaves over whole runs, where that is larger than the model's noise, but
 /// noise nevertheless: with a short memory, and nothing beside it. `None` where the model's noise
 /// explains whole runs, and where something else is left of them.
-pub fn correlated_noise(model: &LawOnData) -> Option<Noise> {
+///
+/// `changes` is how many changes of a model were found in the same readings: each of them takes up
+/// what it can of a record, and with enough of them the rest of any short one looks like noise.
+/// Readings in coarse steps have no such noise: what rounding makes of them goes with the motion.
+pub fn correlated_noise(model: &LawOnData, changes: usize) -> Option<Noise> {
     let tuning = &model.tuning().autocorrelation;
     let reaches = model.tuning().verdict.reaches;
     if tuning.largest <= reaches {
+        return None;
+    }
+    if coarse_steps(model).iter().any(Option::is_some) {
         return None;
     }
     let settled = settle(model.with_window(longest(model)));
@@ -57,14 +64,16 @@ pub fn correlated_noise(model: &LawOnData) -> Option<Noise> {
     }
     let residuals = settled.residuals();
     let mut noise = model.noise();
-    let (observables, spreads) = (noise.sizes.len(), model.spreads());
+    let spreads = model.spreads();
+    let mut rests = Vec::new();
+    let mut samples = 0;
     for (row, size) in noise.sizes.iter_mut().enumerate() {
         let series: Vec<&[f64]> =
             residuals.iter().filter_map(|segment| Some(segment.get(row)?.as_slice())).collect();
         if series.iter().all(|values| values.iter().all(|x| !x.is_finite())) {
             continue;
         }
-        let found = Process::of(&series, observables, tuning)?;
+        let found = Process::of(&series, changes, tuning)?;
         // The states take a part of the variance with them.
         let freedom = settled.sums.freedom[row].max(1.0);
         *size *= (settled.sums.squares[row] / freedom).sqrt();
@@ -73,8 +82,11 @@ pub fn correlated_noise(model: &LawOnData) -> Option<Noise> {
             return None;
         }
         noise.autocorrelation_time = noise.autocorrelation_time.max(found.time);
+        samples = series.iter().map(|values| values.len()).max().unwrap_or(0).max(samples);
+        rests.push(found.rest);
     }
-    Some(noise)
+    let white = p_value(&rests, lags(samples, tuning))? >= tuning.significant;
+    white.then_some(noise)
 }
 
 /// An autoregressive process of low order.
@@ -82,14 +94,16 @@ struct Process {
     /// Samples for each independent one: the spectral density at frequency zero over that of white
     /// noise of the same variance, at least 1.
     time: f64,
+    /// What it leaves of the residuals that it describes.
+    rest: White,
 }
 
 impl Process {
-    /// The process that residuals are, `[segment][sample]`, not a number where there is none;
-    /// `None` where they are not that alone.
-    fn of(series: &[&[f64]], observables: usize, tuning: &Autocorrelation) -> Option<Process> {
+    /// The process that residuals may be, `[segment][sample]`, not a number where there is none;
+    /// `None` where none of a short memory describes them.
+    fn of(series: &[&[f64]], changes: usize, tuning: &Autocorrelation) -> Option<Process> {
         let longest = series.iter().map(|values| values.len()).max()?;
-        let lags = (longest / 4).min(tuning.lags);
+        let lags = lags(longest, tuning);
         let covariance = autocovariance(series, lags)?;
         let count =
             series.iter().flat_map(|values| values.iter()).filter(|x| x.is_finite()).count();
@@ -100,31 +114,20 @@ impl Process {
         if !short(&factors, longest / tuning.memory, longest) || peaks(&factors, tuning.peak) {
             return None;
         }
-        let white: Vec<Vec<f64>> = series.iter().map(|values| whitened(values, &factors)).collect();
-        let white: Vec<&[f64]> = white.iter().map(Vec::as_slice).collect();
-        let p_value = portmanteau(&white, lags, factors.len())?;
-        if p_value * (observables as f64) < tuning.significant {
-            return None;
-        }
         let density = innovation / (1.0 - factors.iter().sum::<f64>()).powi(2);
         let time = (density / covariance[0]).max(1.0);
         // Of a short record with a long memory much can be said, and little of it is certain.
-        let certain = time <= tuning.longest && count as f64 >= tuning.samples * time;
-        certain.then_some(Process { time })
+        let enough = tuning.samples * time * changes.max(1) as f64;
+        let certain = time <= tuning.longest && count as f64 >= enough;
+        let white = series.iter().map(|values| whitened(values, &factors)).collect();
+        let rest = White { series: white, fitted: factors.len() };
+        certain.then_some(Process { time, rest })
     }
 }
 
-/// Mean products of values so many samples apart, for lags from 0 on; `None` where some lag has no
-/// pair.
-fn autocovariance(series: &[&[f64]], lags: usize) -> Option<Vec<f64>> {
-    let of_lag = |lag: usize| {
-        let pairs = series.iter().flat_map(|values| values.iter().zip(values.iter().skip(lag)));
-        let products = pairs.map(|(a, b)| a * b).filter(|product| product.is_finite());
-        let (sum, count) = products.fold((0.0, 0usize), |(sum, n), product| (sum + product, n + 1));
-        (count > 0).then(|| sum / count as f64)
-    };
-    let all: Option<Vec<f64>> = (0..=lags).map(of_lag).collect();
-    all.filter(|all| all[0] > 0.0)
+/// Lags whose autocorrelations are looked at.
+fn lags(longest: usize, tuning: &Autocorrelation) -> usize {
+    (longest / 4).min(tuning.lags)
 }
 
 /// Factors and variance of the innovation of the autoregressive process of the order that
@@ -196,19 +199,6 @@ fn whitened(values: &[f64], factors: &[f64]) -> Vec<f64> {
     (factors.len()..values.len()).map(at).collect()
 }
 
-/// p-value of all autocorrelations up to a lag together, where so many numbers were fitted.
-fn portmanteau(series: &[&[f64]], lags: usize, fitted: usize) -> Option<f64> {
-    let covariance = autocovariance(series, lags)?;
-    let mut statistic = 0.0;
-    for (lag, value) in covariance.iter().enumerate().skip(1) {
-        let pairs = series.iter().flat_map(|values| values.iter().zip(values.iter().skip(lag)));
-        let count = pairs.filter(|(a, b)| (**a * **b).is_finite()).count() as f64;
-        statistic += count * (value / covariance[0]).powi(2);
-    }
-    let degrees = lags.saturating_sub(fitted).max(1) as f64;
-    Some(ChiSquared::new(degrees).ok()?.sf(statistic))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -235,7 +225,20 @@ mod tests {
     fn found(memory: f64, wave: f64, seed: u64) -> Option<f64> {
         let runs = noise(memory, wave, seed);
         let series: Vec<&[f64]> = runs.iter().map(Vec::as_slice).collect();
-        Process::of(&series, 2, &Autocorrelation::default()).map(|process| process.time)
+        let tuning = Autocorrelation::default();
+        let process = Process::of(&series, 1, &tuning)?;
+        let white = p_value(&[process.rest], lags(200, &tuning))? >= tuning.significant;
+        white.then_some(process.time)
+    }
+
+    #[test]
+    fn a_longer_story_takes_more_readings() {
+        let runs = noise(0.7, 0.0, 3);
+        let series: Vec<&[f64]> = runs.iter().map(Vec::as_slice).collect();
+        let process = |changes| Process::of(&series, changes, &Autocorrelation::default());
+        // 1,200 readings, of which some 210 are independent.
+        assert!(process(1).is_some() && process(2).is_some());
+        assert!(process(4).is_none());
     }
 
     #[test]

@@ -12,14 +12,15 @@
 //! 5. `evidence` and `ranking`: what each is worth on training and on held-out runs;
 //! 6. `search`: stories, which are sets of changes that are judged as one (`story`);
 //! 7. `verdict`: whether one holds over whole runs, seen and unseen;
-//! 8. `hidden`: where none does, parts that move and that nobody measures.
+//! 8. `hidden`: where none does, parts that move and that nobody measures. A body among bodies that
+//!    attract each other is asked for first: where it is obvious, nothing else need be.
 
 use serde::Serialize;
 
 use super::candidates::candidates;
 use super::comparison::ResidualMap;
 pub use super::effect::RankedEffect;
-use super::hidden::{look_for_bodies, look_for_states};
+use super::hidden::{Unseen, look_for_states};
 use super::law_on_data::{LawOnData, Measurements};
 use super::noise_floor::shortest;
 use super::options::Options;
@@ -173,15 +174,20 @@ pub fn diagnose(
     if let Some(reason) = lacking_beside(&model, &held_out) {
         return Ok(Diagnosis::too_little(reason));
     }
-    monitor.stage("scoring candidates", 0.1);
     let mut scope = Scope::of(&spec.with_system(model.system()));
+    let unseen = Unseen::of(&model);
+    let question = Question { scope: &scope, model: &model, held_out: &held_out, monitor };
+    if let Some(diagnosis) = unseen.obvious(&question)? {
+        return Ok(diagnosis);
+    }
+    monitor.stage("scoring candidates", 0.1);
     let all = candidates(&mut scope, training, &tuning.candidates);
     let first = ranking(&model, &held_out, &all, tuning.ranking.first_refits, monitor)?;
     let mut diagnosis = Diagnosis::of(&first, all.len(), model.law.noise());
     let question = Question { scope: &scope, model: &model, held_out: &held_out, monitor };
     let bare = Story::bare(&question);
     let beginnings = beginnings(&question, &bare, &first)?;
-    if !beginnings.iter().any(holds) && look_for_bodies(&question, &first, &mut diagnosis)? {
+    if !beginnings.iter().any(holds) && unseen.look(&question, &first, &mut diagnosis)? {
         return Ok(diagnosis);
     }
     let stories = stories(&question, &bare, beginnings)?;

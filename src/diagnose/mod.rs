@@ -33,6 +33,7 @@ pub mod sufficiency;
 pub mod tuning;
 mod tuning_check;
 mod verdict;
+mod whiteness;
 mod window;
 
 pub use law_on_data::{LawOnData, Measurements};

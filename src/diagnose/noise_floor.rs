@@ -19,7 +19,7 @@ use crate::fit::scales::{fewest_samples, scales};
 /// Where whole runs leave more, but nothing besides noise of a short memory, it is that noise.
 pub fn noise_floor(model: &LawOnData) -> Noise {
     let noise = Noise::from(shortest(model));
-    correlated_noise(&model.with_noise(noise.clone())).unwrap_or(noise)
+    correlated_noise(&model.with_noise(noise.clone()), 0).unwrap_or(noise)
 }
 
 /// The noise over the shortest predictions, or the model's. What whole runs leave beside it may be
@@ -49,7 +49,7 @@ pub(super) fn noise_of(model: &LawOnData) -> Vec<f64> {
 /// that. Where a force is missing, the shortest predictions tell the columns' noises apart badly:
 /// what momenta lack by it is taken for their noise, and initial states are then free to follow the
 /// noise of the coordinates.
-pub(super) fn no_less_than_rough(model: &LawOnData) -> Vec<f64> {
+pub(crate) fn no_less_than_rough(model: &LawOnData) -> Vec<f64> {
     let tuning = &model.tuning().noise_floor;
     let rough = |row: usize| roughness(&model.data.dataset, row, tuning);
     let own = model.law.noise().iter().enumerate();
@@ -71,8 +71,9 @@ struct Measured {
 /// in the data where these predictions stray for lack of a force. `None` where there are too few
 /// residuals.
 fn measured(model: &LawOnData) -> Vec<Option<Measured>> {
-    let scales = scales(&model.data.packed, 2 * model.system().degrees());
-    let window = fewest_samples(&scales, model.data.packed.samples());
+    let scales = scales(&model.data.packed, model.system().observed_count());
+    let state = 2 * model.system().degrees();
+    let window = fewest_samples(&scales, state, model.data.packed.samples());
     let tuning = &model.tuning().noise_floor;
     // Relative standard error of each estimate; none where there is no estimate.
     let mut known = vec![None; model.law.noise().len()];

@@ -17,7 +17,7 @@ use crate::expr::{Bounds, System, TermId};
 use crate::fit::Law;
 use crate::fit::factor::Factor;
 use crate::fit::gauss_newton::LeastGain;
-use crate::fit::own_values::covariance_of_shared;
+use crate::fit::own_values::{covariance_of_shared, is_said};
 use crate::fit::pass::Sums;
 use crate::fit::refit::{Integrator, Refitted, Refitting, refitted};
 use crate::fit::segments::cut;
@@ -255,7 +255,7 @@ fn fitted_until(
     let variance = variance_of(&sums, &model.tuning().ranking);
     let used = law.dynamics().parameters().to_vec();
     let variance = variance.min(1.0) * model.autocorrelation_time;
-    let covariance = covariance_of_shared(law.system(), &used, &factor, variance);
+    let covariance = covariance_of_shared(law.system(), (law.support(), &used), &factor, variance);
     // The noise is that of the model, whatever this fit leaves.
     let law = law.with_noise(noise.to_vec()).with_window(model.law.window());
     let law = law.with_covariance_of(&used, &covariance);
@@ -296,7 +296,9 @@ fn with_candidate(
     let negligible = settled.model.tuning().verdict.negligible * settled.sums.loss;
     let Fitted { law, sums, resolved, .. } =
         fitted_until(settled, &start.law, precision, negligible)?;
-    let terms = candidate.terms.iter().filter_map(|&id| law.coefficient_with_error(id));
+    // What a constraint says is no number of the fit.
+    let free = candidate.terms.iter().filter(|id| !is_said(law.system(), **id));
+    let terms = free.filter_map(|&id| law.coefficient_with_error(id));
     let inner = candidate.parameters.iter().filter_map(|&id| law.parameter_with_error(id));
     let (coefficient, standard_error): (Vec<f64>, Vec<f64>) = terms.chain(inner).unzip();
     let values = candidate.parameters.iter().filter_map(|&id| law.parameter(id));
@@ -338,9 +340,12 @@ fn is_at_bound(candidate: &Candidate, system: &System, values: &[f64], tuning: &
     let Origin::Catalogue(row) = &candidate.origin else { return false };
     let shapes = [
         ScanBy::Rate,
+        ScanBy::Range,
         ScanBy::Exponent,
         ScanBy::Power,
         ScanBy::Momentum,
+        ScanBy::Level,
+        ScanBy::Delay,
         ScanBy::Frequency,
         ScanBy::WaveNumber,
         ScanBy::Position,

@@ -145,7 +145,8 @@ fn score(
 }
 
 /// Probes some tries together. Where they lose more segments than the model itself, which loses
-/// `lost`, they are taken apart, and the try that does (it divides by zero, say) is left out.
+/// `lost`, or leave something that is no number, they are taken apart, and the try that does (it
+/// divides by zero, say) is left out.
 fn probe_range<'t>(
     settled: &Settled,
     all: &[Candidate],
@@ -158,7 +159,9 @@ fn probe_range<'t>(
     let probes = tries.iter().flat_map(|(c, values)| all[*c].probes(&mut system, law, values));
     let terms: Vec<Term> = probes.collect();
     match settled.probe(system, &terms) {
-        Ok(found) if found.diverged <= lost => probed.push((tries, found.scores)),
+        Ok(found) if found.diverged <= lost && found.scores.is_finite() => {
+            probed.push((tries, found.scores));
+        }
         _ if tries.len() == 1 => {}
         _ => {
             // How the model's own unknowns act may be lost too.

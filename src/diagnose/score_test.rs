@@ -56,6 +56,11 @@ impl Scores {
         Scores { design, target, norms, spanned, variance, rows }
     }
 
+    /// Whether all of it is numbers: one column that is none makes all scores none.
+    pub fn is_finite(&self) -> bool {
+        self.target.iter().chain(self.design.iter()).all(|x| x.is_finite())
+    }
+
     /// Number of probes.
     pub fn columns(&self) -> usize {
         self.norms.len()

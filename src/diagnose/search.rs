@@ -72,7 +72,10 @@ pub(super) fn stories<'a>(
                 ended.push(story);
             }
             for one in longer {
-                if !next.iter().any(|other| other.labels() == one.labels()) {
+                if one.is_patchwork() {
+                    // It grows no better by one more piece.
+                    ended.push(one);
+                } else if !next.iter().any(|other| other.labels() == one.labels()) {
                     next.push(one);
                 }
             }
@@ -133,7 +136,7 @@ pub(super) fn beginnings<'a>(
 
 /// Whether a story may be told: it explains the data over whole runs, with nothing to spare.
 pub(super) fn holds(story: &Story) -> bool {
-    story.explains && story.stands()
+    story.explains && story.stands() && !story.is_patchwork()
 }
 
 /// The story with each of the changes that pay most beside it.

@@ -7,6 +7,7 @@ use crate::dynamics::Dynamics;
 use crate::fit::Loss;
 use crate::fit::driving::OwnInputs;
 use crate::fit::pass::{self, Problem, Sums};
+use crate::fit::scales::{fewest_samples, scales};
 use crate::fit::segments::{Segments, cut};
 use crate::fit::states::States;
 
@@ -91,7 +92,13 @@ pub fn settle(model: LawOnData) -> Settled {
 
 /// Samples that a segment has at least, where something moves unseen; else 0.
 pub(super) fn shortest(model: &LawOnData) -> usize {
-    if model.system().hidden.is_empty() {
+    let (system, packed) = (model.system(), &model.data.packed);
+    if !system.measures.is_empty() {
+        // A state takes as many values up as it has components.
+        let scales = scales(packed, system.observed_count());
+        return fewest_samples(&scales, 2 * system.degrees(), packed.samples());
+    }
+    if system.hidden.is_empty() {
         return 0;
     }
     model.options.fit.segments.hidden.min(model.data.packed.longest_run())

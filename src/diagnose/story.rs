@@ -1,5 +1,7 @@
 //! A story: changes to a model that are judged as one.
 
+use std::collections::{HashMap, HashSet};
+
 use super::autocorrelation::{Noise, correlated_noise};
 use super::effect::RankedEffect;
 use super::evidence::Judged;
@@ -11,8 +13,9 @@ use super::settling::settle;
 use super::tuning::Tuning;
 use super::window::{doubled, longest};
 use crate::error::Result;
-use crate::expr::{ParameterId, Scope, TermId};
+use crate::expr::{Expr, KnownNumber, ParameterId, Place, Scope, Symbol, System, Term, TermId};
 use crate::fit::Monitor;
+use crate::fit::own_values::is_said;
 use crate::fit::pass::Sums;
 
 /// What is asked: what a model before its data misses.
@@ -40,6 +43,17 @@ pub(super) struct Member {
     price: f64,
     /// Whether it has a name: an effect of the catalogue, or of the spec.
     pub named: bool,
+}
+
+/// Members of a story that bend the force along one coordinate by one and the same variable.
+#[derive(Default)]
+struct Curve {
+    /// Those with numbers inside.
+    bent: usize,
+    /// Terms of those without a name.
+    unnamed: usize,
+    /// Coefficients and inner numbers of all of them.
+    numbers: usize,
 }
 
 /// A model with changes to it, the changes and what they cost.
@@ -211,7 +225,7 @@ impl<'a> Story<'a> {
         }
         let Some(found) = fitted(&settled, &self.model.law, Precision::Full) else { return false };
         let model = settled.model.with_law(found.law);
-        let Some(noise) = correlated_noise(&model) else { return false };
+        let Some(noise) = correlated_noise(&model, self.members.len()) else { return false };
         self.model = model;
         self.hold_against(noise);
         self.excess_of(&self.sums) == 0.0
@@ -290,11 +304,17 @@ impl<'a> Story<'a> {
         if found.sums.diverged > self.sums.diverged || !found.sums.loss.is_finite() {
             return;
         }
-        let groups: Vec<Vec<TermId>> = self.members.iter().map(|one| one.terms.clone()).collect();
+        // The terms of an effect belong together; those without a name were put together.
+        let apart = |one: &Member| match one.named {
+            true => vec![one.terms.clone()],
+            false => one.terms.iter().map(|&id| vec![id]).collect(),
+        };
+        let groups: Vec<Vec<TermId>> = self.members.iter().flat_map(apart).collect();
         self.cancellation = found.cancellation(&groups);
         let law = &found.law;
         for member in &mut self.members {
-            let terms = member.terms.iter().filter_map(|&id| law.coefficient_with_error(id));
+            let free = member.terms.iter().filter(|id| !is_said(law.system(), **id));
+            let terms = free.filter_map(|&id| law.coefficient_with_error(id));
             let inner = member.parameters.iter().filter_map(|&id| law.parameter_with_error(id));
             let numbers: Vec<(f64, f64)> = terms.chain(inner).collect();
             // What a term without a name was placed by is written into it.
@@ -306,15 +326,27 @@ impl<'a> Story<'a> {
                     *slot = error;
                 }
             }
-            if let Some(change) = &member.effect.number {
-                let value = member.effect.coefficient.last().copied().unwrap_or(change.was);
-                member.effect.snippet = change.known.rewritten(value);
-            }
         }
+        self.write_numbers();
         if found.sums.loss <= self.sums.loss {
             self.sums = found.sums;
         }
         self.model = self.model.with_law(found.law);
+    }
+
+    /// Writes the statements of known numbers that are members with the values of all of them.
+    fn write_numbers(&mut self) {
+        let changes = self.members.iter().filter_map(|member| {
+            let change = member.effect.number.as_ref()?;
+            let value = member.effect.coefficient.last().copied().unwrap_or(change.was);
+            Some((change.known.clone(), value))
+        });
+        let changes: Vec<(KnownNumber, f64)> = changes.collect();
+        let values: Vec<(&KnownNumber, f64)> = changes.iter().map(|(k, x)| (k, *x)).collect();
+        let changed = self.members.iter_mut().filter(|member| member.effect.number.is_some());
+        for (member, (known, value)) in changed.zip(&changes) {
+            member.effect.snippet = known.rewritten(*value, &values);
+        }
     }
 
     /// What all its unknowns and choices cost: twice the nats.
@@ -339,6 +371,30 @@ impl<'a> Story<'a> {
             self.members.iter().map(|member| member.effect.effect.clone()).collect();
         labels.sort();
         labels
+    }
+
+    /// Whether several members with numbers inside bend one force by one and the same coordinate or
+    /// momentum, in so many numbers that any smooth curve would look like them; or several terms
+    /// without a name do, whose forms were looked for.
+    pub(super) fn is_patchwork(&self) -> bool {
+        let system = &self.scope.compiled().system;
+        let mut curves: HashMap<(usize, Symbol), Curve> = HashMap::new();
+        for member in &self.members {
+            let terms = member.terms.iter().filter_map(|&id| system.term(id));
+            let places: Option<HashSet<(usize, Symbol)>> = terms
+                .flat_map(Term::parts)
+                .map(|(place, expr)| curve_of(system, place, expr))
+                .collect();
+            let Some(places) = places.filter(|places| places.len() == 1) else { continue };
+            for place in places {
+                let curve = curves.entry(place).or_default();
+                curve.bent += usize::from(!member.parameters.is_empty());
+                curve.unnamed += if member.named { 0 } else { member.terms.len() };
+                curve.numbers += member.effect.coefficient.len();
+            }
+        }
+        let most = self.model.tuning().verdict.curve;
+        curves.values().any(|curve| curve.unnamed > 1 || curve.bent > 1 && curve.numbers > most)
     }
 
     /// Whether every coefficient of every member is clearly not zero. The cosine and the sine of
@@ -370,6 +426,21 @@ impl<'a> Story<'a> {
             }
             squares.iter().all(|(_, sum)| *sum >= clear.powi(2))
         })
+    }
+}
+
+/// The coordinate that something acts along and the coordinate or momentum that it goes by, where
+/// that is one alone.
+fn curve_of(system: &System, place: Place, expr: Expr) -> Option<(usize, Symbol)> {
+    let mut symbols = system.graph.symbols(&[expr]).into_iter().collect::<Vec<_>>();
+    symbols.retain(|symbol| !matches!(symbol, Symbol::Parameter(_) | Symbol::Coefficient(_)));
+    let [symbol @ (Symbol::Coordinate(i) | Symbol::Momentum(i))] = symbols[..] else {
+        return None;
+    };
+    match place {
+        Place::Kinetic | Place::Potential | Place::Hamiltonian => Some((i, symbol)),
+        Place::Force(along) => Some((along, symbol)),
+        Place::Rate(_) | Place::Sensor(_) => None,
     }
 }
 

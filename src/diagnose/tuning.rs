@@ -85,7 +85,8 @@ pub struct Autocorrelation {
     /// Lags whose autocorrelations are looked at, at most; a quarter of the longest run if that is
     /// less.
     pub lags: usize,
-    /// Independent readings below which nothing can be said: the same for each observable.
+    /// Independent readings of each observable below which nothing can be said, for each change
+    /// that a model was given.
     pub samples: f64,
     /// Longest autocorrelation time, in samples: that of a filter that keeps 0.8 of each deviation
     /// is 9.
@@ -96,9 +97,7 @@ pub struct Autocorrelation {
     /// and at half the sampling rate: what a model misses swings with the motion.
     pub peak: f64,
     /// Errors of this many times the noise are no noise; 1: none is looked for. Over two samples
-    /// that of a process with the memory of 30 of them looks four times smaller than it is. Off
-    /// until short records of real rigs are told as they should be: of carts on a track that were
-    /// filmed in whole pixels it makes friction noise.
+    /// that of a process with the memory of 30 of them looks four times smaller than it is.
     pub largest: f64,
     /// Noise is at most this part of a column's spread: no fit is worth judging where it is more.
     pub part: f64,
@@ -149,6 +148,9 @@ pub struct Candidates {
     /// Two numbers act in the same way where the squared sine between what they do is below this:
     /// rounding leaves 1e-15 or so, and a different effect more than 1e-6.
     pub same_number: f64,
+    /// Systems of so many coordinates or more are asked for effects on two of them only where a
+    /// summand of an energy or force couples the two: the number of pairs grows with the square.
+    pub pair_coordinates: usize,
     /// Highest total degree of an unnamed force that is a product of powers.
     pub unnamed_degree: usize,
     /// Systems of more coordinates are not asked for bumps of two variables: their number grows
@@ -165,12 +167,19 @@ pub struct Candidates {
 pub struct Grids {
     /// Lengths, in parts of the range of the coordinate.
     pub lengths: Axis,
+    /// Ranges of forces, in parts of the range of the coordinate: one ten times as long bends a
+    /// pull over the data by a hundredth.
+    pub ranges: Axis,
     /// Wave numbers, in waves over the range of the coordinate.
     pub wave_numbers: Axis,
     /// Momenta, in parts of the largest.
     pub momenta: Axis,
     /// Rates: the smallest over the duration of a run, the largest over the time between samples.
     pub rates: Axis,
+    /// Sizes of an input, in parts of its largest.
+    pub levels: Axis,
+    /// Delays of an input, in times between samples.
+    pub delays: Axis,
     /// Durations: the shortest in times between samples, the longest in durations of a run.
     pub durations: Axis,
     /// Places are even over the range of the coordinate but for this part at either end: what a
@@ -213,8 +222,8 @@ pub struct Hidden {
     pub points_apart: f64,
     /// Parts that are fitted, at most, in every turn.
     pub fits: usize,
-    /// Orbits of an unseen body that are fitted, at most: 0, none is looked for. Each fit takes
-    /// minutes on a record of decades.
+    /// Orbits of an unseen body that are fitted, at most: 0, none is looked for. Off until what is
+    /// found by them is told: they come near, and no diagnosis has said so yet.
     pub orbits: usize,
     /// Systems of more coordinates are not asked for internal states.
     pub coordinates: usize,
@@ -224,17 +233,40 @@ pub struct Hidden {
     pub terms: usize,
     /// Points of a grid that are followed side by side.
     pub lanes: usize,
-    /// Radii of orbits, from half the distance of the nearest body to `farthest` times that of the
-    /// farthest.
-    pub radii: usize,
-    /// Places on an orbit.
-    pub phases: usize,
-    /// The largest radius, in distances of the farthest known body.
+    /// A body is looked for over segments in which the model without it strays by less than this
+    /// part of each column's spread: what a pull does is then linear.
+    pub strays: f64,
+    /// Samples of the shortest of these segments.
+    pub shortest: usize,
+    /// Nodes by which the motion is followed, at most, about.
+    pub nodes: usize,
+    /// Nodes in a turn of the fastest orbit: with eight, the trapezoidal rule keeps its first
+    /// harmonic to a twentieth.
+    pub nodes_of_turn: f64,
+    /// The smallest radius of a circle, in distances of the nearest known body,
+    pub nearest: f64,
+    /// and the largest, in those of the farthest.
     pub farthest: f64,
-    /// Orbits are different whose radii differ by this, as a logarithm.
+    /// Neighbouring radii differ by this part, at most,
+    pub radii_apart: f64,
+    /// and are out of step by this angle at the end of the record, at most: half of it, if the
+    /// phase is right in the middle.
+    pub out_of_step: f64,
+    /// Places on a circle.
+    pub phases: usize,
+    /// Circles from which free orbits are looked for: where they begin is apart
+    pub refined: usize,
+    /// by this part of the distance.
     pub orbits_apart: f64,
-    /// The same for places, in radians.
-    pub phases_apart: f64,
+    /// Steps of Gauss and Newton for each of them, at most.
+    pub orbit_steps: usize,
+    /// A body is obvious where it takes what whole runs leave to less than one over this, and that
+    /// of the best wrong mass, too: nothing imitates it so nearly.
+    pub obvious: f64,
+    /// Times that the search is made, at most, with the noise that its best orbit leaves.
+    pub weighings: usize,
+    /// It is made again where that is larger by this factor.
+    pub weighed_again: f64,
 }
 
 /// Values of an inner parameter, each the same number of times the one before it.
@@ -399,6 +431,9 @@ pub struct Verdict {
     /// Standard errors that every coefficient of a story is away from zero, at least: of a
     /// thousand candidates, noise brings one to 3.3 of them.
     pub standard_errors: f64,
+    /// Numbers that members with numbers inside may have in all, where several bend one force by
+    /// one variable: two contacts and a spring have five, and six bend to any curve.
+    pub curve: usize,
     /// What a member does to predictions is at most this many times what all of them do: effects
     /// that cancel each other are an expansion of something else.
     pub cancellation: f64,

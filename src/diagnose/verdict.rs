@@ -44,13 +44,20 @@ pub(super) fn judge<'a>(
     let before = unseen(question, &bare);
     let enough = bare.explains && before.at_noise;
     let mut fault = None;
-    for story in &mut stories {
+    let asked = |story: &mut Story<'a>| {
         story.conclude();
         let after = unseen(question, story);
         let found = fault_of(story, (&before, &after), enough.then_some(&bare), tuning)
             .or_else(|| enough.then(|| feigned(story, &bare))?);
+        (found, after)
+    };
+    for place in 0..stories.len() {
+        let (found, after) = asked(&mut stories[place]);
         let Some(found) = found else {
-            told(diagnosis, story, &before, &after);
+            let story = stories.remove(place);
+            told(diagnosis, &story, &before, &after);
+            let holds = |other: &mut Story<'a>| asked(other).0.is_none();
+            name_rivals(diagnosis, &story, stories.split_off(place), holds, tuning);
             return Ok(());
         };
         fault.get_or_insert((found, after));
@@ -117,6 +124,8 @@ fn fault_of(
         Some("held-out runs are explained as well without it")
     } else if !story.stands() {
         Some("not all of its coefficients are clearly different from zero")
+    } else if story.is_patchwork() {
+        Some("its members are pieces of one curve, which fit any")
     } else if story.cancellation > tuning.verdict.cancellation {
         Some("its members nearly cancel each other, as expansions of something else do")
     } else if enough.is_some_and(|bare| !pays(story, bare, tuning)) {
@@ -169,6 +178,40 @@ fn told(diagnosis: &mut Diagnosis, story: &Story, before: &Unseen, after: &Unsee
     diagnosis.begin_with(first);
     diagnosis.further = then.to_vec();
     diagnosis.story = members;
+}
+
+/// Names what else holds over whole runs with odds of a twentieth or more, in as few changes and
+/// with as few numbers: these data do not tell it from the story. What has numbers to spare may
+/// hold the story in it and is no rival, nor is what is clearly behind over whole runs, however
+/// near it was over shorter segments.
+fn name_rivals<'a>(
+    diagnosis: &mut Diagnosis,
+    story: &Story<'a>,
+    others: Vec<Story<'a>>,
+    mut holds: impl FnMut(&mut Story<'a>) -> bool,
+    tuning: &Tuning,
+) {
+    let own = story.labels();
+    let unknowns = |story: &Story| -> usize {
+        story.members.iter().map(|member| member.effect.coefficient.len()).sum()
+    };
+    let mut others: Vec<Story> = others
+        .into_iter()
+        .filter(|other| other.explains && other.members.len() <= story.members.len())
+        .filter(|other| unknowns(other) <= unknowns(story))
+        .filter(|other| !other.members.is_empty() && other.labels() != own)
+        .collect();
+    let all: Vec<&Story> = std::iter::once(story).chain(&others).collect();
+    let lengths = description_lengths(&all, tuning);
+    let Some((length, lengths)) = lengths.split_first() else { return };
+    for (other, of_other) in others.iter_mut().zip(lengths) {
+        let name = other.labels().join(" and ");
+        let near = of_other - length < tuning.ranking.indistinguishable;
+        diagnosis.indistinguishable.retain(|known| *known != name);
+        if near && holds(other) {
+            diagnosis.indistinguishable.push(name);
+        }
+    }
 }
 
 /// Nothing that holds: what can be said all the same.

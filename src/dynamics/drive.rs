@@ -1,5 +1,9 @@
 //! Inputs on their way into the equations of motion.
 
+use std::sync::Arc;
+
+use crate::data::Record;
+
 /// What inputs do in one interval: of each lane and each input a polynomial in the time since the
 /// beginning of the interval.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -8,12 +12,29 @@ pub struct Drive {
     lanes: usize,
     /// `[input][power][lane]`.
     coefficients: Vec<f64>,
+    /// Where delayed inputs are looked up; nothing where none was given.
+    past: Option<Past>,
+}
+
+/// What inputs did before the present interval.
+#[derive(Debug, Clone)]
+struct Past {
+    record: Arc<Record>,
+    /// Of each lane its run, and the time at the beginning of the interval.
+    places: Vec<(usize, f64)>,
+}
+
+impl PartialEq for Past {
+    fn eq(&self, other: &Past) -> bool {
+        Arc::ptr_eq(&self.record, &other.record) && self.places == other.places
+    }
 }
 
 impl Drive {
     /// Inputs that are zero; polynomials of `powers` coefficients.
     pub fn new(inputs: usize, powers: usize, lanes: usize) -> Drive {
-        Drive { powers, lanes, coefficients: vec![0.0; inputs * powers * lanes] }
+        let coefficients = vec![0.0; inputs * powers * lanes];
+        Drive { powers, lanes, coefficients, past: None }
     }
 
     /// All coefficients, `[input][power][lane]`, lowest power first.
@@ -29,8 +50,26 @@ impl Drive {
         places.zip(given).for_each(|(place, x)| *place = x);
     }
 
+    /// Says where a lane stands in a record: the run, and the time since the origin of its clock.
+    pub fn stand(&mut self, record: &Arc<Record>, lane: usize, run: usize, time: f64) {
+        let lanes = self.lanes;
+        let past = self.past.get_or_insert_with(|| Past {
+            record: record.clone(),
+            places: vec![(run, time); lanes],
+        });
+        if !Arc::ptr_eq(&past.record, record) {
+            past.record = record.clone();
+        }
+        if let Some(place) = past.places.get_mut(lane) {
+            *place = (run, time);
+        }
+    }
+
     /// Makes the end of a span of time the beginning (Taylor shift by Horner's rule).
     pub fn go_on(&mut self, span: &[f64]) {
+        if let Some(past) = &mut self.past {
+            past.places.iter_mut().zip(span).for_each(|((_, time), span)| *time += span);
+        }
         if self.lanes == 0 || self.powers < 2 {
             return;
         }
@@ -64,5 +103,21 @@ impl Drive {
                 *value = *value * since + factor * coefficient;
             }
         }
+    }
+
+    /// The same of what an input did `by` before. Without a record of the past it was at rest.
+    pub(super) fn append_delayed(
+        &self,
+        (input, order, by): (usize, usize, f64),
+        since: &[f64],
+        out: &mut Vec<f64>,
+    ) {
+        let Some(Past { record, places }) = &self.past else {
+            return out.resize(out.len() + since.len(), 0.0);
+        };
+        let at = |((run, time), since): (&(usize, f64), &f64)| {
+            record.input_at(input, order, *run, time + since - by)
+        };
+        out.extend(places.iter().zip(since).map(at));
     }
 }

@@ -7,8 +7,9 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::batch::{Batch, Scratch};
 use super::flow::{Flow, FlowSource};
-use super::internal;
+use super::instrument::instrument;
 use super::methods::Method;
+use super::{holonomic, internal};
 use crate::error::Result;
 use crate::eval::{Backend, Evaluator, Inputs, Series, StepSource, Steps, compile, compile_steps};
 use crate::expr::{Expr, Graph, Node, Observed, ParameterId, Place, Symbol, System, TermId};
@@ -30,6 +31,8 @@ pub struct Dynamics {
     forced: bool,
     timed: bool,
     own_inputs: bool,
+    /// The period of each observable, where whole periods of it are lost.
+    periods: Vec<Option<f64>>,
     hamiltonian: Expr,
     slope: Gradient,
     velocity: Gradient,
@@ -151,12 +154,14 @@ impl Dynamics {
             let mut velocity =
                 Gradient::conservative(graph, system, active, known, &state[degrees..]);
             internal::set_rates(graph, system, active, &mut slope, &mut velocity);
+            holonomic::hold(graph, system, active, &mut slope, &velocity);
             (slope, velocity)
         };
         let (mut slope, mut velocity) = rates(&mut graph, &active);
         let mut separable = are_separable(&graph, &slope, &velocity);
         let internal = !system.known_rates().is_empty();
-        if !probes.is_empty() && (internal || !separable) {
+        let held = !system.constraints.is_empty();
+        if !probes.is_empty() && (internal || held || !separable) {
             // Methods for such systems take every term in their stride.
             active.append(&mut probes);
             (slope, velocity) = rates(&mut graph, &active);
@@ -194,6 +199,7 @@ impl Dynamics {
         let pushes =
             |&k: &usize| system.terms[k].parts().any(|(place, _)| matches!(place, Place::Force(_)));
         let forced = internal
+            || held
             || !system.forces.iter().all(|&f| graph.is_zero(f))
             || active.iter().any(pushes);
         active.append(&mut probes);
@@ -215,6 +221,7 @@ impl Dynamics {
             forced,
             timed,
             own_inputs: false,
+            periods: system.periods(),
             hamiltonian,
             slope,
             velocity,
@@ -237,6 +244,16 @@ impl Dynamics {
     /// Number of degrees of freedom n.
     pub fn degrees(&self) -> usize {
         self.degrees
+    }
+
+    /// Number of observables: 2n, then what columns show beside the state.
+    pub fn observables(&self) -> usize {
+        self.periods.len()
+    }
+
+    /// The period of an observable, where whole periods of it are lost.
+    pub fn period(&self, observable: usize) -> Option<f64> {
+        self.periods.get(observable).copied().flatten()
     }
 
     /// Number of unknowns P, the length of theta.
@@ -286,8 +303,13 @@ impl Dynamics {
         points.extend_from_slice(&batch.state);
         points.extend_from_slice(&batch.time);
         for symbol in self.driving_energy() {
-            if let Symbol::Input(input, order) = symbol {
-                drive.append(input, order, since, points);
+            match symbol {
+                Symbol::Input(input, order) => drive.append(input, order, since, points),
+                Symbol::Delayed(input, order, by) => {
+                    let by = by.among(&self.unknowns, theta);
+                    drive.append_delayed((input, order, by), since, points);
+                }
+                _ => {}
             }
         }
         evaluator.evaluate(points, theta, batch.lanes, &mut out[..batch.lanes], workspace);
@@ -296,14 +318,14 @@ impl Dynamics {
     /// The inputs that H names.
     fn driving_energy(&self) -> Vec<Symbol> {
         let mut symbols = self.graph.symbols(&[self.hamiltonian]);
-        symbols.retain(|symbol| matches!(symbol, Symbol::Input(..)));
+        symbols.retain(|symbol| symbol.is_driving());
         symbols
     }
 
     /// Whether an input is named by the equations of motion.
     fn is_driven(&self) -> bool {
         let rows: Vec<Expr> = self.slope.rows.iter().chain(&self.velocity.rows).copied().collect();
-        self.graph.symbols(&rows).iter().any(|symbol| matches!(symbol, Symbol::Input(..)))
+        self.graph.symbols(&rows).iter().any(|symbol| symbol.is_driving())
     }
 
     /// Rates of change of a batch of states, `[2n][lanes]`, with inputs at rest where the batch has
@@ -373,7 +395,8 @@ impl Dynamics {
 
     /// Whether the state itself is what an instrument shows.
     pub(crate) fn shows_state(&self, observed: Observed) -> bool {
-        observed == Observed::Momenta && self.instrument().is_none()
+        let all = self.observables() == 2 * self.degrees;
+        all && observed == Observed::Momenta && self.instrument().is_none()
     }
 
     /// Taylor series of the motion; `None` for what has kinks or jumps.
@@ -549,39 +572,4 @@ fn energy(graph: &mut Graph, system: &System, active: &[usize], known: Expr) -> 
         }
     }
     graph.linear(0.0, &parts)
-}
-
-/// What the instrument adds to each observable, and its derivatives by the unknowns.
-fn instrument(graph: &mut Graph, system: &System, active: &[usize], probes: &[usize]) -> Gradient {
-    let mut gradient = Gradient { rows: Vec::new(), linear: Vec::new() };
-    for observable in 0..2 * system.degrees() {
-        let place = Place::Sensor(observable);
-        let mut parts: Vec<(f64, Expr)> =
-            system.sensors.get(observable).map(|&known| (1.0, known)).into_iter().collect();
-        for &k in active {
-            if let Some(expr) = system.terms[k].part(place) {
-                let coefficient = graph.symbol(Symbol::Coefficient(k));
-                parts.push((1.0, graph.multiply(coefficient, expr)));
-            }
-        }
-        let row = graph.linear(0.0, &parts);
-        // The rate of an observable holds the coefficients of H: every one is derived by.
-        let mut linear: Vec<(usize, Expr)> = Vec::new();
-        if !graph.is_zero(row) {
-            for (unknown, &k) in active.iter().enumerate() {
-                let derivative = graph.derivative(row, Symbol::Coefficient(k));
-                if !graph.is_zero(derivative) {
-                    linear.push((unknown, derivative));
-                }
-            }
-        }
-        for (probe, &k) in probes.iter().enumerate() {
-            if let Some(expr) = system.terms[k].part(place) {
-                linear.push((active.len() + probe, expr));
-            }
-        }
-        gradient.rows.push(row);
-        gradient.linear.push(linear);
-    }
-    gradient
 }

@@ -132,6 +132,7 @@ impl Flow {
         derivatives: bool,
         scratch: &mut Scratch,
     ) {
+        let (_, inputs, ..) = &self.source;
         let Scratch { out, points, time, since, drive, workspace, .. } = scratch;
         let rows = &state[self.inputs.start * lanes..self.inputs.end * lanes];
         let points = if self.timed() {
@@ -140,6 +141,10 @@ impl Flow {
             for symbol in &self.driven {
                 match *symbol {
                     Symbol::Input(input, order) => drive.append(input, order, since, points),
+                    Symbol::Delayed(input, order, by) => {
+                        let by = by.among(&inputs.uniform, theta);
+                        drive.append_delayed((input, order, by), since, points);
+                    }
                     _ => points.extend_from_slice(time),
                 }
             }

@@ -4,10 +4,10 @@ use super::batch::{Batch, Scratch};
 use super::equations::Dynamics;
 use crate::expr::Observed;
 
-/// h(z): coordinates, then momenta or velocities dH/dp, with what the instrument adds to each,
-/// into `out`, `[2n][lanes]`.
+/// h(z): coordinates, then momenta or velocities dH/dp, with what the instrument adds to each, then
+/// the measures, into `out`, `[2n + m][lanes]`.
 ///
-/// `out_tangent`, `[2n][2n + P][lanes]`, gets the derivative by (initial state, theta) if the
+/// `out_tangent`, `[2n + m][2n + P][lanes]`, gets the derivative by (initial state, theta) if the
 /// batch has tangents, and is left alone otherwise.
 pub fn observe(
     dynamics: &Dynamics,
@@ -46,9 +46,11 @@ fn ideal(
 ) {
     let (lanes, degrees, columns) = (batch.lanes, batch.degrees(), batch.columns());
     out[..batch.state.len()].copy_from_slice(&batch.state);
+    out[batch.state.len()..].fill(0.0);
     if observed == Observed::Momenta {
         if let Some(out_tangent) = out_tangent {
             out_tangent[..batch.tangent.len()].copy_from_slice(&batch.tangent);
+            out_tangent[batch.tangent.len()..].fill(0.0);
         }
         return;
     }
@@ -59,6 +61,7 @@ fn ideal(
     out[degrees * lanes..2 * degrees * lanes].copy_from_slice(momenta);
     if let Some(out_tangent) = out_tangent {
         let half = degrees * columns * lanes;
+        out_tangent[2 * half..].fill(0.0);
         let (above, below) = out_tangent[..2 * half].split_at_mut(half);
         above.copy_from_slice(&batch.tangent[..half]);
         below.fill(0.0);

@@ -55,6 +55,8 @@ pub fn known_system(
         hamiltonian,
         forces,
         sensors: vec![zero; 2 * degrees],
+        constraints: Vec::new(),
+        measures: Vec::new(),
         terms: Vec::new(),
     }
 }

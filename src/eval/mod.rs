@@ -4,6 +4,8 @@ mod advance;
 mod aligned;
 mod arrays;
 mod backend;
+mod conjugate;
+mod eights;
 mod elementary;
 mod instruction;
 #[cfg(target_arch = "x86_64")]
@@ -27,6 +29,11 @@ pub(crate) use arrays::{
     multiply, sum_with_multiple,
 };
 pub use backend::{BACKENDS, Backend, VARIABLE};
+pub(crate) use conjugate::{Lower, conjugate_gradients};
+pub(crate) use eights::{
+    Eight, NOWHERE, add_entry_squares, add_gathered, add_lower, add_multiples, add_outer,
+    add_scattered, factorise, solve_lower, solve_upper, squares, weigh_entries,
+};
 pub(crate) use instruction::{Instruction, Slot, Value};
 pub(crate) use lane_reflections::{LaneReflections, reflect_lanes};
 pub(crate) use lanes::{

@@ -81,6 +81,8 @@ const KEYWORDS: &[&str] = &[
     "MODEL_H",
     "MODEL_DEGREES",
     "MODEL_STEP",
+    "MODEL_INPUTS",
+    "model_input",
     "FP_NAN",
     "FP_ZERO",
     "FP_INFINITE",
@@ -107,13 +109,24 @@ fn power(base: &str, exponent: &str, _: bool) -> String {
 
 /// Writes `model.h`, `model.c` and `example.c`.
 pub(super) fn export(export: &Export) -> Result<Output> {
-    let model = Model::of_simulator(export)?;
+    let model = Model::new(export)?;
     let files = [
         ("model.h", header(export)),
         ("model.c", source(export, &model)),
-        ("example.c", EXAMPLE.to_string()),
+        ("example.c", example(export)),
     ];
     Ok(Output::Files(files.into_iter().map(|(path, text)| (path.to_string(), text)).collect()))
+}
+
+/// A program that simulates; what drives the motion is left to its user.
+fn example(export: &Export) -> String {
+    if export.system().inputs.is_empty() {
+        return EXAMPLE.to_string();
+    }
+    let driving = "/* What drives the motion: nothing does yet. Put your own here. */\n\
+        double model_input(int input, int order, double time) {\n    (void)input;\n    \
+        (void)order;\n    (void)time;\n    return 0.0;\n}\n\nint main(";
+    EXAMPLE.replacen("int main(", driving, 1)
 }
 
 fn header(export: &Export) -> String {
@@ -143,6 +156,25 @@ fn header(export: &Export) -> String {
                 comment(&(variable.name.clone() + &unit))
             );
         }
+    }
+    let inputs = &export.system().inputs;
+    if !inputs.is_empty() {
+        let _ = writeln!(out, "\n/* Inputs. */\n#define MODEL_INPUTS {}", inputs.len());
+        for (i, input) in inputs.iter().enumerate() {
+            let unit = input.variable.unit_text.as_ref();
+            let unit = unit.map(|unit| format!(" [{unit}]")).unwrap_or_default();
+            let name = input.variable.name.clone() + &unit;
+            let between = input.between.keyword().replace('_', "-");
+            let _ = writeln!(
+                out,
+                "/* Input {i} is {}, measured, and {between} between samples. */",
+                comment(&name)
+            );
+        }
+        out += "\n/* What drives the motion, a function of the program that uses this one: the value of an\n \
+* input at a time, or its derivative by time of an order above 0. Where an input jumps, a step\n \
+* should end. */\n\
+double model_input(int input, int order, double time);\n";
     }
     out += "\n/* A typical start; returns its time. */\n\
 double model_start(double q[MODEL_DEGREES], double p[MODEL_DEGREES]);\n\n\
@@ -244,6 +276,16 @@ impl FunctionBody<'_> {
             let _ = match symbol {
                 Symbol::Coordinate(i) => writeln!(lines, "    const double {name} = qs[{i}];"),
                 Symbol::Momentum(i) => writeln!(lines, "    const double {name} = ps[{i}];"),
+                Symbol::Delayed(i, order, by) => {
+                    let by = self.names.delay(by);
+                    writeln!(
+                        lines,
+                        "    const double {name} = model_input({i}, {order}, time - {by});"
+                    )
+                }
+                Symbol::Input(i, order) => {
+                    writeln!(lines, "    const double {name} = model_input({i}, {order}, time);")
+                }
                 _ => writeln!(lines, "    const double {name} = time;"),
             };
         }
@@ -253,7 +295,7 @@ impl FunctionBody<'_> {
         for (argument, used) in [
             ("qs", has(|s| matches!(s, Symbol::Coordinate(_)))),
             ("ps", has(|s| matches!(s, Symbol::Momentum(_)))),
-            ("time", has(|s| matches!(s, Symbol::Time))),
+            ("time", has(|s| s.is_of_time())),
         ] {
             if !used {
                 let _ = writeln!(lines, "    (void){argument};");

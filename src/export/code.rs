@@ -29,7 +29,7 @@ const OPERAND: usize = 32;
 pub(super) struct Body {
     pub locals: Vec<(String, String)>,
     pub outputs: Vec<String>,
-    /// Coordinates, momenta and time that occur.
+    /// Coordinates, momenta, time and inputs that occur.
     pub variables: BTreeSet<Symbol>,
 }
 
@@ -44,7 +44,7 @@ pub(super) fn body(
     let variables: BTreeSet<Symbol> = graph
         .symbols(outputs)
         .into_iter()
-        .filter(|s| matches!(s, Symbol::Coordinate(_) | Symbol::Momentum(_) | Symbol::Time))
+        .filter(|s| !matches!(s, Symbol::Parameter(_) | Symbol::Coefficient(_)))
         .collect();
     let inputs = Inputs { varying: variables.iter().copied().collect(), uniform: Vec::new() };
     let lowered = Lowered::expanded(graph, &inputs, outputs);

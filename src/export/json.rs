@@ -82,6 +82,12 @@ pub(super) fn export(export: &Export) -> Result<Output> {
         "system": system.name,
         "coordinates": variables(&system.coordinates),
         "momenta": variables(&system.momenta),
+        "measures": system.measures.iter().map(|measure| json!({
+            "name": measure.variable.name,
+            "unit": measure.variable.unit_text,
+            "expression": measure.text,
+            "period": measure.period,
+        })).collect::<Vec<_>>(),
         "time": variables(std::slice::from_ref(&system.time))[0],
         "coefficients": coefficients,
         "parameters": parameters,

@@ -1,5 +1,6 @@
 //! Equations as LaTeX: a fragment, and a document that compiles.
 
+use std::collections::HashMap;
 use std::fmt::Write;
 
 use super::escape::plain_latex as text;
@@ -9,7 +10,7 @@ use super::number::Measured;
 use super::tex::TexWriter;
 use super::{Export, Output};
 use crate::error::Result;
-use crate::expr::{Expr, Graph, Names, Place, Symbol};
+use crate::expr::{Expr, Graph, Measure, Names, Place, Symbol, System};
 
 /// Values of a number that runs have for themselves; all are in the model file.
 const VALUES: usize = 80;
@@ -38,6 +39,15 @@ pub(super) fn equations(export: &Export) -> Result<Vec<Equation>> {
     let forces: Vec<Expr> = (0..n).map(|i| part(Place::Force(i))).collect();
     let gradient = graph.gradient(energy, &system.state());
     let slopes: Vec<Expr> = (0..n).map(|i| graph.subtract(forces[i], gradient[i])).collect();
+    let learned = (0..system.parameters.len()).map(Symbol::Parameter);
+    let learned: HashMap<Symbol, f64> =
+        learned.zip(export.law.parameters().iter().copied()).collect();
+    let constraints: Vec<Expr> = (system.constraints.iter())
+        .map(|constraint| graph.import(&system.graph, constraint.expr, &learned))
+        .collect();
+    let coordinates = &system.state()[..n];
+    let normals: Vec<Vec<Expr>> =
+        constraints.iter().map(|&constraint| graph.gradient(constraint, coordinates)).collect();
 
     let writer = TexWriter { graph: &graph, names: &names, numbers: &pretty.numbers };
     let equation = |left: String, expr| Equation { left, right: writer.lines(expr) };
@@ -69,7 +79,15 @@ pub(super) fn equations(export: &Export) -> Result<Vec<Equation>> {
         if system.internal(i).is_some() {
             continue;
         }
-        out.push(equation(letters::dotted(&names.of(Symbol::Momentum(i))), slope));
+        let mut moved = equation(letters::dotted(&names.of(Symbol::Momentum(i))), slope);
+        for (j, of) in normals.iter().enumerate().filter(|(_, of)| !graph.is_zero(of[i])) {
+            let multiplier = multiplier(j, normals.len());
+            moved.right.push(format!("+ {multiplier} \\left({}\\right)", writer.expression(of[i])));
+        }
+        out.push(moved);
+    }
+    for &constraint in &constraints {
+        out.push(equation("0".to_string(), constraint));
     }
     // The instrument comes last: it moves nothing.
     for (i, name) in system.observables().iter().enumerate() {
@@ -81,7 +99,27 @@ pub(super) fn equations(export: &Export) -> Result<Vec<Equation>> {
             out.push(Equation { left: format!("{name}_{{\\mathrm{{measured}}}}"), right });
         }
     }
+    out.extend(system.measures.iter().map(|measure| equation_of(measure, system, &names)));
     Ok(out)
+}
+
+/// The Lagrange multiplier of a constraint, one of so many.
+fn multiplier(which: usize, of: usize) -> String {
+    if of == 1 { "\\lambda".to_string() } else { format!("\\lambda_{{{}}}", which + 1) }
+}
+
+/// What a column shows, with dots for rates.
+fn equation_of(measure: &Measure, system: &System, names: &Names) -> Equation {
+    let writer = TexWriter { graph: &system.graph, names, numbers: &[] };
+    let right = match (measure.direction, measure.on_curve) {
+        (Some([y, x]), _) => {
+            let (y, x) = (writer.expression(y), writer.expression(x));
+            vec![format!("\\operatorname{{atan2}}({y}, {x})")]
+        }
+        (None, Some(expr)) => writer.lines(expr),
+        (None, None) => vec![format!("\\texttt{{{}}}", text(&measure.text))],
+    };
+    Equation { left: letters::name(&measure.variable.name), right }
 }
 
 /// Writes the equations as one `align*` of amsmath.

@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use super::{Export, IntegratorKind};
 use crate::error::{Error, ErrorKind, Result};
-use crate::expr::{Expr, Function, Graph, Node, Parameter, Symbol, System};
+use crate::expr::{Delay, Expr, Function, Graph, Node, Parameter, Symbol, System};
 use crate::fit::distribution::Distribution;
 use crate::simplify::significant;
 
@@ -27,6 +27,8 @@ pub(super) struct Model {
     pub constants: Vec<Constant>,
     /// The energy is a constant of the motion.
     pub conservative: bool,
+    /// The inputs and rates of inputs that the functions name, sorted.
+    pub inputs: Vec<Symbol>,
     /// Every derivative exists everywhere: no jump or kink such as in abs.
     pub smooth: bool,
 }
@@ -43,21 +45,6 @@ pub(super) struct Constant {
 }
 
 impl Model {
-    /// The same for a simulator, which reads no inputs.
-    pub(super) fn of_simulator(export: &Export) -> Result<Model> {
-        if let Some(input) = export.system().inputs.first() {
-            return Err(Error::new(
-                ErrorKind::Export,
-                format!(
-                    "a generated simulator cannot read `{}`, which drives this system",
-                    input.variable.name
-                ),
-                "export LaTeX or MathML, or follow the motion with `leverrier simulate --inputs`",
-            ));
-        }
-        Model::new(export)
-    }
-
     /// Derives the equations of motion; an error when the integrator cannot take them.
     pub(super) fn new(export: &Export) -> Result<Model> {
         let law = export.law;
@@ -81,6 +68,13 @@ impl Model {
         let mut velocities = gradient[n..].to_vec();
         let mut accelerations = Vec::with_capacity(n);
         let mut change = vec![(1.0, graph.derivative(energy, Symbol::Time))];
+        for symbol in graph.symbols(&[energy]) {
+            if let Some(rate) = symbol.input_rate() {
+                let slope = graph.derivative(energy, symbol);
+                let rate = graph.symbol(rate);
+                change.push((1.0, graph.multiply(slope, rate)));
+            }
+        }
         for &(i, rate) in &rates {
             velocities[i] = rate;
             change.push((1.0, graph.multiply(gradient[i], rate)));
@@ -97,7 +91,7 @@ impl Model {
         let field: Vec<Expr> = velocities.iter().chain(&accelerations).copied().collect();
         let columns: Vec<Vec<Expr>> =
             state.iter().map(|&symbol| graph.derivatives(&field, symbol)).collect();
-        let jacobian =
+        let jacobian: Vec<Expr> =
             (0..2 * n).flat_map(|row| columns.iter().map(move |column| column[row])).collect();
         let separable = (0..n).all(|i| {
             let q = Symbol::Coordinate(i);
@@ -141,7 +135,12 @@ impl Model {
             .topological(&acting)
             .into_iter()
             .any(|part| matches!(graph.node(part), Node::Apply(f, _) if !f.row().smooth));
+        let mut named = roots.clone();
+        named.extend(jacobian.iter().chain(&forces).copied());
+        let mut inputs = graph.symbols(&named);
+        inputs.retain(|symbol| symbol.is_driving());
         Ok(Model {
+            inputs,
             energy,
             velocities,
             accelerations,
@@ -246,8 +245,14 @@ impl Identifiers {
         let mut identifiers =
             Identifiers { names: HashMap::new(), taken: reserved.map(str::to_string).collect() };
         let names = export.system().names();
-        for symbol in export.system().state().into_iter().chain([Symbol::Time]) {
-            let mut name = identifier(&names.of(symbol));
+        let state = export.system().state().into_iter().chain([Symbol::Time]);
+        for symbol in state.chain(model.inputs.iter().copied()) {
+            let mut name = match symbol {
+                Symbol::Delayed(input, order, _) => {
+                    format!("{}_delayed", identifier(&names.of(Symbol::Input(input, order))))
+                }
+                _ => identifier(&names.of(symbol)),
+            };
             if capitals {
                 name = name.to_ascii_lowercase();
             }
@@ -281,6 +286,14 @@ impl Identifiers {
 
     pub(super) fn of(&self, symbol: Symbol) -> &str {
         self.names.get(&symbol).map_or("undefined", String::as_str)
+    }
+
+    /// A delay in generated code.
+    pub(super) fn delay(&self, by: Delay) -> String {
+        match by {
+            Delay::Number(number) => format!("{:?}", number.value()),
+            Delay::Parameter(j) => self.of(Symbol::Parameter(j)).to_string(),
+        }
     }
 
     /// A letter for numbered locals, such that no name begins with it and goes on in digits.

@@ -48,7 +48,12 @@ impl Pretty {
         ];
         known.extend(system.forces.iter().enumerate().map(|(i, &f)| (Place::Force(i), f)));
         known.extend(system.known_rates());
-        known.extend(system.sensors.iter().enumerate().map(|(i, &s)| (Place::Sensor(i), s)));
+        // What measures show is written as it was said, on any curve.
+        let sensors = system.sensors.iter().enumerate().take(2 * system.degrees());
+        known.extend(sensors.map(|(i, &s)| (Place::Sensor(i), s)));
+        let zero = graph.number(0.0);
+        let of_measures = 2 * system.degrees()..system.observed_count();
+        known.extend(of_measures.map(|i| (Place::Sensor(i), zero)));
         let mut parts = Vec::new();
         for (place, known) in known {
             let own = |graph: &mut Graph, expr| match place {

@@ -62,6 +62,9 @@ const KEYWORDS: &[&str] = &[
     "accelerations",
     "field",
     "simulate",
+    "driving",
+    "inputs",
+    "TypeError",
     "numbers",
     "abs",
     "float",
@@ -85,7 +88,7 @@ fn reserved() -> impl Iterator<Item = &'static str> {
 
 /// Writes the module.
 pub(super) fn export(export: &Export) -> Result<Output> {
-    let model = Model::of_simulator(export)?;
+    let model = Model::new(export)?;
     let system = export.system();
     let identifiers = Identifiers::new(export, &model, reserved(), false);
     let n = system.degrees();
@@ -103,6 +106,11 @@ pub(super) fn export(export: &Export) -> Result<Output> {
     let parts = ModuleParts::new(export, &mut whole)?;
     let python = |expr: Expr| {
         let text = whole.graph.text(expr, &names);
+        // A rate of an input is a symbol of its own.
+        let mut text = text;
+        for &symbol in model.inputs.iter().rev() {
+            text = text.replace(&names.of(symbol), identifiers.of(symbol));
+        }
         // Time has no entry in `Names`: it is always t there.
         translate(&text, identifiers.of(Symbol::Time))
     };
@@ -121,6 +129,16 @@ pub(super) fn export(export: &Export) -> Result<Output> {
         "time = {time} = sympy.Symbol({}, real=True)",
         literal(&system.time.name)
     );
+    let plain = system.names();
+    symbols += "# What drives the motion, in the order in which `inputs` gives it.\ndriving = [\n";
+    for &symbol in &model.inputs {
+        let name = literal(&plain.of(symbol));
+        let _ = writeln!(symbols, "    sympy.Symbol({name}, real=True),");
+    }
+    symbols += "]\n";
+    for (i, &symbol) in model.inputs.iter().enumerate() {
+        let _ = writeln!(symbols, "{} = driving[{i}]", identifiers.of(symbol));
+    }
     for constant in &model.constants {
         let name = identifiers.of(constant.symbol);
         let _ = writeln!(

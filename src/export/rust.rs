@@ -16,6 +16,7 @@ use crate::expr::{Expr, FUNCTIONS, Function, Symbol};
 const DIALECT: Dialect = Dialect { apply, whole_power, power };
 
 const MAIN: &str = include_str!("templates/simulator/main.rs.txt");
+const INPUTS: &str = include_str!("templates/simulator/inputs.rs.txt");
 const TESTS: &str = include_str!("templates/simulator/checks.rs.txt");
 const SPLITTING: &str = include_str!("templates/simulator/splitting.rs.txt");
 const IMPLICIT: &str = include_str!("templates/simulator/implicit.rs.txt");
@@ -78,6 +79,7 @@ const KEYWORDS: &[&str] = &[
     "qs",
     "ps",
     "time",
+    "input",
     "out",
     "_",
     "NAME",
@@ -132,7 +134,7 @@ fn call(method: &str, on: &str, with: &str, atom: bool) -> String {
 
 /// Writes the project.
 pub(super) fn export(export: &Export) -> Result<Output> {
-    let model = Model::of_simulator(export)?;
+    let model = Model::new(export)?;
     let package = package_name(&export.system().name);
     let own = format!("{package}::");
     let integrator = match &export.integrator.kind {
@@ -144,19 +146,71 @@ pub(super) fn export(export: &Export) -> Result<Output> {
     };
     let lib = format!(
         "//! Equations of motion and integrator of a model that was learned from measurements.\n//!\n{}\n\
-         pub mod integrator;\npub mod model;\n",
+         {}pub mod integrator;\npub mod model;\n",
         comment("//! ", &export.provenance.lines()),
+        if export.system().inputs.is_empty() { "" } else { "pub mod inputs;\n" },
     );
-    let files = [
+    let mut files = vec![
         ("Cargo.toml", manifest(&package)),
         (".cargo/config.toml", FLAGS.to_string()),
         ("src/lib.rs", lib),
         ("src/model.rs", model_file(export, &model)),
         ("src/integrator.rs", integrator),
-        ("src/main.rs", MAIN.replace("simulator::", &own)),
+        ("src/main.rs", main_file(export).replace("simulator::", &own)),
         ("tests/checks.rs", checks(export, &own)),
     ];
+    if !export.system().inputs.is_empty() {
+        files.push(("src/inputs.rs", inputs_file(export)));
+    }
     Ok(Output::Files(files.into_iter().map(|(path, text)| (path.to_string(), text)).collect()))
+}
+
+/// The last line of the program's help, and the same behind one on inputs.
+const LAST_OPTION: &str = r#"         \x20 --help               this text\n","#;
+const INPUT_OPTION: &str = r#"         \x20 --inputs FILE        what drives the motion: times, then {inputs},\n\
+         \x20                      separated by commas, with a header\n\
+         \x20 --help               this text\n","#;
+
+/// The program, which reads what drives the motion where something does.
+fn main_file(export: &Export) -> String {
+    if export.system().inputs.is_empty() {
+        return MAIN.to_string();
+    }
+    let mut text = MAIN
+        .replace("use simulator::integrator", "use simulator::inputs;\nuse simulator::integrator");
+    text = text.replace(LAST_OPTION, INPUT_OPTION);
+    text = text.replace(
+        "        name = model::NAME,\n",
+        "        name = model::NAME,\n        inputs = inputs::INPUTS.join(\", \"),\n",
+    );
+    text = text.replace(
+        "            \"--energy-bound\",\n        ];",
+        "            \"--energy-bound\",\n            \"--inputs\",\n        ];",
+    );
+    text.replace(
+        "            \"--t0\" =>",
+        "            \"--inputs\" => inputs::read(&value).map_err(Failure::Usage)?,\n            \"--t0\" =>",
+    )
+}
+
+/// What drives the motion: its names, and what reads it.
+fn inputs_file(export: &Export) -> String {
+    let inputs = &export.system().inputs;
+    let count = inputs.len();
+    let names = literals(inputs.iter().map(|input| match &input.variable.unit_text {
+        Some(unit) => format!("{} [{unit}]", input.variable.name),
+        None => input.variable.name.clone(),
+    }));
+    let between = literals(inputs.iter().map(|input| input.between.keyword().to_string()));
+    INPUTS
+        .replace(
+            "pub const INPUTS: [&str; 0] = [];",
+            &format!("#[rustfmt::skip]\npub const INPUTS: [&str; {count}] = [\n{names}];"),
+        )
+        .replace(
+            "pub const BETWEEN: [&str; 0] = [];",
+            &format!("#[rustfmt::skip]\npub const BETWEEN: [&str; {count}] = [\n{between}];"),
+        )
 }
 
 /// The project's tests, which know the internal states.
@@ -235,6 +289,9 @@ fn model_file(export: &Export, model: &Model) -> String {
     let (start_time, start) = export.start_or_default();
     let mut out = format!("//! The model {}.\n//!\n", doc(&system.name));
     out += "//! dq/dt = dH/dp and dp/dt = F - dH/dq.\n\n";
+    if !model.inputs.is_empty() {
+        out += "use crate::inputs::input;\n\n";
+    }
     let _ = writeln!(
         out,
         "/// What the model is called.\npub const NAME: &str = {};",
@@ -357,7 +414,7 @@ impl Functions<'_> {
         let underscore = |used: bool| if used { "" } else { "_" };
         let q = underscore(has(|s| matches!(s, Symbol::Coordinate(_))));
         let p = underscore(has(|s| matches!(s, Symbol::Momentum(_))));
-        let t = underscore(has(|s| matches!(s, Symbol::Time)));
+        let t = underscore(has(|s| s.is_of_time()));
         let arguments = format!("{q}qs: &[f64; DEGREES], {p}ps: &[f64; DEGREES], {t}time: f64");
         let mut lines = String::new();
         for &symbol in &body.variables {
@@ -365,6 +422,13 @@ impl Functions<'_> {
             let _ = match symbol {
                 Symbol::Coordinate(i) => writeln!(lines, "    let {name} = qs[{i}];"),
                 Symbol::Momentum(i) => writeln!(lines, "    let {name} = ps[{i}];"),
+                Symbol::Delayed(i, order, by) => {
+                    let by = self.names.delay(by);
+                    writeln!(lines, "    let {name} = input({i}, {order}, time - {by});")
+                }
+                Symbol::Input(i, order) => {
+                    writeln!(lines, "    let {name} = input({i}, {order}, time);")
+                }
                 _ => writeln!(lines, "    let {name} = time;"),
             };
         }

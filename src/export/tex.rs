@@ -3,7 +3,9 @@
 use super::letters::name;
 use super::number::{Measured, fraction, shortest, significant};
 use super::pretty::PrettyNumber;
-use crate::expr::{Expr, FUNCTIONS, Function, Graph, Latex, Names, Node, Precedence, Symbol};
+use crate::expr::{
+    Delay, Expr, FUNCTIONS, Function, Graph, Latex, Names, Node, Precedence, Symbol,
+};
 
 /// Largest denominator of a number that is printed as a fraction.
 const LARGEST_DENOMINATOR: u32 = 100;
@@ -99,6 +101,31 @@ impl TexWriter<'_> {
                     _ => format!("{{{plain}}}^{{({order})}}"),
                 };
                 (format!("{derived}(t)"), Precedence::Atom)
+            }
+            Node::Symbol(Symbol::Delayed(i, order, by)) => {
+                let plain = name(&self.names.of(Symbol::Input(*i, 0)));
+                let by = match by {
+                    Delay::Number(number) => number.short(),
+                    Delay::Parameter(j) => name(&self.names.of(Symbol::Parameter(*j))),
+                };
+                let derived = match order {
+                    0 => plain,
+                    1 => format!("\\dot{{{plain}}}"),
+                    _ => format!("{{{plain}}}^{{({order})}}"),
+                };
+                (format!("{derived}(t - {by})"), Precedence::Atom)
+            }
+            Node::Symbol(Symbol::Velocity(i)) => {
+                let n = self.names.coordinates.len().max(1);
+                let plain = name(&self.names.of(Symbol::Coordinate(i % n)));
+                let dots = if *i < n { "dot" } else { "ddot" };
+                (format!("\\{dots}{{{plain}}}"), Precedence::Atom)
+            }
+            // Behind the momenta stand their rates.
+            Node::Symbol(Symbol::Momentum(i)) if (1..=*i).contains(&self.names.momenta.len()) => {
+                let n = self.names.momenta.len();
+                let plain = name(&self.names.of(Symbol::Momentum(i % n)));
+                (format!("\\dot{{{plain}}}"), Precedence::Atom)
             }
             Node::Symbol(symbol) => (name(&self.names.of(*symbol)), Precedence::Atom),
             Node::Power(base, exponent) => {

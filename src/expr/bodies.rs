@@ -162,6 +162,7 @@ impl System {
                 Symbol::Momentum(i) => state[n + i],
                 Symbol::Time => 0.7,
                 Symbol::Input(i, order) => 0.9 + 0.3 * i as f64 - 0.2 * order as f64,
+                Symbol::Delayed(i, order, _) => 0.8 + 0.3 * i as f64 - 0.2 * order as f64,
                 Symbol::Parameter(j) => self.parameters[j].start,
                 Symbol::Velocity(_) | Symbol::Coefficient(_) => 1.0,
             };

@@ -1,7 +1,7 @@
 //! Which columns of a data file hold what, as the spec says.
 
 use super::lower::Lowering;
-use super::system::{InputVariable, Observed, Parameter, System};
+use super::system::{InputVariable, Parameter, System};
 use super::unit::Unit;
 use crate::diagnostic::Diagnostic;
 use crate::spec::ast::{DataItemKind, Expression, ExpressionKind, UnitText, Word};
@@ -138,11 +138,7 @@ pub(super) fn resolve(lowering: &mut Lowering, system: &System) -> Option<DataCo
                 let Some(at) = observable(lowering, system, &out.observables, variable) else {
                     continue;
                 };
-                let second = match system.observed {
-                    Observed::Momenta => &system.momenta,
-                    Observed::Velocities => &system.velocities,
-                };
-                let of = system.coordinates.iter().chain(second).nth(at);
+                let of = system.observed_variables().nth(at);
                 let scale = scale(lowering, unit.as_ref(), of.and_then(|of| of.unit), column);
                 if let Some(observed) = out.observables.get_mut(at) {
                     observed.candidates = vec![column.text.clone()];
@@ -151,20 +147,30 @@ pub(super) fn resolve(lowering: &mut Lowering, system: &System) -> Option<DataCo
                 mapped.get_mut(at).is_some_and(|mapped| std::mem::replace(mapped, true))
             }
             DataItemKind::NotMeasured(variable) => {
-                let Some(at) = observable(lowering, system, &out.observables, variable) else {
-                    continue;
-                };
-                if at < system.degrees() {
+                let all = family(&out.observables, variable).unwrap_or_else(|| {
+                    let one = observable(lowering, system, &out.observables, variable);
+                    one.into_iter().collect()
+                });
+                if all.iter().any(|&at| at < system.degrees()) && system.measures.is_empty() {
                     lowering.report(
                         Diagnostic::error(variable.site.0, "a coordinate has to be measured")
                             .label("only momenta and velocities can do without a column")
-                            .hint("name the column that holds it, or leave the coordinate out"),
+                            .hint(
+                                "name the column that holds it, or say with `measure` what a \
+                                 column shows of it",
+                            ),
                     );
                 }
-                if let Some(observed) = out.observables.get_mut(at) {
-                    observed.candidates.clear();
+                let mut twice = false;
+                for at in all {
+                    if let Some(observed) = out.observables.get_mut(at) {
+                        observed.candidates.clear();
+                    }
+                    let before =
+                        mapped.get_mut(at).is_some_and(|mapped| std::mem::replace(mapped, true));
+                    twice |= before;
                 }
-                mapped.get_mut(at).is_some_and(|mapped| std::mem::replace(mapped, true))
+                twice
             }
         };
         if twice {
@@ -182,6 +188,16 @@ pub(super) fn resolve(lowering: &mut Lowering, system: &System) -> Option<DataCo
 fn input(system: &System, variable: &Expression) -> Option<usize> {
     let ExpressionKind::Name(name) = &variable.kind else { return None };
     system.inputs.iter().position(|input| input.variable.name == *name)
+}
+
+/// The observables of a family that is named without an index.
+fn family(observables: &[ObservedColumn], variable: &Expression) -> Option<Vec<usize>> {
+    let ExpressionKind::Name(name) = &variable.kind else { return None };
+    let of = |observed: &ObservedColumn| {
+        observed.name.strip_prefix(name.as_str()).is_some_and(|rest| rest.starts_with('['))
+    };
+    let all: Vec<usize> = (0..observables.len()).filter(|&at| of(&observables[at])).collect();
+    (!all.is_empty()).then_some(all)
 }
 
 fn observable(

@@ -3,7 +3,7 @@
 use rustc_hash::FxHashMap;
 
 use super::functions::Function;
-use super::graph::{Expr, Graph, Node, Symbol};
+use super::graph::{Delay, Expr, Graph, Node, Symbol};
 
 impl Graph {
     /// The partial derivative of `expr` by `symbol`.
@@ -18,7 +18,7 @@ impl Graph {
         for part in self.topological(exprs) {
             let derivative = match self.node(part).clone() {
                 Node::Number(_) => zero,
-                Node::Symbol(s) => self.number(if s == symbol { 1.0 } else { 0.0 }),
+                Node::Symbol(s) => self.derivative_of_symbol(s, symbol),
                 Node::Sum { terms, .. } => {
                     let parts: Vec<_> = terms.iter().map(|(t, c)| (c.value(), known[t])).collect();
                     self.linear(0.0, &parts)
@@ -52,6 +52,22 @@ impl Graph {
             known.insert(part, derivative);
         }
         exprs.iter().map(|expr| known[expr]).collect()
+    }
+
+    /// A symbol by another one; u(t - d) by its delay d is -u'(t - d).
+    fn derivative_of_symbol(&mut self, of: Symbol, by: Symbol) -> Expr {
+        if of == by {
+            return self.number(1.0);
+        }
+        match (of, by) {
+            (Symbol::Delayed(input, order, Delay::Parameter(j)), Symbol::Parameter(other))
+                if j == other =>
+            {
+                let rate = self.symbol(Symbol::Delayed(input, order + 1, Delay::Parameter(j)));
+                self.negate(rate)
+            }
+            _ => self.number(0.0),
+        }
     }
 
     /// (b^e)' = b^e (e' log b + e b' / b).

@@ -29,16 +29,91 @@ pub enum Symbol {
     Time,
     /// A measured input, counted from 0, or its derivative by time of the order that comes second.
     Input(usize, usize),
+    /// A measured input some time ago, or its derivative by time: as [`Symbol::Input`], then how
+    /// long ago.
+    Delayed(usize, usize, Delay),
     /// Inner parameter: learned, not penalised.
     Parameter(usize),
     /// Coefficient of the k-th learned term.
     Coefficient(usize),
 }
 
+/// How long ago a delayed input was measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Delay {
+    /// A known time.
+    Number(Number),
+    /// An inner parameter.
+    Parameter(usize),
+}
+
+impl Delay {
+    /// The time, where it is known.
+    pub fn number(self) -> Option<f64> {
+        match self {
+            Delay::Number(number) => Some(number.value()),
+            Delay::Parameter(_) => None,
+        }
+    }
+
+    /// The time by the values of some unknowns; NaN where they do not hold it.
+    pub fn among(self, unknowns: &[Symbol], values: &[f64]) -> f64 {
+        match self {
+            Delay::Number(number) => number.value(),
+            Delay::Parameter(j) => {
+                let at = unknowns.iter().position(|symbol| *symbol == Symbol::Parameter(j));
+                at.and_then(|at| values.get(at)).copied().unwrap_or(f64::NAN)
+            }
+        }
+    }
+
+    /// The time by the values of all inner parameters; NaN for one without.
+    pub fn number_or(self, parameters: &[f64]) -> f64 {
+        match self {
+            Delay::Number(number) => number.value(),
+            Delay::Parameter(j) => parameters.get(j).copied().unwrap_or(f64::NAN),
+        }
+    }
+}
+
 impl Symbol {
     /// Whether its value is a function of the time that the motion has no part in.
     pub fn is_of_time(self) -> bool {
-        matches!(self, Symbol::Time | Symbol::Input(..))
+        self == Symbol::Time || self.is_driving()
+    }
+
+    /// Whether it is an input, a rate of one, or either of them delayed.
+    pub fn is_driving(self) -> bool {
+        matches!(self, Symbol::Input(..) | Symbol::Delayed(..))
+    }
+
+    /// The derivative by time of an input.
+    pub fn input_rate(self) -> Option<Symbol> {
+        match self {
+            Symbol::Input(input, order) => Some(Symbol::Input(input, order + 1)),
+            Symbol::Delayed(input, order, by) => Some(Symbol::Delayed(input, order + 1, by)),
+            _ => None,
+        }
+    }
+
+    /// The parameter that its value depends on beside the time.
+    fn inner(self) -> Option<Symbol> {
+        match self {
+            Symbol::Delayed(.., Delay::Parameter(j)) => Some(Symbol::Parameter(j)),
+            _ => None,
+        }
+    }
+
+    /// The same input, by a delay that is another expression; `None` where it is neither a number
+    /// nor a parameter.
+    fn delayed_by(self, graph: &Graph, delay: Expr) -> Option<Symbol> {
+        let Symbol::Delayed(input, order, _) = self else { return None };
+        let by = match *graph.node(delay) {
+            Node::Number(number) => Delay::Number(number),
+            Node::Symbol(Symbol::Parameter(j)) => Delay::Parameter(j),
+            _ => return None,
+        };
+        Some(Symbol::Delayed(input, order, by))
     }
 }
 
@@ -55,6 +130,12 @@ impl Number {
     /// The number as floating point.
     pub fn value(self) -> f64 {
         f64::from_bits(self.0)
+    }
+
+    /// The number to six digits.
+    pub fn short(self) -> String {
+        let value = self.value();
+        format!("{}", format!("{value:.5e}").parse::<f64>().unwrap_or(value))
     }
 }
 
@@ -344,7 +425,9 @@ impl Graph {
                 _ => None,
             })
             .collect();
+        symbols.extend(symbols.clone().into_iter().filter_map(Symbol::inner));
         symbols.sort_unstable();
+        symbols.dedup();
         symbols
     }
 
@@ -372,7 +455,11 @@ impl Graph {
         for part in self.topological(&[expr]) {
             let new = match self.node(part).clone() {
                 Node::Number(_) => part,
-                Node::Symbol(symbol) => replace(self, symbol).unwrap_or(part),
+                Node::Symbol(symbol) => replace(self, symbol).unwrap_or_else(|| {
+                    let delay = symbol.inner().and_then(|inner| replace(self, inner));
+                    let delayed = delay.and_then(|delay| symbol.delayed_by(self, delay));
+                    delayed.map_or(part, |delayed| self.symbol(delayed))
+                }),
                 Node::Sum { constant, terms } => {
                     let parts: Vec<_> = terms.iter().map(|(t, c)| (c.value(), image[t])).collect();
                     self.linear(constant.value(), &parts)
@@ -397,7 +484,12 @@ impl Graph {
                 Node::Number(number) => self.number(number.value()),
                 Node::Symbol(symbol) => match values.get(symbol) {
                     Some(&value) => self.number(value),
-                    None => self.symbol(*symbol),
+                    None => {
+                        let delay = symbol.inner().and_then(|inner| values.get(&inner));
+                        let known = delay.map(|&delay| self.number(delay));
+                        let delayed = known.and_then(|known| symbol.delayed_by(self, known));
+                        self.symbol(delayed.unwrap_or(*symbol))
+                    }
                 },
                 Node::Sum { constant, terms } => {
                     let parts: Vec<_> = terms.iter().map(|(t, c)| (c.value(), image[t])).collect();

@@ -114,11 +114,13 @@ fn sample_fields(system: &System) -> Option<DMatrix<f64>> {
             _ => {}
         }
     }
-    let height = if parts(Place::is_sensor).next().is_some() { 4 * n } else { 2 * n };
+    let sensors =
+        if parts(Place::is_sensor).next().is_some() { system.observed_count() } else { 0 };
+    let height = 2 * n + sensors;
     let exprs: Vec<Expr> = roots.iter().map(|root| root.3).collect();
     let program = graph.topological(&exprs);
     let mut driven = graph.symbols(&exprs);
-    driven.retain(|symbol| matches!(symbol, Symbol::Input(..)));
+    driven.retain(|symbol| symbol.is_driving());
     let samples = (2 * count).div_ceil(2 * n) + 20;
     let mut rng = Pcg64::seed_from_u64(0x4c65_7665);
     let around = Uniform::new(-1.4, 1.4).ok()?;

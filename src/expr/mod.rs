@@ -3,10 +3,12 @@
 mod angles;
 mod bodies;
 mod columns;
+mod couplings;
 mod derivative;
 mod effects;
 mod functions;
 mod graph;
+mod holonomic;
 mod identity;
 mod independence;
 mod inverse;
@@ -18,20 +20,25 @@ pub mod unit;
 mod unseen;
 
 pub use columns::{ColumnScale, DataColumns, ObservedColumn, candidates, groupings};
+pub(crate) use couplings::touching;
 pub use effects::instances;
 pub use functions::{
-    Domain, FUNCTIONS, Function, FunctionRow, Kernel, Latex, MachineInstruction, SignRule, Target,
-    UnitRule,
+    Domain, FUNCTIONS, FUNCTIONS_OF_TWO, Function, FunctionOfTwo, FunctionRow, Kernel, Latex,
+    MachineInstruction, SignRule, Target, UnitRule,
 };
-pub use graph::{Expr, Graph, Node, Number, Symbol, raise};
+pub use graph::{Delay, Expr, Graph, Node, Number, Symbol, raise};
 pub use identity::{ParameterId, TermId};
 pub use independence::{Dependence, MOST_EXAMINED, dependences};
 pub use lower::{Compiled, DeclaredCandidate, Extension, KnownNumber, MOST_TERMS, Scope, build};
 pub use print::Names;
 pub(crate) use print::Precedence;
-pub use space::{FunctionSpace, SpaceInput, SpaceKnown, SpaceParameter, SpaceTerm, SpaceVariable};
+pub use space::{
+    FunctionSpace, SpaceInput, SpaceKnown, SpaceMeasure, SpaceParameter, SpaceTerm, SpaceVariable,
+};
 pub(crate) use system::without_others;
 pub use system::{
-    Bounds, Hidden, InputVariable, Observed, Parameter, Per, Place, System, Term, Variable,
+    Bounds, Constraint, Hidden, InputVariable, Measure, Observed, Parameter, Per, Place, System,
+    Term, Variable,
 };
 pub use unit::Unit;
+pub(crate) use unseen::unseen;

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::graph::{Expr, Graph, Node, Symbol};
+use super::graph::{Delay, Expr, Graph, Node, Symbol};
 
 /// What symbols are called in print.
 #[derive(Debug, Clone, Default)]
@@ -26,6 +26,14 @@ impl Names {
             Symbol::Time => return "t".to_string(),
             Symbol::Input(i, order) => {
                 let name = self.inputs.get(i).cloned().unwrap_or_else(|| format!("u[{}]", i + 1));
+                return (0..order).fold(name, |inner, _| format!("rate({inner})"));
+            }
+            Symbol::Delayed(i, order, by) => {
+                let by = match by {
+                    Delay::Number(number) => number.short(),
+                    Delay::Parameter(j) => self.of(Symbol::Parameter(j)),
+                };
+                let name = format!("delayed({}, {by})", self.of(Symbol::Input(i, 0)));
                 return (0..order).fold(name, |inner, _| format!("rate({inner})"));
             }
             Symbol::Velocity(i) => return format!("rate({})", self.of(Symbol::Coordinate(i))),

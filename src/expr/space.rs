@@ -4,6 +4,8 @@ use std::collections::BTreeSet;
 
 use serde::Serialize;
 
+use super::columns::DataColumns;
+use super::couplings;
 use super::graph::Expr;
 use super::independence::{Dependence, MOST_EXAMINED, dependences};
 use super::lower::Compiled;
@@ -31,7 +33,7 @@ pub struct SpaceTerm {
 /// One part that is known.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SpaceKnown {
-    /// `T`, `V`, `H`, or `force q`.
+    /// `T`, `V`, `H`, or `force q`; `0` for a constraint on the motion.
     pub place: String,
     /// In the syntax of the mini-language.
     pub expression: String,
@@ -73,6 +75,20 @@ pub struct SpaceInput {
     pub between_samples: &'static str,
 }
 
+/// What a column shows that is no part of the state.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SpaceMeasure {
+    /// As written in the spec.
+    pub name: String,
+    /// Its unit, where one was given.
+    pub unit: Option<String>,
+    /// As it was written.
+    pub expression: String,
+    /// What it is compared modulo, in its unit: a whole turn of an angle.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub period: Option<f64>,
+}
+
 /// A spec written out.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FunctionSpace {
@@ -86,6 +102,9 @@ pub struct FunctionSpace {
     pub velocities: Vec<SpaceVariable>,
     /// What is measured and drives the motion.
     pub inputs: Vec<SpaceInput>,
+    /// What columns show that is no part of the state.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub measures: Vec<SpaceMeasure>,
     /// Unit of H, where it is known.
     pub energy_unit: Option<String>,
     /// Parts that are not learned.
@@ -94,6 +113,9 @@ pub struct FunctionSpace {
     pub terms: Vec<SpaceTerm>,
     /// Inner parameters.
     pub parameters: Vec<SpaceParameter>,
+    /// Sentences: which coordinates are coupled, where there are many.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub couplings: Vec<String>,
     /// Sentences: what no measurement can tell.
     pub cannot_be_learned: Vec<String>,
     /// Warnings and notes about the text.
@@ -151,6 +173,12 @@ impl FunctionSpace {
             unit: input.variable.unit_text.clone(),
             between_samples: input.between.keyword(),
         };
+        let measure = |measure: &super::system::Measure| SpaceMeasure {
+            name: measure.variable.name.clone(),
+            unit: measure.variable.unit_text.clone(),
+            expression: measure.text.clone(),
+            period: measure.period,
+        };
         let mut known = Vec::new();
         let fixed = [
             (Place::Kinetic, system.kinetic),
@@ -158,7 +186,9 @@ impl FunctionSpace {
             (Place::Hamiltonian, system.hamiltonian),
         ];
         let forces = system.forces.iter().enumerate().map(|(i, &expr)| (Place::Force(i), expr));
-        let sensors = system.sensors.iter().enumerate().map(|(i, &expr)| (Place::Sensor(i), expr));
+        // What measures show is listed with them, as it was written.
+        let sensors = system.sensors.iter().enumerate().take(2 * system.degrees());
+        let sensors = sensors.map(|(i, &expr)| (Place::Sensor(i), expr));
         let rates = system.known_rates();
         for (place, expr) in fixed.into_iter().chain(forces).chain(rates).chain(sensors) {
             if !system.graph.is_zero(expr) {
@@ -166,6 +196,10 @@ impl FunctionSpace {
                 known.push(SpaceKnown { place: system.place_name(place), expression });
             }
         }
+        known.extend(system.constraints.iter().map(|constraint| SpaceKnown {
+            place: "0".to_string(),
+            expression: system.graph.text(constraint.expr, &names),
+        }));
         let term = |(term, name): (&super::system::Term, &String)| SpaceTerm {
             place: join(term.parts().map(|(place, _)| system.place_name(place))),
             label: join(
@@ -191,11 +225,13 @@ impl FunctionSpace {
             momenta: variables(&system.momenta),
             velocities: variables(&system.velocities),
             inputs: system.inputs.iter().map(input).collect(),
+            measures: system.measures.iter().map(measure).collect(),
             energy_unit: compiled.energy_unit.map(|unit| unit.to_string()),
             known,
             terms: system.terms.iter().zip(&names.coefficients).map(term).collect(),
             parameters: system.parameters.iter().zip(&compiled.starts).map(parameter).collect(),
-            cannot_be_learned: gauge(system, &names),
+            couplings: couplings::sentences(system),
+            cannot_be_learned: gauge(system, compiled.data.as_ref(), &names),
             warnings: compiled.warnings.clone(),
         }
     }
@@ -206,12 +242,12 @@ fn join(parts: impl Iterator<Item = String>) -> String {
 }
 
 /// What no measurement can tell, as sentences.
-fn gauge(system: &System, names: &Names) -> Vec<String> {
+fn gauge(system: &System, columns: Option<&DataColumns>, names: &Names) -> Vec<String> {
     let mut out = vec![
         "A constant in H: only derivatives of H move anything, so energies are known up to a constant."
             .to_string(),
     ];
-    out.extend(super::unseen::without_influence(system));
+    out.extend(super::unseen::without_influence(system, columns));
     if system.observed == Observed::Velocities {
         let zero = |expr| system.graph.is_zero(expr);
         let nothing_known =

@@ -50,6 +50,23 @@ pub struct Hidden {
     pub rate: Option<Expr>,
 }
 
+/// What a column shows that is no part of the state: a function of it, of its rates, of the time
+/// and of inputs. By the model it is the known part of a sensor whose ideal reading is 0.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measure {
+    /// Its name and unit.
+    pub variable: Variable,
+    /// As it was written.
+    pub text: String,
+    /// What it is lost a multiple of, in its unit: a whole turn of an angle.
+    pub period: Option<f64>,
+    /// The same on any curve q(t), for first guesses: `Velocity(i)` is dq_i/dt, `Velocity(n + i)`
+    /// its rate, `Momentum(n + i)` the rate of a momentum. `None` where it has higher rates.
+    pub on_curve: Option<Expr>,
+    /// The arguments of atan2, on any curve, where it is nothing but that: for print.
+    pub direction: Option<[Expr; 2]>,
+}
+
 /// What the second half of the observables is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Observed {
@@ -160,6 +177,15 @@ impl Term {
     }
 }
 
+/// A holonomic constraint: an equation between coordinates that every motion satisfies.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Constraint {
+    /// Left side minus right side: a function of coordinates and inner parameters.
+    pub expr: Expr,
+    /// As it stands in the spec: `x^2 + y^2 == l^2`.
+    pub label: String,
+}
+
 /// What has a value of its own of an inner parameter.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Per {
@@ -248,6 +274,11 @@ pub struct System {
     /// What the instrument adds to each observable, in the order of [`System::observables`];
     /// zero where it adds nothing.
     pub sensors: Vec<Expr>,
+    /// Equations between coordinates that every motion satisfies; the forces that hold them are not
+    /// among `forces`.
+    pub constraints: Vec<Constraint>,
+    /// What columns show that is no part of the state; the observables behind those of the state.
+    pub measures: Vec<Measure>,
     /// The function space. The coefficient of `terms[k]` is `Symbol::Coefficient(k)`.
     pub terms: Vec<Term>,
 }
@@ -281,13 +312,26 @@ impl System {
             return None;
         }
         let System {
-            graph, kinetic, potential, hamiltonian, forces, sensors, hidden, terms, ..
+            graph,
+            kinetic,
+            potential,
+            hamiltonian,
+            forces,
+            sensors,
+            hidden,
+            constraints,
+            measures,
+            terms,
+            ..
         } = &mut system;
         let energies = [kinetic, potential, hamiltonian].into_iter();
         let rates = hidden.iter_mut().filter_map(|part| part.rate.as_mut());
+        let held = constraints.iter_mut().map(|constraint| &mut constraint.expr);
         let others = terms.iter_mut().flat_map(|term| {
             std::iter::once(&mut term.expr).chain(term.also.iter_mut().map(|(_, expr)| expr))
         });
+        let on_curves = measures.iter_mut().filter_map(|measure| measure.on_curve.as_mut());
+        let others = others.chain(on_curves).chain(held);
         for expr in energies.chain(forces).chain(sensors).chain(rates).chain(others) {
             *expr = graph.substitute(*expr, &sums);
         }
@@ -357,13 +401,31 @@ impl System {
         }
     }
 
-    /// Names of the observables in data: coordinates, then momenta or velocities.
+    /// Names of the observables in data: coordinates, then momenta or velocities, then measures.
     pub fn observables(&self) -> Vec<String> {
+        self.observed_variables().map(|variable| variable.name.clone()).collect()
+    }
+
+    /// The observables, in their order.
+    pub fn observed_variables(&self) -> impl Iterator<Item = &Variable> {
         let second = match self.observed {
             Observed::Momenta => &self.momenta,
             Observed::Velocities => &self.velocities,
         };
-        self.coordinates.iter().chain(second).map(|v| v.name.clone()).collect()
+        let measures = self.measures.iter().map(|measure| &measure.variable);
+        self.coordinates.iter().chain(second).chain(measures)
+    }
+
+    /// Number of observables: 2n, and one for each measure.
+    pub fn observed_count(&self) -> usize {
+        2 * self.degrees() + self.measures.len()
+    }
+
+    /// The period of each observable, where it is lost a multiple of one.
+    pub fn periods(&self) -> Vec<Option<f64>> {
+        let mut periods = vec![None; 2 * self.degrees()];
+        periods.extend(self.measures.iter().map(|measure| measure.period));
+        periods
     }
 
     /// The inputs, as a data set names them.
@@ -392,16 +454,32 @@ impl System {
         Ok(self.graph.linear(0.0, &parts))
     }
 
-    /// The force on each coordinate outside H, learned terms included.
+    /// The force on each coordinate outside H, learned terms and what holds constraints included.
     ///
     /// # Errors
     ///
     /// A term belongs to another system.
     pub fn force(&mut self, active: &[TermId]) -> Result<Vec<Expr>> {
-        let active = self.positions(active)?;
+        let positions = self.positions(active)?;
         let degrees = self.degrees();
-        let mut of = |i| self.total(self.forces[i], Place::Force(i), &active);
-        Ok((0..degrees).map(&mut of).collect())
+        let mut of = |i| self.total(self.forces[i], Place::Force(i), &positions);
+        let mut forces: Vec<Expr> = (0..degrees).map(&mut of).collect();
+        if self.constraints.is_empty() {
+            return Ok(forces);
+        }
+        let energy = self.energy(active)?;
+        let gradient = self.graph.gradient(energy, &self.state());
+        let (slopes, velocities) = gradient.split_at(degrees);
+        let pushes = forces.iter().zip(slopes);
+        let pushes: Vec<Expr> =
+            pushes.map(|(&force, &slope)| self.graph.subtract(force, slope)).collect();
+        let held: Vec<Expr> = self.constraints.iter().map(|one| one.expr).collect();
+        if let Some(holding) = self.graph.holding_forces(&held, velocities, &pushes) {
+            for (force, holding) in forces.iter_mut().zip(holding) {
+                *force = self.graph.sum(&[*force, holding]);
+            }
+        }
+        Ok(forces)
     }
 
     /// A known part and the learned terms of one place, given by their positions, coefficients as

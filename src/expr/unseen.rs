@@ -1,14 +1,32 @@
-//! Hidden parts that nothing measured depends on.
+//! Parts of the motion that nothing measured depends on.
 
+use super::columns::DataColumns;
 use super::graph::{Expr, Symbol};
 use super::system::{Place, System};
 
-/// A sentence for every hidden part that acts on nothing that is measured, whatever the learned
-/// coefficients: nothing can be learned of it.
-pub(super) fn without_influence(system: &System) -> Vec<String> {
-    if system.hidden.is_empty() {
+/// A sentence for everything that acts on nothing that is measured, whatever the learned
+/// coefficients: nothing can be learned of it. Where there are measures, coordinates without a
+/// column of their own are those that the spec says to have none.
+pub(super) fn without_influence(system: &System, columns: Option<&DataColumns>) -> Vec<String> {
+    let no_column = |i: usize| {
+        let of = columns.and_then(|columns| columns.observables.get(i));
+        of.is_some_and(|observed| observed.candidates.is_empty())
+    };
+    if system.hidden.is_empty() && !(0..2 * system.degrees()).any(no_column) {
         return Vec::new();
     }
+    let silent = unseen(system, |i| !system.is_hidden(i) && !no_column(i));
+    let sentence = |i: usize| {
+        let why = if system.is_hidden(i) { "it is hidden" } else { "no column holds it" };
+        let name = &system.coordinates[i].name;
+        format!("Anything of {name}: {why}, and nothing that is measured depends on it.")
+    };
+    silent.into_iter().map(sentence).collect()
+}
+
+/// Coordinates that act on nothing that is measured, whatever the learned coefficients; neither
+/// they nor their momenta are `measured` themselves, in the order of [`System::observables`].
+pub(crate) fn unseen(system: &System, measured: impl Fn(usize) -> bool) -> Vec<usize> {
     let n = system.degrees();
     let all = system.term_ids();
     let mut whole = system.clone();
@@ -36,11 +54,12 @@ pub(super) fn without_influence(system: &System) -> Vec<String> {
         moved_by.push(graph.symbols(&parts));
     }
     // What instruments show, then all that it depends on.
-    let sensors = (0..2 * n).filter(|&i| !system.is_hidden(i));
-    let mut seen: Vec<bool> = (0..2 * n).map(|i| !system.is_hidden(i)).collect();
+    let sensors = (0..system.observed_count()).filter(|&i| measured(i));
+    let mut seen: Vec<bool> = (0..2 * n).map(&measured).collect();
     let mut shown: Vec<Expr> = sensors.filter_map(|i| system.sensors.get(i).copied()).collect();
     let terms = system.terms.iter().flat_map(|term| term.parts());
-    shown.extend(terms.filter(|(place, _)| matches!(place, Place::Sensor(_))).map(|(_, e)| e));
+    let shows = |place: Place| matches!(place, Place::Sensor(i) if measured(i));
+    shown.extend(terms.filter(|(place, _)| shows(*place)).map(|(_, e)| e));
     let mut wanted = system.graph.symbols(&shown);
     loop {
         for (i, by) in moved_by.iter().enumerate() {
@@ -56,14 +75,5 @@ pub(super) fn without_influence(system: &System) -> Vec<String> {
             break;
         }
     }
-    let silent =
-        system.hidden.iter().filter(|part| !seen[part.coordinate] && !seen[n + part.coordinate]);
-    silent
-        .map(|part| {
-            format!(
-                "Anything of {}: it is hidden, and nothing that is measured depends on it.",
-                system.coordinates[part.coordinate].name
-            )
-        })
-        .collect()
+    (0..n).filter(|&i| !seen[i] && !seen[n + i]).collect()
 }

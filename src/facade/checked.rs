@@ -4,37 +4,24 @@
 //! Whatever is read is written on by exporters, reports and terminals. These escape text for where
 //! it stands; here is said what was never written by a fit.
 
-use std::ffi::OsStr;
-
-use super::model_file::{FileDigest, ModelFile};
-use crate::data::is_invisible;
+use super::origin::{FileDigest, Origin, is_visible};
 use crate::fit::Model;
 
 /// Longest name, in bytes: what file systems take.
 const LONGEST_NAME: usize = 255;
 /// Longest sentence or term, in bytes.
 const LONGEST_LINE: usize = 100_000;
-/// A file's name without its folder, as model files hold it: what cannot be seen is `\u{fffd}`.
-pub(crate) fn file_name(name: Option<&OsStr>) -> String {
-    let name = name.map(OsStr::to_string_lossy).unwrap_or_default();
-    name.chars().map(|c| if is_visible(c) { c } else { '\u{fffd}' }).collect()
-}
-
-fn is_visible(c: char) -> bool {
-    !c.is_control() && !is_invisible(c)
-}
 
 /// What is wrong with a model file, in words that go on from "the file is damaged"; none where
 /// every field is what its name says.
-pub(crate) fn wrong_in_model(file: &ModelFile) -> Option<String> {
-    let ModelFile { model, origin } = file;
+pub(crate) fn wrong_in_model(model: &Model, origin: &Origin) -> Option<String> {
     let mut problems = Problems::default();
     problems.origin("origin.spec", &origin.spec, false);
     problems.origin("origin.data", &origin.data, true);
     problems.hash("fingerprint", &model.fingerprint, false);
     problems.version(&model.version);
     problems.texts(model);
-    problems.numbers(file);
+    problems.numbers(model, origin);
     problems.first
 }
 
@@ -121,8 +108,7 @@ impl Problems {
         }
     }
 
-    fn numbers(&mut self, file: &ModelFile) {
-        let ModelFile { model, origin } = file;
+    fn numbers(&mut self, model: &Model, origin: &Origin) {
         let coefficients = model.terms.iter().map(|term| term.coefficient);
         let parameters = model.parameters.iter().map(|parameter| parameter.value);
         let finite = coefficients.chain(parameters).all(f64::is_finite);
@@ -137,7 +123,8 @@ impl Problems {
         self.require({ errors }.all(|x| x >= 0.0), || {
             "a standard error or a noise is below zero".to_string()
         });
-        let shares = model.terms.iter().all(|term| (0.0..=1.0).contains(&term.inclusion));
+        let mut shares = model.terms.iter().filter_map(|term| term.inclusion);
+        let shares = shares.all(|share| (0.0..=1.0).contains(&share));
         self.require(shares, || "an `inclusion` is not between 0 and 1".to_string());
         let step = model.integrator.longest_step;
         self.require(step.is_finite() && step > 0.0, || {

@@ -74,8 +74,23 @@ impl Data {
     /// ```
     pub fn from_slices(spec: &Spec, times: &[f64], values: &[&[f64]]) -> Result<Data> {
         let (observables, inputs) = (spec.system().observables(), spec.system().measured_inputs());
-        let run = run("1", times, values, observables.len(), &inputs)?;
+        let shape = (observables.len(), spec.system().measures.len());
+        let run = run("1", times, values, shape, &inputs)?;
         Ok(Data::of(Dataset { observables, runs: vec![run], inputs }))
+    }
+
+    /// No measurements: a part of larger data that has no rows.
+    ///
+    /// ```
+    /// use leverrier::{Data, Spec};
+    ///
+    /// let spec = Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = span{ q^2 }")?;
+    /// assert_eq!(Data::empty(&spec).samples(), 0);
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn empty(spec: &Spec) -> Data {
+        let (observables, inputs) = (spec.system().observables(), spec.system().measured_inputs());
+        Data::of(Dataset { observables, runs: Vec::new(), inputs })
     }
 
     /// A table in memory: its columns are found as those of a file are ([`Data::open`]), with the
@@ -151,7 +166,15 @@ impl Data {
     pub fn with_run(self, times: &[f64], values: &[&[f64]]) -> Result<Data> {
         let mut dataset = self.dataset;
         let name = (dataset.runs.len() + 1).to_string();
-        dataset.runs.push(run(&name, times, values, dataset.observables.len(), &dataset.inputs)?);
+        // Where the runs before show measures alone, so may this one.
+        let all = dataset.observables.len();
+        let shows = |row: &usize| {
+            let mut values = dataset.runs.iter().filter_map(|run| run.values.get(*row)).flatten();
+            values.any(|x| x.is_finite())
+        };
+        let first = (0..all).find(shows).unwrap_or(0);
+        let shape = (all, if first > 0 { all - first } else { 0 });
+        dataset.runs.push(run(&name, times, values, shape, &dataset.inputs)?);
         Ok(Data::of(dataset))
     }
 
@@ -284,6 +307,11 @@ impl Data {
         Data { dataset, report }
     }
 
+    /// A sample of larger data, with the report on all of them.
+    pub(super) fn sample(dataset: Dataset, report: DataReport) -> Data {
+        Data { dataset, report }
+    }
+
     pub(crate) fn dataset(&self) -> &Dataset {
         &self.dataset
     }
@@ -317,7 +345,7 @@ impl Data {
 /// The slices do not fit the spec or each other.
 pub(super) fn inputs_of(spec: &Spec, times: &[f64], values: &[&[f64]]) -> Result<InputRecord> {
     let inputs = spec.system().measured_inputs();
-    let run = run("1", times, values, 0, &inputs)?;
+    let run = run("1", times, values, (0, 0), &inputs)?;
     let data = Dataset { observables: Vec::new(), runs: vec![run], inputs };
     InputRecord::of_runs(spec.system(), &data)?.pop().ok_or_else(|| {
         Error::new(ErrorKind::InvalidArgument, "no input is given", "give its times and values")
@@ -328,15 +356,16 @@ fn run(
     name: &str,
     times: &[f64],
     values: &[&[f64]],
-    observables: usize,
+    (observables, measures): (usize, usize),
     inputs: &[MeasuredInput],
 ) -> Result<Run> {
     let wrong = |message: String, hint: &str| {
         Err(Error::new(ErrorKind::InvalidArgument, format!("run {name}: {message}"), hint))
     };
     let given = values.len().checked_sub(inputs.len());
-    let Some(measured) = given.filter(|given| [observables / 2, observables].contains(given))
-    else {
+    // What measures show may be all that there is.
+    let part = if measures > 0 { measures } else { observables / 2 };
+    let Some(measured) = given.filter(|given| [part, observables].contains(given)) else {
         let and = match inputs.len() {
             0 => String::new(),
             1 => " and an input".to_string(),
@@ -345,6 +374,7 @@ fn run(
         return wrong(
             format!("{} slices of values for {observables} observables{and}", values.len()),
             match inputs.len() {
+                0 if measures > 0 => "give one for each measure, or for each observable",
                 0 => "give one for each coordinate, or for each observable",
                 _ => {
                     "give one for each coordinate, or for each observable, then one for each input"
@@ -375,7 +405,11 @@ fn run(
             "the motion cannot be followed without its input: leave these samples out",
         );
     }
-    columns.resize(observables, vec![f64::NAN; times.len()]);
+    let missing = vec![f64::NAN; times.len()];
+    if measures > 0 && measured < observables {
+        columns.splice(0..0, std::iter::repeat_n(missing.clone(), observables - measured));
+    }
+    columns.resize(observables, missing);
     let derived = inputs.iter().zip(&driving);
     let inputs = derived.flat_map(|(input, values)| input.columns(times, values)).collect();
     Ok(Run {

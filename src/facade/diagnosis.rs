@@ -28,6 +28,8 @@ pub struct Diagnosis {
     story: Vec<Effect>,
     indistinguishable: Vec<String>,
     document: Value,
+    /// All of it, for figures.
+    found: diagnosis::Diagnosis,
 }
 
 /// The answer in a word.
@@ -132,12 +134,19 @@ impl Diagnosis {
         };
         Diagnosis {
             document,
+            found: found.clone(),
             verdict: Verdict::of(found.verdict),
             reason: found.reason,
             story: found.story.into_iter().map(effect).collect(),
             effects: found.ranking.into_iter().map(effect).collect(),
             indistinguishable: found.indistinguishable,
         }
+    }
+
+    /// All of it, as it was found.
+    #[cfg(feature = "figures")]
+    pub(crate) fn found(&self) -> &diagnosis::Diagnosis {
+        &self.found
     }
 
     /// The changes that together explain the measurements over whole runs, seen and held out, their

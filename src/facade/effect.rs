@@ -5,7 +5,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::expr::{Compiled, Scope, System};
 use crate::spec::ast::{Statement, StatementKind};
 use crate::spec::edit;
-use crate::spec::effects::{EffectRow, Misfit, Scene, by_name, hint_for, instances};
+use crate::spec::effects::{ActsOn, EffectRow, Misfit, Scene, by_name, hint_for, instances};
 use crate::spec::scene_of;
 
 /// An effect on its arguments.
@@ -97,7 +97,11 @@ impl NamedEffect {
             ));
         }
         let arguments = if arguments.is_empty() { only(row, &scene)? } else { arguments };
-        let names = if row.on.observes() { &scene.observables } else { &scene.coordinates };
+        let mut names =
+            if row.on.observes() { scene.observables.clone() } else { scene.coordinates.clone() };
+        if row.on == ActsOn::Driven {
+            names.extend(scene.inputs.iter().cloned());
+        }
         let given: Vec<Vec<String>> = arguments.iter().map(|one| scene.members(one)).collect();
         if let Some(strange) = given.iter().flatten().find(|name| !names.contains(name)) {
             let bodies = scene.bodies.iter().filter_map(|body| body.name.as_deref());
@@ -117,6 +121,7 @@ impl NamedEffect {
                 Misfit::Count => format!("not on {}", arguments.len()),
                 Misfit::Twice(name) => format!("not on `{name}` twice"),
                 Misfit::NoBody(name) => format!("and `{name}` is none"),
+                Misfit::NoInput(name) => format!("not on `{name}` there"),
             };
             Error::new(
                 ErrorKind::InvalidArgument,

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use super::Law;
-use super::model_file::{ModelFile, digest};
+use super::model_file::ModelFile;
+use super::origin::digest;
 use crate::data::write_folder;
 use crate::error::{Error, ErrorKind, Result};
 use crate::export::{self, Export, Output, Pretty, Provenance};

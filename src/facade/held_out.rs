@@ -8,7 +8,7 @@ use crate::diagnose::comparison::{Compared, compare};
 use crate::diagnose::diagnosis::{self, diagnose};
 use crate::diagnose::instrument::detect;
 use crate::diagnose::{self, LawOnData, sufficiency};
-use crate::error::Result;
+use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
 use crate::fit::model::fingerprint;
 use crate::fit::{self, Loss, Model, Monitor, Options, Silent, resume};
@@ -94,6 +94,7 @@ impl Law {
     pub fn compare(&self, data: &Data) -> Result<Comparison> {
         data.require(self.spec())?;
         self.fitted("compare")?;
+        some_runs(data)?;
         let options = diagnose::Options::default();
         let model = LawOnData::of(self.numbers().clone(), data.dataset(), &options);
         Ok(Comparison::of(compare(&model, None)?, &[]))
@@ -123,6 +124,7 @@ impl Law {
         training.require(self.spec())?;
         held_out.require(self.spec())?;
         self.fitted("compare")?;
+        some_runs(training)?;
         let options = diagnose::Options::default();
         let unseen = (held_out.runs() > 0).then(|| held_out.dataset());
         let law = self.numbers().clone();
@@ -159,7 +161,7 @@ impl Law {
     ///
     /// let spec = Spec::open("examples/damped-pendulum/fit.ham")?;
     /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
-    /// let options = DiagnosisOptions { correlated_noise: true, ..DiagnosisOptions::default() };
+    /// let options = DiagnosisOptions { correlated_noise: false, ..DiagnosisOptions::default() };
     /// let diagnosis = spec.fit(&training)?.diagnose_with(&training, &held_out, &options)?;
     /// assert_eq!(diagnosis.missing(), Some("viscous_drag(q)"));
     /// # Ok::<(), leverrier::Error>(())
@@ -210,4 +212,16 @@ impl Law {
         let detections = detect(&LawOnData::of(law.clone(), training, &options));
         Ok(Diagnosis::of(found, &detections))
     }
+}
+
+/// A comparison needs something to compare with.
+fn some_runs(data: &Data) -> Result<()> {
+    if data.runs() > 0 {
+        return Ok(());
+    }
+    Err(Error::new(
+        ErrorKind::InsufficientData,
+        "there is no run to compare the law with",
+        "measure more runs: of one alone nothing can be held out; or compare with those it is of",
+    ))
 }

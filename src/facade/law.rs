@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::data::inputs_of;
 use super::model_file::{self, ModelFile};
+use super::origin;
 use super::{Data, Spec, Trajectory};
 use crate::error::{Error, ErrorKind, Result};
 use crate::fit::distribution::Distribution;
@@ -64,7 +65,7 @@ impl Law {
             Error::new(ErrorKind::Internal, "the model does not fit its own spec", "report this")
         })?;
         let spec_file = (spec.file(), spec.text());
-        let origin = model_file::origin(spec.system(), spec_file, data.dataset(), data.report());
+        let origin = origin::origin(spec.system(), spec_file, data.dataset(), data.report());
         Ok(Law { spec: spec.clone(), numbers, file: Some(ModelFile { model, origin }) })
     }
 
@@ -379,7 +380,7 @@ impl Law {
     }
 
     /// The record of the fit, for what needs one.
-    pub(super) fn fitted(&self, what: &str) -> Result<&ModelFile> {
+    pub(crate) fn fitted(&self, what: &str) -> Result<&ModelFile> {
         let kind = if what == "save" { ErrorKind::NothingToDo } else { ErrorKind::NotApplicable };
         self.file.as_ref().ok_or_else(|| {
             Error::new(

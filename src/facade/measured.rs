@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use crate::data::{
     self, Cells, Column, ColumnMap, DataReport, Dataset, FileSource, InputMap, Mapping,
-    ObservableMap, Reading, Table,
+    ObservableMap, Reading, Suspicion, SuspicionKind, Table,
 };
 use crate::error::{Error, ErrorKind, Result};
-use crate::expr::{Compiled, ObservedColumn};
+use crate::expr::{Compiled, ObservedColumn, System, unseen};
 
 /// Rows that show what the columns of a large file hold.
 const HEAD: usize = 10_000;
@@ -60,7 +60,36 @@ fn of_table(
     if pairs(compiled) {
         mapping.run = Some(number_pairs(&mut table, mapping.run.as_deref())?);
     }
-    data::dataset(&table, &mapping)
+    let (dataset, mut report) = data::dataset(&table, &mapping)?;
+    look_at_measures(&compiled.system, &dataset, &mut report);
+    Ok((dataset, report))
+}
+
+/// What measures show needs no column of its own; what nothing shows is said.
+fn look_at_measures(system: &System, dataset: &Dataset, report: &mut DataReport) {
+    if system.measures.is_empty() {
+        return;
+    }
+    let names = system.observables();
+    let state = names.get(..2 * system.degrees()).unwrap_or(&[]);
+    let needless =
+        |one: &Suspicion| one.kind == SuspicionKind::Empty && state.contains(&one.observable);
+    let empty = report.suspicious.iter().filter(|one| needless(one));
+    let said: Vec<String> = empty.map(Suspicion::sentence).collect();
+    report.suspicious.retain(|one| !needless(one));
+    report.warnings.retain(|sentence| !said.contains(sentence));
+    let measured = |row: usize| {
+        let mut cells = dataset.runs.iter().filter_map(|run| run.values.get(row)).flatten();
+        cells.any(|x| x.is_finite())
+    };
+    let silent = unseen(system, measured).into_iter().filter(|i| !system.is_hidden(*i));
+    for variable in silent.filter_map(|i| system.coordinates.get(i)) {
+        report.warnings.push(format!(
+            "Nothing that is measured depends on `{0}`: name its column in the spec's data block, or \
+             say with `measure` what a column shows of it.",
+            variable.name
+        ));
+    }
 }
 
 /// Measurements in columns that have names, found as those of a file are.
@@ -94,13 +123,25 @@ pub(crate) fn of_samples(
     let degrees = (0..compiled.system.degrees()).filter(seen).count();
     let driving = inputs.iter().map(|input| input.name.clone());
     let given = values.len().checked_sub(inputs.len());
-    let Some(measured) = given.filter(|given| [degrees, 2 * degrees].contains(given)) else {
+    let measures = compiled.system.measures.len();
+    let all = 2 * degrees + measures;
+    // What measures show may be all that there is.
+    let part = if measures > 0 { measures } else { degrees };
+    let Some(measured) = given.filter(|given| [part, all].contains(given)) else {
         let named = observables.iter().enumerate().filter(|(row, _)| seen(row));
         let wanted: Vec<String> = named.map(|(_, name)| name.clone()).chain(driving).collect();
         return Err(Error::new(
             ErrorKind::InvalidArgument,
             format!("{} columns of values for {}", values.len(), wanted.join(", ")),
-            "give the coordinates, or coordinates and momenta, then every input, in this order",
+            match measures {
+                0 => {
+                    "give the coordinates, or coordinates and momenta, then every input, in this order"
+                }
+                _ => {
+                    "give the measures, or coordinates, momenta and measures, then every input, in \
+                      this order"
+                }
+            },
         ));
     };
     let unused = |name: &str| {
@@ -113,7 +154,9 @@ pub(crate) fn of_samples(
     let (time, run) = (unused("t"), unused("run"));
     let mut columns = vec![(time.clone(), Values::Numbers(times))];
     columns.extend(runs.map(|runs| (run.clone(), runs)));
-    let given: Vec<usize> = (0..observables.len()).filter(seen).take(measured).collect();
+    let skipped = if measures > 0 && measured < all { 2 * degrees } else { 0 };
+    let seen_rows = (0..observables.len()).filter(seen);
+    let given: Vec<usize> = seen_rows.skip(skipped).take(measured).collect();
     let named = observables.iter().enumerate().filter(|(row, _)| given.contains(row));
     let named = named.map(|(_, name)| name.clone()).chain(driving).zip(values);
     columns.extend(named.map(|(name, values)| (name, Values::Numbers(values))));
@@ -248,7 +291,7 @@ fn mapping(compiled: &Compiled, table: &Table) -> Result<Mapping> {
     // Coordinates alone will do. But a momentum whose column the spec names, or of which there
     // are others, has to have one too, unless the spec says that it was not measured.
     let degrees = system.degrees();
-    let second = observed.get(degrees..).unwrap_or(&[]);
+    let second = observed.get(degrees..2 * degrees).unwrap_or(&[]);
     let usual = system.observed_columns();
     let named = |column: &ObservedColumn| !column.candidates.is_empty() && !usual.contains(column);
     let mut some_measured = second.iter().any(named);
@@ -260,7 +303,15 @@ fn mapping(compiled: &Compiled, table: &Table) -> Result<Mapping> {
         .enumerate()
         .map(|(row, column)| ObservableMap {
             required: !system.is_hidden(row)
-                && (row < degrees || some_measured && !column.candidates.is_empty()),
+                && match row {
+                    // What a measure shows may do in the place of a coordinate.
+                    row if row < degrees => {
+                        system.measures.is_empty()
+                            || named(&column) && !column.candidates.is_empty()
+                    }
+                    row if row < 2 * degrees => some_measured && !column.candidates.is_empty(),
+                    _ => !column.candidates.is_empty(),
+                },
             name: column.name,
             columns: column.candidates,
             scale: column.scale,

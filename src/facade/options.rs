@@ -9,32 +9,41 @@ use crate::fit;
 /// ```
 /// use leverrier::DiagnosisOptions;
 ///
-/// // An angle from an encoder and its filtered differences: noise with a memory.
-/// let options = DiagnosisOptions { correlated_noise: true, ..DiagnosisOptions::default() };
+/// // Readings that no filter has touched: what whole runs leave is a force.
+/// let options = DiagnosisOptions { correlated_noise: false, ..DiagnosisOptions::default() };
 /// assert_eq!(options.orbits, 0);
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DiagnosisOptions {
     /// Whether what whole runs leave may be noise whose samples are not independent: then it is
-    /// asked whether it looks like that of a filter, and the independent samples are counted. Off
-    /// by default: of short records of real rigs it can make friction noise.
+    /// asked whether it looks like that of a filter, and the independent samples are counted. On by
+    /// default; short records, and readings in coarse steps, cannot tell it from something missing.
     pub correlated_noise: bool,
-    /// Orbits of a body that nobody measures that are fitted, at most. None by default: each takes
-    /// minutes on a record of decades.
+    /// Orbits of a body that nobody measures that are fitted, at most: 0, none is looked for. It is
+    /// looked for among bodies of known masses that attract each other, and nowhere else.
     pub orbits: usize,
+    /// Whether effects on two of many coordinates (twelve or more) are asked for on any two. By
+    /// default only on those that a summand of the spec couples: the number of pairs grows with
+    /// the square.
+    pub all_pairs: bool,
+}
+
+impl Default for DiagnosisOptions {
+    fn default() -> Self {
+        let orbits = diagnose::Options::default().tuning.hidden.orbits;
+        DiagnosisOptions { correlated_noise: true, orbits, all_pairs: false }
+    }
 }
 
 impl DiagnosisOptions {
-    /// Errors that may be noise with a memory, at most, in units of the noise of neighbouring
-    /// samples: over two samples that of a process with the memory of some ten looks four times
-    /// smaller than it is.
-    const CORRELATED: f64 = 4.0;
-
     /// The numbers that a diagnosis goes by.
     pub(crate) fn tuned(self) -> diagnose::Options {
         let mut options = diagnose::Options::default();
-        if self.correlated_noise {
-            options.tuning.autocorrelation.largest = Self::CORRELATED;
+        if !self.correlated_noise {
+            options.tuning.autocorrelation.largest = 1.0;
+        }
+        if self.all_pairs {
+            options.tuning.candidates.pair_coordinates = usize::MAX;
         }
         options.tuning.hidden.orbits = self.orbits;
         options

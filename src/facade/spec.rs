@@ -245,10 +245,7 @@ impl Spec {
         monitor: &dyn Monitor,
     ) -> Result<Law> {
         data.require(self)?;
-        let mut options = options.clone();
-        if options.parameter_starts.is_empty() {
-            options.parameter_starts.clone_from(&self.0.compiled.starts);
-        }
+        let options = self.with_starts(options);
         let model = fit::fit(&self.0.compiled.system, data.dataset(), &options, monitor)?;
         Law::learned(self, model, data)
     }
@@ -322,8 +319,16 @@ impl Spec {
         }
     }
 
+    /// Options with the starts of inner parameters that the text lists, where they have none.
+    pub(super) fn with_starts(&self, options: &Options) -> Options {
+        let mut options = options.clone();
+        if options.parameter_starts.is_empty() {
+            options.parameter_starts.clone_from(&self.0.compiled.starts);
+        }
+        options
+    }
+
     /// The same place on disk with another text.
-    /// The same with another text.
     pub(crate) fn edited(&self, text: String) -> Result<Spec> {
         Spec::compile(self.0.name.clone(), self.0.path.clone(), text)
     }

@@ -1,35 +1,56 @@
 //! From a trained state to the model that is printed and kept.
 
+use std::collections::HashMap;
+
 use super::column::Column;
 use super::distribution::Distribution;
 use super::factor::Factor;
+use super::law::Law;
 use super::model::{
     Evidence, Exchange, FORMAT, FrontPoint, Model, Noise, PathEntry, RunnerUp, Stop, fingerprint,
     place_name,
 };
 use super::options::Selection;
 use super::own_values::{Shared, shared};
-use super::support::{SupportFit, alternatives, front};
+use super::support::{Alternative, SupportFit, alternatives, front};
 use super::train::{Round, Training};
 use super::tuning::ConclusionTuning;
 use super::uncertainty::{Unlearnable, inclusion, unlearnable};
-use crate::expr::{Symbol, System};
+use crate::expr::{Symbol, System, Term};
+
+/// What is said of a training beside its numbers.
+pub(super) struct Findings {
+    /// The law, with its covariance.
+    pub law: Law,
+    /// How often each term of the function space is chosen, where that is known.
+    pub frequency: Option<Vec<f64>>,
+    /// Terms that could stand in each other's place.
+    pub alternatives: Vec<Alternative>,
+    /// What cannot be learned, in sentences.
+    pub unlearnable: Vec<String>,
+    /// What runs have for themselves.
+    pub distributions: Vec<Distribution>,
+}
+
+/// Variance of the weighted residuals that a round ended with: the weights are those of the round
+/// before, what is left of them is the last correction.
+pub(super) fn variance(round: &Round) -> f64 {
+    let refit = &round.refit;
+    let freedom = refit.sums().rows.saturating_sub(refit.theta.len()).max(1);
+    refit.sums().loss / freedom as f64
+}
 
 /// Sums a finished training up.
 pub(super) fn conclude(training: &Training, round: &Round) -> Model {
     let (system, law) = (training.system(), training.law());
     let tuning = &training.options.tuning.conclusion;
     let refit = &round.refit;
-    let learned = refit.theta.len();
-    let residuals = refit.sums().rows;
-    let freedom = residuals.saturating_sub(learned).max(1);
     let final_factor = refit.linearised.merged();
-    // The weights are those of the round before; what is left of them is the last correction.
-    let variance = refit.sums().loss / freedom as f64;
+    let variance = variance(round);
     let used = law.dynamics().parameters().to_vec();
     let Shared { covariance, distributions, means } =
         shared(training, refit, (&used, &final_factor, variance));
-    let law = &law.clone().with_parameters(means).with_covariance_of(&used, &covariance);
+    let law = law.clone().with_parameters(means).with_covariance_of(&used, &covariance);
     let candidates = &round.search.candidates;
     let Round { folds, merged, .. } = round;
     let search = round.search_problem(training.options);
@@ -41,6 +62,19 @@ pub(super) fn conclude(training: &Training, round: &Round) -> Model {
         },
     );
     unlearnable.extend(distributions.iter().filter_map(undetermined));
+    unlearnable.extend(left_out(training));
+    let found = Findings { law, frequency, alternatives, unlearnable, distributions };
+    record(training, round, found)
+}
+
+/// The model of a finished training, with what was found beside it.
+pub(super) fn record(training: &Training, round: &Round, found: Findings) -> Model {
+    let Findings { law, frequency, alternatives, unlearnable, distributions } = found;
+    let (system, refit) = (training.system(), &round.refit);
+    let learned = refit.theta.len();
+    let residuals = refit.sums().rows;
+    let used = law.dynamics().parameters().to_vec();
+    let candidates = &round.search.candidates;
     let (runs, samples, segments) = match training.stream {
         Some(stream) => stream.counts(),
         None => {
@@ -49,12 +83,13 @@ pub(super) fn conclude(training: &Training, round: &Round) -> Model {
         }
     };
     let chosen = candidates.first().map(|c| c.criterion).unwrap_or(f64::NAN);
+    let labels = labels(system);
     Model {
         format: FORMAT.to_string(),
         version: env!("CARGO_PKG_VERSION").to_string(),
         system: system.name.clone(),
         fingerprint: fingerprint(system),
-        terms: law.recorded_terms(&frequency),
+        terms: law.recorded_terms(frequency.as_deref()),
         parameters: law.recorded_parameters(&used),
         covariance: law.recorded_covariance(&used),
         noise: noise(training),
@@ -68,7 +103,7 @@ pub(super) fn conclude(training: &Training, round: &Round) -> Model {
             window: law.window(),
             residuals,
             diverged: refit.sums().diverged,
-            error: (refit.sums().loss / freedom as f64).sqrt(),
+            error: variance(round).sqrt(),
             function_space: system.terms.len(),
             learned,
             criterion: chosen,
@@ -82,8 +117,8 @@ pub(super) fn conclude(training: &Training, round: &Round) -> Model {
             supports_tried: round.search.supports_tried,
             seed: training.options.seed,
         },
-        front: front_points(system, candidates, residuals, &law.columns()),
-        runners_up: runners_up(training, round, chosen),
+        front: front_points(&labels, candidates, residuals, &law.columns()),
+        runners_up: runners_up(training, round, chosen, &labels),
         alternatives: alternatives
             .into_iter()
             .map(|a| Exchange {
@@ -109,6 +144,18 @@ pub(super) fn conclude(training: &Training, round: &Round) -> Model {
 fn label(system: &System, column: Column) -> String {
     let term = &system.terms[column];
     let alone = system.terms.iter().filter(|t| t.label == term.label).count() == 1;
+    labelled(system, term, alone)
+}
+
+/// The labels of all columns.
+fn labels(system: &System) -> Vec<String> {
+    let mut count: HashMap<&str, usize> = HashMap::new();
+    system.terms.iter().for_each(|term| *count.entry(&term.label).or_default() += 1);
+    let alone = |term: &Term| count.get(term.label.as_str()) == Some(&1);
+    system.terms.iter().map(|term| labelled(system, term, alone(term))).collect()
+}
+
+fn labelled(system: &System, term: &Term, alone: bool) -> String {
     if alone {
         term.label.clone()
     } else {
@@ -129,7 +176,7 @@ fn noise(training: &Training) -> Vec<Noise> {
 }
 
 fn front_points(
-    system: &System,
+    labels: &[String],
     candidates: &[SupportFit],
     residuals: usize,
     support: &[Column],
@@ -141,13 +188,13 @@ fn front_points(
             error: (c.squares / residuals.saturating_sub(c.values.len()).max(1) as f64).sqrt(),
             criterion: c.criterion,
             chosen: c.support == support,
-            terms: c.support.iter().map(|&k| label(system, k)).collect(),
+            terms: c.support.iter().map(|&k| labels[k].clone()).collect(),
         })
         .collect()
 }
 
-fn runners_up(training: &Training, round: &Round, chosen: f64) -> Vec<RunnerUp> {
-    let (system, support) = (training.system(), training.law().columns());
+fn runners_up(training: &Training, round: &Round, chosen: f64, labels: &[String]) -> Vec<RunnerUp> {
+    let support = training.law().columns();
     (round.search.candidates.iter())
         .filter(|c| c.support != support)
         .take(training.options.tuning.conclusion.runners_up)
@@ -156,7 +203,7 @@ fn runners_up(training: &Training, round: &Round, chosen: f64) -> Vec<RunnerUp> 
                 .values
                 .iter()
                 .filter(|(column, _)| round.columns.is_term(*column))
-                .map(|&(k, value)| (label(system, k), value))
+                .map(|&(k, value)| (labels[k].clone(), value))
                 .collect(),
             difference: c.criterion - chosen,
         })
@@ -197,25 +244,43 @@ fn open_questions(system: &System, factor: &Factor, tuning: &ConclusionTuning) -
     sentences
 }
 
-/// Which groups do not determine a number that they have for themselves.
-fn undetermined(distribution: &Distribution) -> Option<String> {
-    /// Groups that are named.
+/// The first names of a list, and how many more there are.
+fn first_of(names: impl ExactSizeIterator<Item = String>) -> String {
+    /// Names that are spelled out.
     const NAMED: usize = 5;
-    let Distribution { name, per, .. } = distribution;
-    let open = distribution.undetermined();
-    let mut groups: Vec<&str> = open.iter().take(NAMED).map(|one| one.group.as_str()).collect();
-    let more = format!("{} more", open.len().saturating_sub(NAMED));
-    groups.extend((open.len() > NAMED).then_some(more.as_str()));
-    (!open.is_empty()).then(|| {
+    let more = names.len().saturating_sub(NAMED);
+    let mut first: Vec<String> = names.take(NAMED).collect();
+    first.extend((more > 0).then(|| format!("{more} more")));
+    first.join(", ")
+}
+
+/// What was left out though it lowers the error.
+fn left_out(training: &Training) -> Option<String> {
+    let terms = training.below_precision.iter();
+    let labels = terms.map(|id| format!("`{}`", training.system().terms[id.position()].label));
+    (labels.len() > 0).then(|| {
         format!(
-            "`{name}` of {per} {} is not determined by its measurements: nothing that was \
-             measured there changes with it",
-            groups.join(", ")
+            "what {} would add is below the precision of these data, which are finer than \
+             instruments are: their digits, or the errors of an integrator, look like that",
+            first_of(labels)
         )
     })
 }
 
-fn sentence(system: &System, found: &Unlearnable, spelled_out: usize) -> Option<String> {
+/// Which groups do not determine a number that they have for themselves.
+fn undetermined(distribution: &Distribution) -> Option<String> {
+    let Distribution { name, per, .. } = distribution;
+    let open = distribution.undetermined();
+    (!open.is_empty()).then(|| {
+        format!(
+            "`{name}` of {per} {} is not determined by its measurements: nothing that was \
+             measured there changes with it",
+            first_of(open.iter().map(|one| one.group.clone()))
+        )
+    })
+}
+
+pub(super) fn sentence(system: &System, found: &Unlearnable, spelled_out: usize) -> Option<String> {
     let name =
         |column: Column| (column.position() < system.terms.len()).then(|| label(system, column));
     match found {

@@ -58,6 +58,8 @@ pub fn drive_each(
     let mut coefficients = vec![0.0; powers];
     for (lane, place) in places.enumerate() {
         let Some(Standing { run, sample, ends }) = place else { continue };
+        let time = measured.times_of(run).get(sample).copied().unwrap_or(f64::NAN);
+        batch.drive.stand(measured.record(), lane, run, time);
         for input in 0..inputs {
             measured.driving(input, run, sample, ends, &mut coefficients);
             batch.drive.set(input, lane, &coefficients);

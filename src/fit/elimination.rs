@@ -64,12 +64,12 @@ impl Elimination {
         }
     }
 
-    /// Removes the term whose loss raises the squares least.
+    /// Removes the term whose loss raises the squares least, of those that may leave.
     pub fn remove_weakest(&mut self, columns: &Columns) {
         let rows = self.columns.iter().zip(self.solution.iter().zip(&self.spreads)).enumerate();
         let weakest = rows
             .filter_map(|(at, (column, (x, spread)))| {
-                let term = column.filter(|&c| columns.is_term(c))?;
+                let term = column.filter(|&c| columns.may_leave(c))?;
                 Some((at, term, x * x / spread))
             })
             .min_by(|a, b| a.2.total_cmp(&b.2));

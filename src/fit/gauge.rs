@@ -4,11 +4,12 @@
 //! momenta may be multiplied by one number and every coordinate and velocity stays as it is.
 //! The fit then needs a unit of mass: the first pure square p_i^2 of T gets the coefficient 1/2.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::model::{LearnedTerm, Model, place_name};
-use crate::data::Dataset;
-use crate::expr::{Observed, Place, Symbol, System, Term, TermId};
+use crate::data::{Dataset, Packed};
+use crate::expr::{Measure, Observed, Place, Symbol, System, TermId};
 
 /// Coefficient of the square that sets the scale: a unit mass.
 const UNIT_MASS: f64 = 0.5;
@@ -30,49 +31,92 @@ pub(super) fn settle_scale(system: &System, dataset: &Dataset) -> Option<Settled
         let cells = dataset.runs.iter().filter_map(|run| run.values.get(row)).flatten();
         cells.into_iter().any(|x| x.is_finite())
     };
-    let momenta = system.observed == Observed::Momenta && (degrees..2 * degrees).any(seen);
+    // A measure that names a momentum shows it.
+    let names_momentum = |measure: &Measure| {
+        let on_curve = measure.on_curve.map(|expr| system.graph.symbols(&[expr]));
+        on_curve.is_some_and(|symbols| symbols.iter().any(|s| matches!(s, Symbol::Momentum(_))))
+    };
+    let momenta = system.observed == Observed::Momenta && (degrees..2 * degrees).any(seen)
+        || system.measures.iter().any(names_momentum);
+    if momenta { None } else { settle(system) }
+}
+
+/// The system that is left where the scale is open and momenta are not measured.
+pub(super) fn unit_mass(system: &System) -> Option<System> {
+    settle(system).map(|settled| System::clone(&settled.system))
+}
+
+/// Settles the scale, whatever is measured.
+fn settle(system: &System) -> Option<SettledScale> {
     let known = [system.kinetic, system.potential, system.hamiltonian];
     let nothing = |expr| system.graph.symbols(&[expr]).is_empty();
     let open = known.into_iter().all(nothing)
         && system.forces.iter().all(|&force| system.graph.is_zero(force));
-    if momenta || !open {
+    if !open {
         return None;
     }
     let term = square(system)?;
     let mut settled = system.clone();
     let removed = settled.terms.remove(term.position());
     let coefficient = removed.bounds.clamp(UNIT_MASS);
+    settle_in_sensors(&mut settled, term.position(), coefficient);
     settled.kinetic = settled.graph.scale(coefficient, removed.expr);
     Some(SettledScale { system: Arc::new(settled), term, coefficient })
 }
 
+/// Rates that sensors name hold coefficients, by the places of their terms.
+fn settle_in_sensors(system: &mut System, removed: usize, coefficient: f64) {
+    let System { graph, sensors, terms, .. } = system;
+    let mut moved = HashMap::new();
+    moved.insert(Symbol::Coefficient(removed), graph.number(coefficient));
+    for k in removed..terms.len() {
+        moved.insert(Symbol::Coefficient(k + 1), graph.symbol(Symbol::Coefficient(k)));
+    }
+    for sensor in sensors {
+        *sensor = graph.substitute(*sensor, &moved);
+    }
+}
+
 /// The first term of T that is the square of a momentum.
 fn square(system: &System) -> Option<TermId> {
+    squares(system, |_| true).first().copied()
+}
+
+/// Velocities alone leave the scale of the momenta open, and so do coordinates alone; unit masses
+/// settle it, as a first guess.
+pub(super) fn unit_masses(system: &System, measured: &Packed) -> Vec<(TermId, f64)> {
+    let ids = match system.observed {
+        Observed::Velocities => squares(system, |_| true),
+        _ => unseen_squares(system, measured),
+    };
+    let unit = |id| Some((id, system.term(id)?.bounds.clamp(UNIT_MASS)));
+    ids.into_iter().filter_map(unit).collect()
+}
+
+/// The squares of momenta that nobody measures, where nothing else is known to move the
+/// coordinate: without its own, what pulls at it would have no effect at all.
+pub(super) fn unseen_squares(system: &System, measured: &Packed) -> Vec<TermId> {
+    let degrees = system.degrees();
+    if system.observed == Observed::Velocities {
+        return Vec::new();
+    }
+    let known = [system.kinetic, system.hamiltonian];
+    let known = system.graph.symbols(&known);
+    let seen = |row: usize| measured.column(row).iter().any(|x| x.is_finite());
+    squares(system, |i| seen(i) && !seen(degrees + i) && !known.contains(&Symbol::Momentum(i)))
+}
+
+/// Terms of T that are the squares of some momenta.
+fn squares(system: &System, of: impl Fn(usize) -> bool) -> Vec<TermId> {
     let mut graph = system.graph.clone();
-    let squares: Vec<_> = (0..system.degrees())
-        .map(|i| {
-            let p = graph.symbol(Symbol::Momentum(i));
+    let momenta = (0..system.degrees()).filter(|&i| of(i)).map(Symbol::Momentum);
+    let squares: Vec<_> = momenta
+        .map(|momentum| {
+            let p = graph.symbol(momentum);
             graph.power(p, 2.0)
         })
         .collect();
-    let square = |term: &Term| term.place == Place::Kinetic && squares.contains(&term.expr);
-    system.terms_where(square).first().copied()
-}
-
-/// Velocities alone leave the scale of the momenta open; unit masses settle it, as a first guess.
-pub(super) fn unit_masses(system: &System) -> Vec<(TermId, f64)> {
-    if system.observed != Observed::Velocities {
-        return Vec::new();
-    }
-    let graph = &mut system.graph.clone();
-    let mut squares = Vec::new();
-    for i in 0..system.degrees() {
-        let p = graph.symbol(Symbol::Momentum(i));
-        squares.push(graph.power(p, 2.0));
-    }
-    let square = |term: &Term| term.place == Place::Kinetic && squares.contains(&term.expr);
-    let terms = system.terms_with_ids().filter(|(_, term)| square(term));
-    terms.map(|(id, term)| (id, term.bounds.clamp(UNIT_MASS))).collect()
+    system.terms_where(|term| term.place == Place::Kinetic && squares.contains(&term.expr))
 }
 
 impl SettledScale {
@@ -87,7 +131,7 @@ impl SettledScale {
                 name: term.name.clone(),
                 coefficient: self.coefficient,
                 standard_error: 0.0,
-                inclusion: 1.0,
+                inclusion: Some(1.0),
                 unit: term.unit_text.clone(),
             },
         );

@@ -9,6 +9,7 @@ use super::states::States;
 use super::train::Training;
 use crate::data::Packed;
 use crate::dynamics::{Batch, Scratch, advance};
+use crate::expr::Hidden;
 
 /// Runs of which the hidden motion is recorded, at most.
 const RECORDED: usize = 100;
@@ -81,8 +82,50 @@ pub(super) fn motions(training: &Training) -> Vec<HiddenMotion> {
     out
 }
 
+/// Where a coordinate that nobody measures was, by a law, at a time that is near another.
+pub(super) struct Known {
+    /// How near.
+    pub(super) apart: f64,
+    /// The coordinate and its momentum.
+    pub(super) values: (f64, f64),
+}
+
+/// Where a law saw a hidden coordinate at the end of a run that is nearest to a time; `None` where
+/// it has not seen it, or saw several runs at a time: each then has a motion of its own.
+pub(super) fn known_near(law: &Law, part: &Hidden, time: f64) -> Option<Known> {
+    if part.rate.is_some() || law.hidden().is_empty() {
+        return None;
+    }
+    let system = law.system();
+    let of = |name: &str| -> Vec<&HiddenMotion> {
+        let mut motions: Vec<_> = law.hidden().iter().filter(|m| m.name == name).collect();
+        motions.sort_by(|a, b| a.times.0.total_cmp(&b.times.0));
+        motions
+    };
+    let places = of(&system.coordinates[part.coordinate].name);
+    let momenta = of(&system.momenta[part.coordinate].name);
+    let one_clock = places.windows(2).all(|pair| pair[1].times.0 >= pair[0].times.1);
+    if !one_clock || places.len() != momenta.len() {
+        return None;
+    }
+    let ends = places.iter().zip(&momenta).flat_map(|(q, p)| {
+        [(q.times.0, q.values.0, p.values.0), (q.times.1, q.values.1, p.values.1)]
+    });
+    let nearest = ends.min_by(|a, b| (a.0 - time).abs().total_cmp(&(b.0 - time).abs()));
+    nearest.map(|(at, q, p)| Known { apart: (at - time).abs(), values: (q, p) })
+}
+
+/// The time at the first sample of a segment, on the clock of its run.
+pub(super) fn start_of(measured: &Packed, segment: &Segment) -> f64 {
+    time_of(measured, segment, segment.first)
+}
+
+fn time_of(measured: &Packed, segment: &Segment, sample: usize) -> f64 {
+    measured.clock_of(segment.run).time(measured.times_of(segment.run)[sample])
+}
+
 /// Carries hidden coordinates on from one segment to those behind it on the same clock: the spec
-/// says where they are at the first of all times.
+/// says where they are at the first of all times. Not where a law saw them at a nearer time.
 pub(super) fn carry(law: &Law, measured: &Packed, segments: &[Segment], states: &mut States) {
     let system = law.system();
     let moves = system.hidden.iter().any(|part| part.rate.is_none());
@@ -91,9 +134,7 @@ pub(super) fn carry(law: &Law, measured: &Packed, segments: &[Segment], states: 
         return;
     }
     let n = system.degrees();
-    let time = |segment: &Segment, sample: usize| {
-        measured.clock_of(segment.run).time(measured.times_of(segment.run)[sample])
-    };
+    let time = |segment: &Segment, sample: usize| time_of(measured, segment, sample);
     let mut order: Vec<usize> = (0..segments.len()).collect();
     order.sort_by(|&a, &b| {
         time(&segments[a], segments[a].first).total_cmp(&time(&segments[b], segments[b].first))
@@ -122,6 +163,9 @@ pub(super) fn carry(law: &Law, measured: &Packed, segments: &[Segment], states: 
         let reached = batch.get(0);
         let state = states.of_mut(pair[1]);
         for part in system.hidden.iter().filter(|part| part.rate.is_none()) {
+            if known_near(law, part, end).is_some_and(|known| known.apart <= end - start) {
+                continue;
+            }
             for at in [part.coordinate, n + part.coordinate] {
                 state[at] = reached[at];
             }

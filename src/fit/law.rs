@@ -6,6 +6,7 @@ use nalgebra::DMatrix;
 
 use super::column::Column;
 use super::distribution::Distribution;
+use super::hidden::HiddenMotion;
 use super::pass::Stepping;
 use super::segments::SHORTEST;
 use crate::dynamics::{Dynamics, Method};
@@ -38,6 +39,8 @@ pub struct Law {
     window: usize,
     /// Values of the inner parameters that runs have for themselves, as far as they are known.
     distributions: Arc<Vec<Distribution>>,
+    /// Where what nobody measures was in the runs that it was learned from.
+    hidden: Arc<Vec<HiddenMotion>>,
 }
 
 impl Law {
@@ -63,7 +66,7 @@ impl Law {
         system.positions(&support)?;
         let once = support.windows(2).all(|pair| pair[0] != pair[1]);
         let whole = parameters.len() == system.parameters.len()
-            && (noise.is_empty() || noise.len() == 2 * system.degrees());
+            && (noise.is_empty() || noise.len() == system.observed_count());
         if !once || !whole {
             return Err(Error::new(
                 ErrorKind::InvalidArgument,
@@ -72,7 +75,7 @@ impl Law {
                  observable",
             ));
         }
-        let resolution = vec![0.0; 2 * system.degrees()];
+        let resolution = vec![0.0; system.observed_count()];
         let covariance = None;
         Ok(Law {
             system,
@@ -85,6 +88,7 @@ impl Law {
             stepping,
             window,
             distributions: Arc::default(),
+            hidden: Arc::default(),
         })
     }
 
@@ -217,6 +221,17 @@ impl Law {
         self
     }
 
+    /// Where what nobody measures was in the runs that it was learned from, as far as it is known.
+    pub(crate) fn hidden(&self) -> &[HiddenMotion] {
+        &self.hidden
+    }
+
+    /// The same with such motions.
+    pub(super) fn with_hidden(mut self, motions: Vec<HiddenMotion>) -> Law {
+        self.hidden = Arc::new(motions);
+        self
+    }
+
     /// One value for each inner parameter of the system, in its order. One that runs have for
     /// themselves stands there with its mean over the runs.
     pub fn parameters(&self) -> &[f64] {
@@ -343,6 +358,7 @@ impl Law {
             stepping: self.stepping,
             window: self.window,
             distributions: self.distributions.clone(),
+            hidden: self.hidden.clone(),
             system: system.clone(),
         }
     }
@@ -355,7 +371,7 @@ impl Law {
 
     fn of_observables(&self, values: &[f64], system: &System, new: f64) -> Vec<f64> {
         let own = self.system.observables();
-        if self.system.degrees() == system.degrees() || values.len() != own.len() {
+        if own.len() == system.observed_count() || values.len() != own.len() {
             return values.to_vec();
         }
         let value = |name: &String| own.iter().position(|other| other == name);
@@ -413,14 +429,14 @@ impl Law {
 
     /// The same before data of other noise, one number for each observable.
     pub fn with_noise(mut self, noise: Vec<f64>) -> Law {
-        debug_assert_eq!(noise.len(), 2 * self.system.degrees());
+        debug_assert_eq!(noise.len(), self.system.observed_count());
         self.noise = noise;
         self
     }
 
     /// The same with what the integrator and the digits of the data resolve of each observable.
     pub fn with_resolution(mut self, resolution: Vec<f64>) -> Law {
-        debug_assert_eq!(resolution.len(), 2 * self.system.degrees());
+        debug_assert_eq!(resolution.len(), self.system.observed_count());
         self.resolution = resolution;
         self
     }

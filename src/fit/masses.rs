@@ -1,4 +1,4 @@
-//! First guesses of masses where momenta are not measured and a measured input sets their scale.
+//! First guesses of masses where momenta are not measured and a known force sets their scale.
 //!
 //! Of p' = K - sum of c_k psi_k with p = m q' the weak form over a window, with a weight w that
 //! vanishes at its ends with its derivative, is m int w'' q = int w K - sum of c_k int w psi_k:
@@ -20,7 +20,7 @@ pub(super) fn first_masses(
 ) -> Vec<(TermId, f64)> {
     let n = system.degrees();
     let seen = |row: usize| measured.column(row).iter().any(|x| x.is_finite());
-    if system.inputs.is_empty() || system.observed == Observed::Velocities {
+    if system.observed == Observed::Velocities {
         return Vec::new();
     }
     if (n..2 * n).any(seen) || !(0..n).all(seen) {
@@ -183,6 +183,12 @@ impl Forces {
                         let factorial: f64 = (1..=order).map(|k| k as f64).product();
                         points.push(out.get(order).copied().unwrap_or(0.0) * factorial);
                     }
+                }
+                Symbol::Delayed(input, order, by) => {
+                    // A delay that is looked for is left out of a first guess.
+                    let by = by.number().unwrap_or(0.0);
+                    let at = |&t: &f64| measured.record().input_at(input, order, run, t - by);
+                    points.extend(times.iter().map(at));
                 }
                 _ => points.extend(times.iter().map(|&t| measured.clock_of(run).time(t))),
             }

@@ -8,6 +8,7 @@
 //! searches nothing.
 
 mod arrowhead;
+mod banded;
 mod block;
 mod blocking;
 pub mod bounded;
@@ -16,6 +17,7 @@ mod compiled;
 mod conclude;
 pub(crate) mod course;
 pub mod criterion;
+mod curve;
 pub mod distribution;
 pub mod driving;
 pub mod elimination;
@@ -26,7 +28,9 @@ mod gauge;
 pub mod gauss_newton;
 pub mod held_out;
 pub mod hidden;
+mod inversion;
 mod law;
+mod local;
 pub mod loss;
 pub(crate) mod masses;
 pub mod memory;
@@ -37,6 +41,7 @@ mod motion;
 mod noise_estimate;
 pub mod options;
 pub mod own_values;
+pub mod parts;
 pub mod pass;
 pub mod path;
 pub mod per_run;
@@ -52,6 +57,7 @@ pub mod screening;
 pub mod segments;
 pub mod selection;
 pub mod settling;
+mod shown;
 pub mod starts;
 pub mod states;
 pub mod stepping;
@@ -76,6 +82,7 @@ pub use tuning::Tuning;
 use std::sync::Arc;
 
 use self::blocking::BLOCKING;
+use self::stream::Whole;
 use crate::data::{Dataset, InMemory, Source, Survey, survey};
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
@@ -122,9 +129,10 @@ pub fn fit_stream(
 ) -> Result<Model> {
     options.tuning.check()?;
     whole_runs(system)?;
+    without_measures(system)?;
     settled(system, &survey.sample, |system| {
         memory::check(system, options)?;
-        streamed::learn(system, source, survey, options, monitor)
+        streamed::learn(system, &Whole(source), survey, options, monitor)
     })
 }
 
@@ -155,24 +163,44 @@ fn learn(
     options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Model> {
+    if let Some(model) = local::learn(system, dataset, options, monitor)? {
+        return Ok(model);
+    }
     memory::check(system, options)?;
     let per_run = !per_run::own(&system.parameters).is_empty();
     if options.trainer == Trainer::FirstOrder {
         whole_runs(system)?;
+        without_measures(system)?;
         return screening::first_order(system, dataset, options, monitor);
     }
     if system.terms.len() > options.tuning.course.largest_factor && options.sparse {
         whole_runs(system)?;
+        without_measures(system)?;
         return screening::working_set(system, dataset, options, monitor);
     }
-    if dataset.samples() > options.tuning.course.all_at_once && !per_run {
+    let whole = per_run || !system.measures.is_empty();
+    if dataset.samples() > options.tuning.course.all_at_once && !whole {
         // The early rounds on a sample, the last ones on all data.
         let source = InMemory::new(dataset, BLOCKING.chunk);
         let survey = survey(&source, options.tuning.course.sampled, options.seed, &|_| true)?;
-        return streamed::learn(system, &source, &survey, options, monitor);
+        return streamed::learn(system, &Whole(&source), &survey, options, monitor);
     }
     let (training, round) = course::train(system, dataset, options, monitor)?;
     Ok(conclude::conclude(&training, &round))
+}
+
+/// That first guesses need no look at whole runs, as those from measures do.
+fn without_measures(system: &System) -> Result<()> {
+    let Some(measure) = system.measures.first() else { return Ok(()) };
+    Err(Error::new(
+        ErrorKind::NotApplicable,
+        format!(
+            "`{}` is a measure, which takes all data in memory and the second-order trainer",
+            measure.variable.name
+        ),
+        "fit fewer samples or terms, allow more memory, or give the coordinates columns of their \
+         own",
+    ))
 }
 
 /// That the data can be passed over run by run, where runs have numbers of their own.

@@ -1,5 +1,6 @@
 //! The learned model: what a fit returns, what the model file holds.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use nalgebra::DMatrix;
@@ -88,8 +89,10 @@ pub struct LearnedTerm {
     /// Standard error of the coefficient, in the same unit; `null` in the file where infinite.
     #[serde(with = "finite_or_null_one")]
     pub standard_error: f64,
-    /// How often the term is chosen when the data are resampled, 0 to 1.
-    pub inclusion: f64,
+    /// How often the term is chosen when the data are resampled, 0 to 1; `None` where there is
+    /// nothing to draw from, as in one whole run.
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub inclusion: Option<f64>,
     /// Unit of the coefficient, where units were given.
     pub unit: Option<String>,
 }
@@ -243,7 +246,7 @@ pub struct Stop {
 impl Law {
     /// Its terms, each with how often it is chosen; `inclusion` is of every column of the function
     /// space.
-    pub(super) fn recorded_terms(&self, inclusion: &[f64]) -> Vec<LearnedTerm> {
+    pub(super) fn recorded_terms(&self, inclusion: Option<&[f64]>) -> Vec<LearnedTerm> {
         let recorded =
             |((id, term, coefficient), standard_error): ((TermId, &Term, f64), f64)| LearnedTerm {
                 place: place_name(self.system(), term.place),
@@ -251,7 +254,7 @@ impl Law {
                 name: term.name.clone(),
                 coefficient,
                 standard_error,
-                inclusion: inclusion[Column::from(id)],
+                inclusion: inclusion.map(|all| all[Column::from(id)]),
                 unit: term.unit_text.clone(),
             };
         self.terms().zip(self.standard_errors()).map(recorded).collect()
@@ -301,11 +304,17 @@ impl Model {
             return None;
         }
         let mut terms = Vec::with_capacity(self.terms.len());
+        let mut known: HashMap<&str, Vec<TermId>> = HashMap::new();
+        for (id, term) in system.terms_with_ids() {
+            known.entry(&term.label).or_default().push(id);
+        }
         for learned in &self.terms {
-            let same = |term: &Term| {
-                term.label == learned.term && place_name(system, term.place) == learned.place
+            let there = |id: &&TermId| {
+                let place = system.term(**id).map(|term| place_name(system, term.place));
+                place.as_ref() == Some(&learned.place)
             };
-            terms.push((*system.terms_where(same).first()?, learned.coefficient));
+            let first = known.get(learned.term.as_str())?.iter().find(there)?;
+            terms.push((*first, learned.coefficient));
         }
         // Where a term was put back into the record, it is the first there, not in the system.
         let mut order: Vec<usize> = (0..terms.len()).collect();
@@ -322,9 +331,10 @@ impl Model {
             Law::new(system.clone(), terms, self.parameter_values(system), noise, known).ok()?;
         // A record without noise has no resolution either.
         let resolution: Vec<f64> = self.noise.iter().map(|noise| noise.resolution).collect();
-        let resolved = resolution.len() == 2 * system.degrees();
+        let resolved = resolution.len() == system.observed_count();
         let law = if resolved { law.with_resolution(resolution) } else { law };
         let law = law.with_distributions(self.distributions.clone());
+        let law = law.with_hidden(self.hidden.clone());
         law.with_covariance(covariance).ok()
     }
 
@@ -410,10 +420,17 @@ pub fn fingerprint(system: &System) -> String {
     for &force in &system.forces {
         line(&["force", &text(force)]);
     }
+    for measure in &system.measures {
+        let period = measure.period.map(|period| period.to_string()).unwrap_or_default();
+        line(&["measure", &measure.variable.name, &measure.text, &period]);
+    }
     for (place, &sensor) in system.sensors.iter().enumerate() {
         if !system.graph.is_zero(sensor) {
             line(&[&place_name(system, Place::Sensor(place)), &text(sensor)]);
         }
+    }
+    for constraint in &system.constraints {
+        line(&["constraint", &text(constraint.expr)]);
     }
     for term in &system.terms {
         line(&[&place_name(system, term.place), &term.label]);
@@ -488,7 +505,7 @@ mod tests {
         let model: Model = serde_json::from_value(serde_json::json!({
             "format": FORMAT, "version": "", "system": "spec",
             "fingerprint": fingerprint(&system),
-            "terms": law.recorded_terms(&[0.9, 0.1, 0.8, 0.0]),
+            "terms": law.recorded_terms(Some(&[0.9, 0.1, 0.8, 0.0])),
             "parameters": law.recorded_parameters(&used),
             "covariance": covariance,
             "noise": [
@@ -506,7 +523,7 @@ mod tests {
             "stop": { "reason": "converged", "sentence": "", "rounds": 1, "iterations": 1 },
         }))
         .expect("a record");
-        assert_eq!((model.terms[1].standard_error, model.terms[1].inclusion), (2.0, 0.8));
+        assert_eq!((model.terms[1].standard_error, model.terms[1].inclusion), (2.0, Some(0.8)));
         let read = model.law(&system).expect("of its own system");
         assert_eq!(
             read.terms().map(|(id, _, x)| (id, x)).collect::<Vec<_>>(),

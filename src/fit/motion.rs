@@ -83,6 +83,19 @@ impl<'a> Motion<'a> {
         self.batch.drive.coefficients_mut().copy_from_slice(by);
     }
 
+    /// Says where every trajectory stands in the record, for inputs that are delayed.
+    pub(super) fn stand(&mut self, block: &Block, sample: usize) {
+        let measured = self.problem.measured;
+        if measured.driven().0 == 0 {
+            return;
+        }
+        for (lane, segment) in block.segments.iter().enumerate() {
+            let at = (segment.first + sample).min(segment.last);
+            let time = measured.times_of(segment.run).get(at).copied().unwrap_or(f64::NAN);
+            self.batch.drive.stand(measured.record(), lane, segment.run, time);
+        }
+    }
+
     /// Goes on by `span[lane]`.
     pub(super) fn advance(&mut self, span: &[f64], scratch: &mut Scratch) {
         let stepping = self.problem.stepping;
@@ -120,7 +133,13 @@ impl<'a> Motion<'a> {
 
 /// Whether in every row of the state the largest difference of two trajectories is a small part
 /// of the largest change. Lanes that left the finite numbers do not count.
-fn agree(before: &[f64], exact: &[f64], cheaper: &[f64], lanes: usize, part: f64) -> bool {
+pub(super) fn agree(
+    before: &[f64],
+    exact: &[f64],
+    cheaper: &[f64],
+    lanes: usize,
+    part: f64,
+) -> bool {
     let rows = before.chunks_exact(lanes).zip(exact.chunks_exact(lanes));
     rows.zip(cheaper.chunks_exact(lanes)).all(|((before, exact), cheaper)| {
         let (mut change, mut apart) = (0.0f64, 0.0f64);

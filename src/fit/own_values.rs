@@ -19,7 +19,7 @@ use super::train::Training;
 use super::uncertainty::covariance;
 use crate::data::{Dataset, MeasuredInput};
 use crate::error::Result;
-use crate::expr::{ParameterId, System};
+use crate::expr::{ParameterId, System, TermId};
 
 /// A law and measurements in which what runs have for themselves are inputs that never change:
 /// what holds of the one law holds of the other, and no number is a run's alone. `None` where
@@ -106,12 +106,13 @@ pub(super) fn shared(
     let own = own(&system.parameters);
     let mut out =
         Shared { covariance: DMatrix::zeros(0, 0), distributions: Vec::new(), means: Vec::new() };
+    let support = training.law().support();
     if !used.iter().any(|id| own.contains(&id.position())) {
-        out.covariance = covariance(factor, variance);
+        out.covariance = covariance_of_shared(system, (support, used), factor, variance);
         return out;
     }
     let first = factor.columns() - used.len();
-    let mut all = covariance_of_shared(system, used, factor, 1.0);
+    let mut all = covariance_of_shared(system, (support, used), factor, 1.0);
     let eliminated = &refit.linearised.eliminated;
     let errors: Vec<Vec<f64>> = eliminated.iter().map(|part| part.variances(&all)).collect();
     all *= variance;
@@ -153,18 +154,21 @@ pub(super) fn shared(
 }
 
 /// The covariance of the unknowns of a factor, of which the last are the inner parameters that are
-/// `used`; zero of those that runs have for themselves, which are eliminated from it.
+/// `used`; zero of those that runs have for themselves, which are eliminated from it, and of
+/// coefficients that constraints say.
 pub(crate) fn covariance_of_shared(
     system: &System,
-    used: &[ParameterId],
+    (support, used): (&[TermId], &[ParameterId]),
     factor: &Factor,
     variance: f64,
 ) -> DMatrix<f64> {
     let own = own(&system.parameters);
     let first = factor.columns() - used.len();
     let is_own = |k: usize| k >= first && own.contains(&used[k - first].position());
-    let rest: Vec<Column> =
-        Column::all(factor.columns()).filter(|k| !is_own(k.position())).collect();
+    let is_said = |k: usize| support.get(k).is_some_and(|id| is_said(system, *id));
+    let rest: Vec<Column> = Column::all(factor.columns())
+        .filter(|k| !is_own(k.position()) && !is_said(k.position()))
+        .collect();
     if rest.len() == factor.columns() {
         return covariance(factor, variance);
     }
@@ -176,6 +180,12 @@ pub(crate) fn covariance_of_shared(
         }
     }
     all
+}
+
+/// Whether the constraints on a coefficient leave one value.
+pub(crate) fn is_said(system: &System, term: TermId) -> bool {
+    let bounds = system.terms.get(term.position()).map(|term| term.bounds);
+    bounds.is_some_and(|bounds| bounds.lower == bounds.upper)
 }
 
 impl Training<'_> {

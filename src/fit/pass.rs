@@ -9,6 +9,7 @@
 use std::ops::Range;
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::arrowhead;
 use super::block::Block;
@@ -77,7 +78,7 @@ pub struct Problem<'a> {
 }
 
 /// Sums over all segments at the best states for a theta.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sums {
     /// Sum of the loss over all weighted residuals.
     pub loss: f64,
@@ -507,9 +508,9 @@ impl FoldPass {
 
 /// What one fold of the data leaves, or a part of it.
 pub(super) struct FoldResult {
-    factor: Factor,
-    sums: Sums,
-    responses: Option<Responses>,
+    pub factor: Factor,
+    pub sums: Sums,
+    pub responses: Option<Responses>,
 }
 
 impl FoldResult {

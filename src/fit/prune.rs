@@ -4,6 +4,11 @@
 //! data the weights are near 1e15, and rounding in that factor can hide that a term does
 //! nothing. Here the same criterion is asked again, of the model linearised at its own
 //! coefficients, where nothing cancels.
+//!
+//! Few instruments read a ten-thousandth of a column. What is left of data that are finer are
+//! their digits and the errors of an integrator, which are no white noise: they do not average
+//! out, and an integrator's look like forces. There a term has to show above them in the motion
+//! itself, and not on the mean of many samples alone.
 
 use super::column::Column;
 use super::criterion::Criterion;
@@ -19,8 +24,11 @@ pub(super) fn prune(training: &mut Training, round: &mut Round, monitor: &dyn Mo
         return;
     }
     let searched = training.law.support().len();
-    while let Some(weakest) = superfluous(training, round) {
+    while let Some((weakest, pays)) = superfluous(training, round) {
         let mut fewer = training.clone();
+        if pays {
+            fewer.below_precision.push(weakest);
+        }
         fewer.law = fewer.law.without_term(weakest);
         let mut refit = fewer.refit(monitor);
         if refit.sums().diverged > round.refit.sums().diverged {
@@ -40,8 +48,24 @@ pub(super) fn prune(training: &mut Training, round: &mut Round, monitor: &dyn Mo
     }
 }
 
-/// The term whose absence betters the criterion most, if there is one.
-fn superfluous(training: &Training, round: &Round) -> Option<TermId> {
+/// Residuals of one observable, where all are finer than instruments are: a term that takes fewer
+/// squares of the noise away than that is below the precision of the data. None where noise is
+/// noise.
+fn below_precision(training: &Training, rows: usize) -> f64 {
+    let finest = training.options.tuning.conclusion.clean;
+    let noise = training.law.noise();
+    let measured = noise.iter().zip(&training.spread).enumerate();
+    let seen = |row: usize| training.measured.column(row).iter().any(|x| x.is_finite());
+    let measured: Vec<bool> = (measured.filter(|(row, _)| seen(*row)))
+        .map(|(_, (noise, spread))| *noise < finest * spread)
+        .collect();
+    let clean = !measured.is_empty() && measured.iter().all(|fine| *fine);
+    if clean { rows as f64 / measured.len() as f64 } else { 0.0 }
+}
+
+/// The term whose absence betters the criterion most, if there is one, or else the weakest of those
+/// below the precision of the data; and whether it pays by the criterion.
+fn superfluous(training: &Training, round: &Round) -> Option<(TermId, bool)> {
     let refit = &round.refit;
     let floor = training.floor().max(round.criterion.floor);
     let criterion = Criterion { floor };
@@ -58,11 +82,12 @@ fn superfluous(training: &Training, round: &Round) -> Option<TermId> {
     let value = |squares: f64, unknowns: usize| criterion.value(squares, rows, unknowns, 0.0);
     let unknowns = refit.theta.len();
     let present = value(refit.sums().loss, unknowns);
+    let precision = below_precision(training, rows) * refit.sums().loss / rows.max(1) as f64;
     let change = |(place, (id, _, coefficient)): (usize, (TermId, &Term, f64))| {
         // What the sum of squares grows by when the others take over as well as they can.
         let growth = coefficient.powi(2) / variance(Column::new(place));
         let without = value(refit.sums().loss + growth, unknowns.saturating_sub(1));
-        (id, without - present - round.columns.costs[Column::from(id)])
+        (id, without - present - round.columns.costs[Column::from(id)], growth)
     };
     // Where what runs have for themselves does all that a coefficient does, it stands for both.
     let system = training.system();
@@ -73,9 +98,10 @@ fn superfluous(training: &Training, round: &Round) -> Option<TermId> {
     };
     (training.law.terms())
         .enumerate()
+        .filter(|(_, (id, ..))| !round.columns.required.contains(&Column::from(*id)))
         .filter(|(place, (_, term, _))| shared(term) || rest.contains(&Column::new(*place)))
         .map(change)
-        .filter(|(_, change)| *change < 0.0)
+        .filter(|(_, change, growth)| *change < 0.0 || *growth < precision)
         .min_by(|a, b| a.1.total_cmp(&b.1))
-        .map(|(id, _)| id)
+        .map(|(id, change, _)| (id, change >= 0.0))
 }

@@ -24,7 +24,7 @@ pub fn resume(
     options.tuning.check()?;
     let system = start.system();
     let dataset = &*per_run::grouped(system, dataset)?;
-    let fits = start.noise().len() == 2 * system.degrees();
+    let fits = start.noise().len() == system.observed_count();
     let large = system.terms.len() > options.tuning.course.largest_factor
         || options.trainer == Trainer::FirstOrder;
     if large || !fits {

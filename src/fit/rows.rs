@@ -10,7 +10,7 @@ use super::blocking::BLOCKING;
 use super::loss::Loss;
 use super::motion::{Motion, Propagation};
 use super::pass::{Problem, Sums};
-use crate::dynamics::{Scratch, observe};
+use crate::dynamics::{Dynamics, Scratch, observe};
 use crate::eval::{
     Aligned, Compared, InstructionSet, LaneReflections, REGISTER, add_products, add_squares,
     compare, leverages, reflect_lanes, sum_squares, weigh,
@@ -87,7 +87,7 @@ impl DesignRows {
         {
             motion.set(lane, time, state);
         }
-        let size = if rows.shown { 0 } else { state * lanes };
+        let size = if rows.shown { 0 } else { observables * lanes };
         let mut out = vec![0.0; size];
         let mut tangent = scratch.lend(size * (state + kept));
         for sample in 0..block.samples {
@@ -95,14 +95,15 @@ impl DesignRows {
                 motion.advance(block.span(sample), scratch);
             }
             motion.drive(block.driving(sample));
+            motion.stand(block, sample);
             let batch = &motion.batch;
             if rows.shown {
-                rows.take(problem, block, sample, &batch.state, &batch.tangent);
+                rows.take(problem, dynamics, block, sample, &batch.state, &batch.tangent);
                 continue;
             }
             let observed = problem.observed;
             observe(dynamics, observed, batch, theta, &mut out, Some(&mut tangent), scratch);
-            rows.take(problem, block, sample, &out, &tangent);
+            rows.take(problem, dynamics, block, sample, &out, &tangent);
         }
         scratch.take_back(tangent);
         motion.recycle(scratch);
@@ -120,6 +121,7 @@ impl DesignRows {
     fn take(
         &mut self,
         problem: &Problem,
+        dynamics: &Dynamics,
         block: &Block,
         sample: usize,
         out: &[f64],
@@ -136,6 +138,14 @@ impl DesignRows {
             let weights = &mut self.weights[row * lanes..][..lanes];
             let scales = &mut self.scales[row * lanes..][..lanes];
             let measured = block.measured(sample, observable);
+            let near;
+            let measured = match dynamics.period(observable) {
+                None => measured,
+                Some(period) => {
+                    near = nearest_turn(measured, predicted, period);
+                    &near[..]
+                }
+            };
             let losses = &mut self.losses[..];
             if problem.loss.is_squares() {
                 let out = Compared { residuals, weights, squares: scales, losses };
@@ -368,6 +378,17 @@ impl DesignRows {
             }
         }
     }
+}
+
+/// What was measured of an angle, the whole turns of which are lost, in the turn that is nearest to
+/// the predicted one.
+fn nearest_turn(measured: &[f64], predicted: &[f64], period: f64) -> Vec<f64> {
+    let near = |(measured, predicted): (&f64, &f64)| {
+        let turns = ((predicted - measured) / period).round();
+        // A lane that is lost is no turn away from anything.
+        if turns.is_finite() { measured + period * turns } else { *measured }
+    };
+    measured.iter().zip(predicted).map(near).collect()
 }
 
 /// What a robust loss makes of squares: each residual and its weight shrink, and the residual

@@ -57,11 +57,11 @@ pub fn spreads(scales: &[ObservableScale], states: &States) -> Vec<f64> {
     scales.iter().enumerate().map(|(row, s)| s.spread.unwrap_or_else(|| guessed(row))).collect()
 }
 
-/// Samples of a segment that hold twice as many measured values as a state has components, where
-/// there are so many in all.
-pub fn fewest_samples(scales: &[ObservableScale], samples: usize) -> usize {
+/// Samples of a segment that hold twice as many measured values as a state of so many components
+/// has, where there are so many in all.
+pub fn fewest_samples(scales: &[ObservableScale], state: usize, samples: usize) -> usize {
     let measured: usize = scales.iter().map(|scale| scale.measured).sum();
-    let share = measured.max(1) as f64 / (samples * scales.len()).max(1) as f64;
+    let share = measured.max(1) as f64 / (samples * state).max(1) as f64;
     (2.0 / share - 0.5).ceil() as usize
 }
 

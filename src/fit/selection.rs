@@ -33,7 +33,7 @@ pub fn backward(problem: SearchProblem) -> Vec<Judged> {
 pub fn forward(problem: SearchProblem, mut judge: impl FnMut(Vec<Column>, f64) -> Judged) {
     let SearchProblem { factor, columns, tuning, .. } = problem;
     let mut forward = Forward::new(factor.design(), factor.target());
-    columns.of(&[]).into_iter().for_each(|column| forward.take(column));
+    columns.of(&columns.required).into_iter().for_each(|column| forward.take(column));
     let least = factor.least();
     let (mut best, mut current) = judge(Vec::new(), forward.squares() + least);
     let mut idle = 0;

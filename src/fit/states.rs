@@ -6,6 +6,7 @@ use std::slice::ChunksExact;
 use rayon::prelude::*;
 
 use super::blocking::BLOCKING;
+use super::curve;
 use super::hidden;
 use super::law::Law;
 use super::momenta::Momenta;
@@ -43,20 +44,26 @@ impl States {
 
     /// The same with momenta that are nowhere measured as the law's masses times velocities.
     pub fn measured_by(law: &Law, measured: &Packed, segments: &[Segment]) -> States {
+        curve::guess(law, measured);
         let mut states = States::measured(measured, segments, law.system().degrees());
         states.weigh(measured, law);
         states.set_hidden(law, measured, segments);
         states
     }
 
-    /// Starts what nobody measures from where the spec says.
+    /// Starts what nobody measures from where the spec says, or from where the law saw it last on
+    /// the same clock.
     pub(super) fn set_hidden(&mut self, law: &Law, measured: &Packed, segments: &[Segment]) {
         let system = law.system();
         let degrees = system.degrees();
-        for state in self.values.chunks_exact_mut(self.size.max(1)) {
+        for (state, segment) in self.values.chunks_exact_mut(self.size.max(1)).zip(segments) {
+            let time = hidden::start_of(measured, segment);
             for part in &system.hidden {
-                state[part.coordinate] = part.start;
-                state[degrees + part.coordinate] = part.momentum;
+                let known = hidden::known_near(law, part, time);
+                let (value, momentum) =
+                    known.map_or((part.start, part.momentum), |known| known.values);
+                state[part.coordinate] = value;
+                state[degrees + part.coordinate] = momentum;
             }
         }
         hidden::carry(law, measured, segments, self);
@@ -157,10 +164,12 @@ fn first_state(measured: &Packed, segment: Segment, state: &mut [f64]) {
     let values = |row: usize| measured.values_of(row, segment.run);
     let near = |row: usize| -> Option<f64> {
         let own = values(row).get(segment.first..=segment.last).unwrap_or_default();
-        own.iter().copied().find(|x| x.is_finite())
+        let guessed = || measured.guessed_of(row, segment.run).get(segment.first).copied();
+        own.iter().copied().find(|x| x.is_finite()).or_else(guessed).filter(|x| x.is_finite())
     };
     let slope = |row: usize| -> f64 {
-        let values = values(row);
+        let guessed = measured.guessed_of(row, segment.run);
+        let values = if guessed.is_empty() { values(row) } else { guessed };
         let is_seen = |j: &usize| values.get(*j).is_some_and(|x| x.is_finite());
         let mut seen = (segment.first..=segment.last).filter(is_seen);
         match (seen.next(), seen.next()) {

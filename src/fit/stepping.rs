@@ -7,7 +7,7 @@ use super::rounding::WHOLE_STEPS;
 use super::segments::Segment;
 use super::states::States;
 use super::train::Training;
-use crate::dynamics::{Batch, Dynamics, Method, Scratch, choose_steps};
+use crate::dynamics::{Batch, Dynamics, Method, Scratch, choose_steps, observe};
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
 
@@ -71,35 +71,51 @@ pub fn coarse(
     })
 }
 
-/// The cheapest integrator that is accurate enough for the present noise. A model that others
-/// will simulate is to `keep` the structure of its flow; one on the way need not.
-pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64], keep: bool) -> Choice {
+/// What a model is integrated for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Aim {
+    /// A model on the way.
+    Round,
+    /// The model that a training ends with: others will simulate it, so it keeps the structure of
+    /// its flow; and its integrator errs by little beside the standard errors.
+    Result,
+}
+
+/// The cheapest integrator that is accurate enough for the present noise.
+pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64], aim: Aim) -> Choice {
     // Rounding accumulates along a segment.
     let (noise, window) = (training.law().noise(), training.law().window());
     let along = (window.max(2) - 1) as f64;
     let mut rounding = training.rounding.clone();
     rounding.iter_mut().for_each(|r| *r *= along);
     let (batch, span) = sample(training);
+    let slopes = slopes_of_measures(training, dynamics, theta, &batch);
+    let of_state = |errors: &[f64]| errors_of_measures(&slopes, errors);
     let longest_span = span.iter().fold(0.0f64, |m, s| m.max(s.abs()));
     let options = training.options;
     let tuning = &options.tuning.stepping;
-    let limited = noise.iter().zip(&training.spread).zip(&training.accuracy.error).any(
-        |((s, spread), error)| {
-            error.is_finite() && *s < tuning.suspect * error || *s < tuning.finest * spread
-        },
-    );
+    let present: Vec<f64> =
+        [training.accuracy.error.clone(), of_state(&training.accuracy.error)].concat();
+    let limited = noise.iter().zip(&training.spread).zip(&present).any(|((s, spread), error)| {
+        error.is_finite() && *s < tuning.suspect * error || *s < tuning.finest * spread
+    });
     // Errors of consecutive intervals add up along a segment.
     let intervals = window.saturating_sub(1).max(1) as f64;
     let residuals = (training.samples() * noise.len() / 2).max(1) as f64;
-    let most = tuning.part_of_noise.min(tuning.part_of_mean / residuals.sqrt());
+    let (keep, part_of_mean) = match aim {
+        Aim::Round => (false, tuning.part_of_mean),
+        Aim::Result => (true, tuning.part_of_error),
+    };
+    let most = tuning.part_of_noise.min(part_of_mean / residuals.sqrt());
     let share = if limited { 0.0 } else { most / intervals };
-    let tolerance: Vec<f64> = noise.iter().map(|s| share * s).collect();
+    let tolerance = tolerances(&noise.iter().map(|s| share * s).collect::<Vec<_>>(), &slopes);
     let mut scratch = Scratch::new();
     let mut choice = choose_steps(dynamics, theta, &batch, &span, &tolerance, keep, &mut scratch);
     if share > 0.0 && (!choice.reached || choice.cost > tuning.evaluations) {
         // Across a jump every method is of the first order: hundreds of steps an interval would
         // go to errors that the noise hides.
-        let tolerance: Vec<f64> = noise.iter().map(|s| tuning.hidden * s).collect();
+        let hidden: Vec<f64> = noise.iter().map(|s| tuning.hidden * s).collect();
+        let tolerance = tolerances(&hidden, &slopes);
         let rough = choose_steps(dynamics, theta, &batch, &span, &tolerance, keep, &mut scratch);
         if rough.reached && rough.cost < choice.cost {
             choice = rough;
@@ -123,12 +139,105 @@ pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64], keep: boo
         // What was asked for is taken at its word: its error is not mistaken for noise.
         error = vec![0.0; error.len()];
     }
+    let of_measures = of_state(&error);
     let resolution = rounding
         .iter()
-        .zip(&error)
+        .zip(error.iter().chain(&of_measures))
         .map(|(r, e)| if e.is_finite() { r.max(tuning.margin * intervals * e) } else { *r })
         .collect();
     Choice { stepping, accuracy: Accuracy { error, resolution, reason } }
+}
+
+impl Training<'_> {
+    /// Takes the integrator of a result; whether it is another than that of the rounds.
+    pub(super) fn integrate_for_result(&mut self) -> bool {
+        let (dynamics, theta) = self.compile();
+        let choice = choose(self, &dynamics, &theta, Aim::Result);
+        let another = choice.stepping != self.law.stepping();
+        if another {
+            self.integrate_by(choice);
+        }
+        another
+    }
+
+    /// Makes the integrator as accurate as the present model and noise ask for.
+    pub fn choose_integrator(&mut self) {
+        let (dynamics, theta) = self.compile();
+        self.integrate_by(choose(self, &dynamics, &theta, Aim::Round));
+    }
+
+    fn integrate_by(&mut self, choice: Choice) {
+        self.law.set_stepping(choice.stepping);
+        self.accuracy = choice.accuracy;
+    }
+
+    /// Makes the integrator as accurate as the present noise asks for.
+    pub(super) fn sharpen(&mut self) {
+        let (mut dynamics, mut theta) = self.compile();
+        if dynamics.separable() && !self.separable {
+            // The next round integrates the whole space, which no splitting can.
+            (dynamics, theta) = self.compile_whole();
+        }
+        self.integrate_by(choose(self, &dynamics, &theta, Aim::Round));
+        let noise = self.law.noise().iter().zip(&self.accuracy.resolution);
+        let noise = noise.map(|(noise, floor)| noise.max(*floor)).collect();
+        self.law.set_noise(noise);
+    }
+}
+
+/// How measures follow the state at a sample of states, root mean squares: `[measure][component]`.
+fn slopes_of_measures(
+    training: &Training,
+    dynamics: &Dynamics,
+    theta: &[f64],
+    sample: &Batch,
+) -> Vec<Vec<f64>> {
+    let system = training.system();
+    let (state, lanes) = (2 * system.degrees(), sample.lanes);
+    if system.measures.is_empty() || lanes == 0 {
+        return Vec::new();
+    }
+    let mut scratch = Scratch::new();
+    let mut batch = Batch::with_tangents(system.degrees(), lanes, dynamics.unknowns());
+    for lane in 0..lanes {
+        batch.set(lane, sample.time[lane], &sample.get(lane));
+    }
+    batch.drive.clone_from(&sample.drive);
+    let rows = dynamics.observables();
+    let columns = state + dynamics.unknowns();
+    let mut out = vec![0.0; rows * lanes];
+    let mut tangent = vec![0.0; rows * columns * lanes];
+    let observed = system.observed;
+    observe(dynamics, observed, &batch, theta, &mut out, Some(&mut tangent), &mut scratch);
+    let of = |row: usize, component: usize| {
+        let slopes = &tangent[(row * columns + component) * lanes..][..lanes];
+        let finite = slopes.iter().filter(|x| x.is_finite());
+        let (count, squares) = finite.fold((0.0, 0.0), |(n, sum), x| (n + 1.0, sum + x * x));
+        if count > 0.0 { f64::sqrt(squares / count) } else { 0.0 }
+    };
+    (state..rows).map(|row| (0..state).map(|component| of(row, component)).collect()).collect()
+}
+
+/// Errors of measures that follow from those of the components of the state.
+fn errors_of_measures(slopes: &[Vec<f64>], errors: &[f64]) -> Vec<f64> {
+    let error = |of: &Vec<f64>| {
+        let parts = of.iter().zip(errors).filter(|(slope, _)| **slope > 0.0);
+        parts.map(|(slope, error)| slope * error).sum()
+    };
+    slopes.iter().map(error).collect()
+}
+
+/// What each component of the state may err by, where each observable may err by some numbers.
+fn tolerances(of_observables: &[f64], slopes: &[Vec<f64>]) -> Vec<f64> {
+    let state = of_observables.len() - slopes.len();
+    let (own, of_measures) = of_observables.split_at(state);
+    let mut tolerance = own.to_vec();
+    for (of, most) in slopes.iter().zip(of_measures) {
+        for (tolerance, slope) in tolerance.iter_mut().zip(of).filter(|(_, slope)| **slope > 0.0) {
+            *tolerance = tolerance.min(most / slope);
+        }
+    }
+    tolerance
 }
 
 /// States spread over all segments, and the times to their next samples.

@@ -4,6 +4,9 @@
 //! factors stay, one for each fold: initial states are settled anew from the measurements in
 //! every pass, for keeping them would take as much memory as the data. While one chunk is worked
 //! on the next one is read and cut, by the same threads.
+//!
+//! Who makes the passes is behind [`Passes`]: this process ([`Whole`]), or many that have a part of
+//! the data each ([`parts`](super::parts)).
 
 use std::ops::Range;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -16,13 +19,61 @@ use super::pass::{FoldPass, FoldResult, Linearised, Problem, block_width, shares
 use super::segments::{Segment, Segments, blocks, cut_run};
 use super::states::States;
 use super::tuning::SegmentTuning;
-use crate::data::{Chunk, Clock, MeasuredInput, Packed, Source, Survey};
+use crate::data::{Chunk, Clock, MeasuredInput, Packed, PartPlace, Source, Survey};
 use crate::dynamics::{Dynamics, KeptScratch, Scratch};
 use crate::error::{Error, Result};
+use crate::expr::System;
+
+/// What a pass over all data is asked for.
+#[derive(Clone, Copy)]
+pub struct Asked<'a> {
+    /// What is learned; both dynamics are of it.
+    pub(super) system: &'a System,
+    pub(super) problem: &'a Problem<'a>,
+    /// The dynamics that states are settled by.
+    pub(super) present: (&'a Dynamics, &'a [f64]),
+    /// The one of the same law that residuals are linearised by.
+    pub(super) by: (&'a Dynamics, &'a [f64]),
+    /// The typical step of the data, as the sample shows it.
+    pub(super) typical: f64,
+    /// Whether whole runs go into one fold, or stretches of time.
+    pub(super) by_runs: bool,
+}
+
+/// What a pass leaves.
+pub struct Passed {
+    /// One for each fold.
+    pub(super) folds: Vec<FoldResult>,
+    pub(super) segments: u64,
+    pub(super) transitions: u64,
+}
+
+/// Is told transitions that were passed over, as far as they are known, and how far the pass has
+/// come (0 to 1); says whether to go on.
+pub type Watch<'a> = &'a dyn Fn(Option<u64>, f64) -> bool;
+
+/// Whoever can pass over all data.
+pub trait Passes: Sync {
+    /// One pass; none where it was stopped.
+    ///
+    /// # Errors
+    /// Whatever is wrong with the data, or with those who pass over them.
+    fn pass(&self, asked: &Asked, watch: Watch) -> Result<Option<Passed>>;
+}
+
+/// A source that this process reads from its beginning to its end.
+pub struct Whole<'a>(pub &'a dyn Source);
+
+impl Passes for Whole<'_> {
+    fn pass(&self, asked: &Asked, watch: Watch) -> Result<Option<Passed>> {
+        pass_over(self.0, asked, PartPlace::default(), watch)
+    }
+}
 
 /// Data that are read anew in every pass.
 pub struct Stream<'a> {
-    source: &'a dyn Source,
+    passes: &'a dyn Passes,
+    system: &'a System,
     monitor: &'a dyn Monitor,
     /// Runs and samples in all.
     runs: u64,
@@ -40,15 +91,17 @@ struct Kept {
 }
 
 impl<'a> Stream<'a> {
-    /// Passes over `source`, which `survey` is of.
+    /// Passes over the data of a system, which `survey` is of.
     pub fn new(
-        source: &'a dyn Source,
+        passes: &'a dyn Passes,
+        system: &'a System,
         survey: &Survey,
         typical: f64,
         monitor: &'a dyn Monitor,
     ) -> Self {
         Stream {
-            source,
+            passes,
+            system,
             monitor,
             runs: survey.runs,
             samples: survey.samples,
@@ -112,59 +165,90 @@ impl<'a> Stream<'a> {
             kept.passes += 1;
             kept.passes
         };
-        // What is left over at the end of a run may make a segment one longer.
-        let window = problem.window + 1;
-        let folds = problem.tuning.segments.folds;
-        let mut cutter = Cutter {
-            window: problem.window,
-            typical: self.typical,
-            by_runs: self.runs >= folds as u64,
-            tuning: &problem.tuning.segments,
-            inputs: self.source.inputs(),
-            observables: problem.weights.len(),
-            tail: Chunk::default(),
-            before: 0,
-        };
-        let (unknowns, observables) = (by.0.unknowns(), problem.weights.len());
-        let shares = shares(unknowns);
-        let mut parts = vec![FoldPass::new(unknowns, observables); folds * shares];
-        let (mut segments, mut transitions) = (0, 0);
         self.monitor.stage(&format!("pass {number} over all data"), 0.0);
-        let mut pass = self.source.pass()?;
-        let mut next = pass.next()?.map(|chunk| cutter.cut(chunk));
-        while let Some((measured, cut)) = next.take() {
-            if self.monitor.stopped() || self.failed() {
-                return Ok(None);
-            }
-            segments += cut.list.len();
-            transitions += cut.list.iter().map(|s| s.samples() as u64 - 1).sum::<u64>();
-            let here = Problem { measured: &measured, segments: &cut, stream: None, ..*problem };
-            let (read, ()) = rayon::join(
-                || pass.next().map(|chunk| chunk.map(|chunk| cutter.cut(chunk))),
-                || {
-                    let of_thread = KeptScratch::new;
-                    parts.par_iter_mut().enumerate().with_max_len(1).for_each_init(
-                        of_thread,
-                        |scratch, part| {
-                            let (at, part) = part;
-                            let range = share(&cut.folds[at / shares], at % shares, shares);
-                            work(&here, window, present, by, range, part, scratch);
-                        },
-                    );
-                },
-            );
-            next = read?;
-            let rate = transitions as f64 / clock.elapsed().as_secs_f64().max(1e-9) / 1e6;
-            let what =
-                format!("pass {number} over all data, {rate:.2} million transitions a second");
-            self.monitor.stage(&what, pass.fraction());
-        }
-        let mut left = parts.into_iter().map(FoldPass::finish);
-        let folds =
-            (0..folds).filter_map(|_| FoldResult::together(left.by_ref().take(shares).collect()));
-        self.kept().segments = segments;
-        Ok(Some((Linearised::of(folds, observables), transitions)))
+        let watch = |transitions: Option<u64>, fraction: f64| {
+            let rate =
+                transitions.map(|t| t as f64 / clock.elapsed().as_secs_f64().max(1e-9) / 1e6);
+            let rate = rate
+                .map_or(String::new(), |rate| format!(", {rate:.2} million transitions a second"));
+            self.monitor.stage(&format!("pass {number} over all data{rate}"), fraction);
+            !(self.monitor.stopped() || self.failed())
+        };
+        let asked = Asked {
+            system: self.system,
+            problem,
+            present,
+            by,
+            typical: self.typical,
+            by_runs: self.runs >= problem.tuning.segments.folds as u64,
+        };
+        let Some(Passed { folds, segments, transitions }) = self.passes.pass(&asked, &watch)?
+        else {
+            return Ok(None);
+        };
+        self.kept().segments = usize::try_from(segments).unwrap_or(usize::MAX);
+        Ok(Some((Linearised::of(folds, problem.weights.len()), transitions)))
     }
+}
+
+/// One pass over a source, which stands there among all data.
+pub(super) fn pass_over(
+    source: &dyn Source,
+    asked: &Asked,
+    place: PartPlace,
+    watch: Watch,
+) -> Result<Option<Passed>> {
+    let Asked { problem, present, by, .. } = *asked;
+    // What is left over at the end of a run may make a segment one longer.
+    let window = problem.window + 1;
+    let folds = problem.tuning.segments.folds;
+    let mut cutter = Cutter {
+        window: problem.window,
+        typical: asked.typical,
+        by_runs: asked.by_runs,
+        tuning: &problem.tuning.segments,
+        inputs: source.inputs(),
+        observables: problem.weights.len(),
+        tail: Chunk::default(),
+        runs_before: place.runs_before,
+        carried: place.carried,
+        before: place.samples_before,
+    };
+    let (unknowns, observables) = (by.0.unknowns(), problem.weights.len());
+    let shares = shares(unknowns);
+    let mut parts = vec![FoldPass::new(unknowns, observables); folds * shares];
+    let (mut segments, mut transitions) = (0, 0);
+    let mut pass = source.pass()?;
+    let mut next = pass.next()?.map(|chunk| cutter.cut(chunk));
+    while let Some((measured, cut)) = next.take() {
+        if !watch(Some(transitions), pass.fraction()) {
+            return Ok(None);
+        }
+        segments += cut.list.len() as u64;
+        transitions += cut.list.iter().map(|s| s.samples() as u64 - 1).sum::<u64>();
+        let here = Problem { measured: &measured, segments: &cut, stream: None, ..*problem };
+        let (read, ()) = rayon::join(
+            || pass.next().map(|chunk| chunk.map(|chunk| cutter.cut(chunk))),
+            || {
+                let of_thread = KeptScratch::new;
+                parts.par_iter_mut().enumerate().with_max_len(1).for_each_init(
+                    of_thread,
+                    |scratch, part| {
+                        let (at, part) = part;
+                        let range = share(&cut.folds[at / shares], at % shares, shares);
+                        work(&here, window, present, by, range, part, scratch);
+                    },
+                );
+            },
+        );
+        next = read?;
+    }
+    watch(Some(transitions), 1.0);
+    let mut left = parts.into_iter().map(FoldPass::finish);
+    let folds = (0..folds)
+        .filter_map(|_| FoldResult::together(left.by_ref().take(shares).collect()))
+        .collect();
+    Ok(Some(Passed { folds, segments, transitions }))
 }
 
 /// One of so many shares of a range.
@@ -205,6 +289,10 @@ struct Cutter<'a> {
     by_runs: bool,
     /// The end of the last chunk, from which the next segment starts.
     tail: Chunk,
+    /// Runs before the source's first.
+    runs_before: u64,
+    /// Samples that sources before have of the next run, before the first chunk.
+    carried: u64,
     /// Samples before the next chunk.
     before: u64,
 }
@@ -231,23 +319,27 @@ impl Cutter<'_> {
         for (at, piece) in chunk.pieces.iter().enumerate() {
             let times = &chunk.times[piece.samples.clone()];
             let pair = piece.begins && piece.ends && times.len() == 2;
-            let next = cut_run(
-                times,
-                (self.window, self.typical, self.tuning),
-                pair,
-                piece.ends,
-                |first, last| {
-                    let start = piece.samples.start;
-                    let place = self.before + (start + first).saturating_sub(carried) as u64;
-                    let fold = if self.by_runs { piece.run } else { place / self.tuning.stretch };
-                    let segment = Segment {
-                        run: if far { at } else { 0 },
-                        first: start + first,
-                        last: start + last,
-                    };
-                    folds[(fold % self.tuning.folds as u64) as usize].push(segment);
-                },
-            );
+            // What is left of a segment that another source began comes first, by itself.
+            let begun = (std::mem::take(&mut self.carried) % self.window as u64) as usize;
+            let rest = if begun > 0 { (self.window - begun).min(times.len()) } else { 0 };
+            let rule = (self.window, self.typical, self.tuning);
+            let mut push = |first: usize, last: usize| {
+                let start = piece.samples.start;
+                let place = self.before + (start + first).saturating_sub(carried) as u64;
+                let run = self.runs_before + piece.run;
+                let fold = if self.by_runs { run } else { place / self.tuning.stretch };
+                let segment = Segment {
+                    run: if far { at } else { 0 },
+                    first: start + first,
+                    last: start + last,
+                };
+                folds[(fold % self.tuning.folds as u64) as usize].push(segment);
+            };
+            cut_run(&times[..rest], rule, false, true, &mut push);
+            let next = rest
+                + cut_run(&times[rest..], rule, pair, piece.ends, |first, last| {
+                    push(rest + first, rest + last);
+                });
             if !piece.ends {
                 left = piece.samples.start + next;
             }

@@ -11,22 +11,22 @@ use super::model::Model;
 use super::monitor::Monitor;
 use super::options::{Options, Trainer};
 use super::segments::typical_step;
-use super::stream::Stream;
+use super::stream::{Passes, Stream};
 use super::{prune, screening};
 use std::sync::Arc;
 
-use crate::data::{Source, Survey};
+use crate::data::Survey;
 use crate::error::Result;
 use crate::expr::System;
 
-/// Learns from a source and its survey.
+/// Learns from passes over data and their survey.
 ///
 /// # Errors
 ///
-/// As [`fit`](super::fit), and whatever goes wrong while the source is read.
+/// As [`fit`](super::fit), and whatever goes wrong while the data are passed over.
 pub(super) fn learn(
     system: &Arc<System>,
-    source: &dyn Source,
+    passes: &dyn Passes,
     survey: &Survey,
     options: &Options,
     monitor: &dyn Monitor,
@@ -36,15 +36,15 @@ pub(super) fn learn(
     {
         // Screening works on the sample; what it leaves is small enough for all data.
         return screening::among_survivors(system, &survey.sample, options, monitor, |narrowed| {
-            on_all(narrowed, source, survey, options, monitor)
+            on_all(narrowed, passes, survey, options, monitor)
         });
     }
-    on_all(system, source, survey, options, monitor)
+    on_all(system, passes, survey, options, monitor)
 }
 
 fn on_all(
     system: &Arc<System>,
-    source: &dyn Source,
+    passes: &dyn Passes,
     survey: &Survey,
     options: &Options,
     monitor: &dyn Monitor,
@@ -55,7 +55,7 @@ fn on_all(
         first.refit.stop = StopReason::Interrupted;
         return Ok(conclude(&sampled, &first));
     }
-    let stream = Stream::new(source, survey, typical_step(sample), monitor);
+    let stream = Stream::new(passes, system, survey, typical_step(sample), monitor);
     let guard = Guard { monitor, stream: &stream };
     let mut training = sampled.clone();
     training.stream = Some(&stream);
@@ -66,6 +66,7 @@ fn on_all(
         && !guard.stopped()
     {
         prune::prune(&mut training, round, &guard);
+        training.finish(round, &guard);
     }
     if let Some(failure) = stream.failure() {
         return Err(failure);

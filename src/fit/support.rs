@@ -29,6 +29,8 @@ pub struct Columns {
     pub companions: Vec<Vec<Column>>,
     /// Columns that every support holds (parameters of known parts).
     pub forced: Vec<Column>,
+    /// Terms that every support holds.
+    pub required: Vec<Column>,
     /// Allowed values, for each column.
     pub bounds: Vec<Bounds>,
     /// [`complexity`](super::criterion::complexity) of each term.
@@ -56,6 +58,7 @@ impl Columns {
             terms,
             companions: vec![Vec::new(); terms],
             forced: Vec::new(),
+            required: Vec::new(),
             bounds: vec![Bounds::FREE; terms],
             complexity: vec![1; terms],
             costs: vec![0.0; terms],
@@ -72,9 +75,14 @@ impl Columns {
         column.position() < self.terms
     }
 
-    /// Whether no value is out of bounds.
+    /// Whether a column is that of a coefficient that a support can do without.
+    pub fn may_leave(&self, column: Column) -> bool {
+        self.is_term(column) && !self.required.contains(&column)
+    }
+
+    /// Whether no value is out of bounds, and no term must stay.
     pub fn all_free(&self) -> bool {
-        self.bounds.iter().all(|bound| bound.is_free())
+        self.required.is_empty() && self.bounds.iter().all(|bound| bound.is_free())
     }
 
     /// The same for a factor that kept only the columns `kept`, which begin with `terms`.
@@ -87,6 +95,7 @@ impl Columns {
                 .map(|&k| self.companions[k].iter().filter_map(place).collect())
                 .collect(),
             forced: self.forced.iter().filter_map(place).collect(),
+            required: self.required.iter().filter_map(place).collect(),
             bounds: kept.iter().map(|&c| self.bounds[c]).collect(),
             complexity: terms.iter().map(|&k| self.complexity[k]).collect(),
             costs: terms.iter().map(|&k| self.costs[k]).collect(),
@@ -312,7 +321,8 @@ impl<'a> EvaluatedSupports<'a> {
     /// Refits supports that have most of their terms in common: on the triangle of their union,
     /// which has far fewer rows than that of the whole space.
     fn try_all(&mut self, supports: &[Vec<Column>]) {
-        let mut union: Vec<Column> = supports.iter().flatten().copied().collect();
+        let required = &self.problem.columns.required;
+        let mut union: Vec<Column> = supports.iter().flatten().chain(required).copied().collect();
         union.sort_unstable();
         union.dedup();
         let columns = self.problem.columns.of(&union);
@@ -323,6 +333,11 @@ impl<'a> EvaluatedSupports<'a> {
     }
 
     fn try_on(&mut self, reduced: Option<&Reduced>, mut support: Vec<Column>) -> SupportFit {
+        support.extend(&self.problem.columns.required);
+        self.try_exactly(reduced, support)
+    }
+
+    fn try_exactly(&mut self, reduced: Option<&Reduced>, mut support: Vec<Column>) -> SupportFit {
         support.sort_unstable();
         support.dedup();
         if let Some(known) = self.evaluated.get(&support) {
@@ -343,7 +358,7 @@ impl<'a> EvaluatedSupports<'a> {
         };
         if support.iter().any(|&k| stuck(k)) {
             let smaller = support.iter().copied().filter(|&k| !stuck(k)).collect();
-            return self.try_on(reduced, smaller);
+            return self.try_exactly(reduced, smaller);
         }
         let criterion = self.problem.value(&support, solution.squares);
         let candidate =

@@ -11,6 +11,7 @@ use std::sync::Arc;
 use super::column::Column;
 use super::compiled::Compiled;
 use super::criterion::{Criterion, choice_costs, complexity};
+use super::curve::identifiable;
 use super::driving::OwnInputs;
 use super::factor::Factor;
 use super::gauge;
@@ -19,6 +20,7 @@ use super::law::Law;
 use super::masses::first_masses;
 use super::monitor::Monitor;
 use super::options::Options;
+use super::own_values::is_said;
 use super::pass::{Linearised, Problem, Sums, settle_and_linearise};
 use super::per_run::medians;
 use super::scales::{fewest_samples, scales, spreads};
@@ -65,6 +67,8 @@ pub struct Training<'a> {
     pub(super) reweigh: bool,
     /// What rounding does to each observable.
     pub(super) rounding: Vec<f64>,
+    /// Terms that were left out for what they do is below the precision of the data.
+    pub(super) below_precision: Vec<TermId>,
     compiled: Compiled,
 }
 
@@ -119,8 +123,9 @@ impl<'a> Training<'a> {
     ) -> Result<Self> {
         let degrees = system.degrees();
         let (scales, typical) =
-            rayon::join(|| scales(&measured, 2 * degrees), || measured.typical_step());
-        if scales[..degrees].iter().all(|scale| scale.spread.is_none()) {
+            rayon::join(|| scales(&measured, system.observed_count()), || measured.typical_step());
+        let shown = scales[..degrees].iter().chain(&scales[2 * degrees..]);
+        if shown.into_iter().all(|scale| scale.spread.is_none()) {
             return Err(Error::new(
                 ErrorKind::InsufficientData,
                 "no coordinate is measured",
@@ -128,7 +133,7 @@ impl<'a> Training<'a> {
             ));
         }
         let longest = measured.longest_run();
-        let mut shortest = fewest_samples(&scales, measured.samples()).min(longest);
+        let mut shortest = fewest_samples(&scales, 2 * degrees, measured.samples()).min(longest);
         if !system.hidden.is_empty() {
             // A few samples tell nothing of what acts unseen; nor does a long motion by no force
             // yet.
@@ -144,8 +149,10 @@ impl<'a> Training<'a> {
         let segments = segments?;
         let mut states = States::measured(&measured, &segments.list, degrees);
         let spread = spreads(&scales, &states);
-        let mut first_squares = gauge::unit_masses(system);
-        first_squares.extend(first_masses(system, &measured, &options.tuning.masses));
+        let mut first_squares = first_masses(system, &measured, &options.tuning.masses);
+        let told: Vec<TermId> = first_squares.iter().map(|(id, _)| *id).collect();
+        let unit = gauge::unit_masses(system, &measured).into_iter();
+        first_squares.extend(unit.filter(|(id, _)| !told.contains(id)));
         let Choice { stepping, accuracy } =
             stepping::coarse(system, options, separable, typical, &rounding)?;
         let law = Law::new(
@@ -155,8 +162,13 @@ impl<'a> Training<'a> {
             spread.clone(),
             (stepping, window),
         )?;
-        states.weigh(&measured, &law);
-        states.set_hidden(&law, &measured, &segments.list);
+        if system.measures.is_empty() {
+            states.weigh(&measured, &law);
+            states.set_hidden(&law, &measured, &segments.list);
+        } else {
+            identifiable(system, &scales)?;
+            states = States::measured_by(&law, &measured, &segments.list);
+        }
         Ok(Training {
             law,
             options,
@@ -171,6 +183,7 @@ impl<'a> Training<'a> {
             measured,
             reweigh: false,
             rounding,
+            below_precision: Vec::new(),
             compiled,
         })
     }
@@ -250,7 +263,7 @@ impl<'a> Training<'a> {
     }
 
     /// The dynamics of the whole function space, and the present model as its theta.
-    fn compile_whole(&self) -> (Arc<Dynamics>, Vec<f64>) {
+    pub(super) fn compile_whole(&self) -> (Arc<Dynamics>, Vec<f64>) {
         self.prepared(self.compiled.of_all(self.system()))
     }
 
@@ -468,7 +481,7 @@ impl<'a> Training<'a> {
     }
 
     /// What the columns of the whole space's factor mean.
-    fn columns(&self, whole: &Dynamics) -> Columns {
+    pub(super) fn columns(&self, whole: &Dynamics) -> Columns {
         let system = self.system();
         let terms = system.terms.len();
         let mut companions = vec![Vec::new(); terms];
@@ -498,7 +511,10 @@ impl<'a> Training<'a> {
         let complexity: Vec<u32> =
             system.terms.iter().map(|t| complexity(&system.graph, t.expr)).collect();
         let costs = choice_costs(&complexity);
-        Columns { terms, companions, forced, bounds, complexity, costs }
+        let unseen = gauge::unseen_squares(system, &self.measured).into_iter();
+        let said = system.term_ids().into_iter().filter(|&id| is_said(system, id));
+        let required = unseen.chain(said).map(|id| Column::new(id.position())).collect();
+        Columns { terms, companions, forced, required, bounds, complexity, costs }
     }
 
     /// Rounds until the support and the noise stand still.
@@ -530,12 +546,10 @@ impl<'a> Training<'a> {
             // Rounds that others follow need not confirm what they found.
             let known = known || self.extent == Extent::Rough;
             let done = known && quiet && stepping == self.law.stepping();
-            let interrupted = round.refit.stop == StopReason::Interrupted;
-            if done || circling || interrupted {
-                return Ok(round);
-            }
-            if monitor.stopped() {
+            if monitor.stopped() && !(done || circling) {
                 round.refit.stop = StopReason::Interrupted;
+            }
+            if done || circling || round.refit.stop == StopReason::Interrupted {
                 return Ok(round);
             }
             seen.push(self.law.support().to_vec());
@@ -543,45 +557,29 @@ impl<'a> Training<'a> {
     }
 
     /// A model that turned out separable ends with a splitting, whatever the space needed, and
-    /// one whose motion all comes from H with a symplectic method.
+    /// one whose motion all comes from H with a symplectic method; the integrator of each leaves
+    /// the numbers where an exact one would.
     pub(super) fn finish(&mut self, round: &mut Round, monitor: &dyn Monitor) {
-        let (dynamics, theta) = self.compile();
-        let method = self.law.stepping().method;
-        let unfit = dynamics.separable() && !method.needs_separable()
-            || dynamics.is_hamiltonian() && !method.row().symplectic;
-        if unfit && self.options.method.is_none() {
-            self.integrate_by(stepping::choose(self, &dynamics, &theta, true));
-            round.refit = self.refit(monitor);
+        if round.refit.stop == StopReason::Interrupted {
+            return;
+        }
+        let before = (self.law.stepping(), self.accuracy.clone());
+        if !self.integrate_for_result() {
+            return;
+        }
+        let refit = self.refit(monitor);
+        let (new, old) = (refit.sums(), round.refit.sums());
+        if new.loss.is_finite() && new.diverged <= old.diverged {
+            round.refit = refit;
             self.take(&mut round.refit);
+        } else {
+            self.law.set_stepping(before.0);
+            self.accuracy = before.1;
         }
     }
 
     /// Samples of all data.
     pub fn samples(&self) -> usize {
         self.stream.map_or_else(|| self.measured.samples(), |stream| stream.counts().1)
-    }
-
-    /// Makes the integrator as accurate as the present model and noise ask for.
-    pub fn choose_integrator(&mut self) {
-        let (dynamics, theta) = self.compile();
-        self.integrate_by(stepping::choose(self, &dynamics, &theta, false));
-    }
-
-    fn integrate_by(&mut self, choice: Choice) {
-        self.law.set_stepping(choice.stepping);
-        self.accuracy = choice.accuracy;
-    }
-
-    /// Makes the integrator as accurate as the present noise asks for.
-    pub(super) fn sharpen(&mut self) {
-        let (mut dynamics, mut theta) = self.compile();
-        if dynamics.separable() && !self.separable {
-            // The next round integrates the whole space, which no splitting can.
-            (dynamics, theta) = self.compile_whole();
-        }
-        self.integrate_by(stepping::choose(self, &dynamics, &theta, false));
-        let noise = self.law.noise().iter().zip(&self.accuracy.resolution);
-        let noise = noise.map(|(noise, floor)| noise.max(*floor)).collect();
-        self.law.set_noise(noise);
     }
 }

@@ -4,13 +4,13 @@
 //! one, else the benchmark, the page of figures or the test that shows when it is wrong.
 //!
 //! Not here: sizes that change cost alone (`blocking.rs`), what rounding leaves (`rounding.rs`),
-//! and numbers of mathematics (a published constant of a loss, a tableau), which stand where they
-//! are used, with their source.
+//! and numbers of mathematics (constants of losses, tableaus), which stand where they are used.
+
+pub use super::local::tuning::LocalTuning;
 
 /// The numbers of the fit, phase by phase: the field `tuning` of [`Options`](crate::Options).
 ///
-/// The usual ones serve every system of the documentation. They are no promise: fields may come and
-/// go, and numbers change, in any version.
+/// The usual ones serve every system of the documentation; any version may change them.
 ///
 /// ```
 /// let mut options = leverrier::Options::default();
@@ -26,36 +26,32 @@
 pub struct Tuning {
     /// How runs are cut into segments, and kept in folds.
     pub segments: SegmentTuning,
-    /// First guesses of masses where momenta are not measured and a measured input sets their
-    /// scale.
+    /// First guesses of masses where momenta are not measured, but known forces set their scale.
     pub masses: MassTuning,
-    /// When derivatives of trajectories are integrated by a cheaper method than the
-    /// trajectories. Their error slows Gauss-Newton and does not move where it ends;
-    /// `benches/fit.rs` and `learning::recovery`.
+    /// When derivatives of trajectories are integrated by a cheaper method than these. Their error
+    /// slows Gauss-Newton and does not move its end; `benches/fit.rs`, `learning::recovery`.
     pub tangents: TangentTuning,
     /// The search for the initial state of every segment at a given theta.
     /// `learning::settling`; its speed is that of a pass of `benches/fit.rs`.
     pub settling: SettlingTuning,
-    /// How accurately trajectories are integrated. `learning::recovery` and the errors of
-    /// docs/paper-table.md show where it is too rough, `benches/fit.rs` what it costs.
+    /// How accurately trajectories are integrated.
     pub stepping: SteppingTuning,
     /// Gauss-Newton on a support.
     pub refit: RefitTuning,
-    /// Rounds of search and refit at one length of segments. `learning::recovery`,
-    /// docs/paper-table.md.
+    /// Rounds of search and refit at one length of segments. docs/paper-table.md.
     pub rounds: RoundTuning,
     /// The course of a training.
     pub course: CourseTuning,
-    /// The search for the support on a factor. `learning::recovery`, docs/paper-table.md; its
-    /// time is in docs/growth.md.
+    /// The search for the support on a factor. docs/paper-table.md; its time: docs/growth.md.
     pub support: SupportTuning,
-    /// Function spaces that are too large for one factor. docs/growth.md,
-    /// `learning::trainer`.
+    /// Function spaces that are too large for one factor. docs/growth.md, `learning::trainer`.
     pub screening: ScreeningTuning,
     /// The first-order trainer. `learning::trainer`, docs/growth.md.
     pub first_order: FirstOrderTuning,
     /// What is said of a finished fit.
     pub conclusion: ConclusionTuning,
+    /// Systems whose couplings are local.
+    pub local: LocalTuning,
 }
 
 /// How runs are cut into segments, and kept in folds.
@@ -65,7 +61,7 @@ pub struct Tuning {
 /// options.tuning.segments.folds = 32;
 /// assert_ne!(options, leverrier::Options::default());
 /// ```
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[non_exhaustive]
 pub struct SegmentTuning {
     /// Folds that the data are kept in: what is resampled, and what candidates are held out
@@ -119,7 +115,7 @@ pub struct MassTuning {
 /// options.tuning.tangents.deviation = 1e-6;
 /// assert_ne!(options, leverrier::Options::default());
 /// ```
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[non_exhaustive]
 pub struct TangentTuning {
     /// The cheaper trajectory may differ by this part of the motion from end to end: with
@@ -141,7 +137,7 @@ pub struct TangentTuning {
 /// options.tuning.settling.steps = 12;
 /// assert_ne!(options, leverrier::Options::default());
 /// ```
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[non_exhaustive]
 pub struct SettlingTuning {
     /// Gauss-Newton steps, at most.
@@ -187,6 +183,9 @@ pub struct SteppingTuning {
     /// and by this part of the standard error of the mean of all residuals: noise averages
     /// out over many data, the error of the integrator does not.
     pub part_of_mean: f64,
+    /// The last refit takes this part: an integrator errs alike in all segments, which moves
+    /// coefficients by many times as much. `learning::clothes`.
+    pub part_of_error: f64,
     /// Where that cannot be reached, or only by more evaluations of the forces between two
     /// samples than this,
     pub evaluations: usize,
@@ -299,8 +298,7 @@ pub struct CourseTuning {
     pub above_resolution: f64,
 }
 
-/// The search for the support on a factor. `learning::recovery`, docs/paper-table.md; its time is
-/// in docs/growth.md.
+/// The search for the support on a factor.
 ///
 /// ```
 /// let mut options = leverrier::Options::default();
@@ -329,8 +327,7 @@ pub struct SupportTuning {
     pub ridge: f64,
     /// Part of its norm by which a column stands apart without a ridge.
     pub alone: f64,
-    /// Deviances that differ by less than this are the same to the criterion: no term costs
-    /// so little.
+    /// Deviances that differ by less are the same to the criterion: no term costs so little.
     pub same_loss: f64,
     /// Supports that are compared by their error on held-out folds, at most.
     pub compared_held_out: usize,
@@ -338,18 +335,16 @@ pub struct SupportTuning {
     pub additions: usize,
     /// and terms in the place of each term of the support.
     pub replacements: usize,
-    /// Penalties of the L1 path, evenly spaced on a logarithmic scale.
+    /// Penalties of the L1 path.
     pub path_points: usize,
     /// Smallest penalty of the path over the largest.
     pub path_ratio: f64,
-    /// Smallest penalty over the noise of one residual: a smaller one holds nothing back
-    /// that noise has let in.
+    /// Smallest penalty over the noise of one residual: noise comes in below it.
     pub path_noise: f64,
     /// Sweeps at one penalty before the next is taken anyway.
     pub path_sweeps: usize,
     /// The solution at one penalty stands still when a sweep moves no coefficient by more than
-    /// this part of the largest, both times the norms of their columns. It changes the loss by a
-    /// part 1e-18, less than rounding; and the path only proposes supports, which are refitted.
+    /// this part of the largest, both times the norms of their columns: less than rounding.
     pub path_still: f64,
 }
 
@@ -424,6 +419,9 @@ pub struct FirstOrderTuning {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ConclusionTuning {
+    /// Data whose noise is below this part of the spread of each column are finer than
+    /// instruments: 14 bits. `learning::recovery`.
+    pub clean: f64,
     /// Runners-up that are kept.
     pub runners_up: usize,
     /// Exchanges that cost the criterion (a deviance) less than this are named: odds of
@@ -478,6 +476,7 @@ const TUNING: Tuning = Tuning {
         transitions: 96,
         part_of_noise: 0.02,
         part_of_mean: 4.0,
+        part_of_error: 0.02,
         evaluations: 200,
         hidden: 0.01,
         suspect: 20.0,
@@ -548,6 +547,7 @@ const TUNING: Tuning = Tuning {
         better: 0.98,
     },
     conclusion: ConclusionTuning {
+        clean: 6e-5,
         runners_up: 8,
         close: 6.0,
         spelled_out: 6,
@@ -560,6 +560,7 @@ const TUNING: Tuning = Tuning {
         made_of: 4,
         no_part: 1e-7,
     },
+    local: LocalTuning::USUAL,
 };
 
 /// Each part of a `TUNING` in scope is what its type is by default.

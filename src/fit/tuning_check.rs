@@ -28,6 +28,7 @@ impl Tuning {
             ("settling.expected_part", self.settling.expected_part, 1),
             ("segments.stretch", usize::try_from(segments.stretch).unwrap_or(usize::MAX), 1),
             ("conclusion.draws", self.conclusion.draws, 1),
+            ("local.reach", self.local.reach, 1),
         ];
         let RefitTuning { converged, rough, first_damping, more_damping, .. } = self.refit;
         let sizes = [
@@ -35,6 +36,8 @@ impl Tuning {
             ("segments.slack", segments.slack),
             ("stepping.part_of_noise", stepping.part_of_noise),
             ("stepping.part_of_mean", stepping.part_of_mean),
+            ("stepping.part_of_error", stepping.part_of_error),
+            ("conclusion.clean", self.conclusion.clean),
             ("refit.converged", converged),
             ("refit.rough", rough),
             ("refit.first_damping", first_damping),
@@ -45,6 +48,11 @@ impl Tuning {
             ("support.path_ratio", support.path_ratio),
             ("first_order.rate", first_order.rate),
             ("first_order.last_rate", first_order.last_rate),
+            ("local.negligible", self.local.negligible),
+            ("local.response", self.local.response),
+            ("local.finer", self.local.finer),
+            ("local.apart", self.local.apart),
+            ("local.margin", self.local.margin),
         ];
         require("tuning", &counts, &sizes)
     }

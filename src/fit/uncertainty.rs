@@ -46,13 +46,17 @@ pub fn covariance(factor: &Factor, variance: f64) -> DMatrix<f64> {
 /// How often each column is chosen when the data are resampled, 0 to 1.
 ///
 /// The folds are drawn with replacement (Efron, Ann. Stat. 7, 1979) and the support is searched
-/// anew among the terms of the leading candidates.
+/// anew among the terms of the leading candidates. `None` where there is one fold: no draw of it is
+/// another sample.
 pub fn inclusion(
     folds: &[Factor],
     search: SearchProblem,
     candidates: &[SupportFit],
     (tuning, seed): (&ConclusionTuning, u64),
-) -> Vec<f64> {
+) -> Option<Vec<f64>> {
+    if folds.len() < 2 {
+        return None;
+    }
     let columns = search.columns;
     let mut frequency = vec![0.0; columns.terms];
     let mut pool: Vec<Column> = Vec::new();
@@ -64,8 +68,8 @@ pub fn inclusion(
         }
     }
     pool.sort_unstable();
-    if pool.is_empty() || folds.len() < 2 {
-        return frequency;
+    if pool.is_empty() {
+        return Some(frequency);
     }
     let chosen = columns.of(&pool);
     let narrowed = columns.narrow(&pool, &chosen);
@@ -91,7 +95,7 @@ pub fn inclusion(
         frequency[pool[k]] += 1.0;
     }
     frequency.iter_mut().for_each(|count| *count /= tuning.draws as f64);
-    frequency
+    Some(frequency)
 }
 
 /// Folds as Gram matrices, in coordinates in which all of them together are the identity. There

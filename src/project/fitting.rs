@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use super::Spec;
 use crate::data::{DataReport, Dataset};
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::System;
+use crate::facade::Spec;
 pub(crate) use crate::facade::model_file::write as write_model;
-use crate::facade::model_file::{self, Origin};
+use crate::facade::origin::{self, Origin};
 use crate::fit::{self, Model, Monitor, Options};
 
 /// Fits on the given number of threads.
@@ -40,5 +40,5 @@ pub(crate) fn on_threads<T: Send>(
 
 /// Where a model comes from.
 pub(crate) fn origin(spec: &Spec, dataset: &Dataset, about: &DataReport) -> Origin {
-    model_file::origin(spec.system(), (spec.file(), spec.text()), dataset, about)
+    origin::origin(spec.system(), (spec.file(), spec.text()), dataset, about)
 }

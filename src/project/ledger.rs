@@ -17,13 +17,14 @@ pub(crate) const BY_HAND: &str = "edited by hand";
 
 /// Error of a model on held-out runs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct HeldOutErrors {
+pub struct HeldOutErrors {
     /// Root mean square in units of the noise, over `samples` at a time; null without held-out
     /// runs.
     #[serde(alias = "unseen_error")]
     pub held_out_error: Option<f64>,
     /// What `held_out_error` is when only noise is left: 1.
     pub noise_floor: f64,
+    /// Length of the predictions that `held_out_error` is of.
     pub samples: usize,
     /// (samples, error) at every length of prediction.
     pub horizons: Vec<(usize, f64)>,
@@ -47,7 +48,7 @@ impl HeldOutErrors {
 
 /// A state of the spec.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Revision {
+pub struct Revision {
     /// `start`, `add viscous_drag(theta)`, `remove ...`.
     pub action: String,
     /// Seconds since 1970, UTC.
@@ -58,13 +59,16 @@ pub(crate) struct Revision {
     pub undone: bool,
     /// Before and after the action; null for the start.
     pub before: Option<HeldOutErrors>,
+    /// As `before`.
     pub after: Option<HeldOutErrors>,
 }
 
 /// All revisions of a spec, oldest first.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Ledger {
+pub struct Ledger {
+    /// Always `leverrier.ledger/2`.
     pub format: String,
+    /// Oldest first.
     pub revisions: Vec<Revision>,
 }
 
@@ -75,7 +79,10 @@ impl Ledger {
     }
 
     /// The ledger of a spec; an empty one where there is none yet.
-    pub(crate) fn open(spec: &Path) -> Result<Self> {
+    ///
+    /// # Errors
+    /// It cannot be read, or is damaged.
+    pub fn open(spec: &Path) -> Result<Self> {
         let path = Self::path(spec);
         let bytes = match std::fs::read(&path) {
             Ok(bytes) => bytes,
@@ -100,7 +107,10 @@ impl Ledger {
     }
 
     /// Writes it beside the spec, whole or not at all.
-    pub(crate) fn write(&self, spec: &Path) -> Result<()> {
+    ///
+    /// # Errors
+    /// The disk says no.
+    pub fn write(&self, spec: &Path) -> Result<()> {
         let path = Self::path(spec);
         let mut bytes = serde_json::to_vec_pretty(self)
             .map_err(|error| Error::file("write", &path, std::io::Error::other(error)))?;

@@ -4,6 +4,7 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use crate::data::{can_remove, is_at};
 use crate::error::{Error, Result};
 use crate::fit::Monitor;
 
@@ -78,27 +79,6 @@ impl Drop for Lock {
         }
         let _ = file.unlock();
     }
-}
-
-/// Whether a name can be taken from a file that is open, and files be told from one another.
-const fn can_remove() -> bool {
-    cfg!(unix)
-}
-
-/// Whether the file is still the one with this name.
-#[cfg(unix)]
-fn is_at(file: &File, path: &Path) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    match (file.metadata(), std::fs::metadata(path)) {
-        (Ok(own), Ok(there)) => (own.dev(), own.ino()) == (there.dev(), there.ino()),
-        _ => false,
-    }
-}
-
-/// Where lock files are never removed, a name stays with its file.
-#[cfg(not(unix))]
-fn is_at(_: &File, _: &Path) -> bool {
-    true
 }
 
 #[cfg(test)]

@@ -4,10 +4,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::fitting::{learn, on_threads};
-use super::{Spec, memory};
+use super::memory;
 use crate::data::{self, DataReport, Dataset, FileSource, Survey};
 use crate::error::Result;
 use crate::expr::System;
+use crate::facade::Spec;
 use crate::fit::memory::size;
 use crate::fit::{Model, Monitor, Options, fit_stream};
 

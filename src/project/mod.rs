@@ -19,7 +19,8 @@ use crate::diagnostic::Diagnostic;
 use crate::error::{Error, ErrorKind, Result};
 use crate::facade::checked::wrong_in_model;
 pub(crate) use crate::facade::measured::read_inputs;
-pub(crate) use crate::facade::model_file::{ModelFile, digest};
+pub(crate) use crate::facade::model_file::ModelFile;
+pub(crate) use crate::facade::origin::digest;
 pub(crate) use crate::facade::{Law, Spec};
 use crate::facade::{measured, model_file};
 use crate::fit::{self, Model};
@@ -65,7 +66,7 @@ impl Spec {
             let fitted = std::fs::read(&path).ok();
             let file = fitted
                 .and_then(|bytes| serde_json::from_slice::<ModelFile>(&bytes).ok())
-                .filter(|file| wrong_in_model(file).is_none())
+                .filter(|file| wrong_in_model(&file.model, &file.origin).is_none())
                 .filter(|file| file.model.law(system).is_some());
             return Ok(Law::of(self, fit::Law::known(system.clone())?, file));
         }

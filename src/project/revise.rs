@@ -7,7 +7,7 @@ use super::{ModelFile, Spec};
 use crate::data::write_atomically;
 use crate::diagnose::comparison::windows;
 use crate::diagnose::hidden::start_of;
-use crate::diagnose::noise_floor::noise_floor;
+use crate::diagnose::noise_floor::{no_less_than_rough, noise_floor};
 use crate::diagnose::{LawOnData, Measurements, Options};
 use crate::diagnostic::Diagnostic;
 use crate::error::{Error, ErrorKind, Result};
@@ -267,19 +267,24 @@ fn judge(
     Ok((of(&old, &of_old), of(&new, &of_new)))
 }
 
-/// The smaller noise floor of two models on the training part, for each observable of either.
+/// The smaller noise floor of two models on the training part, for each observable of either; no
+/// less than a column is rough by where one of them has a part that nobody measures: without it
+/// the other takes what momenta lack for their noise, and that of coordinates for less than it is.
 fn floors_of_both(workspace: &Workspace, old: &LawOnData, new: &LawOnData) -> (Vec<f64>, Vec<f64>) {
-    let floor = |model: &LawOnData| {
-        let rows = workspace.split.training.with_observables(model.system().observables());
-        let training = model.with_data(&Measurements::of(&rows, model.options));
-        model.law.clone().with_noise(noise_floor(&training).sizes)
-    };
-    let least = |one: &Law, other: &Law| {
+    let rows =
+        |model: &LawOnData| workspace.split.training.with_observables(model.system().observables());
+    let (of_old, of_new) = (rows(old), rows(new));
+    let old = old.with_data(&Measurements::of(&of_old, old.options));
+    let new = new.with_data(&Measurements::of(&of_new, new.options));
+    let floor = |model: &LawOnData| model.law.clone().with_noise(noise_floor(model).sizes);
+    let (old_floor, new_floor) = (floor(&old), floor(&new));
+    let hidden = [&old, &new].iter().any(|model| !model.system().hidden.is_empty());
+    let least = |model: &LawOnData, one: &Law, other: &Law| -> Vec<f64> {
         let others = other.noise_on(one.system(), f64::INFINITY);
-        one.noise().iter().zip(others).map(|(a, b)| a.min(b)).collect()
+        let least: Vec<f64> = one.noise().iter().zip(others).map(|(a, b)| a.min(b)).collect();
+        if hidden { no_less_than_rough(&model.with_noise(least)) } else { least }
     };
-    let (old, new) = (floor(old), floor(new));
-    (least(&old, &new), least(&new, &old))
+    (least(&old, &old_floor, &new_floor), least(&new, &new_floor, &old_floor))
 }
 
 /// Terms of an effect in a model, then its inner parameters: name, value, standard error.

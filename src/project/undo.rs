@@ -67,7 +67,11 @@ pub(crate) fn undo(path: &Path, force: bool) -> Result<Undone> {
     let (undone, restored) = ledger.take_back().ok_or_else(nothing)?;
     // A spec without its ledger is understood (as an earlier revision), the reverse is not.
     write_atomically(path, restored.as_bytes())?;
-    ledger.write(path)?;
+    if let Err(error) = ledger.write(path) {
+        // Refused is not half done: as far as the disk lets it, the spec is as it was.
+        let _ = write_atomically(path, text.as_bytes());
+        return Err(error);
+    }
     // The model belongs to the text that is gone.
     let model = path.with_extension("model.json");
     let removed = model.exists();

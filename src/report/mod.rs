@@ -1,24 +1,36 @@
 //! Results as people read them.
 
+#[cfg(feature = "cli")]
 mod data;
+#[cfg(feature = "cli")]
 mod design;
+#[cfg(feature = "cli")]
 mod diagnosis;
+#[cfg(feature = "cli")]
 mod diagnostic;
 pub mod document;
+mod figures;
 pub mod html;
+#[cfg(feature = "cli")]
 pub mod layout;
 pub mod plots;
 pub mod present;
+#[cfg(feature = "cli")]
 mod space;
+#[cfg(feature = "cli")]
 mod text;
 
 use serde_json::{Value, json};
 
+#[cfg(feature = "cli")]
 pub use design::design_text;
+#[cfg(feature = "cli")]
 pub use diagnosis::{
     CoefficientChange, DiagnosisContext, RevisionSummary, compare_text, diagnosis_text,
     discovery_text, revision_text,
 };
+pub use figures::Drawing;
+#[cfg(feature = "cli")]
 pub use text::{fit_text, seconds};
 
 use crate::expr::System;

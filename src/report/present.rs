@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use crate::diagnose::diagnosis::Diagnosis;
 use crate::fit::distribution::Distribution;
+use crate::fit::model::LearnedTerm;
 use crate::simplify::{significant, uncertain};
 
 pub use crate::export::{equations_json, export, finite, notes, pretty, simplified};
@@ -15,6 +16,11 @@ pub fn tested(diagnosis: &Diagnosis) -> String {
          inner parameters; p-values are corrected for that many tests (look-elsewhere correction).",
         diagnosis.candidates, diagnosis.tests
     )
+}
+
+/// How often a term is chosen when the data are resampled.
+pub(crate) fn included(term: &LearnedTerm) -> String {
+    term.inclusion.map_or("-".to_string(), |part| format!("{:.0} %", 100.0 * part))
 }
 
 /// How a number that groups of runs have for themselves is distributed, in a sentence or two.

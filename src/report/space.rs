@@ -31,6 +31,12 @@ impl FunctionSpace {
             let between = input.between_samples.replace('_', "-");
             let _ = writeln!(out, "  input: {}{unit}, {between} between samples", input.name);
         }
+        for measure in &self.measures {
+            let unit = measure.unit.as_ref().map(|unit| format!(" [{unit}]")).unwrap_or_default();
+            let turns = if measure.period.is_some() { ", whole turns aside" } else { "" };
+            let _ =
+                writeln!(out, "  measure: {}{unit} = {}{turns}", measure.name, measure.expression);
+        }
         if let Some(unit) = &self.energy_unit {
             let _ = writeln!(out, "  unit of H: [{unit}]");
         }
@@ -76,6 +82,12 @@ impl FunctionSpace {
                 table.add_row(row);
             }
             push_table(&mut out, &table);
+        }
+        if !self.couplings.is_empty() {
+            out.push_str("\ncouplings\n");
+            for sentence in &self.couplings {
+                let _ = writeln!(out, "  - {sentence}");
+            }
         }
         out.push_str("\ncannot be learned\n");
         for sentence in &self.cannot_be_learned {

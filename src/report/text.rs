@@ -1,6 +1,7 @@
 //! A fit as text for people: the Hamiltonian first, then how sure all of it is.
 
 use super::layout::{WIDTH, counted, cut, table, wrapped};
+use super::present::included;
 use super::{FitReport, present};
 use crate::fit::Model;
 use crate::fit::distribution::Distribution;
@@ -84,7 +85,7 @@ fn coefficients(model: &Model, width: usize) -> String {
             format!("{name}{}", term.term),
             uncertain(term.coefficient, term.standard_error, 10),
             unit(&term.unit),
-            format!("{:.0} %", 100.0 * term.inclusion),
+            included(term),
         ]
     });
     let header = ["part", "term", "coefficient", "unit", "included"];

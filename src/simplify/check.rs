@@ -4,7 +4,7 @@ use egg::RecExpr;
 
 use super::FittedLaw;
 use super::lang::{Math, evaluate};
-use crate::expr::{Expr, Place, Symbol};
+use crate::expr::{Delay, Expr, Place, Symbol};
 
 /// Largest difference that counts as rounding, relative to the largest value.
 pub(super) const ROUNDING: f64 = 1e-9;
@@ -118,6 +118,14 @@ fn variable(point: &[f64], degrees: usize, symbol: Symbol) -> f64 {
         Symbol::Input(i, order) => {
             let along: f64 = point.iter().sum();
             return (97.0 * along + 1.3 * i as f64 + 0.7 * order as f64).sin();
+        }
+        Symbol::Delayed(i, order, by) => {
+            let by = match by {
+                Delay::Number(number) => number.value(),
+                Delay::Parameter(j) => 2.1 + j as f64,
+            };
+            let along: f64 = point.iter().sum();
+            return (97.0 * along + 1.3 * i as f64 + 0.7 * order as f64 + 11.0 * by).sin();
         }
         Symbol::Velocity(_) | Symbol::Parameter(_) | Symbol::Coefficient(_) => return f64::NAN,
     };

@@ -7,7 +7,7 @@ use std::str::FromStr;
 use egg::{Id, RecExpr, define_language};
 use num_rational::Ratio;
 
-use crate::expr::{Function, Symbol, raise};
+use crate::expr::{Delay, Function, Number, Symbol, raise};
 
 /// An exact rational number. Arithmetic that overflows is not done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -124,6 +124,10 @@ impl fmt::Display for Variable {
             Symbol::Velocity(i) => write!(f, "@v{i}"),
             Symbol::Time => write!(f, "@t"),
             Symbol::Input(i, order) => write!(f, "@u{i}.{order}"),
+            Symbol::Delayed(i, order, Delay::Number(by)) => {
+                write!(f, "@d{i}.{order}.{:x}", by.value().to_bits())
+            }
+            Symbol::Delayed(i, order, Delay::Parameter(by)) => write!(f, "@e{i}.{order}.{by}"),
             Symbol::Parameter(i) => write!(f, "@a{i}"),
             Symbol::Coefficient(i) => write!(f, "@c{i}"),
         }
@@ -142,6 +146,18 @@ impl FromStr for Variable {
             let (index, order) = input.split_once('.').ok_or(())?;
             let number = |text: &str| text.parse().map_err(|_| ());
             return Ok(Variable(Symbol::Input(number(index)?, number(order)?)));
+        }
+        if let Some(delayed) = name.strip_prefix(['d', 'e']) {
+            let (index, rest) = delayed.split_once('.').ok_or(())?;
+            let (order, by) = rest.split_once('.').ok_or(())?;
+            let number = |text: &str| text.parse().map_err(|_| ());
+            let by = if name.starts_with('d') {
+                let bits = u64::from_str_radix(by, 16).map_err(|_| ())?;
+                Delay::Number(Number::new(f64::from_bits(bits)))
+            } else {
+                Delay::Parameter(number(by)?)
+            };
+            return Ok(Variable(Symbol::Delayed(number(index)?, number(order)?, by)));
         }
         let index = name.get(1..).ok_or(())?.parse().map_err(|_| ())?;
         match name.as_bytes().first() {

@@ -35,6 +35,7 @@ pub use text::{Style, significant, uncertain};
 
 use crate::expr::{Expr, Graph, Names, Place, Symbol, System};
 use crate::fit::Law;
+use crate::fit::own_values::is_said;
 use check::Samples;
 use egg::RecExpr;
 use lang::Math;
@@ -300,7 +301,11 @@ impl SpecifiedPart {
         for &(k, term) in &self.terms {
             let term = atoms.expand(graph, term, &number, &mut cache);
             let value = law.coefficients().get(k).copied().unwrap_or(0.0);
-            form.add_scaled(&term, &Quantity::fitted(k, value));
+            // What a constraint says is not learned.
+            let said = law.support().get(k).is_some_and(|&id| is_said(law.system(), id));
+            let coefficient =
+                if said { Quantity::known(value) } else { Quantity::fitted(k, value) };
+            form.add_scaled(&term, &coefficient);
         }
         if self.energy {
             // A constant in an energy has no effect.
@@ -405,7 +410,7 @@ impl Simplified {
             Symbol::Momentum(i) => at(degrees + i),
             Symbol::Time => state.get(2 * degrees).copied().unwrap_or(0.0),
             // An input is at rest where nothing is said about it.
-            Symbol::Input(..) => 0.0,
+            Symbol::Input(..) | Symbol::Delayed(..) => 0.0,
             Symbol::Coefficient(j) => {
                 self.numbers.get(j).map_or(f64::NAN, DerivedNumber::printed_value)
             }

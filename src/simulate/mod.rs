@@ -3,11 +3,13 @@
 
 mod draw;
 mod driven;
+mod held;
+mod inputs;
 mod instrument;
 mod trajectory;
 
 pub use draw::{InitialDistribution, Interval, draw};
-pub use driven::InputRecord;
+pub use inputs::InputRecord;
 pub use instrument::{NoiseLevel, add_noise, consecutive_pairs, drop_samples};
 pub use trajectory::{
     EnergyConservation, IntegrationRecord, IntegratorChoice, Simulator, Trajectories,

@@ -1,6 +1,6 @@
 //! Trajectories of a law, integrated as accurately as double precision allows.
 
-use super::driven::{InputRecord, missing};
+use super::inputs::{InputRecord, missing};
 use crate::data::{Clock, Dataset, Run};
 use crate::dynamics::{
     Batch, Dynamics, Scratch, StepChoice, Stop, advance, choose_steps, observe, taylor,
@@ -152,6 +152,7 @@ impl<'a> Simulator<'a> {
         starts: &[Vec<f64>],
         times: &[f64],
     ) -> Result<Trajectories> {
+        self.require_held(starts)?;
         let (states, integration) = match integrator {
             _ if !self.system.inputs.is_empty() => {
                 let record = self.driver.as_ref().ok_or_else(|| missing(self.system))?;
@@ -164,7 +165,7 @@ impl<'a> Simulator<'a> {
         let before = self.energies(starts, times.first().copied().unwrap_or(0.0));
         let mut strayed: f64 = 0.0;
         let mut observed: Vec<Vec<Vec<f64>>> = vec![Vec::with_capacity(times.len()); starts.len()];
-        let rows = 2 * self.dynamics.degrees();
+        let rows = self.dynamics.observables();
         let mut seen = vec![0.0; rows * starts.len()];
         let mut energy = vec![0.0; starts.len()];
         let mut batch = Batch::new(self.dynamics.degrees(), starts.len());
@@ -183,6 +184,13 @@ impl<'a> Simulator<'a> {
                 &mut scratch,
             );
             self.dynamics.energy(&batch, &self.theta, &mut energy, &mut scratch);
+            // An angle is read as its instrument gives it: whole turns are lost.
+            for row in 0..rows {
+                let Some(period) = self.dynamics.period(row) else { continue };
+                for x in &mut seen[row * starts.len()..(row + 1) * starts.len()] {
+                    *x -= period * (*x / period).round();
+                }
+            }
             for lane in 0..starts.len() {
                 observed[lane].push((0..rows).map(|row| seen[row * starts.len() + lane]).collect());
                 strayed = strayed.max((energy[lane] - before[lane]).abs());

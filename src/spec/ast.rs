@@ -63,6 +63,8 @@ pub enum StatementKind {
     },
     /// `sensor theta += ... for i in 1..5`
     Sensor { observable: Expression, value: Expression, comprehension: Option<Comprehension> },
+    /// `measure r [m] = sqrt(x^2 + y^2)`: what a column shows.
+    Measure { name: Word, unit: Option<UnitText>, value: Expression, wrapped: bool },
     /// `body star = (x, y)`
     Body { name: Word, coordinates: Vec<Expression> },
     /// `effect harmonic_drive(theta; frequency = 2)`
@@ -295,6 +297,18 @@ impl Expression {
             ExpressionKind::Span(items) => items.iter().map(|item| &item.body).collect(),
         }
     }
+
+    /// Whether a variable, family or function of these names stands in it.
+    pub fn mentions(&self, names: &[&str]) -> bool {
+        let named = match &self.kind {
+            ExpressionKind::Name(name)
+            | ExpressionKind::Index { name, .. }
+            | ExpressionKind::Slice { name, .. }
+            | ExpressionKind::Call { name, .. } => names.contains(&name.as_str()),
+            _ => false,
+        };
+        named || self.parts().into_iter().any(|part| part.mentions(names))
+    }
 }
 
 /// Sums and products are flat, so that a long one is not a deep one.
@@ -335,12 +349,14 @@ pub enum ExpressionKind {
     Span(Vec<Item>),
 }
 
-/// One item of a function space: `k: q[i]^2 for i in 1..5`.
+/// One item of a function space: `k: q[i]^2 for i in 1..5 alike`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Item {
     pub name: Option<Word>,
     pub body: Expression,
     pub comprehension: Option<Comprehension>,
+    /// Whether all that the comprehension makes has one coefficient.
+    pub alike: bool,
     pub site: Site,
 }
 

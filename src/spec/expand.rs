@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use super::ast::*;
 use super::bodies::Named;
 use super::effects::{self, ActsOn, EffectRow, Misfit, Scene};
+use super::gain;
 use super::parse::template;
 use super::resolve::{Resolved, resolve};
 use crate::diagnostic::{Diagnostic, Span};
@@ -155,6 +156,12 @@ impl<'a> Expander<'a, '_> {
                 return None;
             }
         }
+        if row.whole
+            && let [coordinate, input] = arguments.as_slice()
+        {
+            let (on, name) = ((coordinate.as_str(), input.as_str()), row.term_name(&arguments));
+            out.extend(gain::tie(&self.resolved, on, &name, Site(asked.span)));
+        }
         let label = row.label(&arguments);
         out.iter_mut().for_each(|statement| statement.effect = Some(label.clone()));
         Some(out)
@@ -205,6 +212,9 @@ impl<'a> Expander<'a, '_> {
             ActsOn::BodyPair => {
                 there.chunks(2).take(2).map(|pair| format!("({})", pair.join(", "))).collect()
             }
+            ActsOn::Driven => {
+                there.iter().take(1).chain(self.scene.inputs.iter().take(1)).cloned().collect()
+            }
             _ => there.iter().take(row.on.count()).cloned().collect(),
         };
         let hint = format!("write for example `{}`", row.statement(&example, &[]));
@@ -254,6 +264,10 @@ impl<'a> Expander<'a, '_> {
                 format!("`{name}` is not a body"),
             )
             .label(format!("`{}` takes {}", row.name, row.on.text())),
+            Misfit::NoInput(name) => {
+                Diagnostic::error(place(&name), format!("`{name}` cannot stand here"))
+                    .label(format!("`{}` takes {}", row.name, row.on.text()))
+            }
         };
         self.report(diagnostic.hint(hint));
         None
@@ -268,6 +282,18 @@ impl<'a> Expander<'a, '_> {
         hint: &str,
     ) -> Option<Vec<String>> {
         let resolved = &self.resolved;
+        if let ExpressionKind::Name(name) = &variable.kind
+            && row.on.observes()
+            && resolved.measures.iter().any(|measure| measure.name.text == *name)
+        {
+            return Some(vec![name.clone()]);
+        }
+        if let ExpressionKind::Name(name) = &variable.kind
+            && row.on == ActsOn::Driven
+            && self.scene.inputs.contains(name)
+        {
+            return Some(vec![name.clone()]);
+        }
         let (role, at) = match resolved.named(variable) {
             Err(diagnostic) => {
                 self.report(diagnostic);
@@ -329,6 +355,13 @@ impl<'a> Expander<'a, '_> {
             |list: &[super::resolve::Declared]| Some(list.get(at?)?.unit.as_ref()?.text.clone());
         let (q, p) = (unit(&resolved.coordinates), unit(&resolved.momenta));
         let time = resolved.time.and_then(|(_, unit)| unit).map(|unit| unit.text.clone());
+        let input = match (row.on, arguments) {
+            (ActsOn::Driven, [_, name]) => {
+                resolved.inputs.iter().find(|input| input.name.text == *name)
+            }
+            _ => None,
+        };
+        let input = input.and_then(|input| input.unit).map(|unit| unit.text.clone());
         for (i, setting) in asked.settings.iter().enumerate() {
             let name = setting.name.text.as_str();
             let twice = asked.settings.iter().take(i).find(|other| other.name.text == name);
@@ -397,7 +430,8 @@ impl<'a> Expander<'a, '_> {
                 return None;
             }
             let site = Site(asked.span);
-            let text = scan.by.unit_text(q.as_deref(), p.as_deref(), time.as_deref());
+            let text =
+                scan.by.unit_text(q.as_deref(), p.as_deref(), time.as_deref(), input.as_deref());
             // A bare number is in the units of the variables.
             let start = match text {
                 Some(text) if bare(&setting.value) => Expression {
@@ -466,7 +500,7 @@ impl Resolved<'_> {
             coordinates: names(&self.coordinates),
             momenta: names(&self.momenta),
             velocities: self.has_lagrangian(),
-            observables: [names(&self.coordinates), names(second)].concat(),
+            observables: [names(&self.coordinates), names(second), self.measure_names()].concat(),
             time: self.time_name(),
             inputs: self.inputs.iter().map(|input| input.name.text.clone()).collect(),
             bodies: self.declared_bodies(),

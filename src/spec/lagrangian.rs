@@ -18,7 +18,7 @@ pub(crate) struct Definition {
     /// A velocity stands in it.
     names_velocity: bool,
     /// What moves stands in it.
-    moves: bool,
+    pub(super) moves: bool,
 }
 
 impl Resolved<'_> {
@@ -35,7 +35,7 @@ impl Resolved<'_> {
     }
 
     /// The definition that a name stands for.
-    fn definition(&self, name: &str) -> Option<Definition> {
+    pub(super) fn definition(&self, name: &str) -> Option<Definition> {
         match self.names.get(name) {
             Some(&(Meaning::Constant(i), _)) => self.definitions.get(i).copied().flatten(),
             _ => None,

@@ -6,6 +6,8 @@ pub mod edit;
 pub mod effects;
 mod expand;
 pub mod families;
+mod gain;
+mod holonomic;
 mod integer;
 mod lagrangian;
 mod parse;

@@ -86,6 +86,11 @@ impl Display for Statement {
                 write!(f, "sensor {observable} += {value}")?;
                 comprehension.iter().try_for_each(|comprehension| write!(f, " {comprehension}"))
             }
+            StatementKind::Measure { name, unit, value, wrapped } => {
+                write!(f, "measure {}", name.text)?;
+                bracket(f, unit)?;
+                write!(f, " = {value}{}", if *wrapped { " { wrapped }" } else { "" })
+            }
             StatementKind::Body { name, coordinates } => {
                 write!(f, "body {} = (", name.text)?;
                 list(f, coordinates, ", ")?;
@@ -214,7 +219,8 @@ impl Display for Item {
     fn fmt(&self, f: &mut Formatter) -> fmt::Result {
         self.name.iter().try_for_each(|name| write!(f, "{}: ", name.text))?;
         self.body.fmt(f)?;
-        self.comprehension.iter().try_for_each(|comprehension| write!(f, " {comprehension}"))
+        self.comprehension.iter().try_for_each(|comprehension| write!(f, " {comprehension}"))?;
+        if self.alike { f.write_str(" alike") } else { Ok(()) }
     }
 }
 

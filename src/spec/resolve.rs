@@ -37,6 +37,8 @@ pub(crate) enum Meaning {
     Input(usize),
     Constant(usize),
     Parameter(usize),
+    /// What a column shows, at this place in the list.
+    Measure(usize),
     /// The body at this place in the list.
     Body(usize),
 }
@@ -68,6 +70,16 @@ pub(crate) struct Sensor<'a> {
     pub comprehension: Option<&'a Comprehension>,
     /// The effect that it came with.
     pub effect: Option<&'a str>,
+}
+
+/// A statement `measure r [m] = sqrt(x^2 + y^2)`.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Measure<'a> {
+    pub name: &'a Word,
+    pub unit: Option<&'a UnitText>,
+    pub value: &'a Expression,
+    /// Whole turns of it are lost.
+    pub wrapped: bool,
 }
 
 /// A statement `input u [N] { linear }`.
@@ -110,6 +122,14 @@ pub(crate) struct Constraint<'a> {
     pub span: Span,
 }
 
+/// A statement `constrain x^2 + y^2 == l^2`: an equation between coordinates.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Holonomic<'a> {
+    pub left: &'a Expression,
+    pub right: &'a Expression,
+    pub span: Span,
+}
+
 /// A statement `body star = (x, y)`.
 #[derive(Debug, Clone)]
 pub(crate) struct BodyOf<'a> {
@@ -141,6 +161,7 @@ pub(crate) struct Resolved<'a> {
     pub energies: Vec<Energy<'a>>,
     pub forces: Vec<Force<'a>>,
     pub sensors: Vec<Sensor<'a>>,
+    pub measures: Vec<Measure<'a>>,
     pub constraints: Vec<Constraint<'a>>,
     pub bodies: Vec<BodyOf<'a>>,
     pub names: HashMap<String, (Meaning, Span)>,
@@ -166,6 +187,7 @@ pub(crate) fn resolve<'a>(spec: &'a SyntaxTree, diagnostics: &mut Vec<Diagnostic
         "constant",
         "let",
         "param",
+        "measure",
         "body",
     ];
     // A misspelt first word may have been any of them.
@@ -282,6 +304,12 @@ impl<'a> Resolver<'a, '_> {
             StatementKind::Sensor { observable, value, comprehension } => {
                 let comprehension = comprehension.as_ref();
                 self.out.sensors.push(Sensor { observable, value, comprehension, effect });
+            }
+            StatementKind::Measure { name, unit, value, wrapped } => {
+                let meaning = Meaning::Measure(self.out.measures.len());
+                self.name(&name.text, meaning, name.site.0);
+                let (unit, wrapped) = (unit.as_ref(), *wrapped);
+                self.out.measures.push(Measure { name, unit, value, wrapped });
             }
             StatementKind::Body { name, .. } => {
                 let meaning = Meaning::Body(self.out.bodies.len());
@@ -536,6 +564,11 @@ impl Resolved<'_> {
             (*meaning == Meaning::Time).then(|| name.clone())
         };
         self.names.iter().find_map(named).unwrap_or_else(|| "t".to_string())
+    }
+
+    /// What columns show that is no part of the state.
+    pub(crate) fn measure_names(&self) -> Vec<String> {
+        self.measures.iter().map(|measure| measure.name.text.clone()).collect()
     }
 
     /// The names that a mistyped one may have meant.

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use super::jobs::JobRequest;
 use super::{Studio, archive, files, name, wire};
 use crate::error::{Error, ErrorKind, Result};
-use crate::export::{EXPORTERS, Output};
+use crate::export::Output;
 use crate::expr;
 use crate::project::Spec;
 use crate::project::page::with_page;
@@ -292,11 +292,6 @@ fn plots(studio: &Studio, query: &str, _: &[u8]) -> Result<Reply> {
 /// The name of the spec's file without its end, in letters that a header takes.
 fn stem(studio: &Studio) -> String {
     studio.path.file_stem().map_or("model".into(), |stem| escaped_id(&stem.to_string_lossy()))
-}
-
-/// Names of the formats that the page offers.
-pub(super) fn formats() -> Vec<&'static str> {
-    EXPORTERS.iter().map(|row| row.name).collect()
 }
 
 #[cfg(test)]

@@ -4,10 +4,10 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::files;
-use super::routes::formats;
 use crate::diagnose::diagnosis::{Diagnosis, RankedEffect};
 use crate::diagnostic::Diagnostic;
 use crate::error::Error;
+use crate::export::EXPORTERS;
 use crate::project::ledger::{BY_HAND, HeldOutErrors, Ledger, date};
 use crate::report::html::{self, Page};
 use crate::report::plots::{Medium, PLOTS, Plot, PlotData, draw, number};
@@ -93,7 +93,8 @@ pub(super) fn diagnostics(all: &[Diagnostic], text: &str) -> Value {
 
 /// The spec as it lies in its folder.
 pub(super) fn spec(name: &str, text: &str) -> Value {
-    json!({ "name": name, "text": text, "hash": files::hash(text), "formats": formats() })
+    let formats: Vec<&str> = EXPORTERS.iter().map(|row| row.name).collect();
+    json!({ "name": name, "text": text, "hash": files::hash(text), "formats": formats })
 }
 
 /// The law and what is said about it, in HTML.

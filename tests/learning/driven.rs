@@ -3,10 +3,14 @@
 use std::fs;
 
 use leverrier::internals::data::{Clock, Dataset, Interpolation, Run};
+use leverrier::internals::diagnose::diagnosis::Verdict;
+use leverrier::internals::diagnose::discover::{DiscoveryOptions, discover};
 use leverrier::internals::expr::build;
 use leverrier::internals::fit::{Options, Silent, fit};
 use leverrier::internals::simulate::{InputRecord, NoiseLevel, Simulator, add_noise};
 use leverrier::{Data, ErrorKind, Spec};
+
+use crate::paper::figures::printed;
 
 /// Several tones, as a shaker plays them; run by run at other phases.
 fn tones(run: usize, t: f64) -> f64 {
@@ -183,4 +187,89 @@ fn numbers_in_memory_carry_their_inputs() {
     assert!(motion.column("x").unwrap()[1].is_finite());
     assert!(law.predict(&[0.0, 0.0], &[0.0, 1.0]).is_err());
     assert_eq!(Interpolation::by_keyword("hold"), Some(Interpolation::Hold));
+}
+
+/// Positions of a shaken rig, with noise in parts of their spread.
+fn seen_rig(force: &str, between: &str, noise: f64) -> Dataset {
+    let truth = format!(
+        "coordinates x; momenta p; input u {{ {between} }}
+T = p^2/2; V = 0.8*x^2; force x += {force} - 0.3*p"
+    );
+    let mut data = shaken(&truth, 0.6, 4, (400, 0.1));
+    add_noise(&mut data, &[NoiseLevel::Relative(noise), NoiseLevel::Absolute(0.0)], 4).unwrap();
+    data.runs.iter_mut().for_each(|run| run.values[1].fill(f64::NAN));
+    data
+}
+
+#[test]
+fn a_delay_is_learned() {
+    for between in ["linear", "spline", "band_limited"] {
+        let data = seen_rig("1.4*delayed(u, 0.23)", between, 0.0);
+        let space = format!(
+            "coordinates x; momenta p; input u {{ {between} }}; param d = 0.1 in 0..2
+T = p^2/2; V = span{{ x^2 }}; force x += span{{ gain: delayed(u, d), drag: -p }}"
+        );
+        let system = build("space", &space).unwrap().system;
+        let model = fit(&system, &data, &Options::default(), &Silent).unwrap();
+        let delay = model.parameters[0].value;
+        assert!((delay - 0.23).abs() < 1e-5, "{between}: {delay}");
+        for (term, expected) in model.terms.iter().zip([0.8, 1.4, 0.3]) {
+            assert!((term.coefficient - expected).abs() < 1e-4, "{between}: {term:?}");
+        }
+    }
+}
+
+#[test]
+fn what_a_drive_does_to_its_command_is_named() {
+    let whole = "V = span{ x^2 }";
+    // The force that there is, what is known, what is told of it, and its numbers: of all that goes
+    // through a drive, the gain is known.
+    let cases: [(&str, &str, &str, f64); 6] = [
+        ("delayed(u, 0.27)", whole, "input_delay(x, u)", 0.27),
+        ("u + (abs(u - 0.3) - abs(u + 0.3))/2", whole, "input_dead_zone(x, u)", 0.3),
+        ("(abs(u + 1) - abs(u - 1))/2", whole, "input_saturation(x, u)", 1.0),
+        // Where the stiffness is not known, a mass does as well.
+        ("0.8*u", "V = 0.8*x^2", "input_gain(x, u)", -0.2),
+        ("u + 0.15*abs(u)", whole, "input_asymmetry(x, u)", 0.15),
+        ("u + 0.2", whole, "constant_force(x)", 0.2),
+    ];
+    for (force, potential, name, number) in cases {
+        let text = format!(
+            "coordinates x; momenta p; input u {{ spline }}
+T = p^2/2; {potential}; force x += u + span{{ drag: -p }}"
+        );
+        let data = seen_rig(force, "spline", 0.01).split_held_out(0.25, 0);
+        let (training, held_out) = (&data.training, &data.held_out);
+        let options = DiscoveryOptions::default();
+        let found = discover("rig", &text, training, held_out, &options, &Silent).unwrap();
+        assert_eq!(found.verdict, Verdict::NothingMissing, "{force}: {}", found.stop);
+        let [step] = found.steps.as_slice() else { panic!("{force}: {:?}", found.steps) };
+        assert_eq!(step.effect, name, "{force}");
+        assert_eq!(step.coefficient.len(), 1, "{force}: {step:?}");
+        let off = (step.coefficient[0] - number).abs();
+        assert!(off < 0.04 * number.abs(), "{force}: {step:?}");
+        assert!(off < 4.5 * step.standard_error[0], "{force}: {step:?}");
+        // A fit of what was written has it still, and writes no number that adds up to nothing.
+        let again = build("found", &found.text).unwrap_or_else(|error| panic!("{error}"));
+        let model = fit(&again.system, training, &Options::default(), &Silent).unwrap();
+        let own = name.split('(').next().unwrap_or_default();
+        let is_own = |term: &str| term.starts_with(own);
+        assert!(model.terms.iter().any(|term| term.name.as_deref().is_some_and(is_own)), "{name}");
+        let equations = printed(&again.system, &model, training);
+        assert!(!equations.contains(" 0 u"), "{equations}");
+    }
+}
+
+#[test]
+fn nothing_is_told_of_a_drive_that_does_what_it_says() {
+    let text = "coordinates x; momenta p; input u { spline }
+T = p^2/2; V = span{ x^2 }; force x += u + span{ drag: -p }";
+    for (force, expected) in [("u", None), ("u - 0.12*sign(p)", Some("coulomb_friction(x)"))] {
+        let data = seen_rig(force, "spline", 0.01).split_held_out(0.25, 0);
+        let (training, held_out) = (&data.training, &data.held_out);
+        let options = DiscoveryOptions::default();
+        let found = discover("rig", text, training, held_out, &options, &Silent).unwrap();
+        let told: Vec<&str> = found.steps.iter().map(|step| step.effect.as_str()).collect();
+        assert_eq!(told, expected.into_iter().collect::<Vec<_>>(), "{force}: {}", found.stop);
+    }
 }

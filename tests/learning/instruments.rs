@@ -1,6 +1,5 @@
 //! Noise as instruments make it: correlated from sample to sample, and rounded.
 
-use leverrier::internals::diagnose::Options;
 use leverrier::internals::diagnose::diagnosis::Verdict;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -36,17 +35,15 @@ fn names(case: &Case) -> (Verdict, Vec<String>, String) {
 #[test]
 fn correlated_noise_is_nothing_missing_and_hides_no_effect() {
     let drag = "force q += -0.05*p";
-    let mut options = Options::default();
-    options.tuning.autocorrelation.largest = 4.0;
     let mut within = 0;
     for seed in 0..4 {
         for memory in [0.5, 0.8] {
             let case = read_by(&PENDULUM, "", seed, correlated(memory));
-            let found = case.diagnosis_by(&options);
+            let found = case.diagnosis();
             let (verdict, reason) = (found.verdict, found.reason);
             assert_eq!(verdict, Verdict::NothingMissing, "{seed} {memory} {reason}");
             let case = read_by(&PENDULUM, drag, seed, correlated(memory));
-            let found = case.diagnosis_by(&options);
+            let found = case.diagnosis();
             let story: Vec<&str> = found.story.iter().map(|one| one.effect.as_str()).collect();
             assert_eq!(story, ["viscous_drag(q)"], "{seed} {memory} {}", found.reason);
             let (value, error) = (found.story[0].coefficient[0], found.story[0].standard_error[0]);

@@ -138,3 +138,39 @@ fn a_coordinate_that_nobody_measures_is_told_as_one() {
 
 /// The spec of one who sees only the first coordinate of the plane.
 const LINE_OF_X: &str = "coordinates x\nmomenta px\nT = px^2/2\nV = x^2/2\n";
+
+#[test]
+fn drives_along_two_coordinates_are_no_pieces_of_one_curve() {
+    let known = "T = (px^2 + py^2)/2\nV = (x^2 + 1.7*y^2)/2\n";
+    let truth = "T = (px^2 + py^2)/2\nV = (x^2 + 1.7*y^2)/2\n\
+                 force x += 0.1*cos(0.6*t)\nforce y += 0.12*cos(2.1*t)\n";
+    let (verdict, members, reason) = story(&base(PLANE, truth, known, PLANE_STARTS), 0.01, 3);
+    assert_eq!(verdict, Verdict::Missing, "{reason}");
+    let mut found: Vec<(&str, f64)> = Vec::new();
+    for (name, numbers) in &members {
+        let [cosine, sine, frequency] = numbers[..] else { panic!("{name}: {numbers:?}") };
+        let size = if name == "harmonic_drive(x)" { 0.1 } else { 0.12 };
+        assert!((cosine.hypot(sine) / size - 1.0).abs() < 0.05, "{name}: {numbers:?}");
+        found.push((name, frequency));
+    }
+    found.sort_by(|a, b| a.0.cmp(b.0));
+    let [("harmonic_drive(x)", first), ("harmonic_drive(y)", second)] = found[..] else {
+        panic!("{found:?}")
+    };
+    assert!((first - 0.6).abs() < 0.01 && (second - 2.1).abs() < 0.01, "{found:?}");
+}
+
+/// The bond of two atoms before the spec of a spring: contacts and images together, or two composed
+/// terms that nearly cancel, bend to its force over whole runs, and are none of it.
+#[test]
+#[ignore = "long"]
+fn a_curve_that_no_effect_has_is_not_pieced_together() {
+    let known = "T = p^2/2\nV = 28.57*(q - 1.1225)^2\n";
+    let bond = Base {
+        step: 0.03,
+        ..base(LINE, "T = p^2/2\nV = 4*(1/q^12 - 1/q^6)\n", known, &[(1.05, 1.2), (-0.6, 0.6)])
+    };
+    let (verdict, members, reason) = story(&bond, 0.005, 1);
+    assert_eq!(verdict, Verdict::Unexplained, "{members:?}: {reason}");
+    assert!(members.is_empty(), "{members:?}");
+}

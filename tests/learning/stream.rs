@@ -12,7 +12,7 @@ use leverrier::internals::eval::Backend;
 use leverrier::internals::expr::{Compiled, build};
 use leverrier::internals::fit::pass::{Problem, Sums, settle_and_linearise};
 use leverrier::internals::fit::segments::typical_step;
-use leverrier::internals::fit::stream::Stream;
+use leverrier::internals::fit::stream::{Stream, Whole};
 use leverrier::internals::fit::train::Training;
 use leverrier::internals::fit::{Model, Monitor, Options, Silent, fit, fit_stream};
 use leverrier::internals::simulate::{
@@ -22,14 +22,14 @@ use nalgebra::DMatrix;
 
 const HENON_HEILES: &str = "coordinates q[1..2]\nmomenta p[1..2]\n\
     T = (p[1]^2 + p[2]^2)/2\nV = (q[1]^2 + q[2]^2)/2 + q[1]^2*q[2] - q[2]^3/3\n";
-const SPACE: &str = "coordinates q[1..2]\nmomenta p[1..2]\n\
+pub(super) const SPACE: &str = "coordinates q[1..2]\nmomenta p[1..2]\n\
     T = span{ tensor(p; 3) }\nV = span{ tensor(q; 3) }\n";
-const SWING: &str = "coordinates q\nmomenta p\nT = p^2/2\nV = -1.3*cos(q)\n";
-const SWING_SPACE: &str =
+pub(super) const SWING: &str = "coordinates q\nmomenta p\nT = p^2/2\nV = -1.3*cos(q)\n";
+pub(super) const SWING_SPACE: &str =
     "coordinates q\nmomenta p\nT = span{ p^2 }\nV = span{ poly(q; 4), cos(q) }\n";
 
 /// Ten trajectories of a law.
-fn trajectories(law: &str, samples: usize, dt: f64, sigma: f64) -> Dataset {
+pub(super) fn trajectories(law: &str, samples: usize, dt: f64, sigma: f64) -> Dataset {
     let law = build("law", law).expect("a sound spec");
     let degrees = law.system.degrees();
     let times: Vec<f64> = (0..samples).map(|i| i as f64 * dt).collect();
@@ -50,7 +50,7 @@ fn trajectories(law: &str, samples: usize, dt: f64, sigma: f64) -> Dataset {
     data
 }
 
-fn pairs(sigma: f64) -> Dataset {
+pub(super) fn pairs(sigma: f64) -> Dataset {
     let mut data = consecutive_pairs(&trajectories(HENON_HEILES, 401, 0.1, 0.0));
     if sigma > 0.0 {
         add_noise(&mut data, &[NoiseLevel::Absolute(sigma); 4], 1).expect("positive");
@@ -130,7 +130,9 @@ fn a_pass_over_chunks_leaves_what_a_pass_in_memory_leaves() {
         for samples in [600, 5000] {
             let source = InMemory::new(&data, samples);
             let found = survey(&source, 2000, 3, &|_| true).expect("sound data");
-            let stream = Stream::new(&source, &found, typical_step(&data), &Silent);
+            let whole_source = Whole(&source);
+            let typical = typical_step(&data);
+            let stream = Stream::new(&whole_source, &space.system, &found, typical, &Silent);
             let streamed = Problem { stream: Some(&stream), ..held };
             let (other, others) = left(&streamed, &training, &whole);
             let scale = gram.amax();

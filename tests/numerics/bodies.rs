@@ -20,6 +20,7 @@ fn energy_between(name: &str, r: f64, a: f64) -> Option<f64> {
         "elastic_rod_between" => 0.5 * (r - a).powi(2),
         "logarithm_between" => r.ln(),
         "power_law_between" => r.powf(a) / a,
+        "screening_between" => -(-r / a).exp_m1() / r,
         "yukawa_between" => -(-r / a).exp() / r,
         _ => return None,
     })

@@ -1,6 +1,6 @@
 //! Systems that an input drives, against closed forms.
 
-use leverrier::internals::data::{Clock, Dataset, Interpolation, MeasuredInput, Run};
+use leverrier::internals::data::{Clock, Dataset, Interpolation, MeasuredInput, Packed, Run};
 use leverrier::internals::dynamics::{
     Batch, Drive, Dynamics, Method, Scratch, advance, observe, pull_back,
 };
@@ -200,5 +200,91 @@ fn a_spline_through_a_cubic_is_that_cubic() {
     for (time, state) in motion.times.iter().zip(&motion.states[0]) {
         let expected = solution([0.7, -0.2], *time);
         assert!((state[0] - expected[0]).abs() + (state[1] - expected[1]).abs() < 1e-11);
+    }
+}
+
+/// A record of an input that is this cubic in time, from 0 to 6.
+fn cubic_record(system: &System) -> InputRecord {
+    let times: Vec<f64> = (0..=60).map(|i| 0.1 * f64::from(i)).collect();
+    let values: Vec<f64> = times.iter().map(|t| polynomial(&CUBIC, *t)).collect();
+    let input = &system.measured_inputs()[0];
+    let run = Run {
+        name: "1".to_string(),
+        lines: vec![0; times.len()],
+        values: Vec::new(),
+        clock: Clock::default(),
+        inputs: input.columns(&times, &values),
+        groups: Vec::new(),
+        times,
+    };
+    let data = Dataset { observables: Vec::new(), runs: vec![run], inputs: vec![input.clone()] };
+    InputRecord::of_runs(system, &data).unwrap().remove(0)
+}
+
+#[test]
+fn a_delayed_input_acts_later() {
+    let system = system(
+        "coordinates x; momenta p; input u { spline }
+T = p^2/2\nV = x^2/2\nforce x += delayed(u, 0.37)",
+    );
+    // The motion is that of an input that is not delayed, by a clock that is late.
+    let (from, late) = (1.0, 0.37);
+    let begun = solution([0.7, -0.2], from - late);
+    let times: Vec<f64> = (0..=40).map(|i| from + 0.1 * f64::from(i)).collect();
+    let simulator = Simulator::known(&system).driven_by(cubic_record(&system));
+    let made = simulator.trajectories(&[begun.to_vec()], &times).unwrap().dataset(&system);
+    for (k, time) in times.iter().enumerate() {
+        let expected = solution([0.7, -0.2], time - late);
+        for (row, expected) in made.runs[0].values.iter().zip(expected) {
+            assert!((row[k] - expected).abs() < 1e-8, "{time}: {} {expected}", row[k]);
+        }
+    }
+}
+
+#[test]
+fn tangents_know_how_late_an_input_is() {
+    let text = "coordinates x; momenta p; input u { spline }\nparam d = 0.4
+T = p^2/2\nV = span{ x^2 }\nforce x += delayed(u, d)^2 + span{ rate(delayed(u, d))*x }
+sensor x += span{ delayed(u, d) }";
+    let system = system(text);
+    let dynamics = Dynamics::whole(&system, Backend::default());
+    let theta = [0.3, 0.2, -0.5, 0.41];
+    assert_eq!(dynamics.unknowns(), theta.len());
+    let times: Vec<f64> = (0..=60).map(|i| 0.1 * f64::from(i)).collect();
+    let values: Vec<f64> = times.iter().map(|t| (1.3 * t).sin()).collect();
+    let input = &system.measured_inputs()[0];
+    let inputs = std::slice::from_ref(input);
+    let packed = Packed::run_of(times.clone(), input.columns(&times, &values)).driven_by(0, inputs);
+    let (columns, h) = (2 + theta.len(), 1e-5);
+    let method = Method::by_name("gauss-legendre-6").unwrap();
+    let run = |theta: &[f64], tangents: bool| {
+        let mut batch = if tangents { Batch::with_tangents(1, 1, 4) } else { Batch::new(1, 1) };
+        batch.set(0, times[20], &[0.7, -0.2]);
+        batch.drive = Drive::new(1, 4, 1);
+        batch.drive.stand(packed.record(), 0, 0, times[20]);
+        let scratch = &mut Scratch::new();
+        for _ in 0..3 {
+            advance(&dynamics, method, &mut batch, &[0.25], 5, theta, scratch);
+        }
+        let mut seen = vec![0.0; 2];
+        let mut tangent = vec![0.0; batch.tangent.len()];
+        let out = tangents.then_some(&mut tangent[..]);
+        observe(&dynamics, Observed::Momenta, &batch, theta, &mut seen, out, scratch);
+        (seen, tangent)
+    };
+    let (_, tangent) = run(&theta, true);
+    for k in 0..theta.len() {
+        let moved = |by: f64| {
+            let mut theta = theta;
+            theta[k] += by;
+            run(&theta, false).0
+        };
+        let (up, down) = (moved(h), moved(-h));
+        for row in 0..2 {
+            let (slope, found) =
+                ((up[row] - down[row]) / (2.0 * h), tangent[row * columns + 2 + k]);
+            assert!((slope - found).abs() < 1e-6, "{row} {k}: {slope} {found}");
+            assert!(k < 3 || slope.abs() > 1e-3, "{slope}");
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use leverrier::internals::expr::{Compiled, Place, Symbol, System, build, instances};
+use leverrier::internals::expr::{Compiled, Delay, Place, Symbol, System, build, instances};
 use leverrier::internals::spec::effects::{self, ActsOn, EffectKind, EffectRow, ScanBy, catalogue};
 use leverrier::internals::spec::spec;
 
@@ -33,6 +33,10 @@ fn polar(z: &[f64; 5], parts: fn(f64, f64, f64) -> [f64; 2]) -> [f64; 2] {
     let [radial, turning] = parts(z[0].hypot(z[1]), along, across);
     [cosine * radial - sine * turning, sine * radial + cosine * turning]
 }
+
+/// What the input is, and its rate before.
+const INPUT: f64 = 1.8;
+const RATE: f64 = 0.5;
 
 const NONE: Closed = |_, _| 0.0;
 
@@ -87,6 +91,7 @@ fn closed_form(name: &str) -> Option<At> {
         "central_logarithm" => H(|z, _| z[0].hypot(z[1]).ln()),
         "central_power" => H(|z, a| z[0].hypot(z[1]).powf(a[0]) / a[0]),
         "central_yukawa" => H(|z, a| -1.0 / (z[0].hypot(z[1]) * (z[0].hypot(z[1]) / a[0]).exp())),
+        "screening_of_centre" => H(|z, a| -(-z[0].hypot(z[1]) / a[0]).exp_m1() / z[0].hypot(z[1])),
         "central_inverse" => H(|z, _| -1.0 / z[0].hypot(z[1])),
         "central_inverse_square" => H(|z, _| -z[0].hypot(z[1]).powi(-2)),
         "softened_centre" => H(|z, a| -1.0 / z[0].hypot(z[1]).hypot(a[0])),
@@ -130,6 +135,11 @@ fn closed_form(name: &str) -> Option<At> {
         // The logistic function.
         "step_force" => F(|z, a| 1.0 / (1.0 + (-2.0 * (z[4] - a[0]) / a[1]).exp()), NONE),
         "decaying_force" => F(|z, a| 1.0 / (a[0] * z[4]).exp(), NONE),
+        "input_gain" => F(|_, _| INPUT, NONE),
+        "input_asymmetry" => F(|_, _| INPUT, NONE),
+        "input_dead_zone" => F(|_, a| -INPUT.min(a[0]), NONE),
+        "input_saturation" => F(|_, a| -(INPUT - a[0]).max(0.0), NONE),
+        "input_delay" => F(|_, a| -RATE * a[0], NONE),
         "sensor_offset" => S(|_, _| 1.0),
         "sensor_scale" => S(|z, _| z[0]),
         "sensor_drift" => S(|z, _| z[4]),
@@ -158,7 +168,9 @@ fn total(compiled: &Compiled, wanted: impl Fn(Place) -> bool, z: &[f64; 5], a: &
         Symbol::Momentum(i) => z[2 + i],
         Symbol::Velocity(_) => f64::NAN,
         Symbol::Time => z[4],
-        Symbol::Input(i, order) => 0.8 - 0.5 * i as f64 + 0.3 * order as f64,
+        Symbol::Input(_, order) => [INPUT, RATE][order],
+        Symbol::Delayed(_, 0, Delay::Parameter(j)) => INPUT - RATE * a[j],
+        Symbol::Delayed(..) => f64::NAN,
         Symbol::Parameter(i) => a[i],
         // The effect under test is no part of what moves here.
         Symbol::Coefficient(_) => 0.0,
@@ -182,11 +194,15 @@ fn every_row_is_what_its_closed_form_says() {
     let here = |row: &&EffectRow| row.detector.is_none() && row.on != ActsOn::BodyPair;
     for row in catalogue().filter(here).filter(|row| !row.has_states()) {
         let form = closed_form(row.name).unwrap_or_else(|| panic!("no closed form: {}", row.name));
-        let arguments: Vec<String> =
-            ["x", "y"].iter().take(row.on.least()).map(|name| name.to_string()).collect();
+        let arguments: Vec<String> = match row.on {
+            ActsOn::Driven => ["x", "u"].iter().take(2),
+            _ => ["x", "y"].iter().take(row.on.least()),
+        }
+        .map(|name| name.to_string())
+        .collect();
         let values: Vec<f64> = row.parameters.iter().map(|scan| scan.example * 1.07).collect();
         let statement = row.statement(&arguments, &values);
-        let compiled = compiled(&format!("{PLANE}{statement}\n"));
+        let compiled = compiled(&format!("{PLANE}input u {{ linear }}\n{statement}\n"));
         assert!(!compiled.system.terms.is_empty(), "{}", row.name);
         let a: Vec<f64> = compiled.system.parameters.iter().map(|p| p.start).collect();
         assert_eq!(a, values, "{}", row.name);
@@ -231,6 +247,9 @@ fn every_instance_parses_lowers_and_prints_back() {
         "coordinates x [m], a [rad]; momenta p_x [kg*m/s], p_a [kg*m^2/s]; time clock [s]
          constant m = 2 [kg]; constant j = 3 [kg*m^2]; T = p_x^2/(2*m) + p_a^2/(2*j)
          V = 3 [N/m]*x^2 + 2 [J]*a^2\n"
+            .to_string(),
+        "coordinates x [m]; momenta p [kg*m/s]; time t [s]; input u [V] { spline }
+         T = span{ p^2 }; V = 3 [N/m]*x^2; force x += 2 [N/V]*u\n"
             .to_string(),
     ];
     for text in systems {
@@ -352,11 +371,14 @@ fn what_differs_with_direction_acts_in_one_direction() {
 
 #[test]
 fn inner_parameters_take_the_units_of_the_variables() {
-    let unit = |by: ScanBy| by.unit_text(Some("m"), Some("kg*m/s"), Some("s"));
+    let unit = |by: ScanBy| by.unit_text(Some("m"), Some("kg*m/s"), Some("s"), Some("N"));
     assert_eq!(unit(ScanBy::Frequency).as_deref(), Some("1/s"));
-    assert_eq!(ScanBy::WaveNumber.unit_text(Some("m/s"), None, None).as_deref(), Some("1/(m/s)"));
+    assert_eq!(
+        ScanBy::WaveNumber.unit_text(Some("m/s"), None, None, None).as_deref(),
+        Some("1/(m/s)")
+    );
     assert_eq!(unit(ScanBy::Exponent), None);
-    assert_eq!(ScanBy::Momentum.unit_text(Some("m"), None, Some("s")), None);
+    assert_eq!(ScanBy::Momentum.unit_text(Some("m"), None, Some("s"), None), None);
     let compiled = compiled(
         "coordinates x [m]; momenta p [kg*m/s]; time t [s]; T = span{ p^2 }
          effect contact_above(x; position = 0.2)

@@ -109,6 +109,8 @@ impl Builder {
             hamiltonian: zero,
             forces: vec![zero; coordinates.len()],
             sensors: vec![zero; 2 * coordinates.len()],
+            constraints: Vec::new(),
+            measures: Vec::new(),
             terms: Vec::new(),
         };
         Builder { system, coefficients: Vec::new() }
@@ -302,6 +304,20 @@ force x += span{ -w, -p }";
     builder.finish(rk4(), 4, 0.02, (0.0, vec![0.9, 0.1, 0.2, 0.0, 0.1, 0.0]))
 }
 
+/// A weight on a rod by its place: what holds it there is in the equations.
+fn weight_on_a_rod() -> Case {
+    let text = "system \"weight on a rod\"
+coordinates x, y; momenta p, r
+T = p^2/2 + r^2/2
+V = span{ y, x^2 }
+force x += span{ -p }
+constrain x^2 + y^2 == 1";
+    let compiled = build("case", text).unwrap_or_else(|error| panic!("{error}"));
+    let system = System::clone(&compiled.system);
+    let builder = Builder { system, coefficients: vec![0.98, -0.1, 0.03] };
+    builder.finish(gauss_legendre_4(), 4, 0.05, (0.0, vec![0.6, -0.8, 0.4, 0.3]))
+}
+
 /// Nothing learned, no potential.
 fn free_particle() -> Case {
     let mut b = Builder::new("", &["q"], &["p"]);
@@ -349,6 +365,7 @@ pub(crate) fn cases() -> Vec<Case> {
         magnetic(),
         double_pendulum(),
         hysteretic_pair(),
+        weight_on_a_rod(),
         free_particle(),
         every_function(),
     ]
@@ -389,7 +406,7 @@ impl<'a> Equations<'a> {
             Symbol::Momentum(i) => state[n + i],
             Symbol::Velocity(_) => f64::NAN,
             Symbol::Time => t,
-            Symbol::Input(..) => f64::NAN,
+            Symbol::Input(..) | Symbol::Delayed(..) => f64::NAN,
             Symbol::Parameter(i) => self.case.law.parameters()[i],
             Symbol::Coefficient(k) => {
                 self.case.law.coefficient(self.case.law.system().term_ids()[k]).unwrap()

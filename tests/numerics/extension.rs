@@ -31,6 +31,7 @@ fn value(system: &System, expr: Expr) -> f64 {
         Symbol::Momentum(i) => number_of(&format!("p{i}")),
         Symbol::Velocity(_) => f64::NAN,
         Symbol::Time => 0.7,
+        Symbol::Delayed(i, order, _) => number_of(&format!("d{i}.{order}")),
         Symbol::Input(i, order) => number_of(&format!("u{i}.{order}")),
         Symbol::Parameter(j) => number_of(&system.parameters[j].name),
         Symbol::Coefficient(k) => coefficients[k],

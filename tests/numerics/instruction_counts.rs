@@ -28,7 +28,7 @@ struct Path {
     run: fn(usize),
 }
 
-const PATHS: [Path; 6] = [
+const PATHS: [Path; 7] = [
     Path {
         name: "tape",
         unit: "a point of the dense gradient of degree 6",
@@ -76,7 +76,18 @@ const PATHS: [Path; 6] = [
         pinned: 970.0,
         run: tangents,
     },
+    Path {
+        name: "sparse",
+        unit: "a mass of a transition of a chain, in a whole fit by sparse algebra",
+        units: (CHAIN * CHAIN_PAIRS) as f64,
+        pinned: 1_060_000.0,
+        run: sparse_chain,
+    },
 ];
+
+/// Masses of the chain, and transitions that it is fitted to.
+const CHAIN: usize = 16;
+const CHAIN_PAIRS: usize = 24;
 
 fn gradient(backend: Backend, times: usize) {
     let mut graph = Graph::new();
@@ -137,6 +148,60 @@ fn tangents(times: usize) {
         advance(&dynamics, method, &mut batch, &[0.1; 64], 10, &theta, &mut scratch);
     }
     assert!(batch.is_finite(0));
+}
+
+/// Fits a chain of masses and springs to pairs of states, so many times.
+fn sparse_chain(times: usize) {
+    let text = format!(
+        "coordinates q[1..{CHAIN}]\nmomenta p[1..{CHAIN}]\n\
+         T = span{{ p[i]^2 for i in 1..{CHAIN} }}\n\
+         V = span{{ (q[i+1] - q[i])^2 for i in 1..{}, q[i]^2 for i in 1..{CHAIN} }}\n",
+        CHAIN - 1
+    );
+    let system = build("chain", &text).unwrap().system;
+    let data = Dataset {
+        observables: ["q", "p"]
+            .iter()
+            .flat_map(|name| (1..=CHAIN).map(move |i| format!("{name}[{i}]")))
+            .collect(),
+        runs: (0..CHAIN_PAIRS).map(pair_of_chain).collect(),
+        inputs: Vec::new(),
+    };
+    let mut options = Options { sparse: false, ..Options::default() };
+    options.tuning.local.share = f64::INFINITY;
+    for _ in 0..times {
+        let model = fit(&system, &data, &options, &Silent).unwrap();
+        assert_eq!(model.terms.len(), 3 * CHAIN - 1);
+        assert!(model.path.is_empty(), "the dense factor was asked");
+    }
+}
+
+/// Two samples of a chain in which every mass, spring and spring to the ground is one.
+fn pair_of_chain(at: usize) -> Run {
+    let error = |i: usize| 0.002 * ((37 * i + 91 * at) as f64).sin();
+    let mut q: Vec<f64> = (0..CHAIN).map(|i| ((17 * i + 29 * at) as f64).sin()).collect();
+    let mut p: Vec<f64> = (0..CHAIN).map(|i| ((23 * i + 41 * at) as f64).cos()).collect();
+    let before: Vec<f64> = q.iter().chain(&p).copied().collect();
+    for _ in 0..400 {
+        q.iter_mut().zip(&p).for_each(|(q, p)| *q += 1.25e-4 * p);
+        for i in 0..CHAIN {
+            let [left, right] = [i.checked_sub(1), Some(i + 1)]
+                .map(|j| j.and_then(|j| q.get(j)).map_or(0.0, |other| other - q[i]));
+            p[i] += 2.5e-4 * (left + right - q[i]);
+        }
+        q.iter_mut().zip(&p).for_each(|(q, p)| *q += 1.25e-4 * p);
+    }
+    let after: Vec<f64> = q.into_iter().chain(p).collect();
+    let both = |i: usize| vec![before[i] + error(2 * i), after[i] + error(2 * i + 1)];
+    Run {
+        name: at.to_string(),
+        times: vec![0.0, 0.1],
+        values: (0..2 * CHAIN).map(both).collect(),
+        lines: vec![0; 2],
+        clock: Clock::default(),
+        inputs: Vec::new(),
+        groups: Vec::new(),
+    }
 }
 
 /// Fits a law to so many runs, each with a spring of its own.

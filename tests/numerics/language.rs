@@ -5,7 +5,7 @@ use std::path::Path;
 
 use leverrier::internals::diagnostic::Span;
 use leverrier::internals::error::Error;
-use leverrier::internals::expr::{FUNCTIONS, build};
+use leverrier::internals::expr::{FUNCTIONS, FUNCTIONS_OF_TWO, build};
 use leverrier::internals::spec::ast::*;
 use leverrier::internals::spec::families::FAMILIES;
 use leverrier::internals::spec::spec;
@@ -136,12 +136,13 @@ fn expression() -> impl Strategy<Value = Expression> {
         let item = (
             prop::option::of(plain_name().prop_map(word)),
             inner.clone(),
-            prop::option::of(comprehension.clone()),
+            prop::option::of((comprehension.clone(), any::<bool>())),
         )
             .prop_map(|(name, body, comprehension)| Item {
                 name,
                 body,
-                comprehension,
+                alike: comprehension.as_ref().is_some_and(|(_, alike)| *alike),
+                comprehension: comprehension.map(|(comprehension, _)| comprehension),
                 site: site(),
             });
         prop_oneof![
@@ -273,6 +274,14 @@ fn statement() -> impl Strategy<Value = Statement> {
                 arguments,
                 settings
             }),
+        (plain_name(), prop::option::of(unit_text()), expression(), any::<bool>()).prop_map(
+            |(name, unit, value, wrapped)| StatementKind::Measure {
+                name: word(name),
+                unit,
+                value,
+                wrapped
+            }
+        ),
         prop::collection::vec(candidate, 0..3).prop_map(StatementKind::Candidates),
         text.clone().prop_map(StatementKind::System),
         (role, prop::collection::vec(declaration(), 1..3))
@@ -331,7 +340,7 @@ proptest! {
     fn no_pieces_break_the_compiler(pieces in prop::collection::vec(prop::sample::select(vec![
         "T", "V", "=", "+=", "span{", "}", "(", ")", "q", "p", "[", "]", "1", "..", "for", "in", "i",
         "sum", "poly", ";", ",", "^", "-", "0", "1e308", "*", "/", "sin", "log", "\n", "where", "k:",
-        "constrain", "force", "sensor", "effect", "candidates {", "rate(", "viscous_drag(q)", "param", "a", "where", "[m]", "[s]", " ", "trig(q; 2)", "tensor(q; 3)",
+        "constrain", "force", "sensor", "measure", "{ wrapped }", "atan2(", "effect", "candidates {", "rate(", "delayed(", "viscous_drag(q)", "param", "a", "where", "[m]", "[s]", " ", "trig(q; 2)", "tensor(q; 3)",
     ]), 0..40)) {
         let text = pieces.join(" ");
         let _ = build("test", &format!("coordinates q [m], r[1..3]; momenta p [kg*m/s], s[1..3]; time t [s]\nT = p^2/2; V += {text}"));
@@ -392,7 +401,8 @@ fn lines_of_tables() -> Vec<(&'static str, &'static str, String)> {
     let aliases = || FUNCTIONS.iter().flat_map(|row| row.aliases.iter().map(|a| (*a, row.name)));
     let mut words = functions.clone();
     words.extend(aliases().map(|(alias, _)| alias));
-    words.push("rate");
+    words.extend(FUNCTIONS_OF_TWO.iter().map(|row| row.name));
+    words.extend(["rate", "delayed"]);
     let other: Vec<String> = aliases().map(|(alias, name)| format!("{alias} is {name}")).collect();
     let quoted: Vec<String> = functions.iter().map(|name| format!("`{name}`")).collect();
     let (textmate, vim) = ("grammar/leverrier.tmLanguage.json", "grammar/leverrier.vim");
@@ -445,6 +455,7 @@ fn highlighting_knows_every_word() {
         "coordinates",
         "velocities",
         "sensor",
+        "measure",
         "input",
         "band_limited",
         "effect",
@@ -452,6 +463,7 @@ fn highlighting_knows_every_word() {
         "constrain",
         "span",
         "rate",
+        "delayed",
     ];
     for file in ["grammar/leverrier.tmLanguage.json", "grammar/leverrier.vim"] {
         let text = read(file);

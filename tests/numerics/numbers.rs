@@ -54,7 +54,14 @@ fn a_number_is_edited_in_its_place() {
         with("sqrt(x^2 + y^2)", "((x^2 + y^2)^0.485)")
     );
     assert_eq!(edited("exponent 2 at 6:7", 1.97), with("k*x^2", "k*abs(x)^1.97"));
-    assert_eq!(number(&scope, "m").rewritten(0.9), "constant m = 0.9");
+    assert_eq!(number(&scope, "m").rewritten(0.9, &[]), "constant m = 0.9");
+    // Beside one that was freed before it, both are written with their values.
+    let pull =
+        self::scope("coordinates x, y; momenta p, s; T = (p^2 + s^2)/2\nV = -1/sqrt(x^2 + y^2)");
+    let exponent = number(&pull, "exponent of sqrt at 2:8");
+    let freed = pull.freed(&exponent, 0.5).unwrap_or_else(|error| panic!("{error}"));
+    let strength = number(&freed, "1 at 2:6");
+    assert_eq!(strength.rewritten(1.03, &[(&exponent, 0.485)]), "V = -1.03/(x^2 + y^2)^0.485");
     let metres = "coordinates x [m]\nmomenta p [kg*m/s]\ntime t [s]\nconstant m = 2 [kg]\n\
                   T = p^2/(2*m)\nV = 3 [N/m]*x^2\n";
     let scope = self::scope(metres);
@@ -75,7 +82,7 @@ fn a_freed_number_changes_the_system_as_an_edited_one_does() {
             Symbol::Velocity(_) => f64::NAN,
             Symbol::Coefficient(_) => 1.3,
             Symbol::Time => 0.0,
-            Symbol::Input(..) => 0.4,
+            Symbol::Input(..) | Symbol::Delayed(..) => 0.4,
             Symbol::Parameter(_) => f64::NAN,
         }
     };

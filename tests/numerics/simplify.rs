@@ -42,6 +42,8 @@ fn system(degrees: usize) -> System {
         hamiltonian: zero,
         forces: vec![zero; degrees],
         sensors: vec![zero; 2 * degrees],
+        constraints: Vec::new(),
+        measures: Vec::new(),
         terms: Vec::new(),
     }
 }
@@ -168,7 +170,7 @@ impl Model {
             Symbol::Momentum(i) => state[degrees + i],
             Symbol::Velocity(_) => f64::NAN,
             Symbol::Time => 0.0,
-            Symbol::Input(..) => 0.4,
+            Symbol::Input(..) | Symbol::Delayed(..) => 0.4,
             Symbol::Parameter(i) => self.parameters[i],
             Symbol::Coefficient(k) => self.coefficients[k],
         })

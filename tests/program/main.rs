@@ -17,6 +17,7 @@ mod hostile_files;
 mod large_data;
 #[path = "../learning/measurements.rs"]
 mod measurements;
+mod measures;
 mod readme;
 mod real;
 mod report;

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::data::{Dataset, Run};
+use crate::data::{Dataset, MeasuredInput, Run};
 use crate::diagnose::tuning::{Axis, Candidates};
 use crate::expr::System;
 use crate::fit::segments::{longest_run, typical_step};
@@ -14,7 +14,7 @@ pub struct Reach<'a> {
     dataset: &'a Dataset,
     tuning: &'a Candidates,
     /// Smallest and largest value of each coordinate, and the largest size of its momentum, by the
-    /// coordinate's name.
+    /// coordinate's name; of inputs too, with their largest size.
     ranges: HashMap<String, (f64, f64, f64)>,
     /// Usual time between samples.
     step: f64,
@@ -120,6 +120,7 @@ impl<'a> Reach<'a> {
                     below.chain(away.iter().map(|away| upper + away)).collect()
                 }
                 ScanBy::Length => ratio(grids.lengths, (spread, spread)),
+                ScanBy::Range => ratio(grids.ranges, (spread, spread)),
                 ScanBy::WaveNumber => ratio(grids.wave_numbers, (turn / spread, turn / spread)),
                 ScanBy::Instant => {
                     let margin = grids.instant_margin * duration;
@@ -130,6 +131,8 @@ impl<'a> Reach<'a> {
                 ScanBy::Power => grids.powers.to_vec(),
                 ScanBy::Ratio => grids.ratios.to_vec(),
                 ScanBy::Momentum => ratio(grids.momenta, (momentum, momentum)),
+                ScanBy::Level => ratio(grids.levels, (momentum, momentum)),
+                ScanBy::Delay => ratio(grids.delays, (step, step.min(duration))),
                 ScanBy::Rate => ratio(grids.rates, (1.0 / duration, 1.0 / step)),
             })
             .collect();
@@ -159,6 +162,14 @@ fn ranges(system: &System, dataset: &Dataset) -> HashMap<String, (f64, f64, f64)
     let n = system.degrees();
     let names = system.coordinates.iter().chain(&system.momenta);
     let mut out = HashMap::new();
+    for (place, input) in MeasuredInput::places(&dataset.inputs).0.into_iter().zip(&dataset.inputs)
+    {
+        let cells = dataset.runs.iter().filter_map(|run| run.inputs.get(place)).flatten();
+        let largest = cells.fold(0.0_f64, |most, x| most.max(x.abs()));
+        if largest > 0.0 && largest.is_finite() {
+            out.insert(input.name.clone(), (-largest, largest, largest));
+        }
+    }
     for (row, variable) in names.enumerate() {
         let cells = dataset.runs.iter().filter_map(|run| run.values.get(row)).flatten();
         let (mut lower, mut upper) = (f64::INFINITY, f64::NEG_INFINITY);

@@ -17,10 +17,10 @@ use super::tuning::Candidates;
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::expr::{
-    Extension, KnownNumber, Parameter, ParameterId, Scope, Symbol, System, Term, TermId,
+    Extension, KnownNumber, Parameter, ParameterId, Scope, Symbol, System, Term, TermId, touching,
 };
 use crate::fit::Law;
-use crate::spec::effects::{ActsOn, EffectRow, ScanBy, instances};
+use crate::spec::effects::{ActsOn, EffectRow, Instance, ScanBy, instances};
 
 /// Something that may be missing, ready to be tried.
 pub struct Candidate {
@@ -80,11 +80,37 @@ pub fn candidates(scope: &mut Scope, dataset: &Dataset, tuning: &Candidates) -> 
     let scene = system.scene();
     // What has states of its own is no term of a system that stands.
     let instances = instances(&scene).into_iter().filter(|instance| !instance.effect.has_states());
+    let touching = touching(&system, tuning.pair_coordinates);
+    // Of what is measured with a coordinate, the coordinate.
+    let (observables, degrees) = (&scene.observables, scene.coordinates.len());
+    let places: HashMap<&str, usize> =
+        observables.iter().enumerate().map(|(at, name)| (name.as_str(), at)).collect();
+    let site = |name: &str| match places.get(name) {
+        Some(at) if *at < 2 * degrees => scene.coordinates.get(at % degrees).map(String::as_str),
+        _ => None,
+    };
+    let touch = |instance: &Instance| {
+        let (Some(touching), [a, b]) = (&touching, instance.arguments.as_slice()) else {
+            return true;
+        };
+        if !matches!(
+            instance.effect.on,
+            ActsOn::Pair | ActsOn::OrderedPair | ActsOn::ObservablePair
+        ) {
+            return true;
+        }
+        match (site(a), site(b)) {
+            (Some(a), Some(b)) => a == b || touching.contains(&[a, b]),
+            _ => true,
+        }
+    };
+    let instances = instances.filter(touch);
     let first = all.len();
     all.extend(instances.filter(|instance| !held.contains(&instance.label())).filter_map(
         |instance| {
             let (row, label, arguments) = (instance.effect, instance.label(), instance.arguments);
-            let on: Vec<String> = arguments.iter().flat_map(|one| scene.members(one)).collect();
+            let mut on: Vec<String> = arguments.iter().flat_map(|one| scene.members(one)).collect();
+            on.retain(|name| row.on != ActsOn::Driven || scene.coordinates.contains(name));
             let extension = scope.extension(&instance.statement).ok()?;
             let terms = terms_of(&extension, |term| term.effect.as_ref() == Some(&label));
             let parameters = extension.parameters().map(|(id, ..)| id);
@@ -96,6 +122,8 @@ pub fn candidates(scope: &mut Scope, dataset: &Dataset, tuning: &Candidates) -> 
                     _ => arguments.iter().map(|one| scene.members(one)).collect(),
                 };
                 reach.grid_of_bodies(&scans, &bodies)
+            } else if row.on == ActsOn::Driven {
+                reach.grid(&scans, arguments.last().map_or("", String::as_str))
             } else {
                 reach.grid(&scans, on.first().map_or("", String::as_str))
             };
@@ -196,7 +224,7 @@ impl Candidate {
                 format!("{declared}{}", parameters.iter().fold(statement.clone(), bare))
             }
             Origin::Number { number, .. } => {
-                number.rewritten(values.first().copied().unwrap_or(number.value))
+                number.rewritten(values.first().copied().unwrap_or(number.value), &[])
             }
         }
     }
@@ -213,12 +241,15 @@ impl Candidate {
             numbers.extend(learned.map(|(id, &c)| (Symbol::Coefficient(id.position()), c)));
             return vec![self.extension.import(probe, &mut into.graph, &numbers)];
         }
-        let numbers: HashMap<Symbol, f64> = self
-            .parameters
-            .iter()
-            .zip(values)
-            .map(|(id, &value)| (Symbol::Parameter(id.position()), value))
-            .collect();
+        let own = self.parameters.iter().zip(values);
+        let own = own.map(|(id, &value)| (Symbol::Parameter(id.position()), value));
+        // A term may name what the law has to say (`rate(p)` is a force): what it left out is 0.
+        let left_out = (0..into.terms.len()).map(Symbol::Coefficient);
+        let mut numbers: HashMap<Symbol, f64> = left_out.map(|symbol| (symbol, 0.0)).collect();
+        for id in law.support() {
+            numbers.remove(&Symbol::Coefficient(id.position()));
+        }
+        numbers.extend(own);
         let own = self.extension.terms().filter(|(id, _)| self.terms.contains(id));
         own.map(|(_, term)| self.extension.import(term, &mut into.graph, &numbers)).collect()
     }

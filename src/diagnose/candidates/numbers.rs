@@ -133,6 +133,11 @@ fn motion(system: &System, graph: &mut Graph, term: &Term, states: &[Vec<f64>]) 
             Symbol::Momentum(i) => state[n / 2 + i],
             Symbol::Time => state[n],
             Symbol::Input(i, order) => state.get(n + 1 + RATES * i + order).copied().unwrap_or(1.0),
+            // It was measured at another time: a number unlike that of the present.
+            Symbol::Delayed(i, order, _) => {
+                let of = |order| state.get(n + 1 + RATES * i + order).copied().unwrap_or(1.0);
+                0.6 * of(order) - 0.4 * of(order + 1)
+            }
             Symbol::Parameter(j) => system.parameters.get(j).map_or(1.0, |one| one.start),
             Symbol::Velocity(_) | Symbol::Coefficient(_) => 1.0,
         };

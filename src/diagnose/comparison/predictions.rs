@@ -39,20 +39,21 @@ pub struct Prediction {
 /// hole.
 pub fn predictions(model: &LawOnData, held_out: bool) -> Vec<Prediction> {
     let rows = 2 * model.system().degrees();
+    let observables = model.system().observed_count();
     let mut out: Vec<Prediction> = model
         .data
         .dataset
         .runs
         .iter()
         .map(|run| {
-            let missing = vec![vec![f64::NAN; run.times.len()]; rows];
+            let missing = |rows: usize| vec![vec![f64::NAN; run.times.len()]; rows];
             Prediction {
                 run: run.name.clone(),
                 held_out,
                 times: run.clock_times(),
                 measured: run.values.clone(),
-                predicted: missing.clone(),
-                states: missing,
+                predicted: missing(observables),
+                states: missing(rows),
                 energy: vec![f64::NAN; run.times.len()],
                 starts: Vec::new(),
                 error: f64::NAN,
@@ -85,7 +86,7 @@ pub fn predictions(model: &LawOnData, held_out: bool) -> Vec<Prediction> {
     for (at, prediction) in out.iter_mut().enumerate() {
         prediction.states = match near.as_ref().and_then(|near| near.get(at)) {
             Some(near) => near.states.clone(),
-            None => prediction.measured.clone(),
+            None => prediction.measured.iter().take(rows).cloned().collect(),
         };
         prediction.starts.sort_unstable();
         prediction.error = error(prediction, model.law.noise());
@@ -122,7 +123,7 @@ impl<'a> CompiledLaw<'a> {
     fn follow(&self, block: &[(Segment, &[f64])], out: &mut [Prediction], scratch: &mut Scratch) {
         let model = self.model;
         let (degrees, lanes) = (model.system().degrees(), block.len());
-        let rows = 2 * degrees;
+        let (rows, observables) = (2 * degrees, self.dynamics.observables());
         let mut batch = Batch::new(degrees, lanes);
         for (lane, (segment, state)) in block.iter().enumerate() {
             batch.set(lane, out[segment.run].times[segment.first], state);
@@ -130,7 +131,7 @@ impl<'a> CompiledLaw<'a> {
         }
         let samples = block.iter().map(|(segment, _)| segment.samples()).max().unwrap_or(0);
         let mut span = vec![0.0; lanes];
-        let mut seen = vec![0.0; rows * lanes];
+        let mut seen = vec![0.0; observables * lanes];
         let mut energy = vec![0.0; lanes];
         for sample in 0..samples {
             if sample > 0 {
@@ -154,8 +155,16 @@ impl<'a> CompiledLaw<'a> {
                     continue;
                 }
                 let prediction = &mut out[segment.run];
+                for row in 0..observables {
+                    let mut value = seen[row * lanes + lane];
+                    if let Some(period) = self.dynamics.period(row) {
+                        // In the turn that was read, so that both can be drawn.
+                        let apart = (value - prediction.measured[row][at]) / period;
+                        value -= if apart.is_finite() { period * apart.round() } else { 0.0 };
+                    }
+                    prediction.predicted[row][at] = value;
+                }
                 for row in 0..rows {
-                    prediction.predicted[row][at] = seen[row * lanes + lane];
                     prediction.states[row][at] = batch.state[row * lanes + lane];
                 }
                 prediction.energy[at] = energy[lane];

@@ -98,17 +98,13 @@ pub fn view(training: &LawOnData, held_out: Option<&LawOnData>) -> Result<View> 
     let planes = force_planes(training, &|row| {
         all[..seen].iter().flat_map(|p| p.states[row].iter().copied()).collect()
     })?;
-    let second = match system.observed {
-        Observed::Momenta => &system.momenta,
-        Observed::Velocities => &system.velocities,
-    };
     let quantities = |a: &[Variable], b: &[Variable]| -> Vec<Quantity> {
         a.iter().chain(b).map(Quantity::of).collect()
     };
     Ok(View {
         system: system.name.clone(),
         state: quantities(&system.coordinates, &system.momenta),
-        observables: quantities(&system.coordinates, second),
+        observables: system.observed_variables().map(Quantity::of).collect(),
         time: Quantity::of(&system.time),
         noise: training.law.noise().to_vec(),
         momenta_measured,

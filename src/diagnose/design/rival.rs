@@ -140,7 +140,7 @@ impl<'a> Known<'a> {
 
     fn predict_block(&self, runs: &[(&[f64], &[f64])]) -> Vec<Path> {
         let lanes = runs.len();
-        let rows = 2 * self.dynamics.degrees();
+        let rows = self.dynamics.observables();
         let mut batch = Batch::new(self.dynamics.degrees(), lanes);
         for (lane, (start, times)) in runs.iter().enumerate() {
             batch.set(lane, times.first().copied().unwrap_or(0.0), start);

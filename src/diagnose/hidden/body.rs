@@ -1,93 +1,107 @@
 //! A body that nobody sees among bodies that attract each other: Le Verrier's question.
 //!
-//! Its orbit is a circle about the common centre, in the plane of what is known, for a start: for
-//! every radius and place on it the force on all known bodies is linear in the mass.
+//! The model without it is followed along its whole record; what a pull does to it is then linear
+//! in the mass, so that thousands of orbits are tried in seconds (`orbit`), and only the best are
+//! fitted with everything that the model has.
 
-use super::weak_form::{Column, MeasuredMotion, WeakForm, least_squares};
-use super::{Start, TermName};
+use super::orbit::{Circles, Left, Orbit};
+use super::path::{Attracting, Known, near};
+use super::weak_form::least_squares;
+use super::{Start, TermName, Unseen};
 use crate::diagnose::law_on_data::LawOnData;
-use crate::diagnose::tuning::Hidden;
-use crate::expr::{Symbol, System};
+use crate::expr::{Place, Symbol, System};
 
-/// Bodies that attract each other as their masses and one over the square of the distance.
-struct Attracting {
-    names: Vec<String>,
-    /// Places of their coordinates.
-    coordinates: Vec<Vec<usize>>,
-    masses: Vec<f64>,
-    /// The constant of gravitation.
-    gravity: f64,
-}
-
-/// An orbit, and the mass of what is on it.
-struct Orbit {
-    radius: f64,
-    phase: f64,
-    direction: f64,
-    mass: f64,
-    gain: f64,
-}
-
-/// Starts of an unseen body, the best first.
-pub(super) fn starts(model: &LawOnData) -> Vec<Start> {
-    find(model).unwrap_or_default()
-}
-
-fn find(model: &LawOnData) -> Option<Vec<Start>> {
+/// Starts of an unseen body, the best first; `None` where nothing attracts, or none is looked for.
+pub(super) fn unseen(model: &LawOnData) -> Option<Unseen> {
     let system = model.system();
-    let most = model.tuning().hidden.orbits;
-    if most == 0 || model.data.packed.samples() > model.tuning().hidden.samples {
+    let tuning = &model.tuning().hidden;
+    if tuning.orbits == 0 || model.data.packed.samples() > tuning.samples {
         return None;
     }
     let bodies = Attracting::of(model)?;
-    let motion = MeasuredMotion::of(model)?;
-    let tuning = &model.tuning().hidden;
-    let frame = Frame::of(&bodies, &motion)?;
-    let mut found: Vec<Orbit> = Vec::new();
-    let mut tests = 0;
-    for &length in motion.lengths() {
-        let forms: Option<Vec<Vec<WeakForm>>> = bodies
-            .coordinates
-            .iter()
-            .map(|body| body.iter().map(|&i| motion.weak_form(i, length, tuning.terms)).collect())
-            .collect();
-        let Some(forms) = forms else { continue };
-        let Some(left) = Left::of(&forms) else { continue };
-        for orbit in frame.orbits(tuning) {
-            tests += 1;
-            found.extend(left.with(&bodies, &motion, &frame, orbit, &forms));
+    let settled = near(model);
+    let circles = Circles {
+        nearest: tuning.nearest,
+        farthest: tuning.farthest,
+        part: tuning.radii_apart,
+        out_of_step: tuning.out_of_step,
+        phases: tuning.phases,
+        nodes: tuning.nodes_of_turn,
+    };
+    let mut noise = vec![1.0; model.law.noise().len()];
+    let mut found = Vec::new();
+    let (mut tests, mut before, mut rows, mut by_masses) = (0, 0.0, 0, 0.0);
+    // What even the best body leaves of a column more than its noise, does not speak for one.
+    for _ in 0..tuning.weighings {
+        if model.monitor.stopped() {
+            return None;
+        }
+        let known = Known::along(&settled, &bodies, &noise)?;
+        let left =
+            Left { path: &known.path, stretches: &known.stretches, residuals: &known.residuals };
+        let all = left.circles(&circles);
+        tests = all.len();
+        (before, rows) = (left.target().norm_squared(), known.observables.len());
+        by_masses = left.by_a_mass();
+        found = apart(all, tuning.refined, tuning.orbits_apart);
+        for orbit in &mut found {
+            *orbit = left.refined(orbit, tuning.orbit_steps);
+        }
+        found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        let Some(best) = found.first() else { break };
+        let strays = strays(&left.beside(best), &known.observables, noise.len());
+        let moved = strays.iter().any(|more| *more > tuning.weighed_again);
+        noise.iter_mut().zip(&strays).for_each(|(noise, more)| *noise *= more.max(1.0));
+        if !moved {
+            break;
         }
     }
-    found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    let mut apart: Vec<Orbit> = Vec::new();
-    for orbit in found {
-        let near = |other: &Orbit| {
-            let turn = (orbit.phase - other.phase).rem_euclid(std::f64::consts::TAU);
-            let turn = turn.min(std::f64::consts::TAU - turn);
-            (orbit.radius / other.radius).ln().abs() < tuning.orbits_apart
-                && turn < tuning.phases_apart
-                && orbit.direction == other.direction
-        };
-        if apart.len() < most && !apart.iter().any(near) {
-            apart.push(orbit);
-        }
-    }
+    // Seven numbers are found: twice the logarithm of the rows is the price of each.
+    let price = 7.0 * (rows.max(1) as f64).ln() + 2.0 * (tests.max(1) as f64).ln();
+    let found = apart(found, tuning.orbits, tuning.orbits_apart);
     let label = format!("unseen_body({})", bodies.names.join(", "));
-    let start = |orbit: &Orbit| Start {
+    let on = bodies.coordinates.iter().flatten().map(|&i| system.coordinates[i].name.clone());
+    let on: Vec<String> = on.collect();
+    let paid = found.iter().filter(|orbit| orbit.gain > price).enumerate();
+    let start = |(rank, orbit): (usize, &Orbit)| Start {
         label: label.clone(),
-        on: bodies
-            .coordinates
-            .iter()
-            .flatten()
-            .map(|&i| system.coordinates[i].name.clone())
-            .collect(),
-        snippet: bodies.statements(system, &label, orbit, &frame),
+        on: on.clone(),
+        snippet: bodies.statements(system, &label, orbit),
         coefficients: Vec::<(TermName, f64)>::new(),
-        gain: orbit.gain,
-        rank: 0,
+        gain: before / (before - orbit.gain).max(f64::MIN_POSITIVE),
+        near: true,
+        rank,
         tests,
     };
-    Some(apart.iter().map(start).collect())
+    let starts: Vec<Start> = paid.map(start).collect();
+    let gain = found.first().map_or(0.0, |best| best.gain);
+    let obvious = starts.first().is_some_and(|start| start.gain > tuning.obvious)
+        && before - by_masses > tuning.obvious * (before - gain);
+    Some(Unseen { starts, obvious })
+}
+
+/// The best orbits, of which no two begin near each other.
+fn apart(orbits: Vec<Orbit>, most: usize, part: f64) -> Vec<Orbit> {
+    let mut chosen: Vec<Orbit> = Vec::new();
+    for orbit in orbits {
+        if chosen.len() == most {
+            break;
+        }
+        if chosen.iter().all(|other| orbit.is_apart(other, part)) {
+            chosen.push(orbit);
+        }
+    }
+    chosen
+}
+
+/// The root of the mean square of each observable's residuals; 1 where there are none.
+fn strays(left: &nalgebra::DVector<f64>, observables: &[usize], count: usize) -> Vec<f64> {
+    let mut sums = vec![(0.0, 0.0); count];
+    for (x, &observable) in left.iter().zip(observables) {
+        sums[observable].0 += x * x;
+        sums[observable].1 += 1.0;
+    }
+    sums.iter().map(|(sum, n)| if *n > 0.0 { f64::sqrt(sum / n) } else { 1.0 }).collect()
 }
 
 impl Attracting {
@@ -96,7 +110,12 @@ impl Attracting {
     fn of(model: &LawOnData) -> Option<Attracting> {
         let system = model.system();
         let bodies = system.bodies();
-        if bodies.len() < 2 {
+        // Whatever else moves, or moves them, is no sky.
+        let forced = system.terms.iter().any(|term| matches!(term.place, Place::Force(_)))
+            || system.forces.iter().any(|&force| !system.graph.is_zero(force));
+        let others = forced || !system.hidden.is_empty() || !system.inputs.is_empty();
+        let all = bodies.iter().map(|body| body.coordinates.len()).sum::<usize>();
+        if bodies.len() < 2 || others || all != system.degrees() {
             return None;
         }
         let place = |name: &String| system.coordinates.iter().position(|q| q.name == *name);
@@ -121,9 +140,8 @@ impl Attracting {
     }
 
     /// The statements of an unseen body on an orbit.
-    fn statements(&self, system: &System, label: &str, orbit: &Orbit, frame: &Frame) -> String {
+    fn statements(&self, system: &System, label: &str, orbit: &Orbit) -> String {
         let axes = ["x", "y", "z"];
-        let (place, speed) = frame.at(self, orbit, 0);
         let taken = |name: &str| {
             let variables = system.coordinates.iter().chain(&system.momenta);
             variables.chain(&system.velocities).any(|v| v.name.starts_with(name))
@@ -145,7 +163,9 @@ impl Attracting {
                 (orbit.mass * factor).min(most.max(2.0 * orbit.mass))
             ),
         ];
-        for (axis, (x, v)) in axes.iter().zip(place.iter().zip(&speed)).take(dimension) {
+        for (axis, (x, v)) in
+            axes.iter().zip(orbit.place.iter().zip(&orbit.velocity)).take(dimension)
+        {
             out.push(format!(
                 "hidden {name}_{axis} = {x} with p_{name}_{axis} = {}",
                 orbit.mass * v
@@ -197,8 +217,9 @@ fn gravity(model: &LawOnData, coordinates: &[Vec<usize>], masses: &[f64]) -> Opt
     };
     for configuration in 0..count {
         let spread = |i: usize| {
+            // Multiples alone would differ by the same from coordinate to coordinate.
             let k = (configuration * n + i + 1) as f64;
-            scale * (2.0 * (k * 0.618_033_988_749_895).fract() - 1.0)
+            scale * (2.0 * (k * k * 0.618_033_988_749_895).fract() - 1.0)
         };
         let of = |symbol| match symbol {
             Symbol::Coordinate(i) => spread(i),
@@ -225,240 +246,4 @@ fn gravity(model: &LawOnData, coordinates: &[Vec<usize>], masses: &[f64]) -> Opt
     let mut heavy = heavy.map(|(_, g)| *g);
     let fits = left <= 1e-16 * size && first > 0.0;
     (fits && heavy.all(|g| (g / first - 1.0).abs() < 1e-3)).then_some(first)
-}
-
-/// The common centre of what is known along the first run, and the plane in which it turns.
-struct Frame {
-    /// `[run][sample][axis]`
-    centre: Vec<Vec<[f64; 3]>>,
-    /// Clock of every sample.
-    times: Vec<Vec<f64>>,
-    first: f64,
-    across: [[f64; 3]; 2],
-    /// Nearest and farthest known body from the centre.
-    distances: (f64, f64),
-    pull: f64,
-    speed: [f64; 3],
-}
-
-impl Frame {
-    fn of(bodies: &Attracting, motion: &MeasuredMotion) -> Option<Frame> {
-        let total: f64 = bodies.masses.iter().sum();
-        let packed = motion.packed;
-        let mut centre = Vec::new();
-        let mut times = Vec::new();
-        let mut turning = [0.0; 3];
-        let mut distances = (f64::INFINITY, 0.0_f64);
-        for run in 0..packed.runs() {
-            let count = packed.times_of(run).len();
-            times.push(motion.values(Symbol::Time, run, 0..count));
-            let rows: Vec<Vec<Vec<f64>>> = bodies
-                .coordinates
-                .iter()
-                .map(|body| {
-                    let values = |&i: &usize| motion.values(Symbol::Coordinate(i), run, 0..count);
-                    body.iter().map(values).collect()
-                })
-                .collect();
-            let at = |sample: usize| -> [f64; 3] {
-                std::array::from_fn(|axis| {
-                    let parts = rows.iter().zip(&bodies.masses).map(|(row, mass)| {
-                        mass * row.get(axis).map_or(0.0, |values| values[sample])
-                    });
-                    parts.sum::<f64>() / total
-                })
-            };
-            let along: Vec<[f64; 3]> = (0..count).map(at).collect();
-            for sample in 1..count {
-                for (row, mass) in rows.iter().zip(&bodies.masses) {
-                    let place = |s: usize| -> [f64; 3] {
-                        std::array::from_fn(|a| {
-                            row.get(a).map_or(0.0, |values| values[s]) - along[s][a]
-                        })
-                    };
-                    let (before, after) = (place(sample - 1), place(sample));
-                    let turn = cross(before, after);
-                    for (sum, x) in turning.iter_mut().zip(turn) {
-                        *sum += if x.is_finite() { mass * x } else { 0.0 };
-                    }
-                    let far = norm(after);
-                    if far.is_finite() && far > 0.0 {
-                        distances = (distances.0.min(far), distances.1.max(far));
-                    }
-                }
-            }
-            centre.push(along);
-        }
-        let normal = unit(turning)?;
-        let other = if normal[0].abs() < 0.9 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
-        let first_axis = unit(cross(normal, other))?;
-        let across = [first_axis, cross(normal, first_axis)];
-        let along = centre.first()?;
-        let clock = times.first()?;
-        let last = along.len().checked_sub(1).filter(|last| *last > 0)?;
-        let span = clock[last] - clock[0];
-        let speed = std::array::from_fn(|a| (along[last][a] - along[0][a]) / span);
-        let first = times.iter().filter_map(|t| t.first()).copied().fold(f64::INFINITY, f64::min);
-        let pull = bodies.gravity * total;
-        // The heaviest is near the centre: it bounds no orbit from within.
-        distances.0 = distances.0.max(0.02 * distances.1);
-        Some(Frame { centre, times, first, across, distances, pull, speed })
-    }
-
-    /// Radii, places and directions to try.
-    fn orbits(&self, tuning: &Hidden) -> Vec<Orbit> {
-        let (near, far) = (0.5 * self.distances.0, tuning.farthest * self.distances.1);
-        let mut all = Vec::new();
-        for r in 0..tuning.radii {
-            let part = r as f64 / (tuning.radii - 1) as f64;
-            let radius = near * (far / near).powf(part);
-            for k in 0..tuning.phases {
-                let phase = std::f64::consts::TAU * k as f64 / tuning.phases as f64;
-                for direction in [1.0, -1.0] {
-                    all.push(Orbit { radius, phase, direction, mass: 0.0, gain: 0.0 });
-                }
-            }
-        }
-        all
-    }
-
-    fn around(&self, orbit: &Orbit, time: f64) -> ([f64; 3], [f64; 3]) {
-        let rate = orbit.direction * (self.pull / orbit.radius.powi(3)).sqrt();
-        let angle = orbit.phase + rate * (time - self.first);
-        let (sine, cosine) = angle.sin_cos();
-        let [e, f] = self.across;
-        let place = std::array::from_fn(|a| orbit.radius * (cosine * e[a] + sine * f[a]));
-        let speed = std::array::from_fn(|a| orbit.radius * rate * (cosine * f[a] - sine * e[a]));
-        (place, speed)
-    }
-
-    /// Where a body on an orbit is at the start of a run, and its velocity.
-    fn at(&self, _: &Attracting, orbit: &Orbit, run: usize) -> ([f64; 3], [f64; 3]) {
-        let (place, speed) = self.around(orbit, self.times[run][0]);
-        let centre = self.centre[run][0];
-        (
-            std::array::from_fn(|a| centre[a] + place[a]),
-            std::array::from_fn(|a| self.speed[a] + speed[a]),
-        )
-    }
-}
-
-/// What is left of the force in weak form, `[body][axis]`.
-struct Left {
-    targets: Vec<Vec<Vec<f64>>>,
-    squares: Vec<Vec<f64>>,
-}
-
-impl Left {
-    fn of(forms: &[Vec<WeakForm>]) -> Option<Left> {
-        let mut targets = Vec::new();
-        for body in forms {
-            let of = |form: &WeakForm| -> Option<Vec<f64>> {
-                let (_, values) = form.solve(&[])?;
-                let mut left = form.target.clone();
-                let fixed = form.names.iter().zip(&form.columns).zip(&values);
-                for ((_, column), value) in fixed.filter(|((name, _), _)| **name != Column::Mass) {
-                    left.iter_mut().zip(column).for_each(|(x, c)| *x -= value * c);
-                }
-                Some(left)
-            };
-            targets.push(body.iter().map(of).collect::<Option<Vec<_>>>()?);
-        }
-        let mean = |x: &Vec<f64>| x.iter().map(|x| x * x).sum::<f64>() / x.len().max(1) as f64;
-        let squares = targets.iter().map(|body| body.iter().map(mean).collect()).collect();
-        Some(Left { targets, squares })
-    }
-
-    /// The orbit with its mass and what it explains; `None` for a mass below zero.
-    fn with(
-        &self,
-        bodies: &Attracting,
-        motion: &MeasuredMotion,
-        frame: &Frame,
-        orbit: Orbit,
-        forms: &[Vec<WeakForm>],
-    ) -> Option<Orbit> {
-        // The pull on every body along all runs, `[body][axis][run][sample]`.
-        let dimension = bodies.coordinates[0].len();
-        let mut pulls: Vec<Vec<Vec<Vec<f64>>>> =
-            vec![vec![Vec::new(); dimension]; bodies.masses.len()];
-        for (run, times) in frame.times.iter().enumerate() {
-            for (body, own) in bodies.coordinates.iter().enumerate() {
-                let rows: Vec<Vec<f64>> = own
-                    .iter()
-                    .map(|&i| motion.values(Symbol::Coordinate(i), run, 0..times.len()))
-                    .collect();
-                let mut out = vec![vec![0.0; times.len()]; dimension];
-                for (sample, &time) in times.iter().enumerate() {
-                    let (around, _) = frame.around(&orbit, time);
-                    let centre = frame.centre[run][sample];
-                    let apart: [f64; 3] = std::array::from_fn(|a| {
-                        rows.get(a).map_or(0.0, |row| centre[a] + around[a] - row[sample])
-                    });
-                    let size = bodies.gravity * bodies.masses[body] / norm(apart).powi(3);
-                    for (axis, out) in out.iter_mut().enumerate() {
-                        out[sample] = size * apart[axis];
-                    }
-                }
-                for (axis, out) in out.into_iter().enumerate() {
-                    pulls[body][axis].push(out);
-                }
-            }
-        }
-        let columns: Vec<Vec<Vec<f64>>> = forms
-            .iter()
-            .zip(&pulls)
-            .map(|(forms, pulls)| {
-                let both = forms.iter().zip(pulls);
-                both.map(|(form, runs)| {
-                    let all = form.integrals(|run| runs.get(run).map(Vec::as_slice));
-                    all.into_iter().map(|x| -x).collect()
-                })
-                .collect()
-            })
-            .collect();
-        // Each coordinate weighs as what is left of it: found together with the mass.
-        let mut weights = self.squares.clone();
-        let mut mass = 0.0;
-        let mut gain = 0.0;
-        for _ in 0..3 {
-            let (mut product, mut square) = (0.0, 0.0);
-            for ((targets, columns), weights) in self.targets.iter().zip(&columns).zip(&weights) {
-                for ((target, column), weight) in targets.iter().zip(columns).zip(weights) {
-                    for (t, c) in target.iter().zip(column) {
-                        product += t * c / weight;
-                        square += c * c / weight;
-                    }
-                }
-            }
-            mass = product / square;
-            if !(mass.is_finite() && mass > 0.0) {
-                return None;
-            }
-            gain = 0.0;
-            let all = self.targets.iter().zip(&columns).zip(&mut weights).zip(&self.squares);
-            for (((targets, columns), weights), squares) in all {
-                let each = targets.iter().zip(columns).zip(weights).zip(squares);
-                for (((target, column), weight), before) in each {
-                    let left = target.iter().zip(column).map(|(t, c)| (t - mass * c).powi(2));
-                    *weight = (left.sum::<f64>() / target.len() as f64).max(1e-12 * before);
-                    gain += (before / *weight).ln();
-                }
-            }
-        }
-        Some(Orbit { mass, gain: gain.min(600.0).exp(), ..orbit })
-    }
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn norm(a: [f64; 3]) -> f64 {
-    a.iter().map(|x| x * x).sum::<f64>().sqrt()
-}
-
-fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
-    let size = norm(a);
-    (size > 0.0 && size.is_finite()).then(|| a.map(|x| x / size))
 }

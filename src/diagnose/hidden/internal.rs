@@ -146,6 +146,7 @@ fn starts_of(
             snippet: instance.statement_with(&point.values),
             coefficients,
             gain: point.gain,
+            near: false,
             rank,
             tests,
         }

@@ -3,10 +3,15 @@
 //! What such a part does to the predictions is not linear in anything that a model has, and the
 //! motion of the part itself is unknown. So its laws are first followed along the *measured*
 //! motion, for every point of a grid, and the force that is left is asked for it in weak form
-//! (`weak_form`); the best points are starts of full fits, which are judged by whole runs.
+//! (`weak_form`); the best points are starts of full fits, which are judged by whole runs. A body
+//! on an orbit is looked for by what its pull does to whole runs (`response`): over shorter
+//! stretches it is lost in the noise.
 
 mod body;
 mod internal;
+mod orbit;
+mod path;
+mod response;
 mod weak_form;
 
 use std::sync::Arc;
@@ -39,6 +44,8 @@ pub struct Start {
     coefficients: Vec<(TermName, f64)>,
     /// By what factor the weak form of the force that is left is smaller with it.
     gain: f64,
+    /// Whether all of its numbers are near already, by the model over whole runs.
+    near: bool,
     /// How many starts of the same part are better.
     rank: usize,
     /// How many were looked at for each that is tried.
@@ -99,33 +106,70 @@ pub fn start_of(label: &str, spec: &Compiled, model: &LawOnData) -> Result<Optio
     Ok(internal::starts(spec, model)?.into_iter().find(|start| start.label == label))
 }
 
-/// Looks for a body that nobody measures, where no change to one thing explains the data: its pull
-/// is a small part of every force, which a search among all other effects takes long to imitate
-/// and never does. Whether it was found, and told.
-///
-/// # Errors
-///
-/// When the spec cannot be read with it.
-pub fn look_for_bodies(
-    question: &Question,
-    first: &Ranking,
-    diagnosis: &mut Diagnosis,
-) -> Result<bool> {
-    // What no candidate improves on lacks nothing that shows.
-    if first.effects.is_empty() {
-        return Ok(false);
+/// A body that nobody measures, looked for among bodies that attract each other.
+pub struct Unseen {
+    starts: Vec<Start>,
+    /// Whether it explains so much, and a wrong mass so little, that nothing else need be asked.
+    obvious: bool,
+}
+
+impl Unseen {
+    /// Where it may be, by what the model leaves of whole runs.
+    pub fn of(model: &LawOnData) -> Unseen {
+        body::unseen(model).unwrap_or(Unseen { starts: Vec::new(), obvious: false })
     }
-    let part = |one: &RankedEffect| one.held_out_error_after / one.held_out_error_before;
-    let others = first.effects.iter().map(|judged| part(&judged.refit.effect));
-    let least = others.fold(f64::INFINITY, f64::min);
-    if let Some(found) = best_of(question, body::starts(question.model))?
-        && part(&found.effect) < least
-        && question.pays(&found)
-    {
-        tell(diagnosis, found);
-        return Ok(true);
+
+    /// The diagnosis where it is obvious, and its fit explains the data.
+    ///
+    /// # Errors
+    ///
+    /// When the spec cannot be read with it.
+    pub fn obvious(&self, question: &Question) -> Result<Option<Diagnosis>> {
+        let mut diagnosis = Diagnosis {
+            candidates: 1,
+            tests: self.starts.first().map_or(0, |start| start.tests),
+            noise_floor: question.model.law.noise().to_vec(),
+            ..Diagnosis::too_little(String::new())
+        };
+        if self.obvious
+            && let Some(found) = best_of(question, &self.starts)?
+            && question.pays(&found)
+        {
+            tell(&mut diagnosis, found);
+            return Ok(Some(diagnosis));
+        }
+        Ok(None)
     }
-    Ok(false)
+
+    /// Looks for it where it is not obvious, and no change to one thing explains the data: its pull
+    /// is a small part of every force, which a search among all other effects takes long to imitate
+    /// and never does. Whether it was found, and told.
+    ///
+    /// # Errors
+    ///
+    /// When the spec cannot be read with it.
+    pub fn look(
+        &self,
+        question: &Question,
+        first: &Ranking,
+        diagnosis: &mut Diagnosis,
+    ) -> Result<bool> {
+        // What no candidate improves on lacks nothing that shows; what is obvious was tried.
+        if first.effects.is_empty() || self.obvious {
+            return Ok(false);
+        }
+        let part = |one: &RankedEffect| one.held_out_error_after / one.held_out_error_before;
+        let others = first.effects.iter().map(|judged| part(&judged.refit.effect));
+        let least = others.fold(f64::INFINITY, f64::min);
+        if let Some(found) = best_of(question, &self.starts)?
+            && part(&found.effect) < least
+            && question.pays(&found)
+        {
+            tell(diagnosis, found);
+            return Ok(true);
+        }
+        Ok(false)
+    }
 }
 
 /// Looks for internal states of effects, where no story of what is seen explains the data, and
@@ -136,8 +180,9 @@ pub fn look_for_bodies(
 ///
 /// When the spec cannot be read with such a part in it.
 pub fn look_for_states(question: &Question, diagnosis: &mut Diagnosis) -> Result<()> {
-    let starts = internal::starts(question.scope.compiled(), question.model)?;
-    if let Some(found) = best_of(question, starts)?
+    let mut starts = internal::starts(question.scope.compiled(), question.model)?;
+    starts.retain(|start| start.gain > question.model.tuning().hidden.gain);
+    if let Some(found) = best_of(question, &starts)?
         && question.pays(&found)
     {
         tell(diagnosis, found);
@@ -158,10 +203,10 @@ impl Question<'_, '_> {
 
 /// The best of some parts, fitted from where the weak form likes them best; where one of them
 /// nearly explains the data, from where it likes them next.
-fn best_of(question: &Question, mut starts: Vec<Start>) -> Result<Option<Found>> {
+fn best_of(question: &Question, starts: &[Start]) -> Result<Option<Found>> {
     let tuning = &question.model.tuning().hidden;
     question.monitor.stage("what may move unseen", 0.95);
-    starts.retain(|start| start.gain > tuning.gain);
+    let mut starts: Vec<&Start> = starts.iter().collect();
     starts.sort_by(|a, b| a.rank.cmp(&b.rank).then(b.gain.total_cmp(&a.gain)));
     let mut best: Option<Found> = None;
     for rank in 0..tuning.points.max(1) {
@@ -231,9 +276,14 @@ fn fitted(question: &Question, spec: &Compiled, start: &Start) -> Result<Option<
         law = law.with_noise(noise);
     }
     let window = model.options.fit.segments.hidden;
-    let options = fit::Options { tuning: model.options.fit.clone(), ..fit::Options::default() };
+    let tuning = model.options.fit.clone();
+    let options = fit::Options { tuning, starts: 0, ..fit::Options::default() };
     let law = law.with_window(window);
-    let Ok(fitted) = resume(&law, &training, &options, question.monitor) else { return Ok(None) };
+    let fitted = match start.near {
+        true => fit::fit(system, &training, &options, question.monitor),
+        false => resume(&law, &training, &options, question.monitor),
+    };
+    let Ok(fitted) = fitted else { return Ok(None) };
     let law = fitted.law_of(system)?;
     // What the part leaves is held against the noise without it: a part that explains little would
     // take the rest for noise.
@@ -259,14 +309,15 @@ fn fitted(question: &Question, spec: &Compiled, start: &Start) -> Result<Option<
     let deviance = were.loss - left.loss;
     let (coefficient, standard_error) = numbers(&law, spec.system.parameters.len(), start);
     // Its numbers, and where it starts in every run, are unknowns that the model does not have.
-    let parts = system.degrees().saturating_sub(spec.system.degrees());
-    let unknowns = coefficient.len() + parts * training.runs.len();
+    let new = system.hidden.iter().filter(|part| part.coordinate >= spec.system.degrees());
+    let parts = new.map(|part| if part.rate.is_none() { 2 } else { 1 });
+    let unknowns = coefficient.len() + parts.sum::<usize>() * training.runs.len();
     let price = unknowns as f64 * (left.rows.max(1) as f64).ln();
     let p_value = (start.tests as f64 * (-0.5 * (deviance - price)).exp()).min(1.0);
     let effect = RankedEffect {
         effect: start.label.clone(),
         on: start.on.clone(),
-        snippet: with_values(&start.snippet, &law, system),
+        snippet: with_starts(&with_values(&start.snippet, &law, system), &law),
         coefficient,
         standard_error,
         p_value,
@@ -315,6 +366,32 @@ fn with_values(snippet: &str, law: &Law, system: &System) -> String {
         }
     }
     out
+}
+
+/// The statements with hidden coordinates where the law has them at the first of all times, if it
+/// has one motion of them.
+fn with_starts(snippet: &str, law: &Law) -> String {
+    let system = law.system();
+    let first = |name: &str| {
+        let motions = law.hidden().iter().filter(|motion| motion.name == name);
+        motions.min_by(|a, b| a.times.0.total_cmp(&b.times.0)).map(|motion| motion.values.0)
+    };
+    let line = |line: &str| -> String {
+        let of = system.hidden.iter().filter(|part| part.rate.is_none()).find_map(|part| {
+            let name = &system.coordinates[part.coordinate].name;
+            let momentum = &system.momenta[part.coordinate].name;
+            let begins = line.starts_with(&format!("hidden {name} = "));
+            let (q, p) = begins.then(|| first(name).zip(first(momentum))).flatten()?;
+            Some(format!("hidden {name} = {} with {momentum} = {}", digits(q), digits(p)))
+        });
+        of.unwrap_or_else(|| line.to_string())
+    };
+    snippet.lines().map(line).collect::<Vec<_>>().join("\n")
+}
+
+/// A number to ten digits: small changes of an orbit grow.
+fn digits(value: f64) -> String {
+    format!("{:e}", format!("{value:.9e}").parse().unwrap_or(value))
 }
 
 /// A number to six digits, which a fit starts from.

@@ -56,6 +56,11 @@ impl<'a> MeasuredMotion<'a> {
         let packed = &*model.data.packed;
         let masses = model.law.masses()?;
         let seen = |row: usize| packed.column(row).iter().any(|x| x.is_finite());
+        // What measures tell of a coordinate is no column of it.
+        let known = |i: usize| seen(i) || system.is_hidden(i);
+        if !system.measures.is_empty() && !(0..n).all(known) {
+            return None;
+        }
         let by_momenta = system.observed == Observed::Momenta;
         let state = |run: usize| -> Vec<Vec<f64>> {
             let times = packed.times_of(run);
@@ -104,6 +109,11 @@ impl<'a> MeasuredMotion<'a> {
                     out.get(order).copied().unwrap_or(0.0) * factorial
                 };
                 samples.map(&mut at).collect()
+            }
+            Symbol::Delayed(input, order, by) => {
+                let by = by.number_or(self.law.parameters());
+                let at = |&t: &f64| self.packed.record().input_at(input, order, run, t - by);
+                times[samples].iter().map(at).collect()
             }
             _ => times[samples].iter().map(|&t| self.packed.clock_of(run).time(t)).collect(),
         }

@@ -2,8 +2,10 @@
 //! [`FUNCTIONS`]: its value and derivative, symmetries, units and signs, how it is compiled, and
 //! how every target language writes it. A new function is one new row.
 
+mod of_two;
 mod rows;
 
+pub use of_two::{FUNCTIONS_OF_TWO, FunctionOfTwo};
 pub use rows::FUNCTIONS;
 
 use super::graph::{Expr, Graph};
@@ -170,6 +172,8 @@ impl Function {
     pub const COS: Function = Function::named("cos");
     /// The tangent.
     pub const TAN: Function = Function::named("tan");
+    /// The inverse of the tangent.
+    pub const ATAN: Function = Function::named("atan");
     /// The hyperbolic sine.
     pub const SINH: Function = Function::named("sinh");
     /// The hyperbolic cosine.

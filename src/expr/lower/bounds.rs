@@ -22,7 +22,9 @@ impl<'a> Lowering<'a> {
         terms: &mut [Term],
         parameters: &mut [(Parameter, Vec<f64>)],
     ) {
-        for constraint in &self.resolved.constraints {
+        for constraint in
+            self.resolved.constraints.iter().filter(|one| !self.resolved.is_holonomic(one))
+        {
             self.one_constraint(constraint, terms, parameters);
         }
     }

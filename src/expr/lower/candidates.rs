@@ -48,6 +48,7 @@ pub(super) fn check(spec: &SyntaxTree) -> Vec<Diagnostic> {
             | StatementKind::Time { .. }
             | StatementKind::Input { .. }
             | StatementKind::Hidden(..)
+            | StatementKind::Measure { .. }
             | StatementKind::Data { .. }
             | StatementKind::Constant { .. }
             | StatementKind::Parameter { .. } => true,

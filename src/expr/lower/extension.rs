@@ -15,7 +15,7 @@ use crate::diagnostic::{Diagnostic, Severity, Span};
 use crate::error::{Error, Result};
 use crate::expr::graph::{Expr, Graph, Symbol};
 use crate::expr::identity::{Mark, ParameterId, TermId};
-use crate::expr::system::{Parameter, Place, System, Term};
+use crate::expr::system::{Constraint, Parameter, Place, System, Term};
 use crate::expr::unit::Unit;
 use crate::spec::ast::SyntaxTree;
 use crate::spec::resolve::{Resolved, resolve};
@@ -157,6 +157,7 @@ struct Counts {
     forces: usize,
     sensors: usize,
     hidden: usize,
+    holonomic: usize,
 }
 
 /// What a lowering leaves that does not borrow from the syntax tree.
@@ -171,6 +172,7 @@ struct Standing {
     shared: HashMap<String, Option<usize>>,
     flow: Option<Vec<(Symbol, Expr)>>,
     known: Vec<(Place, Value, Span)>,
+    constraints: Vec<Constraint>,
     lagrangian: Lagrangian,
     expected: u128,
 }
@@ -185,7 +187,9 @@ impl Scope {
         lowering.define_parameters(0);
         lowering.find_shared();
         lowering.motion(&resolved.energies, &resolved.forces);
+        lowering.holonomic();
         lowering.internal_states(&resolved.hidden);
+        lowering.measures();
         lowering.instruments(&resolved.sensors);
         // The system was made by the same steps: its graph begins with all of this one's.
         lowering.graph = compiled.system.graph.clone();
@@ -263,6 +267,13 @@ impl Scope {
                     .hint("write it into the spec, and fit that"),
             );
         }
+        if let Some(new) = resolved.holonomic().nth(self.lowered.holonomic) {
+            diagnostics.push(
+                Diagnostic::error(new.span, "a constraint on the motion cannot be tried")
+                    .label("it changes which motions there are")
+                    .hint("write it into the spec, and fit that"),
+            );
+        }
         let mut lowering = Lowering::of_compiled(&resolved, &self.compiled);
         standing.into_lowering(&mut lowering);
         let sound = |list: &[crate::diagnostic::Diagnostic]| {
@@ -308,6 +319,7 @@ impl Scope {
             lower_again(lowering, Place::follows_motion, |lowering| {
                 lowering.flow();
                 lowering.internal_states(hidden);
+                lowering.measures();
                 lowering.instruments(sensors);
             });
         }
@@ -408,6 +420,7 @@ impl Counts {
             forces: resolved.forces.len(),
             sensors: resolved.sensors.len(),
             hidden: resolved.hidden.len(),
+            holonomic: resolved.holonomic().count(),
         }
     }
 }
@@ -424,6 +437,7 @@ impl Standing {
             shared: lowering.shared,
             flow: lowering.flow,
             known: lowering.known,
+            constraints: lowering.constraints,
             lagrangian: lowering.lagrangian,
             expected: lowering.expected,
         }
@@ -440,6 +454,7 @@ impl Standing {
         lowering.shared = self.shared;
         lowering.flow = self.flow;
         lowering.known = self.known;
+        lowering.constraints = self.constraints;
         lowering.lagrangian = self.lagrangian;
         lowering.expected = self.expected;
     }

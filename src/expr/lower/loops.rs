@@ -1,8 +1,13 @@
 //! Indices: their whole numbers, and `for` over ranges of them.
 
 use super::Lowering;
-use crate::diagnostic::Diagnostic;
-use crate::spec::ast::{Binding, Comparison, Comprehension, Expression, Relation};
+use super::terms::FoundTerm;
+use super::value::Value;
+use crate::diagnostic::{Diagnostic, Span};
+use crate::expr::unit::Unit;
+use crate::expr::{Expr, Place};
+use crate::spec::ast::{Binding, Comparison, Comprehension, Expression, Item, Relation};
+use crate::spec::families::FamilyRow;
 use crate::spec::resolve::integer;
 
 impl Lowering<'_> {
@@ -32,6 +37,48 @@ impl Lowering<'_> {
         let done = self.bind(&comprehension.bindings, &comprehension.conditions, body);
         self.indices.truncate(outside);
         done
+    }
+
+    /// The terms of an item whose loop has one coefficient: the sum of all that it makes, and of a
+    /// family one for each member.
+    pub(super) fn alike(
+        &mut self,
+        (place, sign): (Place, f64),
+        item: &Item,
+        comprehension: &Comprehension,
+        family: Option<(&FamilyRow, &[Expression], Option<&Expression>)>,
+    ) -> Vec<FoundTerm> {
+        /// Parts of a sum, and its unit.
+        type Sum = (Vec<(f64, Expr)>, Option<(Unit, Span)>);
+        let span = item.body.site.0;
+        let mut sums: Vec<Sum> = Vec::new();
+        self.each(comprehension, &mut |lowering| {
+            let members = match family {
+                Some((row, arguments, order)) => {
+                    lowering.family(row, arguments, order, span).unwrap_or_default()
+                }
+                None => lowering.value(&item.body).into_iter().collect(),
+            };
+            sums.resize(sums.len().max(members.len()), Sum::default());
+            for ((parts, unit), value) in sums.iter_mut().zip(members) {
+                parts.push((1.0, value.expr));
+                lowering.same_unit(unit, value.unit, span);
+            }
+        });
+        let name = |member: usize| {
+            let own = &item.name.as_ref()?.text;
+            Some(if family.is_some() { format!("{own}[{}]", member + 1) } else { own.clone() })
+        };
+        let text = || {
+            let sign = if sign < 0.0 { "-" } else { "" };
+            family.is_none().then(|| format!("{sign}{} {comprehension} alike", item.body))
+        };
+        let found = |(member, (parts, unit)): (usize, Sum)| {
+            let expr = self.graph.linear(0.0, &parts);
+            let value = Value { expr, unit: unit.map(|(unit, _)| unit) };
+            FoundTerm { place, value, sign, name: name(member), span, text: text() }
+        };
+        sums.into_iter().enumerate().map(found).collect()
     }
 
     fn bind(

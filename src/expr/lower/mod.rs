@@ -2,10 +2,13 @@
 
 mod bounds;
 mod candidates;
+mod delays;
 mod extension;
 mod hidden;
+mod holonomic;
 mod lagrangian;
 mod loops;
+mod measures;
 mod names;
 mod numbers;
 mod sensors;
@@ -19,7 +22,7 @@ use std::sync::Arc;
 
 use super::columns::{self, DataColumns};
 use super::graph::{Expr, Graph, Symbol};
-use super::system::{Bounds, Observed, Parameter, Per, Place, System, Term, Variable};
+use super::system::{Bounds, Constraint, Observed, Parameter, Per, Place, System, Term, Variable};
 use super::unit::Unit;
 use crate::data::visible;
 use crate::diagnostic::{Diagnostic, Severity, Span};
@@ -142,6 +145,8 @@ enum Context {
     /// The law of an internal state.
     Rate,
     Sensor,
+    /// What a column shows on any curve, whose velocities and accelerations stand for themselves.
+    Curve,
 }
 
 /// A name that stands for a number: a constant or a parameter.
@@ -168,6 +173,8 @@ pub(super) struct Lowering<'a> {
     context: Context,
     /// The definition that is lowered: it may name those before it.
     defining: Option<usize>,
+    /// The measure that is lowered: it may name those before it.
+    measuring: Option<usize>,
     /// Index names and their values, innermost last.
     indices: Vec<(String, i64)>,
     steps: u64,
@@ -185,6 +192,7 @@ pub(super) struct Lowering<'a> {
     flow: Option<Vec<(Symbol, Expr)>>,
     /// Known parts: place, value, where they stand.
     known: Vec<(Place, Value, Span)>,
+    constraints: Vec<Constraint>,
     lagrangian: Lagrangian,
     expected: u128,
     /// An inner parameter that was a known number, with its value: units go by that.
@@ -217,6 +225,7 @@ impl<'a> Lowering<'a> {
             starts: Vec::new(),
             context: Context::Number,
             defining: None,
+            measuring: None,
             indices: Vec::new(),
             steps: 0,
             reported: HashSet::new(),
@@ -227,6 +236,7 @@ impl<'a> Lowering<'a> {
             shared: HashMap::new(),
             flow: None,
             known: Vec::new(),
+            constraints: Vec::new(),
             lagrangian: Lagrangian::default(),
             expected: 0,
             freed: None,
@@ -279,9 +289,11 @@ impl<'a> Lowering<'a> {
         self.check_bodies();
         self.find_shared();
         self.motion(&self.resolved.energies, &self.resolved.forces);
+        self.holonomic();
         // Internal states may depend on velocities, and what the instrument adds on the whole
         // motion.
         self.internal_states(&self.resolved.hidden);
+        self.measures();
         self.instruments(&self.resolved.sensors);
         let energy_unit = self.energy_unit(canonical);
         self.check_known(energy_unit, canonical.is_some());
@@ -290,6 +302,7 @@ impl<'a> Lowering<'a> {
         let mut parameters = parameters;
         self.unique_names();
         self.constrain(&mut terms, &mut parameters);
+        self.check_holonomic(&terms);
         let system = self.system(terms, &parameters);
         Pieces {
             system,
@@ -364,7 +377,9 @@ impl<'a> Lowering<'a> {
         let hamiltonian = self.known_part(Place::Hamiltonian);
         let degrees = coordinates.len();
         let forces = (0..degrees).map(|i| self.known_part(Place::Force(i))).collect();
-        let sensors = (0..2 * degrees).map(|i| self.known_part(Place::Sensor(i))).collect();
+        let measures = self.measures_of_system();
+        let observables = 2 * degrees + measures.len();
+        let sensors = (0..observables).map(|i| self.known_part(Place::Sensor(i))).collect();
         let hidden = self.hidden_parts();
         System {
             name: resolved.title.as_deref().map_or_else(|| "system".to_string(), visible),
@@ -387,6 +402,8 @@ impl<'a> Lowering<'a> {
             hamiltonian,
             forces,
             sensors,
+            constraints: self.constraints.clone(),
+            measures,
             terms,
         }
     }

@@ -44,6 +44,7 @@ impl Lowering<'_> {
                 let unit = self.inputs.get(i).copied().flatten();
                 Some(Value { expr: self.graph.symbol(Symbol::Input(i, 0)), unit })
             }
+            Some(Meaning::Measure(i)) => self.measured(i, name, span),
             Some(Meaning::Parameter(i)) if self.context != Context::Number => {
                 self.parameters.get(i).copied().flatten().map(named)
             }
@@ -118,7 +119,7 @@ impl Lowering<'_> {
         value
     }
 
-    fn no_value_yet(&mut self, name: &str, span: Span) {
+    pub(super) fn no_value_yet(&mut self, name: &str, span: Span) {
         self.report(
             Diagnostic::error(span, format!("`{name}` has no value yet"))
                 .label("used before it is defined")
@@ -200,7 +201,9 @@ impl Lowering<'_> {
             return self.velocity(i);
         }
         match (self.context, role) {
-            (Context::Velocities(_), Role::Velocities) => return Some(self.own_velocity(i)),
+            (Context::Velocities(_) | Context::Curve, Role::Velocities) => {
+                return Some(self.own_velocity(i));
+            }
             (Context::Force, Role::Velocities) => return self.velocity_in_force(i, name, span),
             _ => {}
         }

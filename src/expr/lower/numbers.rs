@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::extension::{Extension, Scope};
-use super::substitution::{forget_constant, mentions, replaced, value_of};
+use super::substitution::{forget_constant, replaced, value_of};
 use super::{Compiled, compiled};
 use crate::diagnostic::Span;
 use crate::error::{Error, ErrorKind, Result};
@@ -113,14 +113,35 @@ impl KnownNumber {
         crate::spec::edit::replace(text, self.span, &new)
     }
 
-    /// Its statement with another value in its place.
-    pub fn rewritten(&self, value: f64) -> String {
+    /// Its statement with another value in its place, and in those of numbers that were freed
+    /// before it.
+    pub fn rewritten(&self, value: f64, freed: &[(&KnownNumber, f64)]) -> String {
         let mut statement = Statement::clone(&self.whole);
         if let Some(place) = value_of(&mut statement.kind) {
             let new = self.written(short(value));
-            *place = replaced(place, &|node| self.is(node).then(|| new.clone()));
+            let of = |node: &Expression| match &node.kind {
+                ExpressionKind::Name(name) => {
+                    let known = freed.iter().find(|(number, _)| {
+                        number.form != Form::Constant && number.free_name() == *name
+                    })?;
+                    Some(Expression {
+                        kind: ExpressionKind::Number(short(known.1)),
+                        ..node.clone()
+                    })
+                }
+                _ => self.is(node).then(|| new.clone()),
+            };
+            *place = replaced(place, &of);
         }
         statement.to_string()
+    }
+
+    /// What it is called where it is free.
+    fn free_name(&self) -> String {
+        match self.form {
+            Form::Constant => self.name.clone(),
+            _ => format!("number_{}_{}", self.line, self.column),
+        }
     }
 
     /// Its statement in a syntax tree, with something else at its place.
@@ -287,10 +308,7 @@ impl Scope {
         let base = self.compiled();
         let refused = || not_free(number);
         let site = Site(number.span);
-        let name = match number.form {
-            Form::Constant => number.name.clone(),
-            _ => format!("number_{}_{}", number.line, number.column),
-        };
+        let name = number.free_name();
         let named = Expression { kind: ExpressionKind::Name(name.clone()), site };
         let mut spec = base.spec.clone();
         let start = match number.form {
@@ -439,7 +457,7 @@ fn numbers_in(
         }
         ExpressionKind::Power(base, exponent) => {
             numbers_in(base, within, add);
-            if within.kinetic || mentions(base, within.momenta) {
+            if within.kinetic || base.mentions(within.momenta) {
                 return;
             }
             match literal(exponent) {
@@ -452,7 +470,7 @@ fn numbers_in(
         }
         ExpressionKind::Call { name, arguments, .. } => {
             if name == "sqrt" && arguments.len() == 1 && !within.kinetic {
-                let inside = arguments.iter().any(|inside| mentions(inside, within.momenta));
+                let inside = arguments.iter().any(|inside| inside.mentions(within.momenta));
                 if !inside {
                     add("sqrt", 0.5, expression, Form::Root);
                 }

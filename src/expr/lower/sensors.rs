@@ -37,6 +37,7 @@ impl Lowering<'_> {
         let found = match &expression.kind {
             ExpressionKind::Name(name) => match meaning(name) {
                 Some(Meaning::Variable(role, i)) => Some((role, i)),
+                Some(Meaning::Measure(i)) => return Some(2 * resolved.coordinates.len() + i),
                 _ => None,
             },
             ExpressionKind::Index { name, index } => {
@@ -62,7 +63,8 @@ impl Lowering<'_> {
             if resolved.velocities.is_empty() { &resolved.momenta } else { &resolved.velocities };
         let names =
             resolved.coordinates.iter().chain(second).map(|declared| declared.name.as_str());
-        let names: Vec<&str> = names.take(8).collect();
+        let measures = resolved.measures.iter().map(|measure| measure.name.text.as_str());
+        let names: Vec<&str> = names.chain(measures).take(8).collect();
         self.report(
             Diagnostic::error(expression.site.0, format!("`{expression}` is not observed"))
                 .label("no instrument measures it")
@@ -74,6 +76,9 @@ impl Lowering<'_> {
     /// The unit of an observable.
     fn observable_unit(&self, i: usize) -> Option<Unit> {
         let n = self.coordinates.len();
+        if let Some(measure) = i.checked_sub(2 * n) {
+            return self.measure_unit(measure);
+        }
         let second = if self.velocities.is_empty() { &self.momenta } else { &self.velocities };
         self.coordinates.get(i).or_else(|| second.get(i.checked_sub(n)?)).copied().flatten()
     }
@@ -86,6 +91,10 @@ impl Lowering<'_> {
                 continue;
             };
             if !expected.agrees(unit) {
+                if i >= 2 * self.coordinates.len() {
+                    self.measure_clash(i - 2 * self.coordinates.len(), (unit, expected), span);
+                    continue;
+                }
                 self.report(
                     Diagnostic::error(
                         span,
@@ -131,6 +140,10 @@ impl Lowering<'_> {
             _ => {}
         }
         self.require_rates(&symbols, argument.site.0)?;
+        if self.context == Context::Curve {
+            let expr = self.rate_on_curve(value.expr, &symbols)?;
+            return Some(Value { expr, unit: None });
+        }
         // What the motion goes by has no part in the rate of what drives it.
         let expr = if matches!(self.context, Context::Velocities(_) | Context::Force) && moves {
             self.rate_by_velocities(value.expr, &symbols, span)?
@@ -167,9 +180,9 @@ impl Lowering<'_> {
     pub(super) fn rate_of_driver(&mut self, expr: Expr) -> Expr {
         let mut parts = vec![(1.0, self.graph.derivative(expr, Symbol::Time))];
         for symbol in self.graph.symbols(&[expr]) {
-            if let Symbol::Input(i, order) = symbol {
+            if let Some(rate) = symbol.input_rate() {
                 let slope = self.graph.derivative(expr, symbol);
-                let rate = self.graph.symbol(Symbol::Input(i, order + 1));
+                let rate = self.graph.symbol(rate);
                 parts.push((1.0, self.graph.multiply(slope, rate)));
             }
         }
@@ -180,7 +193,9 @@ impl Lowering<'_> {
     fn require_rates(&mut self, symbols: &[Symbol], span: Span) -> Option<()> {
         let resolved = self.resolved;
         for symbol in symbols {
-            let Symbol::Input(i, order) = *symbol else { continue };
+            let (Symbol::Input(i, order) | Symbol::Delayed(i, order, _)) = *symbol else {
+                continue;
+            };
             let Some(input) = resolved.inputs.get(i) else { continue };
             if order + 1 < input.between.interpolation.coefficients() {
                 continue;
@@ -242,6 +257,7 @@ impl Lowering<'_> {
             force.push((-1.0, self.graph.derivative(energy, Symbol::Coordinate(i))));
             flow.push((Symbol::Momentum(i), self.graph.linear(0.0, &force)));
         }
+        self.hold(&mut flow);
         self.flow = Some(flow.clone());
         flow
     }

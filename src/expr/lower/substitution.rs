@@ -13,29 +13,6 @@ pub(super) fn value_of(kind: &mut StatementKind) -> Option<&mut Expression> {
     }
 }
 
-/// Whether a variable or family of these names stands in an expression.
-pub(super) fn mentions(expression: &Expression, names: &[&str]) -> bool {
-    let among = |name: &str| names.contains(&name);
-    match &expression.kind {
-        ExpressionKind::Name(name)
-        | ExpressionKind::Index { name, .. }
-        | ExpressionKind::Slice { name, .. } => among(name),
-        ExpressionKind::Number(_) => false,
-        ExpressionKind::Quantity(inner, _) | ExpressionKind::Negate(inner) => {
-            mentions(inner, names)
-        }
-        ExpressionKind::Sum(parts) | ExpressionKind::Product(parts) => {
-            parts.iter().any(|(_, part)| mentions(part, names))
-        }
-        ExpressionKind::Power(base, exponent) => mentions(base, names) || mentions(exponent, names),
-        ExpressionKind::Call { name, arguments, .. } => {
-            among(name) || arguments.iter().any(|argument| mentions(argument, names))
-        }
-        ExpressionKind::SumOver { body, .. } => mentions(body, names),
-        ExpressionKind::Span(items) => items.iter().any(|item| mentions(&item.body, names)),
-    }
-}
-
 /// An expression with some of its nodes replaced.
 pub(super) fn replaced(
     expression: &Expression,
@@ -87,7 +64,7 @@ pub(super) fn forget_constant(spec: &mut SyntaxTree, name: &str) {
     }
     loop {
         let depends = |statement: &&mut Statement| match &statement.kind {
-            StatementKind::Constant { value, .. } => mentions(value, &[name]),
+            StatementKind::Constant { value, .. } => value.mentions(&[name]),
             _ => false,
         };
         let Some(statement) = spec.statements.iter_mut().find(depends) else { break };

@@ -144,7 +144,7 @@ impl Lowering<'_> {
         }
         let family = match &item.body.kind {
             ExpressionKind::Call { name, arguments, order } => {
-                families::by_name(name).map(|row| (row, arguments, order.as_deref()))
+                families::by_name(name).map(|row| (row, &arguments[..], order.as_deref()))
             }
             _ => None,
         };
@@ -177,6 +177,11 @@ impl Lowering<'_> {
             }
         };
         match &item.comprehension {
+            Some(comprehension) if item.alike => {
+                for found in self.alike((place, sign), item, comprehension, family) {
+                    self.add(found, family.is_none(), &mut repeated);
+                }
+            }
             Some(comprehension) => {
                 self.each(comprehension, &mut one);
             }
@@ -202,7 +207,7 @@ impl Lowering<'_> {
     }
 
     /// The members of a family over its arguments; `None` after a diagnostic.
-    fn family(
+    pub(super) fn family(
         &mut self,
         row: &FamilyRow,
         arguments: &[Expression],
@@ -532,13 +537,13 @@ impl Lowering<'_> {
 }
 
 /// A member of the function space where it was found.
-struct FoundTerm {
-    place: Place,
-    value: Value,
-    sign: f64,
-    name: Option<String>,
-    span: Span,
-    text: Option<String>,
+pub(super) struct FoundTerm {
+    pub(super) place: Place,
+    pub(super) value: Value,
+    pub(super) sign: f64,
+    pub(super) name: Option<String>,
+    pub(super) span: Span,
+    pub(super) text: Option<String>,
 }
 
 /// Terms of an item that stood elsewhere already.

@@ -41,7 +41,9 @@ impl Lowering<'_> {
     /// A velocity is measured in units of its coordinate over time.
     pub(super) fn check_velocities(&mut self) {
         let Some(time) = self.time else { return };
-        for i in 0..self.velocities.len() {
+        // One too many of either is an error of its own.
+        let both = self.coordinates.len().min(self.velocities.len());
+        for i in 0..both {
             let (Some(q), Some(v)) = (self.coordinates[i], self.velocities[i]) else { continue };
             let Some(expected) = q.over(time) else { continue };
             if !expected.agrees(v) {

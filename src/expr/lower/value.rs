@@ -1,6 +1,6 @@
 //! Expressions of a spec as expressions of the graph, with their units.
 
-use super::super::functions::{FUNCTIONS, Function, UnitRule};
+use super::super::functions::{FUNCTIONS, FUNCTIONS_OF_TWO, Function, FunctionOfTwo, UnitRule};
 use super::super::graph::{Expr, Symbol};
 use super::super::unit::{Unit, simple_fraction};
 use super::{Context, Lowering, MOST_STEPS};
@@ -123,7 +123,12 @@ impl Lowering<'_> {
     }
 
     /// Keeps the unit of a sum: the first known one, with which all others agree.
-    fn same_unit(&mut self, sum: &mut Option<(Unit, Span)>, unit: Option<Unit>, span: Span) {
+    pub(super) fn same_unit(
+        &mut self,
+        sum: &mut Option<(Unit, Span)>,
+        unit: Option<Unit>,
+        span: Span,
+    ) {
         match (*sum, unit) {
             (None, Some(unit)) => *sum = Some((unit, span)),
             (Some((first, at)), Some(unit)) if !first.agrees(unit) => {
@@ -294,8 +299,16 @@ impl Lowering<'_> {
         if name == "rate" {
             return self.rate_of(arguments, order, span);
         }
+        if name == "delayed" {
+            return self.delayed(arguments, order, span);
+        }
+        if let Some(function) = FunctionOfTwo::by_name(name) {
+            return self.call_of_two(function, arguments, order, span);
+        }
         let Some(function) = Function::by_any_name(name) else {
             let functions = FUNCTIONS.iter().map(|row| row.name);
+            let functions = functions.chain(FUNCTIONS_OF_TWO.iter().map(|row| row.name));
+            let functions = functions.chain(["delayed"]);
             let all: Vec<&str> =
                 functions.chain(families::FAMILIES.iter().map(|row| row.name)).collect();
             let hint = match crate::spec::nearest(name, all.iter().copied()) {
@@ -353,6 +366,36 @@ impl Lowering<'_> {
             return None;
         }
         Some(Value { expr, unit })
+    }
+
+    /// A function of two arguments, which have one unit.
+    fn call_of_two(
+        &mut self,
+        function: &FunctionOfTwo,
+        arguments: &[Expression],
+        order: Option<&Expression>,
+        span: Span,
+    ) -> Option<Value> {
+        let hint = format!("write `{}({})`", function.name, function.arguments);
+        let ([first, second], None) = (arguments, order) else {
+            self.wrong_arity(function.name, "two arguments", arguments.len(), span, &hint);
+            return None;
+        };
+        let (a, b) = (self.value(first), self.value(second));
+        let (a, b) = (a?, b?);
+        let mut unit = None;
+        self.same_unit(&mut unit, a.unit, first.site.0);
+        self.same_unit(&mut unit, b.unit, second.site.0);
+        if self.graph.is_zero(a.expr) && self.graph.is_zero(b.expr) {
+            self.report(
+                Diagnostic::error(span, format!("`{}` is not defined here", function.name))
+                    .label("both arguments are zero")
+                    .hint("correct the arguments"),
+            );
+            return None;
+        }
+        let expr = (function.build)(&mut self.graph, a.expr, b.expr);
+        Some(Value { expr, unit: Some(Unit::ONE) })
     }
 
     pub(super) fn wrong_arity(

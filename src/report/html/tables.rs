@@ -9,6 +9,7 @@ use crate::diagnose::diagnosis::Diagnosis;
 use crate::fit::Model;
 use crate::fit::distribution::Distribution;
 use crate::report::plots::{escaped, measured, number, plain, tenths, term, unit};
+use crate::report::present::included;
 
 /// Rows of a table; the others are counted.
 const MOST: usize = 40;
@@ -81,7 +82,7 @@ pub(crate) fn coefficients(model: &Model) -> Table {
                 name + &term(&learned.term),
                 measured(learned.coefficient, learned.standard_error, 8),
                 unit(learned.unit.as_deref()),
-                format!("{:.0} %", 100.0 * learned.inclusion),
+                included(learned),
             ]
         })
         .chain(model.parameters.iter().map(|parameter| {

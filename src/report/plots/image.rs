@@ -53,7 +53,10 @@ pub static IMAGES: &[Image] = &[
         name: "png",
         media: "image/png",
         description: "pixels, for slides",
-        draw: |figure, look| png(figure, look.paper.unwrap_or_default(), look.scale),
+        draw: |figure, look| {
+            require_scale(look.scale)?;
+            png(figure, look.paper.unwrap_or_default(), look.scale)
+        },
     },
 ];
 

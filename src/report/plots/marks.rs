@@ -3,8 +3,8 @@
 use std::fmt::Write;
 
 use super::figure::{Anchor, Mark, Panel, SeriesInfo, Style};
-use super::svg::escaped;
 use super::thin;
+use super::xml::escaped;
 
 /// A rectangle in pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]

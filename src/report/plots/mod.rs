@@ -25,6 +25,7 @@ mod raster;
 mod style;
 mod svg;
 mod thin;
+mod xml;
 
 use serde::Serialize;
 
@@ -33,7 +34,8 @@ pub use figure::Figure;
 pub use image::{IMAGES, Image, PictureStyle, SCALES, image, printable, require_scale};
 pub use label::{amount, measured, number, plain, tenths, term, unit};
 pub use style::{Background, SCRIPT, live_sheet, sheet};
-pub use svg::{Medium, draw, escaped};
+pub use svg::{Medium, draw};
+pub use xml::escaped;
 
 /// The id of a figure in letters that every file system and header takes.
 pub fn escaped_id(id: &str) -> String {

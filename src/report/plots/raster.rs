@@ -10,7 +10,6 @@ use resvg::usvg::fontdb::Database;
 use resvg::usvg::{Options, Tree};
 
 use super::figure::Figure;
-use super::image::require_scale;
 use super::style::Background;
 use super::svg::{Medium, draw};
 use crate::error::{Error, ErrorKind, Result};
@@ -49,9 +48,8 @@ fn own_fonts() -> Database {
 /// The figure as a PNG file, with `scale` pixels for each of a screen.
 ///
 /// # Errors
-/// The scale is not one of [`SCALES`], or the picture cannot be drawn.
+/// The picture cannot be drawn.
 pub(super) fn png(figure: &Figure, paper: Background, scale: f64) -> Result<Vec<u8>> {
-    require_scale(scale)?;
     let failed = |why: String| {
         Error::new(
             ErrorKind::Export,
@@ -79,6 +77,7 @@ mod tests {
     use super::*;
     use crate::report::plots::axes::Axis;
     use crate::report::plots::figure::Panel;
+    use crate::report::plots::image::require_scale;
 
     /// Pieces of text in a group that no font has a form for.
     fn formless(group: &Group, seen: &mut usize, found: &mut Vec<String>) {

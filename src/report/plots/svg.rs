@@ -8,6 +8,7 @@ use super::figure::{Arrangement, Figure, Key, Panel, Shape};
 use super::label;
 use super::marks::{Frame, Pen, class, draw_mark, marker};
 use super::style::{self, Background};
+use super::xml::escaped;
 
 /// Where the drawing goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -73,23 +74,6 @@ pub fn draw(figure: &Figure, target: Medium) -> String {
         draw_panel(&mut out, panel, *frame, numbers_x, numbers_y);
     }
     out += "</svg>\n";
-    out
-}
-
-/// Text that may stand in XML; what may not is left out.
-pub fn escaped(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => out += "&amp;",
-            '<' => out += "&lt;",
-            '>' => out += "&gt;",
-            '"' => out += "&quot;",
-            '\n' | '\t' => out.push(' '),
-            c if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') => {}
-            c => out.push(c),
-        }
-    }
     out
 }
 

@@ -17,6 +17,7 @@ const TWO: &str = "it goes with the distance of two bodies";
 const VELOCITY: &str = "it is along the velocity of a body, in a plane or in space";
 
 const LENGTH: &[Scan] = &[Scan { name: "length", by: ScanBy::Length, example: 0.5 }];
+const RANGE: &[Scan] = &[Scan { name: "length", by: ScanBy::Range, example: 0.5 }];
 const POWER: &[Scan] = &[Scan { name: "exponent", by: ScanBy::Power, example: 1.5 }];
 
 pub(super) static ROWS: &[EffectRow] = &[
@@ -128,10 +129,19 @@ pub(super) static ROWS: &[EffectRow] = &[
     EffectRow {
         name: "central_yukawa",
         template: "V += span{ {n}: -exp(-sqrt({qq})/{length})/sqrt({qq}) }",
-        parameters: LENGTH,
+        parameters: RANGE,
         physics: "A pull of the origin that is screened beyond some length.",
         telltale: "The residual force points to the origin and falls faster than any power of the distance.",
         reference: "H. Yukawa, Proc. Phys. Math. Soc. Japan 17, 48 (1935)",
+        ..CENTRAL
+    },
+    EffectRow {
+        name: "screening_of_centre",
+        template: "V += span{ {n}: (1 - exp(-sqrt({qq})/{length}))/sqrt({qq}) }",
+        parameters: RANGE,
+        physics: "A pull of the origin that is known near to it and is screened beyond some length: what the screen takes away of k/r, where the coefficient is k.",
+        telltale: "The residual force points away from the origin; beside a known pull like 1/r^2 it is small near the origin and as large as the pull far out.",
+        reference: "P. Debye and E. Hückel, Physikalische Zeitschrift 24, 185 (1923)",
         ..CENTRAL
     },
     EffectRow {
@@ -198,10 +208,19 @@ pub(super) static ROWS: &[EffectRow] = &[
     EffectRow {
         name: "yukawa_between",
         template: "V += span{ {n}: -exp(-sqrt({dd})/{length})/sqrt({dd}) }",
-        parameters: LENGTH,
+        parameters: RANGE,
         physics: "A force between two bodies that is screened beyond some length: charges in a plasma, a fifth force.",
         telltale: "Residual forces along the line between two bodies fall faster than any power of the distance.",
         reference: "H. Yukawa, Proc. Phys. Math. Soc. Japan 17, 48 (1935)",
+        ..BETWEEN
+    },
+    EffectRow {
+        name: "screening_between",
+        template: "V += span{ {n}: (1 - exp(-sqrt({dd})/{length}))/sqrt({dd}) }",
+        parameters: RANGE,
+        physics: "A force like 1/r^2 between two bodies that is known and is screened beyond some length: what the screen takes away of k/r, where the coefficient is k.",
+        telltale: "Residual forces along the line between two bodies are against the known pull, and as large as it when they are far apart.",
+        reference: "P. Debye and E. Hückel, Physikalische Zeitschrift 24, 185 (1923)",
         ..BETWEEN
     },
     EffectRow {

@@ -7,6 +7,7 @@ mod bodies;
 mod conservative;
 mod dissipative;
 mod driven;
+mod input;
 mod memory;
 mod motion;
 mod scene;
@@ -61,6 +62,8 @@ impl EffectKind {
 pub enum ActsOn {
     /// One coordinate, or several that share its coefficients and inner parameters.
     Coordinate,
+    /// A coordinate, and the input that drives it.
+    Driven,
     /// Two coordinates; which comes first makes no difference.
     Pair,
     /// Two coordinates; the first is not treated like the second.
@@ -80,7 +83,8 @@ impl ActsOn {
     pub fn count(self) -> usize {
         match self {
             ActsOn::Coordinate | ActsOn::Observable | ActsOn::Body => 1,
-            ActsOn::Pair | ActsOn::OrderedPair | ActsOn::ObservablePair | ActsOn::BodyPair => 2,
+            ActsOn::Driven | ActsOn::Pair | ActsOn::OrderedPair => 2,
+            ActsOn::ObservablePair | ActsOn::BodyPair => 2,
         }
     }
 
@@ -91,7 +95,11 @@ impl ActsOn {
 
     /// How many coordinates or observables a system must have for it.
     pub fn least(self) -> usize {
-        if self.is_of_bodies() { 2 * self.count() } else { self.count() }
+        match self {
+            ActsOn::Driven => 1,
+            _ if self.is_of_bodies() => 2 * self.count(),
+            _ => self.count(),
+        }
     }
 
     /// Whether the arguments are measured columns, not coordinates.
@@ -103,6 +111,7 @@ impl ActsOn {
     pub fn text(self) -> &'static str {
         match self {
             ActsOn::Coordinate => "one or more coordinates",
+            ActsOn::Driven => "a coordinate and an input",
             ActsOn::Pair | ActsOn::OrderedPair => "two coordinates",
             ActsOn::Observable => "one observable",
             ActsOn::ObservablePair => "two observables",
@@ -123,6 +132,8 @@ pub enum ScanBy {
     Beyond,
     /// A distance of the coordinate, over fractions of the range of the data.
     Length,
+    /// The range of a force: a distance, from fractions of the range of the data to many times it.
+    Range,
     /// A number of radians a unit of the coordinate.
     WaveNumber,
     /// An instant of time, over the runs.
@@ -139,28 +150,34 @@ pub enum ScanBy {
     Momentum,
     /// The inverse of a stretch of time.
     Rate,
+    /// A size of the input, over fractions of the largest.
+    Level,
+    /// A stretch of time, from a part of a sample to some dozens.
+    Delay,
 }
 
 impl ScanBy {
     /// Whether it is what something is divided by, or the like: positive, and never zero.
     pub fn is_scale(self) -> bool {
         match self {
-            ScanBy::Length | ScanBy::WaveNumber | ScanBy::Duration | ScanBy::Momentum => true,
+            ScanBy::Length | ScanBy::Range | ScanBy::WaveNumber | ScanBy::Duration => true,
+            ScanBy::Momentum | ScanBy::Level | ScanBy::Delay => true,
             ScanBy::Frequency | ScanBy::Position | ScanBy::Beyond | ScanBy::Instant => false,
             ScanBy::Exponent | ScanBy::Power | ScanBy::Ratio | ScanBy::Rate => false,
         }
     }
 
-    /// The unit as a text in which `{q}`, `{p}` and `{t}` stand for those of the coordinate,
-    /// its momentum and time; empty for a pure number.
+    /// The unit as a text in which `{q}`, `{p}`, `{t}` and `{u}` stand for those of the coordinate,
+    /// its momentum, time and the input; empty for a pure number.
     fn unit(self) -> &'static str {
         match self {
             ScanBy::Frequency | ScanBy::Rate => "1/{t}",
-            ScanBy::Position | ScanBy::Beyond | ScanBy::Length => "{q}",
+            ScanBy::Position | ScanBy::Beyond | ScanBy::Length | ScanBy::Range => "{q}",
             ScanBy::WaveNumber => "1/{q}",
-            ScanBy::Instant | ScanBy::Duration => "{t}",
+            ScanBy::Instant | ScanBy::Duration | ScanBy::Delay => "{t}",
             ScanBy::Exponent | ScanBy::Power | ScanBy::Ratio => "",
             ScanBy::Momentum => "{p}",
+            ScanBy::Level => "{u}",
         }
     }
 
@@ -170,9 +187,12 @@ impl ScanBy {
         coordinate: Option<&str>,
         momentum: Option<&str>,
         time: Option<&str>,
+        input: Option<&str>,
     ) -> Option<String> {
         let mut text = self.unit().to_string();
-        for (placeholder, unit) in [("{q}", coordinate), ("{p}", momentum), ("{t}", time)] {
+        for (placeholder, unit) in
+            [("{q}", coordinate), ("{p}", momentum), ("{t}", time), ("{u}", input)]
+        {
             if text.contains(placeholder) {
                 let unit = unit?;
                 // A unit of several pieces is divided by as a whole.
@@ -208,7 +228,8 @@ pub struct EffectRow {
     /// What it takes as arguments.
     pub on: ActsOn,
     /// Statements with placeholders: {q} {p} the first argument's coordinate and momentum,
-    /// {r} {s} those of the second, {o} {u} the observables, {t} time, {input} the first input, {n}
+    /// {r} {s} those of the second, {o} {u} the observables, {t} time, {input} the second argument
+    /// where that is an input and the first input elsewhere, {n}
     /// a name made of the effect and its arguments, and the inner parameters by their names. On
     /// bodies, {qq} is the sum of the squares of the first one's coordinates, {pp} that of its
     /// momenta, {qp} that of the products of both, {dd} the square of the distance to the second,
@@ -222,6 +243,9 @@ pub struct EffectRow {
     pub angle: bool,
     /// Its coordinates must have one unit.
     pub one_unit: bool,
+    /// All of the force goes through it: its coefficient is the gain of the input, where that is
+    /// known.
+    pub whole: bool,
     /// Why it needs two arguments, where it does.
     pub why_two: &'static str,
     /// What finds it, when it is no term of a model.
@@ -244,6 +268,7 @@ const ROW: EffectRow = EffectRow {
     parameters: &[],
     angle: false,
     one_unit: false,
+    whole: false,
     why_two: "",
     detector: None,
     physics: "",
@@ -252,12 +277,13 @@ const ROW: EffectRow = EffectRow {
 };
 
 /// The tables of rows, by kind. A new effect is one row in one of them.
-static TABLES: [&[EffectRow]; 7] = [
+static TABLES: [&[EffectRow]; 8] = [
     dissipative::ROWS,
     conservative::ROWS,
     motion::ROWS,
     bodies::ROWS,
     driven::ROWS,
+    input::ROWS,
     sensor::ROWS,
     memory::ROWS,
 ];

@@ -63,6 +63,8 @@ pub enum Misfit {
     Twice(String),
     /// It stands where a body should.
     NoBody(String),
+    /// It stands where an input should, or an input where a coordinate should.
+    NoInput(String),
 }
 
 impl Scene {
@@ -110,9 +112,21 @@ impl Scene {
                     _ => Err(Misfit::Count),
                 }
             }
+            ActsOn::Driven => match names.as_slice() {
+                [first, second] if self.drives(first, second) => Ok(names),
+                [_, second] if self.coordinates.contains(second) => {
+                    Err(Misfit::NoInput(second.clone()))
+                }
+                [first, _] => Err(Misfit::NoInput(first.clone())),
+                _ => Err(Misfit::Count),
+            },
             _ if names.len() == on.count() => Ok(names),
             _ => Err(Misfit::Count),
         }
+    }
+
+    fn drives(&self, coordinate: &String, input: &String) -> bool {
+        self.coordinates.contains(coordinate) && self.inputs.contains(input)
     }
 
     /// The declared body that has these coordinates, or one without a name.
@@ -233,7 +247,11 @@ impl EffectRow {
             text = text.replace("{one}", &name);
         }
         text = text.replace("{t}", &scene.time);
-        if let Some(input) = scene.inputs.first() {
+        let input = match (self.on, arguments) {
+            (ActsOn::Driven, [_, input]) => Some(input),
+            _ => scene.inputs.first(),
+        };
+        if let Some(input) = input {
             text = text.replace("{input}", input);
         }
         if self.on.observes() {
@@ -244,6 +262,7 @@ impl EffectRow {
         }
         let (first, second) = match (self.on, arguments) {
             (ActsOn::Coordinate, all) => (all.to_vec(), Vec::new()),
+            (ActsOn::Driven, [first, _]) => (vec![first.clone()], Vec::new()),
             (ActsOn::Body, [body]) => (scene.members(body), Vec::new()),
             (ActsOn::Body, all) => (all.to_vec(), Vec::new()),
             (_, [first, second]) => (scene.members(first), scene.members(second)),
@@ -334,6 +353,13 @@ impl EffectRow {
             ActsOn::Coordinate if self.has_states() => names.iter().map(one).collect(),
             ActsOn::Coordinate => names.iter().map(one).chain(scene.groups.clone()).collect(),
             ActsOn::Observable => names.iter().map(one).collect(),
+            ActsOn::Driven => {
+                let by = |name: &String| {
+                    let pair = |input: &String| vec![name.clone(), input.clone()];
+                    scene.inputs.iter().map(pair).collect::<Vec<_>>()
+                };
+                names.iter().flat_map(by).collect()
+            }
             ActsOn::Pair => pairs(false),
             ActsOn::OrderedPair | ActsOn::ObservablePair => pairs(true),
             ActsOn::Body => scene.bodies.iter().map(Body::alone).collect(),

@@ -226,13 +226,17 @@ fn span(input: Tokens) -> Parsed<Expression> {
     Ok((rest, Expression { kind: ExpressionKind::Span(items), site: from_to(input, rest) }))
 }
 
-/// item = [ name , ":" ] , expression , [ comprehension ] ;
+/// item = [ name , ":" ] , expression , [ comprehension , [ "alike" ] ] ;
 fn item(input: Tokens) -> Parsed<Item> {
     let (rest, label) = opt((name, mark(":")).map(|(name, ())| name)).parse(input)?;
     let (rest, body) = expression(rest)?;
     let (rest, comprehension) = opt(comprehension).parse(rest)?;
-    let site = from_to(input, rest);
-    Ok((rest, Item { name: label, body, comprehension, site }))
+    let (rest, alike) = match comprehension {
+        Some(_) => opt(keyword("alike")).parse(rest)?,
+        None => (rest, None),
+    };
+    let (alike, site) = (alike.is_some(), from_to(input, rest));
+    Ok((rest, Item { name: label, body, comprehension, alike, site }))
 }
 
 /// comprehension = "for" , binding , { ( "," | "for" ) , binding } ,

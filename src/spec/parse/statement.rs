@@ -17,7 +17,7 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::spec::ast::*;
 
 /// Every word that begins a statement.
-pub(super) const STATEMENTS: [&str; 22] = [
+pub(super) const STATEMENTS: [&str; 23] = [
     "system",
     "coordinates",
     "momenta",
@@ -36,6 +36,7 @@ pub(super) const STATEMENTS: [&str; 22] = [
     "L",
     "force",
     "sensor",
+    "measure",
     "body",
     "effect",
     "candidates",
@@ -43,7 +44,7 @@ pub(super) const STATEMENTS: [&str; 22] = [
 ];
 
 /// statement = system | variables | time | input | hidden | state | data | constant | parameter
-///           | energy | force | sensor | body | effect | candidates | constrain ;
+///           | energy | force | sensor | measure | body | effect | candidates | constrain ;
 pub(super) fn statement(input: Tokens) -> Parsed<Statement> {
     let Some(first) = input.first() else { return Err(Fault::expected(input, "a statement")) };
     let (rest, kind) = match first.text {
@@ -59,6 +60,7 @@ pub(super) fn statement(input: Tokens) -> Parsed<Statement> {
         "T" | "V" | "H" | "L" => cut(energy).parse(input)?,
         "force" => cut(force).parse(input)?,
         "sensor" => cut(sensor).parse(input)?,
+        "measure" => cut(measure).parse(input)?,
         "body" => cut(body).parse(input)?,
         "effect" => cut(effect).parse(input)?,
         "candidates" => cut(candidates).parse(input)?,
@@ -354,6 +356,15 @@ fn sensor(input: Tokens) -> Parsed<StatementKind> {
     let (rest, ()) = mark("+=")(rest)?;
     let (rest, (value, comprehension)) = (expression, opt(comprehension)).parse(rest)?;
     Ok((rest, StatementKind::Sensor { observable, value, comprehension }))
+}
+
+/// measure = "measure" , name , [ unit ] , "=" , expression , [ "{" , "wrapped" , "}" ] ;
+fn measure(input: Tokens) -> Parsed<StatementKind> {
+    let (rest, (name, unit)) = preceded(keyword("measure"), (name, opt(unit))).parse(input)?;
+    let (rest, value) = preceded(mark("="), expression).parse(rest)?;
+    let wrapped = delimited(mark("{"), cut(keyword("wrapped")), cut(mark("}")));
+    let (rest, wrapped) = opt(wrapped).parse(rest)?;
+    Ok((rest, StatementKind::Measure { name, unit, value, wrapped: wrapped.is_some() }))
 }
 
 /// body = "body" , name , "=" , coordinates_of_body ;

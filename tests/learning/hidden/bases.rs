@@ -140,6 +140,7 @@ pub(crate) static BASES: &[Base] = &[
             ("viscous_drag", &["x"]),
             ("pendulum", &["x"]),
             ("constant_force", &["x"]),
+            ("screening_of_centre", &["x", "y"]),
         ],
     },
     Base {
@@ -171,6 +172,7 @@ pub(crate) static BASES: &[Base] = &[
             ("yukawa_between", &["(x1, y1)", "(x2, y2)"]),
             ("damping_between", &["(x1, y1)", "(x2, y2)"]),
             ("viscous_drag", &["x1", "y1", "x2", "y2"]),
+            ("screening_between", &["(x1, y1)", "(x2, y2)"]),
         ],
     },
     Base {

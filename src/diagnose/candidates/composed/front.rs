@@ -40,7 +40,7 @@ impl Choice {
 }
 
 /// All terms alone, and the best second ones beside the best of them.
-pub(super) fn choices(terms: &[(Composed, f64)], search: &Search, variance: f64) -> Vec<Choice> {
+fn choices(terms: &[(Composed, f64)], search: &Search, variance: f64) -> Vec<Choice> {
     let Search { jets, responses, tuning } = search;
     let tuning = &tuning.composed;
     let target = responses.target();
@@ -158,7 +158,7 @@ pub(super) fn together(
 
 /// Those that no other is both cheaper and better than, and those whose whole description is less
 /// than `rivals` nats longer than the shortest; the shortest first.
-pub(super) fn leaders(all: Vec<Choice>, variance: f64, rows: usize, rivals: f64) -> Vec<Choice> {
+fn leaders(all: Vec<Choice>, variance: f64, rows: usize, rivals: f64) -> Vec<Choice> {
     let mut all = all;
     all.sort_by(|a, b| a.cost(rows).total_cmp(&b.cost(rows)).then(a.left.total_cmp(&b.left)));
     let whole = |choice: &Choice| choice.whole(variance, rows);
@@ -171,4 +171,19 @@ pub(super) fn leaders(all: Vec<Choice>, variance: f64, rows: usize, rivals: f64)
     });
     all.sort_by(|a, b| whole(a).total_cmp(&whole(b)));
     all
+}
+
+/// The front of price against what is left, and rivals of its best place; that first, then
+/// the others by how much worse they are. What is no better than to say nothing is not on it.
+pub(super) fn chosen_terms(search: &Search, terms: &[(Composed, f64)]) -> Vec<Choice> {
+    let rows = search.responses.rows;
+    let few = &terms[..terms.len().min(search.tuning.composed.joined)];
+    let variance = search.best_variance(few);
+    let all = choices(few, search, variance);
+    let least = all.iter().map(|choice| choice.left).fold(f64::INFINITY, f64::min);
+    let variance = search.variance(least);
+    let mut front = leaders(all, variance, rows, search.tuning.composed.rivals);
+    let nothing = 0.5 * search.responses.squares / variance;
+    front.retain(|choice| choice.whole(variance, rows) < nothing);
+    front
 }

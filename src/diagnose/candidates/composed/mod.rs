@@ -32,9 +32,10 @@ mod tests;
 
 use self::around::{Around, linear};
 use self::enumerate::enumerate;
-use self::front::{Choice, together};
+use self::front::{Choice, chosen_terms, together};
 use self::leaves::Leaves;
 use self::library::Library;
+use self::refine::refined_leaders;
 use self::search::Search;
 use self::statements::candidate_of;
 use super::Candidate;
@@ -78,7 +79,11 @@ pub fn composition(
 ) -> Result<Composition> {
     let tuning = &model.tuning().composed;
     let nothing = Composition { candidates: Vec::new(), distinct: 0 };
-    if model.system().degrees() > tuning.coordinates {
+    // Responses of this kind know nothing of what holds a motion to constraints, nor of what
+    // columns show beside the state.
+    let system = model.system();
+    let unlike = !system.constraints.is_empty() || !system.measures.is_empty();
+    if unlike || system.degrees() > tuning.coordinates {
         return Ok(nothing);
     }
     monitor.stage("terms composed from the variables", 0.0);
@@ -94,8 +99,8 @@ pub fn composition(
     let variance = first.variance(first.responses.squares);
     let seen = enumerate(&library, &first.responses, variance, tuning, monitor);
     let distinct = seen.distinct;
-    let mut terms = first.refined(seen.found);
-    let mut chosen = first.chosen(&terms);
+    let mut terms = refined_leaders(&first, seen.found);
+    let mut chosen = chosen_terms(&first, &terms);
     let few = &terms[..terms.len().min(tuning.joined)];
     let variance = first.best_variance(few);
     let mut leaders = together(few, &first, variance);
@@ -107,8 +112,8 @@ pub fn composition(
         let Some(around) = Around::of(scope, &leaves, &settled, &leaders)? else { break };
         let search = around.search(&leaves, &leaders);
         let again = terms.into_iter().map(|(term, _)| term).collect();
-        terms = search.refined(search.scored(again));
-        chosen = search.chosen(&terms);
+        terms = refined_leaders(&search, search.scored(again));
+        chosen = chosen_terms(&search, &terms);
         let best = chosen.first().map_or(Vec::new(), Choice::with_coefficients);
         let same = best.len() == leaders.len()
             && best.iter().all(|(term, _)| leaders.iter().any(|(l, _)| l.has_form_of(term)));

@@ -1,5 +1,8 @@
 //! Inner numbers of composed terms, moved to where the score is best.
 
+use rayon::prelude::*;
+
+use super::enumerate::Found;
 use super::expression::Composed;
 use super::library::bounds;
 use super::search::Search;
@@ -18,7 +21,7 @@ fn moved(inner: Inner, number: f64, step: f64, (lower, upper): (f64, f64)) -> f6
 
 /// The term with the inner numbers that the score likes best, by a compass search from those
 /// that it has, and the fall of the squares there.
-pub(super) fn refined(start: &Composed, fall: f64, search: &Search) -> (Composed, f64) {
+fn refined(start: &Composed, fall: f64, search: &Search) -> (Composed, f64) {
     let Search { jets, responses, tuning } = search;
     let tuning = &tuning.composed;
     let inner = start.inner();
@@ -55,4 +58,29 @@ pub(super) fn refined(start: &Composed, fall: f64, search: &Search) -> (Composed
         }
     }
     best
+}
+
+/// The best of each form, the inner numbers of the leaders refined; best first.
+pub(super) fn refined_leaders(search: &Search, found: Vec<Found>) -> Vec<(Composed, f64)> {
+    let most = found.iter().map(|one| one.fall).fold(0.0, f64::max);
+    let variance = search.variance(search.responses.squares - most);
+    let merit = |composed: &Composed, fall: f64| {
+        let numbers = 0.5 * (search.responses.rows.max(2) as f64).ln();
+        0.5 * fall / variance - composed.price - numbers * composed.inner().len() as f64
+    };
+    let mut found = found;
+    found.sort_by(|a, b| merit(&b.composed, b.fall).total_cmp(&merit(&a.composed, a.fall)));
+    let mut forms: Vec<Found> = Vec::new();
+    for one in found {
+        if !forms.iter().any(|form| form.composed.has_form_of(&one.composed)) {
+            forms.push(one);
+        }
+    }
+    let leaders = forms.len().min(search.tuning.composed.refined);
+    let mut refined_terms: Vec<(Composed, f64)> =
+        forms[..leaders].par_iter().map(|one| refined(&one.composed, one.fall, search)).collect();
+    let others = forms.drain(leaders..).map(|one| (one.composed, one.fall));
+    refined_terms.extend(others);
+    refined_terms.sort_by(|a, b| merit(&b.0, b.1).total_cmp(&merit(&a.0, a.1)));
+    refined_terms
 }

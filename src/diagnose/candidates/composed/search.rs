@@ -4,9 +4,7 @@ use rayon::prelude::*;
 
 use super::enumerate::Found;
 use super::expression::{Composed, LeafJets};
-use super::front::{Choice, choices, leaders};
 use super::leaves::Leaves;
-use super::refine::refined;
 use super::responses::{Action, Responses, TOGETHER};
 use crate::diagnose::settling::Settled;
 use crate::diagnose::tuning::Tuning;
@@ -76,45 +74,5 @@ impl<'a> Search<'a> {
                 .collect::<Vec<_>>()
         };
         alike.par_iter().flat_map_iter(of).collect()
-    }
-
-    /// The best of each form, the inner numbers of the leaders refined; best first.
-    pub(super) fn refined(&self, found: Vec<Found>) -> Vec<(Composed, f64)> {
-        let most = found.iter().map(|one| one.fall).fold(0.0, f64::max);
-        let variance = self.variance(self.responses.squares - most);
-        let merit = |composed: &Composed, fall: f64| {
-            let numbers = 0.5 * (self.responses.rows.max(2) as f64).ln();
-            0.5 * fall / variance - composed.price - numbers * composed.inner().len() as f64
-        };
-        let mut found = found;
-        found.sort_by(|a, b| merit(&b.composed, b.fall).total_cmp(&merit(&a.composed, a.fall)));
-        let mut forms: Vec<Found> = Vec::new();
-        for one in found {
-            if !forms.iter().any(|form| form.composed.has_form_of(&one.composed)) {
-                forms.push(one);
-            }
-        }
-        let leaders = forms.len().min(self.tuning.composed.refined);
-        let mut refined_terms: Vec<(Composed, f64)> =
-            forms[..leaders].par_iter().map(|one| refined(&one.composed, one.fall, self)).collect();
-        let others = forms.drain(leaders..).map(|one| (one.composed, one.fall));
-        refined_terms.extend(others);
-        refined_terms.sort_by(|a, b| merit(&b.0, b.1).total_cmp(&merit(&a.0, a.1)));
-        refined_terms
-    }
-
-    /// The front of price against what is left, and rivals of its best place; that first, then
-    /// the others by how much worse they are. What is no better than to say nothing is not on it.
-    pub(super) fn chosen(&self, terms: &[(Composed, f64)]) -> Vec<Choice> {
-        let rows = self.responses.rows;
-        let few = &terms[..terms.len().min(self.tuning.composed.joined)];
-        let variance = self.best_variance(few);
-        let all = choices(few, self, variance);
-        let least = all.iter().map(|choice| choice.left).fold(f64::INFINITY, f64::min);
-        let variance = self.variance(least);
-        let mut front = leaders(all, variance, rows, self.tuning.composed.rivals);
-        let nothing = 0.5 * self.responses.squares / variance;
-        front.retain(|choice| choice.whole(variance, rows) < nothing);
-        front
     }
 }
