@@ -21,6 +21,7 @@ use crate::fit::own_values::{covariance_of_shared, is_said};
 use crate::fit::pass::Sums;
 use crate::fit::refit::{Integrator, Refitted, Refitting, refitted};
 use crate::fit::segments::cut;
+use crate::fit::states::States;
 use crate::spec::effects::ScanBy;
 
 /// A model with one more effect, fitted.
@@ -58,6 +59,8 @@ pub struct Start {
     /// The model's terms and the candidate's.
     law: Law,
     p_value: f64,
+    /// Whether its numbers were fitted, so that it follows the data better than the model does.
+    fitted: bool,
 }
 
 impl Start {
@@ -80,23 +83,24 @@ impl Start {
         for (&id, &value) in candidate.terms.iter().zip(&scored.score.coefficients) {
             law = law.with_term(id, value)?;
         }
-        Ok(Start { law, p_value: scored.p_value })
+        Ok(Start { law, p_value: scored.p_value, fitted: false })
     }
 
     /// These numbers; `p_value` is that of what the candidate stands for.
     pub fn at(law: Law, p_value: f64) -> Start {
-        Start { law, p_value }
+        Start { law, p_value, fitted: false }
     }
 
     /// A refit once more, from other numbers where there are some.
     pub fn again(refit: &Refit, law: Option<Law>) -> Start {
-        Start { law: law.unwrap_or_else(|| refit.law.clone()), p_value: refit.effect.p_value }
+        let law = law.unwrap_or_else(|| refit.law.clone());
+        Start { law, p_value: refit.effect.p_value, fitted: false }
     }
 }
 
 impl From<Refit> for Start {
     fn from(refit: Refit) -> Start {
-        Start { law: refit.law, p_value: refit.effect.p_value }
+        Start { law: refit.law, p_value: refit.effect.p_value, fitted: true }
     }
 }
 
@@ -135,8 +139,7 @@ pub fn refit_whole(
 impl Refit {
     /// The model with the effect on the data of another, as the start of further questions.
     pub fn on<'a>(&self, like: &LawOnData<'a>) -> LawOnData<'a> {
-        let (noise, window) = (like.law.noise().to_vec(), like.law.window());
-        like.with_law(self.law.clone().with_noise(noise).with_window(window))
+        on(&self.law, like)
     }
 
     /// What it leaves of data that it may have been fitted to.
@@ -186,6 +189,12 @@ impl Refit {
     }
 }
 
+/// A law on the data of another, weighed and cut as they are there.
+fn on<'a>(law: &Law, like: &LawOnData<'a>) -> LawOnData<'a> {
+    let (noise, window) = (like.law.noise().to_vec(), like.law.window());
+    like.with_law(law.clone().with_noise(noise).with_window(window))
+}
+
 /// Whether less is left than the model without the effect leaves, and no more segments are lost.
 fn gained(sums: &Sums, settled: &Settled) -> bool {
     sums.loss < settled.sums.loss && sums.diverged <= settled.sums.diverged
@@ -227,17 +236,17 @@ impl Fitted {
 /// Fits all numbers of a law to the segments of a model, by Gauss-Newton from where they are.
 /// `None` where it cannot be fitted.
 pub fn fitted(settled: &Settled, law: &Law, precision: Precision) -> Option<Fitted> {
-    fitted_until(settled, law, precision, 0.0)
+    fitted_until((settled, &settled.states), law, precision, 0.0)
 }
 
-/// The same, until a step promises less than these squares, if not before.
+/// The same from other states, until a step promises less than these squares, if not before.
 fn fitted_until(
-    settled: &Settled,
+    (settled, states): (&Settled, &States),
     law: &Law,
     precision: Precision,
     squares: f64,
 ) -> Option<Fitted> {
-    let Settled { model, segments, states, sums } = settled;
+    let Settled { model, segments, sums, .. } = settled;
     let noise = model.law.noise();
     let law = law.clone().with_noise(noise.to_vec()).with_window(model.law.window());
     let tuning = &model.options.fit;
@@ -294,8 +303,12 @@ fn with_candidate(
     // What is nothing beside the model's own misfit is not worth a step before one story is told:
     // clean data have many digits.
     let negligible = settled.model.tuning().verdict.negligible * settled.sums.loss;
+    // Where the model without the candidate loses the motion, its states lead a fit astray.
+    let own = start.fitted.then(|| settle(on(&start.law, &settled.model)));
+    let nearer = own.as_ref().filter(|own| own.sums.loss < settled.sums.loss);
+    let states = nearer.map_or(&settled.states, |own| &own.states);
     let Fitted { law, sums, resolved, .. } =
-        fitted_until(settled, &start.law, precision, negligible)?;
+        fitted_until((settled, states), &start.law, precision, negligible)?;
     // What a constraint says is no number of the fit.
     let free = candidate.terms.iter().filter(|id| !is_said(law.system(), **id));
     let terms = free.filter_map(|&id| law.coefficient_with_error(id));
