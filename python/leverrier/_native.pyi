@@ -46,6 +46,8 @@ class Data:
     @staticmethod
     def open(spec: Spec, path: str | None = None) -> Data: ...
     @staticmethod
+    def empty(spec: Spec) -> Data: ...
+    @staticmethod
     def from_columns(
         spec: Spec,
         columns: list[tuple[str, _Cells]],
@@ -91,8 +93,10 @@ class Law:
         options: dict[str, Any],
         threads: int | None,
         progress: _Progress,
-    ) -> str: ...
-
+    ) -> Diagnosis: ...
+    def figures(
+        self, training: Data, held_out: Data, diagnosis: Diagnosis | None
+    ) -> list[tuple[str, str, str, str]]: ...
     def design(
         self,
         training: Data,
@@ -102,6 +106,28 @@ class Law:
         progress: _Progress,
     ) -> str: ...
 
+class Diagnosis:
+    def json(self) -> str: ...
+
 class VectorField:
     def rates(self, time: float, states: _Numbers) -> _Numbers: ...
     def energies(self, time: float, states: _Numbers) -> _Numbers: ...
+
+def survey_part(
+    spec: Spec, part: Data | str, number: int, sampling: tuple[int, int], threads: int | None
+) -> bytes: ...
+def pass_part(
+    spec: Spec,
+    part: Data | str,
+    request: bytes,
+    place: tuple[int, int, int, int],
+    threads: int | None,
+) -> bytes: ...
+def merge_parts(first: bytes, second: bytes) -> bytes: ...
+def fit_parts(
+    spec: Spec,
+    engine: Any,
+    options: dict[str, Any],
+    threads: int | None,
+    progress: _Progress,
+) -> tuple[Law, Data]: ...

@@ -54,6 +54,7 @@ class LeverrierError(Exception):
         file: str | None = None,
         line: int | None = None,
         column: int | str | None = None,
+        row_group: int | None = None,
         diagnostics: tuple[Diagnostic, ...] = (),
         text: str | None = None,
     ) -> None:
@@ -69,6 +70,8 @@ class LeverrierError(Exception):
         self.line = line
         #: Column of a spec, counted from 1; name of the column of a table.
         self.column = column
+        #: Row group of a Parquet file, counted from 1.
+        self.row_group = row_group
         #: All that is wrong with a spec, in the order of its text.
         self.diagnostics = diagnostics
         self._text = text
@@ -85,7 +88,9 @@ class LeverrierError(Exception):
     def _place(self) -> str:
         parts = [self.file] if self.file and self.file not in self.message else []
         if self.line is not None:
-            parts.append(f"{'line' if self.file else 'row'} {self.line}")
+            parts.append(f"{'line' if self.file and not self.row_group else 'row'} {self.line}")
+        if self.row_group is not None:
+            parts.append(f"row group {self.row_group}")
         if self.column is not None:
             parts.append(f"column `{self.column}`")
         return ", ".join(parts) + ": " if parts else ""
@@ -169,6 +174,7 @@ def from_native(fields: dict[str, Any]) -> LeverrierError:
         file=fields.get("file"),
         line=line,
         column=column,
+        row_group=fields.get("row_group"),
         diagnostics=diagnostics,
         text=fields.get("text"),
     )

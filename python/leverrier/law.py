@@ -25,11 +25,15 @@ if TYPE_CHECKING:
 _SIGNIFICANT = 4.0
 
 
-def diagnosis_options(correlated_noise: Any, orbits: Any) -> dict[str, Any]:
+def diagnosis_options(correlated_noise: Any, orbits: Any, all_pairs: Any) -> dict[str, Any]:
     """What a diagnosis looks for beside the usual."""
     if not isinstance(orbits, Integral) or not 0 <= orbits < 2**32:
         raise InvalidArgumentError(f"orbits is {orbits!r}", "give a whole number from 0 on")
-    return {"correlated_noise": bool(correlated_noise), "orbits": int(orbits)}
+    return {
+        "correlated_noise": bool(correlated_noise),
+        "orbits": int(orbits),
+        "all_pairs": bool(all_pairs),
+    }
 
 
 def _listed(names: Any) -> list[Any]:
@@ -255,6 +259,11 @@ class Law:
                 f"starts has the shape {starts.shape}", "give a row for each run"
             )
         observables = self.spec.observables
+        if len(observables) > len(self._names):
+            raise InvalidArgumentError(
+                f"`{observables[len(self._names)]}` is a measure, which is not computed here",
+                "simulate with the command `leverrier simulate`, which writes all columns",
+            )
         sigma = np.asarray(noise, dtype=np.float64)
         if sigma.ndim > 1 or sigma.size not in (1, len(observables)) or not np.all(sigma >= 0):
             raise InvalidArgumentError(
@@ -340,15 +349,18 @@ class Law:
         run: Any = None,
         held_out: float = 0.25,
         seed: int = 0,
-        correlated_noise: bool = False,
+        correlated_noise: bool = True,
         orbits: int = 0,
+        all_pairs: bool = False,
         threads: int | None = None,
         progress: bool | Progress | None = None,
     ) -> Diagnosis:
         """Which physical effect the law lacks, or that nothing is missing.
 
-        The arguments are those of :meth:`compare`, and what is looked for beside the usual: noise
-        with a memory, such as that of a filter, and so many orbits of a body that nobody measures.
+        The arguments are those of :meth:`compare`, whether what is left may be noise with a memory,
+        such as that of a filter, how many orbits of a body that nobody measures are fitted where
+        bodies attract each other, and whether effects on two of twelve coordinates or more are asked
+        for also where nothing in the spec couples the two.
         Ctrl-C raises KeyboardInterrupt with the diagnosis so far as its attribute ``best``.
 
         >>> import leverrier
@@ -356,14 +368,16 @@ class Law:
         >>> diagnosis.verdict, diagnosis.missing
         ('missing', 'viscous_drag(q)')
         """
-        options = diagnosis_options(correlated_noise, orbits)
+        options = diagnosis_options(correlated_noise, orbits, all_pairs)
         judged = self._judged(X, t, run, held_out, seed, threads, progress)
         native = judged.law._native
         both = (judged.training._native, judged.unseen._native)
         return finished(
             progress,
             lambda told: native.diagnose(*both, options, threads, told),
-            lambda text: Diagnosis(judged.fields | json.loads(text), judged.law),
+            lambda found: Diagnosis(
+                judged.fields | json.loads(found.json()), judged.law, judged.drawing(found)
+            ),
         )
 
     def design(
@@ -525,7 +539,7 @@ class Law:
     ) -> Comparison:
         native = judged.law._native
         text = native.compare(judged.training._native, judged.unseen._native, noise, threads)
-        return Comparison(judged.fields | json.loads(text), judged.law)
+        return Comparison(judged.fields | json.loads(text), judged.law, judged.drawing(None))
 
     # What it is written as.
 
@@ -610,6 +624,11 @@ class _Judged:
 
     def __init__(self, law: Law, training: Data, unseen: Data, fields: dict[str, Any]) -> None:
         self.law, self.training, self.unseen, self.fields = law, training, unseen, fields
+
+    def drawing(self, diagnosis: _native.Diagnosis | None) -> Any:
+        """What draws its figures."""
+        both = (self.training._native, self.unseen._native)
+        return lambda: self.law._native.figures(*both, diagnosis)
 
     def _replace_law(self, law: Law) -> _Judged:
         return _Judged(law, self.training, self.unseen, self.fields)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import base64
 import html
 import json
-from collections.abc import Iterator, Mapping
+import os
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from .errors import LeverrierError
 
 if TYPE_CHECKING:
     from .law import Law
@@ -141,9 +145,66 @@ class _Result(Record):
         """The law that was judged: it was learned from the training part alone."""
         return self._law
 
-    def __init__(self, fields: dict[str, Any], law: Law) -> None:
+    def __init__(
+        self,
+        fields: dict[str, Any],
+        law: Law,
+        draw: Callable[[], list[tuple[str, str, str, str]]] | None = None,
+    ) -> None:
         super().__init__(fields)
         self._law = law
+        self._draw = draw
+        self._figures: list[Figure] | None = None
+
+    @property
+    def figures(self) -> list[Figure]:
+        """The figures of ``leverrier report``, drawn when they are first asked for; none where the
+        measurements are too few, or gone (they do not pickle)."""
+        if self._figures is None:
+            self._figures = []
+            if self._draw is not None:
+                self._figures = [Figure(*one) for one in self._draw()]
+        return self._figures
+
+    def _drawn(self, *plots: str) -> str:
+        """Figures of these kinds; what cannot be drawn is no reason to show nothing."""
+        try:
+            return "".join(one._repr_html_() for one in self.figures if one.plot in plots)
+        except LeverrierError as error:
+            return f"<p>{html.escape(str(error))}</p>"
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_draw": None, "_figures": None}
+
+
+class Figure:
+    """A figure of the report, as SVG: ``plot`` is its kind, ``caption`` says how to read it.
+
+    >>> import leverrier
+    >>> comparison = leverrier.open("examples/damped-pendulum/fit.ham").fit().compare()
+    >>> sorted({figure.plot for figure in comparison.figures})
+    ['energy', 'force-map', 'forces', 'horizons', 'portrait', 'predictions']
+    """
+
+    def __init__(self, plot: str, title: str, caption: str, svg: str) -> None:
+        self.plot, self.title, self.caption, self.svg = plot, title, caption, svg
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the SVG."""
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(self.svg)
+
+    def __repr__(self) -> str:
+        return f"<leverrier.Figure: {self.title}>"
+
+    def _repr_html_(self) -> str:
+        # As an image: its style sheet and names are then its own.
+        image = base64.b64encode(self.svg.encode()).decode()
+        title, caption = html.escape(self.title), html.escape(self.caption)
+        return (
+            f'<figure><img alt="{title}" src="data:image/svg+xml;base64,{image}"/>'
+            f"<figcaption>{caption}</figcaption></figure>"
+        )
 
 
 class Comparison(_Result):
@@ -162,7 +223,8 @@ class Comparison(_Result):
 
     def _repr_html_(self) -> str:
         items = "".join(f"<li>{html.escape(one)}</li>" for one in self.findings)
-        return f"<ul>{items}</ul>{self.horizons._repr_html_()}"
+        drawn = self._drawn("horizons", "predictions", "forces", "force-map")
+        return f"<ul>{items}</ul>{self.horizons._repr_html_()}{drawn}"
 
 
 class Diagnosis(_Result):
@@ -190,7 +252,7 @@ class Diagnosis(_Result):
         names = ["effect", "p_value", "held_out_error_before", "held_out_error_after"]
         rows = [[_short(one[name]) for name in names] for one in self.ranking]
         head = f"<p><b>{html.escape(self.verdict)}</b>: {html.escape(self.reason)}</p>"
-        return head + (_html_table(names, rows) if rows else "")
+        return head + (_html_table(names, rows) if rows else "") + self._drawn("ranking", "forces")
 
 
 class Design(_Result):

@@ -177,15 +177,16 @@ class Spec:
         held_out: float = 0.25,
         seed: int = 0,
         partial: bool = False,
-        correlated_noise: bool = False,
+        correlated_noise: bool = True,
         orbits: int = 0,
+        all_pairs: bool = False,
         threads: int | None = None,
         progress: bool | Progress | None = None,
     ) -> Discovery:
         """Fits, asks what is missing, adds it and fits again, until what is left is noise.
 
         The spec stays as it is: ``discover(...).spec`` is the longer one, ``.law`` its law. Where no
-        story explains the data, ``partial`` adds the best that explains a part; the two options
+        story explains the data, ``partial`` adds the best that explains a part; the three options
         behind it are those of :meth:`Law.diagnose`.
 
         >>> import leverrier
@@ -194,7 +195,7 @@ class Spec:
         ['viscous_drag(q)']
         """
         training, unseen = self.data(X, t=t, run=run).split(held_out, seed)
-        options = (fit_options(), diagnosis_options(correlated_noise, orbits), bool(partial))
+        options = (fit_options(), diagnosis_options(correlated_noise, orbits, all_pairs), bool(partial))
         threads = threads_of(threads)
 
         def wrapped(found: tuple[str, _native.Law, _native.Spec]) -> Discovery:

@@ -83,6 +83,12 @@ impl Data {
         Ok(Data(Arc::new(read.or_raise(py)?)))
     }
 
+    /// No measurements at all: a part of the data without rows.
+    #[staticmethod]
+    fn empty(spec: &Spec) -> Data {
+        Data(Arc::new(leverrier::Data::empty(&spec.0)))
+    }
+
     /// Columns that have names.
     #[staticmethod]
     #[pyo3(signature = (spec, columns, time=None, run=None))]

@@ -19,6 +19,7 @@ fn made(py: Python<'_>, error: &Error) -> PyResult<PyErr> {
             let file = wrong.file.display().to_string();
             fields.set_item("file", (!file.is_empty()).then_some(file))?;
             fields.set_item("line", wrong.line)?;
+            fields.set_item("row_group", wrong.row_group)?;
             fields.set_item("column", &wrong.column)?;
         }
         Error::File { path, .. } => fields.set_item("file", path.display().to_string())?,

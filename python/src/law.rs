@@ -16,6 +16,17 @@ use super::work::work;
 #[pyclass(frozen, module = "leverrier._native")]
 pub struct Law(pub Arc<leverrier::Law>);
 
+/// What a law lacks.
+#[pyclass(frozen, module = "leverrier._native")]
+pub struct Diagnosis(Arc<leverrier::Diagnosis>);
+
+#[pymethods]
+impl Diagnosis {
+    fn json(&self) -> String {
+        self.0.to_json()
+    }
+}
+
 /// The equations of motion, compiled.
 #[pyclass(frozen, module = "leverrier._native")]
 pub struct VectorField(Arc<leverrier::VectorField>);
@@ -134,13 +145,29 @@ impl Law {
         options: DiagnosisOptions,
         threads: Option<usize>,
         progress: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<String> {
+    ) -> PyResult<Diagnosis> {
         let (law, training, held_out) = (self.0.clone(), training.0.clone(), held_out.0.clone());
         let options = options.options();
         let diagnosed = work(py, threads, progress, move |monitor| {
             law.diagnose_monitored(&training, &held_out, &options, monitor)
         })?;
-        diagnosed.finish(py, |_, diagnosis| Ok(diagnosis.to_json()))
+        diagnosed.finish(py, |_, diagnosis| Ok(Diagnosis(Arc::new(diagnosis))))
+    }
+
+    /// Kind, title, caption and SVG of each figure of the report.
+    fn figures(
+        &self,
+        py: Python<'_>,
+        training: &Data,
+        held_out: &Data,
+        diagnosis: Option<&Diagnosis>,
+    ) -> PyResult<Vec<(&'static str, String, String, String)>> {
+        let (law, training, held_out) = (self.0.clone(), training.0.clone(), held_out.0.clone());
+        let diagnosis = diagnosis.map(|diagnosis| diagnosis.0.clone());
+        let drawn =
+            work(py, None, None, move |_| law.figures(&training, &held_out, diagnosis.as_deref()))?;
+        let of = |one: leverrier::Drawing| (one.plot, one.title, one.caption, one.svg);
+        drawn.finish(py, |_, figures| Ok(figures.into_iter().map(of).collect::<Vec<_>>()))
     }
 
     fn design(

@@ -37,12 +37,13 @@ pub struct FitOptions {
 pub struct DiagnosisOptions {
     correlated_noise: bool,
     orbits: usize,
+    all_pairs: bool,
 }
 
 impl DiagnosisOptions {
     pub fn options(self) -> leverrier::DiagnosisOptions {
-        let DiagnosisOptions { correlated_noise, orbits } = self;
-        leverrier::DiagnosisOptions { correlated_noise, orbits }
+        let DiagnosisOptions { correlated_noise, orbits, all_pairs } = self;
+        leverrier::DiagnosisOptions { correlated_noise, orbits, all_pairs }
     }
 }
 
@@ -51,7 +52,7 @@ fn invalid(message: String, hint: &str) -> Error {
 }
 
 impl FitOptions {
-    fn options(self) -> leverrier::Result<Options> {
+    pub fn options(self) -> leverrier::Result<Options> {
         let unknown = |what: &str, name: &str, hint: &str| {
             Err(invalid(format!("there is no {what} `{name}`"), hint))
         };

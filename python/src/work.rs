@@ -13,7 +13,7 @@ use pyo3::prelude::*;
 use super::errors::exception;
 
 /// How often Python is asked for signals, and told how far the work has come.
-const INTERVAL: Duration = Duration::from_millis(50);
+pub const INTERVAL: Duration = Duration::from_millis(50);
 
 /// What the working threads and the waiting one tell each other.
 #[derive(Default)]

@@ -2,6 +2,7 @@
 
 import doctest
 import importlib
+import importlib.util
 import pkgutil
 
 import pytest
@@ -36,7 +37,9 @@ def test_there_are_examples() -> None:
 def test_the_readme_runs() -> None:
     text = (ROOT / "python/README.md").read_text(encoding="utf-8")
     blocks = [block.split("```")[0] for block in text.split("```python\n")[1:]]
-    assert len(blocks) == 2
+    if not importlib.util.find_spec("distributed"):
+        blocks = [block for block in blocks if "from distributed" not in block]
+    assert len(blocks) >= 2
     names: dict[str, object] = {}
     for block in blocks:
         exec(compile(block, "python/README.md", "exec"), names)

@@ -154,9 +154,22 @@ def test_the_stubs_name_what_is_there() -> None:
     assert (folder / "py.typed").exists()
     stub = ast.parse((folder / "_native.pyi").read_text(encoding="utf-8"))
     classes = [node for node in stub.body if isinstance(node, ast.ClassDef)]
-    assert {node.name for node in classes} == {"Spec", "Data", "Law", "VectorField"}
+    assert {node.name for node in classes} == {"Spec", "Data", "Law", "Diagnosis", "VectorField"}
     for node in classes:
         told = {part.name for part in node.body if isinstance(part, ast.FunctionDef)}
         told |= {part.target.id for part in node.body if isinstance(part, ast.AnnAssign)}
         made = {name for name in vars(getattr(_native, node.name)) if not name.startswith("_")}
         assert told == made, node.name
+
+
+def test_results_show_the_figures_of_the_report(pendulum, tmp_path) -> None:
+    comparison = pendulum.compare()
+    assert {"horizons", "predictions", "forces"} <= {one.plot for one in comparison.figures}
+    shown = comparison._repr_html_()
+    assert shown.count("data:image/svg+xml;base64,") >= 3
+    figure = next(one for one in comparison.figures if one.plot == "horizons")
+    figure.save(tmp_path / "horizons.svg")
+    assert (tmp_path / "horizons.svg").read_text(encoding="utf-8").startswith("<svg")
+    # Pickled, they are what they were but for figures.
+    again = pickle.loads(pickle.dumps(comparison))
+    assert again.to_dict() == comparison.to_dict() and again.figures == comparison.figures[:0]
