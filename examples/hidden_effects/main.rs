@@ -39,6 +39,9 @@ use hidden::making::made;
 use hidden::score::{Record, scored};
 use leverrier::internals::data::{Layout, to_csv};
 
+/// Seconds that a case may take.
+const PATIENCE: f64 = 200.0;
+
 /// Cases of the whole design.
 const CASES: usize = 2400;
 
@@ -109,7 +112,7 @@ fn line(record: &Record) -> String {
 
 /// A case, whatever becomes of it.
 fn run(plan: &Plan) -> Record {
-    catch_unwind(|| scored(plan))
+    catch_unwind(|| scored(plan, PATIENCE))
         .unwrap_or_else(|_| Record { reason: "the case panicked".to_string(), ..Record::of(plan) })
 }
 

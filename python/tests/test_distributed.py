@@ -186,7 +186,7 @@ def test_a_killed_worker_changes_nothing(spec, folder, client, local, tmp_path) 
     engine = Dying(parts.files(folder), client, (None, None))
     law = parts.fit(spec, None, engine=engine)
     assert os.path.exists(mark) and engine.passes > 2
-    client.wait_for_workers(2, timeout=60)
+    client.wait_for_workers(2, timeout=300)
     assert set(client.run(os.getpid).values()) != before
     assert law.model.to_dict() == local
 

@@ -17,7 +17,10 @@ def test_a_notebook_runs(path) -> None:
     notebook = nbformat.read(path, as_version=4)
     nbformat.validate(notebook)
     client = nbclient.NotebookClient(
-        notebook, timeout=300, resources={"metadata": {"path": str(path.parent)}}
+        notebook,
+        timeout=300,
+        startup_timeout=300,
+        resources={"metadata": {"path": str(path.parent)}},
     )
     client.execute()
     shown = [output for cell in notebook.cells for output in cell.get("outputs", [])]

@@ -27,12 +27,13 @@ def test_other_threads_run_while_it_works() -> None:
 
     other = threading.Thread(target=count)
     other.start()
-    start = time.perf_counter()
+    before = counted
     spec.fit(progress=False)
-    elapsed = time.perf_counter() - start
+    during = counted - before
     done.set()
     other.join()
-    assert counted > 20 * elapsed
+    # With the lock held it would come to one or two; thousands where nothing else runs.
+    assert during >= 10
 
 
 def test_two_fits_at_a_time_give_what_one_gives(oscillator, swing) -> None:

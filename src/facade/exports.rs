@@ -101,7 +101,7 @@ impl Law {
     ///
     /// ```
     /// let spec = leverrier::Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = -cos(q)")?;
-    /// let folder = std::env::temp_dir().join("leverrier-to-rust");
+    /// let folder = std::env::temp_dir().join(format!("leverrier-to-rust-{}", std::process::id()));
     /// # let _ = std::fs::remove_dir_all(&folder);
     /// spec.known_law()?.to_rust(&folder)?;
     /// assert!(folder.join("Cargo.toml").exists());
@@ -119,7 +119,7 @@ impl Law {
     ///
     /// ```
     /// let spec = leverrier::Spec::parse("coordinates q; momenta p\nT = p^2/2\nV = -cos(q)")?;
-    /// let folder = std::env::temp_dir().join("leverrier-to-c");
+    /// let folder = std::env::temp_dir().join(format!("leverrier-to-c-{}", std::process::id()));
     /// # let _ = std::fs::remove_dir_all(&folder);
     /// spec.known_law()?.to_c(&folder)?;
     /// assert!(std::fs::read_dir(&folder).unwrap().count() > 1);

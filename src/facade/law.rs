@@ -97,7 +97,8 @@ impl Law {
     /// use leverrier::{Law, Spec};
     ///
     /// let spec = Spec::open("examples/damped-pendulum/fit.ham")?;
-    /// let path = std::env::temp_dir().join("leverrier-law-open.model.json");
+    /// let name = format!("leverrier-law-open-{}.model.json", std::process::id());
+    /// let path = std::env::temp_dir().join(name);
     /// let law = spec.fit(&spec.data()?)?;
     /// law.save(&path)?;
     /// assert_eq!(Law::open(&path, &spec)?.terms(), law.terms());
@@ -118,7 +119,8 @@ impl Law {
     ///
     /// ```
     /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
-    /// let path = std::env::temp_dir().join("leverrier-law-save.model.json");
+    /// let name = format!("leverrier-law-save-{}.model.json", std::process::id());
+    /// let path = std::env::temp_dir().join(name);
     /// spec.fit(&spec.data()?)?.save(&path)?;
     /// assert!(std::fs::read_to_string(&path).unwrap().contains("leverrier.model/2"));
     /// # std::fs::remove_file(&path).unwrap();

@@ -156,7 +156,9 @@ fn of_a_part_of_the_design_nothing_false_is_told() {
     };
     let all = plans(800);
     let part: Vec<&Plan> = all.iter().filter(cheap).take(20).collect();
-    let records: Vec<Record> = part.into_par_iter().map(scored).collect();
+    // Threads that wait take up other cases: how long one takes says little here.
+    let whole = |plan: &Plan| scored(plan, f64::INFINITY);
+    let records: Vec<Record> = part.into_par_iter().map(whole).collect();
     let count = |mark: Mark| records.iter().filter(|one| one.mark() == mark).count();
     let told: Vec<String> = records
         .iter()

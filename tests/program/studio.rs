@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use crate::support::http::send;
 use crate::support::program;
-use crate::support::studio::{Studio, demo};
+use crate::support::studio::{PATIENCE, Studio, demo};
 use serde_json::{Value, json};
 
 fn number(value: &Value) -> f64 {
@@ -102,8 +102,12 @@ fn noise_on_the_wire_does_no_harm() {
     let crowd: Vec<TcpStream> =
         (0..300).filter_map(|_| TcpStream::connect(("127.0.0.1", studio.port)).ok()).collect();
     drop(crowd);
-    std::thread::sleep(Duration::from_millis(300));
-    assert_eq!(studio.get("/").status, 200);
+    let (start, host) = (Instant::now(), studio.host());
+    let answers = || send(studio.port, "GET", "/", &[("host", &host)], b"");
+    while !answers().is_ok_and(|reply| reply.status == 200) {
+        assert!(start.elapsed() < PATIENCE, "it does not answer any more");
+        std::thread::sleep(Duration::from_millis(20));
+    }
 }
 
 #[test]
@@ -303,7 +307,9 @@ fn many_clients_are_served_while_it_works() {
             })
             .collect();
         let start = Instant::now();
-        while start.elapsed() < time {
+        // On a busy machine for longer: until there is enough to judge by.
+        let enough = |fits: usize| fits >= 6 && served.load(Ordering::Relaxed) >= 200;
+        while start.elapsed() < time || !enough(sizes.len()) && start.elapsed() < PATIENCE {
             let message = studio.wish(json!({ "do": "learn" }));
             assert_eq!(message["failed"], false, "{message}");
             studio.answered();
@@ -350,7 +356,7 @@ fn the_secret_is_not_in_the_arguments_of_the_browser() {
     let studio = Studio::started(&spec, &[], &[("PATH", &path), ("DISPLAY", ":99")]);
     let start = Instant::now();
     while !notes.exists() {
-        assert!(start.elapsed() < Duration::from_secs(30), "no browser was started");
+        assert!(start.elapsed() < PATIENCE, "no browser was started");
         std::thread::sleep(Duration::from_millis(20));
     }
     let told = fs::read_to_string(&notes).expect("notes");

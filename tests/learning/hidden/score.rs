@@ -242,22 +242,19 @@ fn deviations<'a>(truth: &'a Member, told: &'a Member) -> impl Iterator<Item = f
 /// Why a case cannot be made.
 const RUNS_AWAY: &str = "what is hidden runs away at any strength";
 
-/// Seconds that a case may take.
-const PATIENCE: f64 = 200.0;
-
-/// Waits for so long, and no longer.
-struct Patience(Instant);
+/// Waits for so many seconds, and no longer.
+struct Patience(Instant, f64);
 
 impl Monitor for Patience {
     fn stage(&self, _: &str, _: f64) {}
 
     fn stopped(&self) -> bool {
-        self.0.elapsed().as_secs_f64() > PATIENCE
+        self.0.elapsed().as_secs_f64() > self.1
     }
 }
 
-/// Runs a case of the design.
-pub(crate) fn scored(plan: &Plan) -> Record {
+/// Runs a case of the design, for so many seconds at most.
+pub(crate) fn scored(plan: &Plan, patience: f64) -> Record {
     let mut record = Record::of(plan);
     let Some(made) = made(plan) else {
         record.reason = RUNS_AWAY.to_string();
@@ -266,7 +263,7 @@ pub(crate) fn scored(plan: &Plan) -> Record {
     let Made { case, truth, moved } = &made;
     record.reach.1 = *moved;
     record.hidden = truth.iter().map(|one| member(one.label.clone(), &one.numbers, &[])).collect();
-    let clock = Patience(Instant::now());
+    let clock = Patience(Instant::now(), patience);
     let (system, options) = (&case.compiled.system, Options::default());
     let told = fit(system, &case.training, &options, &clock).and_then(|model| {
         let law = model.law(system).expect("the case's own");
@@ -279,7 +276,7 @@ pub(crate) fn scored(plan: &Plan) -> Record {
     let (model, told) = match told {
         Ok(told) if !clock.stopped() => told,
         Ok(_) => {
-            record.reason = format!("not finished in {PATIENCE} s");
+            record.reason = format!("not finished in {patience} s");
             return record;
         }
         Err(error) => {

@@ -26,25 +26,13 @@ pub(crate) const CONTROL: &str = "\u{E009}";
 impl Browser {
     /// A browser of a size in pixels; `None`, which it says, where there is none.
     pub(crate) fn open(width: u32, height: u32, dark: bool) -> Option<Browser> {
-        // A port that was free a moment ago.
-        let port = std::net::TcpListener::bind(("127.0.0.1", 0)).ok()?.local_addr().ok()?.port();
-        let driver = Command::new("chromedriver")
-            .arg(format!("--port={port}"))
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn();
-        let Ok(driver) = driver else {
+        let Some((driver, port)) = (0..5).find_map(|_| started()) else {
             println!("no chromedriver: the studio is not tested in a browser");
             return None;
         };
         let profile = tempfile::tempdir().expect("a temporary folder");
         let mut browser =
             Browser { driver, port, session: String::new(), dark: false, _profile: profile };
-        let start = Instant::now();
-        while send(port, "GET", "/status", &[("host", "127.0.0.1")], b"").is_err() {
-            assert!(start.elapsed() < PATIENCE, "chromedriver does not answer");
-            std::thread::sleep(Duration::from_millis(100));
-        }
         let profile = browser._profile.path().display().to_string();
         let arguments = json!([
             "--headless=new",
@@ -191,6 +179,35 @@ impl Browser {
         }
         self.light_up(self.dark);
     }
+}
+
+/// A driver that answers, and its port; `None` where there is no driver, or where another program
+/// took the port that was free a moment ago.
+fn started() -> Option<(Child, u16)> {
+    let port = std::net::TcpListener::bind(("127.0.0.1", 0)).ok()?.local_addr().ok()?.port();
+    let mut driver = Command::new("chromedriver")
+        .arg(format!("--port={port}"))
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .ok()?;
+    let start = Instant::now();
+    let ready = || {
+        let reply = send(port, "GET", "/status", &[("host", "127.0.0.1")], b"").ok()?;
+        // Whoever else may listen there is no driver.
+        serde_json::from_slice::<Value>(&reply.body).ok()?["value"]["ready"].as_bool()
+    };
+    while ready() != Some(true) {
+        if driver.try_wait().ok()?.is_some() {
+            return None;
+        }
+        if start.elapsed() > PATIENCE {
+            let _ = driver.kill();
+            panic!("chromedriver does not answer");
+        }
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    Some((driver, port))
 }
 
 /// Bytes of a text in base 64.
