@@ -10,7 +10,8 @@
 //!    would do to the predictions, `score_test` the statistics of them);
 //! 4. `refit`: the significant ones fitted with everything that the model has;
 //! 5. `evidence` and `ranking`: what each is worth on training and on held-out runs;
-//! 6. `search`: stories, which are sets of changes that are judged as one (`story`);
+//! 6. `search`: stories, which are sets of changes that are judged as one (`story`); those of
+//!    several changes are found `together`, on one Gram matrix;
 //! 7. `verdict`: whether one holds over whole runs, seen and unseen;
 //! 8. `hidden`: where none does, parts that move and that nobody measures. A body among bodies that
 //!    attract each other is asked for first: where it is obvious, nothing else need be.
@@ -25,8 +26,8 @@ use super::law_on_data::{LawOnData, Measurements};
 use super::noise_floor::shortest;
 use super::options::Options;
 use super::ranking::{Ranking, ranking};
-use super::search::{beginnings, holds, stories};
-use super::story::{Question, Story};
+use super::search::{beginnings, stories};
+use super::story::{Question, Story, holds};
 use super::sufficiency::lacking_beside;
 use super::verdict::judge;
 use crate::data::Dataset;

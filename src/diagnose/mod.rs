@@ -30,6 +30,7 @@ mod search;
 pub mod settling;
 mod story;
 pub mod sufficiency;
+mod together;
 pub mod tuning;
 mod tuning_check;
 mod verdict;

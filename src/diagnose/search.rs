@@ -6,8 +6,10 @@ use super::evidence::Judged;
 use super::naming::with_name;
 use super::ranking::{Ranking, ranking};
 use super::story::{
-    Question, Story, agree_on_noise, description_lengths, sort_by_description_length,
+    Question, Story, agree_on_noise, description_lengths, holds, sort_by_description_length,
 };
+use super::together::together;
+use super::tuning::Tuning;
 use crate::error::Result;
 
 /// Stories, the best first: at least that without a change.
@@ -32,13 +34,22 @@ pub(super) fn stories<'a>(
     let mut ended: Vec<Story> = Vec::new();
     let mut grown = bare.clone();
     grown.grow(question);
+    let mut together_hold = false;
     // Where the model explains the data as it is, there is nothing to compose.
     if !grown.explains && !beam.iter().any(holds) && !monitor.stopped() {
-        monitor.stage("terms without a name", 0.7);
-        beam.extend(with_unnamed(question, bare)?);
+        beam.extend(together(question, bare)?);
+        together_hold = beam.iter().any(holds);
+        if !together_hold && !monitor.stopped() {
+            monitor.stage("terms without a name", 0.7);
+            beam.extend(with_unnamed(question, bare)?);
+        }
     }
     agree_on_noise(&mut beam);
     sort_by_description_length(&mut beam, all);
+    // Sets were held against their neighbours when they were chosen.
+    if together_hold {
+        ended.append(&mut beam);
+    }
     // What one more change costs, at least.
     let cheapest = beam.iter().map(Story::price).fold(f64::INFINITY, f64::min);
     for depth in 1..tuning.effects {
@@ -89,7 +100,9 @@ pub(super) fn stories<'a>(
     sort_by_description_length(&mut ended, all);
     // A story that holds is told before one that is shorter and explains less.
     ended.sort_by_key(|story| !holds(story));
-    if let Some(best) = ended.first().filter(|best| holds(best) && best.members.len() > 1) {
+    let alone = !together_hold;
+    if let Some(best) = ended.first().filter(|best| alone && holds(best) && best.members.len() > 1)
+    {
         let best = exchanged(question, best.clone())?;
         ended.retain(|story| story.labels() != best.labels());
         ended.insert(0, best);
@@ -98,6 +111,9 @@ pub(super) fn stories<'a>(
         && let Some(named) = with_name(question, bare, best)?
     {
         ended.insert(0, named);
+    }
+    if together_hold {
+        note_exchanges(&mut ended, all);
     }
     ended.push(grown);
     Ok(ended)
@@ -134,9 +150,32 @@ pub(super) fn beginnings<'a>(
     Ok(beam)
 }
 
-/// Whether a story may be told: it explains the data over whole runs, with nothing to spare.
-pub(super) fn holds(story: &Story) -> bool {
-    story.explains && story.stands() && !story.is_patchwork()
+/// Notes beside each member of the first story what stands in its place in another one that
+/// explains as much.
+fn note_exchanges(stories: &mut [Story], tuning: &Tuning) {
+    let Some((best, others)) = stories.split_first_mut() else { return };
+    let alike = |other: &&Story| holds(other) && other.members.len() == best.members.len();
+    let others: Vec<&Story> = others.iter().filter(alike).map(|other| &*other).collect();
+    let all: Vec<&Story> = std::iter::once(&*best).chain(others.iter().copied()).collect();
+    let lengths = description_lengths(&all, tuning);
+    let Some((own, lengths)) = lengths.split_first() else { return };
+    let labels = best.labels();
+    let mut notes: Vec<(String, String)> = Vec::new();
+    for (other, length) in others.iter().zip(lengths) {
+        let theirs = other.labels();
+        let mut only = labels.iter().filter(|label| !theirs.contains(label));
+        let mut instead = theirs.iter().filter(|label| !labels.contains(label));
+        if let (Some(one), None, Some(other), None) =
+            (only.next(), only.next(), instead.next(), instead.next())
+            && length - own < tuning.ranking.indistinguishable
+        {
+            notes.push((one.clone(), other.clone()));
+        }
+    }
+    for (one, other) in notes {
+        let member = best.members.iter_mut().find(|member| member.effect.effect == one);
+        member.into_iter().for_each(|member| member.effect.indistinguishable.push(other.clone()));
+    }
 }
 
 /// The story with each of the changes that pay most beside it.

@@ -3,6 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use super::autocorrelation::{Noise, correlated_noise};
+use super::candidates::composed::sets::Proposed;
 use super::effect::RankedEffect;
 use super::evidence::Judged;
 use super::law_on_data::{LawOnData, Measurements};
@@ -14,9 +15,9 @@ use super::tuning::Tuning;
 use super::window::{doubled, longest};
 use crate::error::Result;
 use crate::expr::{Expr, KnownNumber, ParameterId, Place, Scope, Symbol, System, Term, TermId};
-use crate::fit::Monitor;
 use crate::fit::own_values::is_said;
 use crate::fit::pass::Sums;
+use crate::fit::{Law, Monitor};
 
 /// What is asked: what a model before its data misses.
 pub struct Question<'a, 'b> {
@@ -43,6 +44,43 @@ pub(super) struct Member {
     price: f64,
     /// Whether it has a name: an effect of the catalogue, or of the spec.
     pub named: bool,
+}
+
+/// Terms of a member, and its inner parameters.
+type Own = (Vec<TermId>, Vec<ParameterId>);
+
+/// A scope with some effects, and what each of them has there.
+fn placed<'e>(
+    effects: impl Iterator<Item = &'e RankedEffect>,
+    scope: &Scope,
+) -> Result<(Scope, Vec<Own>)> {
+    let mut scope = scope.clone();
+    let mut names = Vec::new();
+    for effect in effects {
+        let standing = scope.compiled().system.clone();
+        scope = effect.added_to(&scope)?;
+        let system = &scope.compiled().system;
+        let terms = system.terms.iter().skip(standing.terms.len());
+        let terms: Vec<(Place, String)> =
+            terms.map(|term| (term.place, term.label.clone())).collect();
+        let parameters = system.parameters.iter().skip(standing.parameters.len());
+        let parameters: Vec<String> = parameters.map(|one| one.name.clone()).collect();
+        names.push((terms, parameters));
+    }
+    // Where they stand in the end: a later effect may be lowered before an earlier one.
+    let system = &scope.compiled().system;
+    let own = |(terms, parameters): (Vec<(Place, String)>, Vec<String>)| {
+        let is_own = |term: &Term| {
+            terms.iter().any(|(place, label)| *place == term.place && *label == term.label)
+        };
+        let ids = system.terms_with_ids().filter(|(_, term)| is_own(term));
+        let inner = system.parameter_ids().into_iter().filter(|&id| {
+            system.parameter(id).is_some_and(|parameter| parameters.contains(&parameter.name))
+        });
+        (ids.map(|(id, _)| id).collect(), inner.collect())
+    };
+    let all = names.into_iter().map(own).collect();
+    Ok((scope, all))
 }
 
 /// Members of a story that bend the force along one coordinate by one and the same variable.
@@ -129,6 +167,58 @@ impl<'a> Story<'a> {
         Ok(story)
     }
 
+    /// The story of several changes to `bare` at once, fitted over segments of `window` samples,
+    /// over which they were chosen; `None` where their numbers cannot be fitted.
+    ///
+    /// # Errors
+    ///
+    /// When a change does not fit the spec.
+    pub(super) fn of_set(
+        bare: &Story<'a>,
+        set: &[Proposed],
+        window: usize,
+    ) -> Result<Option<Story<'a>>> {
+        let (scope, own) = placed(set.iter().map(|one| &one.effect), &bare.scope)?;
+        let mut law = bare.model.law.on(&scope.compiled().system);
+        let mut members = Vec::new();
+        for (one, (terms, parameters)) in set.iter().zip(own) {
+            let numbers = &one.effect.coefficient;
+            let (coefficients, inner) = numbers.split_at(numbers.len().saturating_sub(one.inner));
+            for (&id, &value) in terms.iter().zip(coefficients) {
+                law = law.with_term(id, value)?;
+            }
+            law = law.with_parameters(parameters.iter().copied().zip(inner.iter().copied()));
+            let (effect, price) = (one.effect.clone(), 2.0 * one.price);
+            members.push(Member { effect, terms, parameters, price, named: one.named });
+        }
+        let settled = settle(bare.model.with_law(law.with_window(window)));
+        let Some(found) = fitted(&settled, &settled.model.law, Precision::Full) else {
+            return Ok(None);
+        };
+        let model = settled.model.with_law(found.law);
+        let sums = found.sums;
+        Ok(Some(Story { members, scope, model, sums, explains: false, ..bare.clone() }))
+    }
+
+    /// Holds a story of several changes that were found together against longer and longer segments
+    /// as long as it leaves noise.
+    pub(super) fn hold_together(&mut self, question: &Question<'a, '_>) {
+        self.measure_noise(question);
+        self.grow(question);
+        let law = self.model.law.clone();
+        self.take_numbers(&law);
+    }
+
+    /// The numbers of each member in the story's law: coefficients, then inner ones.
+    pub(super) fn numbers(&self) -> Vec<Vec<f64>> {
+        let law = &self.model.law;
+        let of = |member: &Member| {
+            let terms = member.terms.iter().filter_map(|&id| law.coefficient(id));
+            terms.chain(member.parameters.iter().filter_map(|&id| law.parameter(id))).collect()
+        };
+        self.members.iter().map(of).collect()
+    }
+
     /// Takes the noise from the shortest predictions of this story: before a precise sensor a
     /// strong force shows even there, and is taken for noise as long as the model lacks it.
     fn measure_noise(&mut self, question: &Question<'a, '_>) {
@@ -182,17 +272,9 @@ impl<'a> Story<'a> {
     ) -> Result<Option<Story<'a>>> {
         let mut members = self.members.clone();
         members.remove(place);
-        let mut scope = question.scope.clone();
-        for member in &mut members {
-            let standing = scope.compiled().system.clone();
-            scope = member.effect.added_to(&scope)?;
-            let system = &scope.compiled().system;
-            let new = |position: usize, count: usize| position >= count;
-            let terms = system.term_ids().into_iter();
-            member.terms = terms.filter(|id| new(id.position(), standing.terms.len())).collect();
-            let parameters = system.parameter_ids().into_iter();
-            let count = standing.parameters.len();
-            member.parameters = parameters.filter(|id| new(id.position(), count)).collect();
+        let (scope, own) = placed(members.iter().map(|one| &one.effect), question.scope)?;
+        for (member, own) in members.iter_mut().zip(own) {
+            (member.terms, member.parameters) = own;
         }
         let law = self.model.law.on(&scope.compiled().system);
         // What the member stood for, the others take over as well as they can.
@@ -311,7 +393,15 @@ impl<'a> Story<'a> {
         };
         let groups: Vec<Vec<TermId>> = self.members.iter().flat_map(apart).collect();
         self.cancellation = found.cancellation(&groups);
-        let law = &found.law;
+        self.take_numbers(&found.law);
+        if found.sums.loss <= self.sums.loss {
+            self.sums = found.sums;
+        }
+        self.model = self.model.with_law(found.law);
+    }
+
+    /// Gives each member its numbers in a law, with their errors.
+    fn take_numbers(&mut self, law: &Law) {
         for member in &mut self.members {
             let free = member.terms.iter().filter(|id| !is_said(law.system(), **id));
             let terms = free.filter_map(|&id| law.coefficient_with_error(id));
@@ -328,10 +418,6 @@ impl<'a> Story<'a> {
             }
         }
         self.write_numbers();
-        if found.sums.loss <= self.sums.loss {
-            self.sums = found.sums;
-        }
-        self.model = self.model.with_law(found.law);
     }
 
     /// Writes the statements of known numbers that are members with the values of all of them.
@@ -427,6 +513,11 @@ impl<'a> Story<'a> {
             squares.iter().all(|(_, sum)| *sum >= clear.powi(2))
         })
     }
+}
+
+/// Whether a story may be told: it explains the data over whole runs, with nothing to spare.
+pub(super) fn holds(story: &Story) -> bool {
+    story.explains && story.stands() && !story.is_patchwork()
 }
 
 /// The coordinate that something acts along and the coordinate or momentum that it goes by, where

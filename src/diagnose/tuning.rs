@@ -5,7 +5,10 @@
 //! several systems at several noises, and systems in which nothing is hidden. A change has to leave
 //! the tables of that page no worse.
 
+mod sets;
 mod usual;
+
+pub use sets::Sets;
 
 /// The numbers of every phase, in the order in which the phases come.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,6 +25,8 @@ pub struct Tuning {
     pub candidates: Candidates,
     /// The search for composed terms.
     pub composed: Composed,
+    /// The search for sets of changes.
+    pub sets: Sets,
     /// Scores of all candidates.
     pub scan: Scan,
     /// Refits of the significant ones, and their ranking.
@@ -292,6 +297,8 @@ pub struct Composed {
     pub candidates: usize,
     /// Expressions of the first look that the second one sees.
     pub kept: usize,
+    /// Expressions that are handed on however little they explain alone: the shortest.
+    pub short: usize,
     /// Forms whose inner numbers are refined in a look.
     pub refined: usize,
     /// What it costs in nats to say that no named effect is meant: odds of a thousand to one.

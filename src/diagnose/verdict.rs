@@ -10,7 +10,7 @@ use super::law_on_data::LawOnData;
 use super::misfit::{error_of, excess};
 use super::rounding::is_feigned;
 use super::settling::settle;
-use super::story::{Question, Story, description_lengths};
+use super::story::{Member, Question, Story, description_lengths};
 use super::tuning::Tuning;
 use super::window::longest;
 use crate::error::Result;
@@ -105,6 +105,15 @@ fn members(story: &Story, before: &Unseen, after: &Unseen) -> Vec<RankedEffect> 
     if let Some(last) = members.last_mut() {
         last.held_out_error_after = after.error;
     }
+    // Of those that were found together none came before another.
+    for member in &mut members {
+        if member.held_out_error_before.is_nan() {
+            member.held_out_error_before = before.error;
+        }
+        if member.held_out_error_after.is_nan() {
+            member.held_out_error_after = after.error;
+        }
+    }
     members
 }
 
@@ -164,20 +173,33 @@ fn told(diagnosis: &mut Diagnosis, story: &Story, before: &Unseen, after: &Unsee
     let Some((first, then)) = members.split_first() else { return };
     diagnosis.verdict = Verdict::Missing;
     diagnosis.held_out_error = before.error;
-    diagnosis.reason = format!(
+    let found_together = |member: &Member| member.effect.held_out_error_after.is_nan();
+    diagnosis.reason = if then.is_empty() || !story.members.iter().any(found_together) {
+        one_after_another(first, then)
+    } else {
+        let names: Vec<&str> = members.iter().map(|member| member.effect.as_str()).collect();
+        format!(
+            "together {} take the error on held-out runs from {:.2} to {:.2} times the noise",
+            names.join(", "),
+            before.error,
+            after.error
+        )
+    };
+    diagnosis.begin_with(first);
+    diagnosis.further = then.to_vec();
+    diagnosis.story = members;
+}
+
+/// What each member of a story does to the error, those before it being in the model.
+fn one_after_another(first: &RankedEffect, then: &[RankedEffect]) -> String {
+    let mut reason = format!(
         "{} takes the error on held-out runs from {:.2} to {:.2} times the noise",
         first.effect, first.held_out_error_before, first.held_out_error_after
     );
     for next in then {
-        let _ = write!(
-            diagnosis.reason,
-            ", {} after it to {:.2}",
-            next.effect, next.held_out_error_after
-        );
+        let _ = write!(reason, ", {} after it to {:.2}", next.effect, next.held_out_error_after);
     }
-    diagnosis.begin_with(first);
-    diagnosis.further = then.to_vec();
-    diagnosis.story = members;
+    reason
 }
 
 /// Names what else holds over whole runs with odds of a twentieth or more, in as few changes and

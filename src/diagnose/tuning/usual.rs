@@ -2,7 +2,7 @@
 
 use super::{
     Autocorrelation, Axis, Candidates, Comparison, Composed, Design, Discovery, Grids, Hidden,
-    Instrument, Naming, NoiseFloor, Ranking, Scan, States, Sufficiency, Tuning, Verdict,
+    Instrument, Naming, NoiseFloor, Ranking, Scan, Sets, States, Sufficiency, Tuning, Verdict,
 };
 use crate::fit::tuning::usual;
 
@@ -77,6 +77,7 @@ const TUNING: Tuning = Tuning {
         expressions: 150_000,
         candidates: 12,
         kept: 3_000,
+        short: 1_000,
         refined: 120,
         unnamed: 7.0,
         joined: 300,
@@ -106,6 +107,28 @@ const TUNING: Tuning = Tuning {
         beam: 8,
         apart: 1e-6,
         apart_together: 1e-4,
+    },
+    sets: Sets {
+        coordinates: 0,
+        members: 6,
+        leading: 300,
+        beside: 150,
+        expressions: 50_000,
+        named: 800,
+        points: 30,
+        between: 3,
+        beam: 12,
+        rounds: 14,
+        kept: 400,
+        added: 25,
+        exchanged: 12,
+        merged: 6,
+        apart: 1e-7,
+        floor: 1e-6,
+        proposed: 6,
+        grown: 4,
+        looks: 4,
+        window: 64,
     },
     scan: Scan {
         columns_together: 240,

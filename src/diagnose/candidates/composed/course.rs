@@ -16,6 +16,8 @@ const LANES: usize = 32;
 
 /// The trajectory of one segment.
 pub(super) struct Course {
+    /// Time of the first point.
+    pub(super) start: f64,
     /// Times of the points, from the first one on; a sample stands at every `points_between`.
     pub(super) times: Vec<f64>,
     /// States at the points.
@@ -71,12 +73,10 @@ impl Together<'_> {
         let mut courses = Vec::with_capacity(lanes);
         for (lane, (index, segment)) in chunk.iter().enumerate() {
             let times = measured.times_of(segment.run);
-            batch.set(
-                lane,
-                measured.clock_of(segment.run).time(times[segment.first]),
-                states.of(*index),
-            );
+            let start = measured.clock_of(segment.run).time(times[segment.first]);
+            batch.set(lane, start, states.of(*index));
             courses.push(Course {
+                start,
                 times: Vec::new(),
                 states: Vec::new(),
                 inverses: Vec::new(),

@@ -37,6 +37,8 @@ pub(super) struct Found {
 pub(super) struct Enumerated {
     /// The best, by fall less price.
     pub(super) found: Vec<Found>,
+    /// The shortest that do anything, whatever it is.
+    pub(super) shortest: Vec<Composed>,
     /// Distinct expressions.
     pub(super) distinct: usize,
 }
@@ -58,6 +60,7 @@ pub(super) fn enumerate(
     let drafts = drafts(library, channels, tuning);
     let mut seen = FxHashSet::default();
     let mut found: Vec<Found> = Vec::new();
+    let mut shortest: Vec<(usize, Composed)> = Vec::new();
     let merit = |found: &Found| 0.5 * found.fall / variance - found.composed.price;
     let chunks = drafts.len().div_ceil(CHUNK).max(1);
     for (at, chunk) in drafts.chunks(CHUNK).enumerate() {
@@ -93,6 +96,9 @@ pub(super) fn enumerate(
             for ((order, draft), fall) in group.iter().zip(falls) {
                 if fall > 0.0 {
                     let composed = draft.composed(library, (*order as f64).ln() + tuning.unnamed);
+                    if *order <= tuning.short {
+                        shortest.push((*order, composed.clone()));
+                    }
                     found.push(Found { composed, fall });
                 }
             }
@@ -100,7 +106,9 @@ pub(super) fn enumerate(
         found.sort_by(|a, b| merit(b).total_cmp(&merit(a)));
         found.truncate(tuning.kept);
     }
-    Enumerated { found, distinct: seen.len() }
+    shortest.sort_by_key(|(order, _)| *order);
+    let shortest = shortest.into_iter().map(|(_, composed)| composed).collect();
+    Enumerated { found, shortest, distinct: seen.len() }
 }
 
 /// All drafts up to the length that makes about as many as are wanted, the shortest first.

@@ -7,7 +7,9 @@
 //! 3. `enumerate`: products of the library's parts in V, T, H, every force and every sensor, in
 //!    the order of their description length; each distinct one is scored.
 //! 4. `refine`: the inner numbers of the leaders.
-//! 5. `front`: one or two terms, price against what is left.
+//! 5. `front`: one or two terms, price against what is left;
+//! 6. `sets`: composed terms beside named candidates (`named`), any number of them chosen together
+//!    on one Gram matrix (`gram`).
 //!
 //! The scores are of first order, and a large misfit is not linear in what causes it. So leaders
 //! are first fitted in full, together, until the model follows the data; around that motion, what
@@ -19,11 +21,14 @@ mod course;
 mod enumerate;
 mod expression;
 mod front;
+mod gram;
 mod leaves;
 mod library;
+mod named;
 mod refine;
 mod responses;
 mod search;
+pub mod sets;
 mod shapes;
 mod statements;
 mod states;

@@ -119,15 +119,16 @@ impl Responses {
         let channels = Channels { degrees: model.system().degrees() };
         let velocities = model.system().observed == Observed::Velocities;
         let apart = spacing / turning.max(f64::MIN_POSITIVE);
-        let built: Vec<(Segment, Vec<Vec<f64>>)> = found
+        let built: Vec<(Segment, Nodes)> = found
             .par_iter()
             .map(|course| segment(course, channels, between, apart, kept, velocities))
             .collect();
-        let mut nodes = Vec::new();
+        let (mut nodes, mut times) = (Vec::new(), Vec::new());
         let mut list = Vec::with_capacity(built.len());
-        for (mut segment, states) in built {
+        for (mut segment, own) in built {
             segment.first = nodes.len();
-            nodes.extend(states);
+            nodes.extend(own.states);
+            times.extend(own.times);
             list.push(segment);
         }
         let size = channels.moving();
@@ -135,7 +136,7 @@ impl Responses {
             |course: &Course| course.weights.iter().flatten().filter(|w| **w > 0.0).count();
         let rows: usize = found.iter().map(|c| measured(c).saturating_sub(size)).sum();
         let mut responses = Responses {
-            points: PhasePoints::of(&nodes),
+            points: PhasePoints::of(&nodes, times),
             channels,
             squares: 0.0,
             rows,
@@ -353,7 +354,13 @@ fn interpolation(nodes: &[f64], time: f64) -> Vec<(usize, f64)> {
     among.clone().map(|k| (k, weight(k))).collect()
 }
 
-/// The matrices of a segment, and the states at its nodes.
+/// Nodes of a segment.
+struct Nodes {
+    states: Vec<Vec<f64>>,
+    times: Vec<f64>,
+}
+
+/// The matrices of a segment, and its nodes.
 fn segment(
     course: &Course,
     channels: Channels,
@@ -361,7 +368,7 @@ fn segment(
     apart: f64,
     kept: &[Column],
     velocities: bool,
-) -> (Segment, Vec<Vec<f64>>) {
+) -> (Segment, Nodes) {
     let (size, n) = (channels.moving(), channels.degrees);
     let last = course.times.len() - 1;
     let duration = course.times[last];
@@ -437,7 +444,9 @@ fn segment(
         information: nothing,
         of_sensors: Vec::new(),
     };
-    (segment, places.iter().map(|&place| course.states[place].clone()).collect())
+    let states = places.iter().map(|&place| course.states[place].clone()).collect();
+    let times = times.iter().map(|time| course.start + time).collect();
+    (segment, Nodes { states, times })
 }
 
 /// An orthonormal basis of some columns, those left out that others span.

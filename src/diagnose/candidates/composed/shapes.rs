@@ -134,6 +134,7 @@ pub(super) static SHAPES: &[Shape] = &[
     shape("sign({x})", &[], Needs::BothSigns, |x, _| (x.signum(), 0.0)),
     common("{x}*abs({x})", &[], Needs::BothSigns, |x, _| (x * x.abs(), 2.0 * x.abs())),
     shape("abs({x})^3", &[], Needs::BothSigns, |x, _| absolute_power(x, 3.0)),
+    shape("abs({x})^(1/3)", &[], Needs::BothSigns, |x, _| absolute_power(x, 1.0 / 3.0)),
     shape("abs({x})^(1/2)", &[], Needs::BothSigns, |x, _| absolute_power(x, 0.5)),
     common("abs({x})^(3/2)", &[], Needs::BothSigns, |x, _| absolute_power(x, 1.5)),
     shape("abs({x})^(5/2)", &[], Needs::BothSigns, |x, _| absolute_power(x, 2.5)),
@@ -150,6 +151,9 @@ pub(super) static SHAPES: &[Shape] = &[
     }),
     common("log({x})", &[], Needs::Positive, |x, _| (x.ln(), 1.0 / x)),
     shape("log(abs({x}))", &[], Needs::BothSigns, |x, _| (x.abs().ln(), 1.0 / x)),
+    shape("log(1 + abs({x}))", &[], Needs::BothSigns, |x, _| {
+        (x.abs().ln_1p(), x.signum() / (1.0 + x.abs()))
+    }),
     shape("log(1 + {x}^2)", &[], Needs::Nothing, |x, _| {
         ((1.0 + x * x).ln(), 2.0 * x / (1.0 + x * x))
     }),

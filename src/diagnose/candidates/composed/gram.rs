@@ -1,0 +1,342 @@
+//! Sets of columns chosen on one Gram matrix.
+//!
+//! What any member of a pool does to all residuals is a few columns, computed once. The squares
+//! that a set leaves then follow from their inner products alone: a set costs microseconds, and
+//! a search over sets can add, drop, exchange and merge members freely. What is left is the
+//! variance that the likelihood is taken with: while most is missing, a small member must not look
+//! significant beside a noise that nothing has reached yet.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use rustc_hash::FxHashSet;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use crate::diagnose::tuning;
+
+/// A member that a set may have.
+pub(super) struct PoolMember {
+    /// Its first column.
+    first: usize,
+    /// How many columns it has.
+    count: usize,
+    /// What it costs in nats, its coefficients and inner numbers among it.
+    price: f64,
+    /// Members of one kind differ in their inner numbers alone: a set has at most one of them.
+    kind: usize,
+}
+
+/// Columns that sets are made of.
+pub(super) struct Pool<'a> {
+    members: Vec<PoolMember>,
+    /// Inner products of all columns, each brought to length 1.
+    gram: DMatrix<f64>,
+    /// Their inner products with what is to be explained.
+    heights: DVector<f64>,
+    /// Lengths of the columns.
+    norms: Vec<f64>,
+    /// Squares of what is to be explained.
+    squares: f64,
+    /// Independent residuals.
+    rows: usize,
+    tuning: &'a tuning::Sets,
+}
+
+/// A set, its members in order.
+pub(super) type Set = Vec<usize>;
+
+/// A set with what it leaves.
+#[derive(Debug, Clone)]
+pub(super) struct FoundSet {
+    pub(super) members: Set,
+    /// Twice the nats of its description.
+    pub(super) cost: f64,
+}
+
+impl<'a> Pool<'a> {
+    /// Each member with its kind, its price in nats and its columns.
+    pub(super) fn of(
+        members: Vec<(usize, f64, Vec<DVector<f64>>)>,
+        target: &DVector<f64>,
+        rows: usize,
+        tuning: &'a tuning::Sets,
+    ) -> Pool<'a> {
+        let mut list = Vec::with_capacity(members.len());
+        let mut columns: Vec<DVector<f64>> = Vec::new();
+        let mut norms = Vec::new();
+        for (kind, price, own) in members {
+            list.push(PoolMember { first: columns.len(), count: own.len(), price, kind });
+            for column in own {
+                let norm = column.norm();
+                norms.push(norm);
+                columns.push(if norm > 0.0 { column / norm } else { column });
+            }
+        }
+        let (gram, heights) = if columns.is_empty() {
+            (DMatrix::zeros(0, 0), DVector::zeros(0))
+        } else {
+            let design = DMatrix::from_columns(&columns);
+            (design.transpose() * &design, design.tr_mul(target))
+        };
+        let squares = target.norm_squared();
+        Pool { members: list, gram, heights, norms, squares, rows, tuning }
+    }
+
+    fn columns(&self, set: &[usize]) -> Vec<usize> {
+        let of = |&at: &usize| {
+            let member = &self.members[at];
+            member.first..member.first + member.count
+        };
+        set.iter().flat_map(of).collect()
+    }
+
+    /// The best sets, the shortest description first, and one alone of those that differ in inner
+    /// numbers.
+    pub(super) fn search(&self) -> Vec<FoundSet> {
+        let tuning = self.tuning;
+        let empty = FoundSet { members: Vec::new(), cost: self.cost(self.squares, &[]) };
+        let mut pool = vec![empty.clone()];
+        let mut seen: FxHashSet<Set> = FxHashSet::default();
+        seen.insert(Vec::new());
+        let mut front = vec![empty];
+        for _ in 0..tuning.rounds {
+            let moves: Vec<FoundSet> =
+                front.par_iter().flat_map_iter(|one| self.moves(&one.members)).collect();
+            let new = moves.into_iter().filter(|one| seen.insert(one.members.clone()));
+            pool.extend(new);
+            pool.sort_by(|a, b| a.cost.total_cmp(&b.cost).then(a.members.cmp(&b.members)));
+            pool.truncate(tuning.kept);
+            let next: Vec<FoundSet> = pool.iter().take(tuning.beam).cloned().collect();
+            let same = next.iter().map(|one| &one.members).eq(front.iter().map(|one| &one.members));
+            if same {
+                break;
+            }
+            front = next;
+        }
+        let mut kinds = FxHashSet::default();
+        pool.retain(|one| kinds.insert(self.kinds(&one.members)));
+        pool
+    }
+
+    fn kinds(&self, set: &[usize]) -> Vec<usize> {
+        let mut kinds: Vec<usize> = set.iter().map(|&at| self.members[at].kind).collect();
+        kinds.sort_unstable();
+        kinds
+    }
+
+    /// The sets one move away: a member added, dropped, exchanged, or two exchanged for one.
+    fn moves(&self, set: &[usize]) -> Vec<FoundSet> {
+        let tuning = self.tuning;
+        let mut found = Vec::new();
+        if set.len() < tuning.members {
+            found.extend(self.added(set, tuning.added));
+        }
+        for (at, _) in set.iter().enumerate() {
+            let rest = without(set, &[at]);
+            found.extend(self.found(rest.clone()));
+            found.extend(self.added(&rest, tuning.exchanged));
+            for other in at + 1..set.len() {
+                found.extend(self.added(&without(set, &[at, other]), tuning.merged));
+            }
+        }
+        found
+    }
+
+    fn found(&self, members: Set) -> Option<FoundSet> {
+        let left = self.left(&members)?;
+        Some(FoundSet { cost: self.cost(left, &members), members })
+    }
+
+    /// The set with each of the members that it is best with.
+    fn added(&self, set: &[usize], most: usize) -> Vec<FoundSet> {
+        let own = self.columns(set);
+        let Some((rest, shadows)) = self.beside(&own) else { return Vec::new() };
+        let explained = self.explained(&own).unwrap_or(0.0);
+        let left = (self.squares - explained).max(0.0);
+        let kinds = self.kinds(set);
+        let base: f64 = set.iter().map(|&at| self.members[at].price).sum();
+        let mut all: Vec<(f64, usize)> = Vec::new();
+        for (at, member) in self.members.iter().enumerate() {
+            if kinds.contains(&member.kind) {
+                continue;
+            }
+            let Some(fall) = self.fall(member, &rest, &shadows) else { continue };
+            all.push((self.cost_of(left - fall, base + member.price), at));
+        }
+        all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let with = |&(cost, at): &(f64, usize)| {
+            let mut members = set.to_vec();
+            members.push(at);
+            members.sort_unstable();
+            FoundSet { members, cost }
+        };
+        all.iter().take(most).map(with).collect()
+    }
+
+    /// By how much the squares fall with a member beside a set; `None` where the set nearly spans
+    /// one of its columns.
+    fn fall(
+        &self,
+        member: &PoolMember,
+        rest: &DVector<f64>,
+        shadows: &DMatrix<f64>,
+    ) -> Option<f64> {
+        let count = member.count;
+        let own = |i: usize, j: usize| {
+            let (i, j) = (member.first + i, member.first + j);
+            self.gram[(i, j)] - shadows.column(i).dot(&shadows.column(j))
+        };
+        if (0..count).any(|i| own(i, i) < self.tuning.apart) {
+            return None;
+        }
+        let heights = DVector::from_fn(count, |i, _| rest[member.first + i]);
+        if count == 1 {
+            return Some(heights[0].powi(2) / own(0, 0));
+        }
+        let solved = DMatrix::from_fn(count, count, own).cholesky()?.solve(&heights);
+        Some(solved.dot(&heights))
+    }
+
+    /// Inner products of all columns with what a set's columns leave, and their shadows on an
+    /// orthonormal basis of these: `[basis][column]`.
+    fn beside(&self, own: &[usize]) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let all = self.gram.ncols();
+        if own.is_empty() {
+            return Some((self.heights.clone(), DMatrix::zeros(0, all)));
+        }
+        let lower = self.factor(own)?;
+        let crossed = DMatrix::from_fn(own.len(), all, |i, j| self.gram[(own[i], j)]);
+        let shadows = lower.solve_lower_triangular(&crossed)?;
+        let heights = DVector::from_fn(own.len(), |i, _| self.heights[own[i]]);
+        let heights = lower.solve_lower_triangular(&heights)?;
+        Some((&self.heights - shadows.tr_mul(&heights), shadows))
+    }
+
+    fn factor(&self, own: &[usize]) -> Option<DMatrix<f64>> {
+        let gram = DMatrix::from_fn(own.len(), own.len(), |i, j| self.gram[(own[i], own[j])]);
+        let lower = gram.cholesky()?.l();
+        let apart = (0..own.len()).all(|i| lower[(i, i)].powi(2) > self.tuning.apart);
+        apart.then_some(lower)
+    }
+
+    /// Squares that columns explain; `None` where they nearly span one another.
+    fn explained(&self, own: &[usize]) -> Option<f64> {
+        if own.is_empty() {
+            return Some(0.0);
+        }
+        let heights = DVector::from_fn(own.len(), |i, _| self.heights[own[i]]);
+        Some(self.factor(own)?.solve_lower_triangular(&heights)?.norm_squared())
+    }
+
+    /// Squares that a set leaves.
+    pub(super) fn left(&self, set: &[usize]) -> Option<f64> {
+        Some((self.squares - self.explained(&self.columns(set))?).max(0.0))
+    }
+
+    /// Coefficients of a set's members, those of each for themselves.
+    pub(super) fn coefficients(&self, set: &[usize]) -> Option<Vec<Vec<f64>>> {
+        let own = self.columns(set);
+        let heights = DVector::from_fn(own.len(), |i, _| self.heights[own[i]]);
+        let lower = self.factor(&own)?;
+        let solved = lower.tr_solve_lower_triangular(&lower.solve_lower_triangular(&heights)?)?;
+        let mut values = own.iter().zip(solved.iter()).map(|(&at, x)| x / self.norms[at]);
+        let of = |&at: &usize| values.by_ref().take(self.members[at].count).collect();
+        Some(set.iter().map(of).collect())
+    }
+
+    /// The probability that noise does as well as each member of a set beside the others, corrected
+    /// for all that might have stood there.
+    pub(super) fn p_values(&self, set: &[usize]) -> Vec<f64> {
+        let left = self.left(set).unwrap_or(self.squares);
+        let variance = left / self.rows.max(1) as f64;
+        let of = |(place, &at): (usize, &usize)| {
+            let more = self.left(&without(set, &[place])).unwrap_or(left) - left;
+            match ChiSquared::new(self.members[at].count.max(1) as f64) {
+                Ok(chi) if variance > 0.0 => chi.sf(more / variance) * self.members.len() as f64,
+                _ => 0.0,
+            }
+        };
+        set.iter().enumerate().map(of).map(|p| p.min(1.0)).collect()
+    }
+
+    fn cost(&self, left: f64, set: &[usize]) -> f64 {
+        self.cost_of(left, set.iter().map(|&at| self.members[at].price).sum())
+    }
+
+    /// Twice the nats of a description: what is left is the variance.
+    fn cost_of(&self, left: f64, price: f64) -> f64 {
+        let rows = self.rows.max(1) as f64;
+        let floor = self.tuning.floor * self.squares / rows;
+        rows * (left / rows).max(floor).max(f64::MIN_POSITIVE).ln() + 2.0 * price
+    }
+}
+
+/// A set without the members at some of its places.
+fn without(set: &[usize], places: &[usize]) -> Set {
+    let kept = set.iter().enumerate().filter(|(place, _)| !places.contains(place));
+    kept.map(|(_, &at)| at).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::tuning::Tuning;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+    use rand_pcg::Pcg64;
+
+    const ROWS: usize = 400;
+
+    /// Columns at random; the last two are near the sum of the first two, apart from each other.
+    fn columns(count: usize, generator: &mut Pcg64) -> Vec<DVector<f64>> {
+        let mut draw = || DVector::from_fn(ROWS, |_, _| StandardNormal.sample(generator));
+        let mut all: Vec<DVector<f64>> = (0..count).map(|_| draw()).collect();
+        let sum = &all[0] + &all[1];
+        all.push(&sum + 0.3 * draw());
+        all.push(&sum + 0.3 * draw());
+        all
+    }
+
+    fn found(truth: &[(usize, f64)], noise: f64, seed: u64) -> (FoundSet, Vec<f64>) {
+        let mut generator = Pcg64::seed_from_u64(seed);
+        let all = columns(60, &mut generator);
+        let mut target: DVector<f64> =
+            DVector::from_fn(ROWS, |_, _| StandardNormal.sample(&mut generator));
+        target *= noise;
+        for &(at, coefficient) in truth {
+            target.axpy(coefficient, &all[at], 1.0);
+        }
+        let members = all.into_iter().enumerate().map(|(kind, one)| (kind, 10.0, vec![one]));
+        let tuning = Tuning::default();
+        let pool = Pool::of(members.collect(), &target, ROWS, &tuning.sets);
+        let best = pool.search().swap_remove(0);
+        let values = pool.coefficients(&best.members).expect("columns that stand apart");
+        (best, values.into_iter().flatten().collect())
+    }
+
+    #[test]
+    fn sets_are_found_whole_with_their_numbers() {
+        for seed in 0..8 {
+            let (best, values) = found(&[(3, 2.0), (17, -1.0), (40, 0.5)], 0.3, seed);
+            assert_eq!(best.members, [3, 17, 40], "seed {seed}");
+            for (value, truth) in values.iter().zip([2.0, -1.0, 0.5]) {
+                assert!((value - truth).abs() < 5.0 * 0.3 / (ROWS as f64).sqrt(), "{values:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_stood_in_for_two_members_is_given_back() {
+        for seed in 0..8 {
+            // One column of the last two is nearly both of the first; with them it says nothing.
+            let (best, _) = found(&[(0, 1.0), (1, 1.0), (9, 0.7)], 0.1, seed);
+            assert_eq!(best.members, [0, 1, 9], "seed {seed}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_found_in_noise() {
+        for seed in 0..20 {
+            assert!(found(&[], 1.0, seed).0.members.is_empty(), "seed {seed}");
+        }
+    }
+}

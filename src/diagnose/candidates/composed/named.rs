@@ -1,0 +1,132 @@
+//! What candidates with a name do along a motion, at every point of their grids.
+
+use super::responses::{Action, Channels};
+use super::states::PhasePoints;
+use crate::diagnose::candidates::Candidate;
+use crate::eval::{Backend, Inputs, compile};
+use crate::expr::{Expr, Place, Symbol, System};
+use crate::fit::Law;
+
+/// A candidate at one point of its grid.
+pub(super) struct NamedAction {
+    /// Its inner parameters there.
+    pub(super) values: Vec<f64>,
+    /// What each of its columns does.
+    pub(super) actions: Vec<Action>,
+}
+
+/// A grid of one number with so many points more between any two.
+pub(super) fn finer(grid: &[Vec<f64>], between: usize) -> Vec<Vec<f64>> {
+    let mut all = grid.to_vec();
+    for pair in grid.windows(2) {
+        if let [from, to] = pair
+            && let ([from], [to]) = (from.as_slice(), to.as_slice())
+        {
+            let part = |k: usize| k as f64 / (between + 1) as f64;
+            all.extend((1..=between).map(|k| vec![from + (to - from) * part(k)]));
+        }
+    }
+    all
+}
+
+/// What a candidate does at some points of the motion, at some choices of its inner parameters.
+/// Nothing of one that goes by something else than the state, the time and the law's own numbers,
+/// and of choices with which it is not finite.
+pub(super) fn at_all_points(
+    candidate: &Candidate,
+    grid: &[Vec<f64>],
+    law: &Law,
+    points: &PhasePoints,
+    channels: Channels,
+) -> Vec<NamedAction> {
+    let mut system = System::clone(law.system());
+    let mut outputs: Vec<Expr> = Vec::new();
+    let mut plans: Vec<(&Vec<f64>, Vec<Plan>)> = Vec::new();
+    for values in grid {
+        let terms = candidate.probes(&mut system, law, values);
+        let plan = terms.iter().map(|term| {
+            let mut plan = Plan::default();
+            for (at, expr) in term.parts() {
+                plan.add(&mut system, &mut outputs, (at, expr), channels);
+            }
+            plan
+        });
+        plans.push((values, plan.collect()));
+    }
+    let state = system.state();
+    let known = |symbol: &Symbol| {
+        state.contains(symbol)
+            || matches!(symbol, Symbol::Time | Symbol::Parameter(_) | Symbol::Coefficient(_))
+    };
+    if !system.graph.symbols(&outputs).iter().all(known) {
+        return Vec::new();
+    }
+    let varying = state.into_iter().chain([Symbol::Time]).collect();
+    let parameters = (0..system.parameters.len()).map(Symbol::Parameter);
+    let coefficients = (0..system.terms.len()).map(Symbol::Coefficient);
+    let inputs = Inputs { varying, uniform: parameters.chain(coefficients).collect() };
+    let numbers: Vec<f64> =
+        law.parameters().iter().copied().chain(law.coefficient_of_each_term()).collect();
+    let compiled = compile(&system.graph, &inputs, &outputs, Backend::default());
+    let mut found = vec![0.0; outputs.len() * points.count];
+    let here = points.with_times();
+    compiled.evaluate(&here, &numbers, points.count, &mut found, &mut Vec::new());
+    let action = |plan: &Plan| {
+        let row = |&(output, sign): &(usize, f64)| {
+            let row = &found[output * points.count..(output + 1) * points.count];
+            row.iter().map(move |x| sign * x)
+        };
+        Action {
+            channels: plan.channels.clone(),
+            values: plan.outputs.iter().flat_map(row).collect(),
+        }
+    };
+    let named = plans.into_iter().map(|(values, plan)| NamedAction {
+        values: values.clone(),
+        actions: plan.iter().map(action).collect(),
+    });
+    let finite = |action: &Action| action.values.iter().all(|x| x.is_finite());
+    named.filter(|one| one.actions.iter().all(finite)).collect()
+}
+
+/// Where the outputs of an evaluation act.
+#[derive(Default)]
+struct Plan {
+    channels: Vec<usize>,
+    /// Place among the outputs, and a sign.
+    outputs: Vec<(usize, f64)>,
+}
+
+impl Plan {
+    fn add(
+        &mut self,
+        system: &mut System,
+        outputs: &mut Vec<Expr>,
+        (place, expr): (Place, Expr),
+        channels: Channels,
+    ) {
+        let n = channels.degrees;
+        let mut act = |channel: usize, expr: Expr, sign: f64| {
+            self.channels.push(channel);
+            self.outputs.push((outputs.len(), sign));
+            outputs.push(expr);
+        };
+        match place {
+            Place::Force(i) => act(channels.kick(i), expr, 1.0),
+            Place::Rate(i) => act(channels.drift(i), expr, 1.0),
+            Place::Sensor(i) => act(channels.sensor(i), expr, 1.0),
+            Place::Kinetic | Place::Potential | Place::Hamiltonian => {
+                for i in 0..n {
+                    let kick = system.graph.derivative(expr, Symbol::Coordinate(i));
+                    if !system.graph.is_zero(kick) {
+                        act(channels.kick(i), kick, -1.0);
+                    }
+                    let drift = system.graph.derivative(expr, Symbol::Momentum(i));
+                    if !system.graph.is_zero(drift) {
+                        act(channels.drift(i), drift, 1.0);
+                    }
+                }
+            }
+        }
+    }
+}

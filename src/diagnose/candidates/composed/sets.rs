@@ -1,0 +1,390 @@
+//! Several changes at once: sets of named candidates and composed terms, chosen together.
+//!
+//! What any of them would do to all predictions is known along one motion ([`Responses`]), so all
+//! stand side by side in one [`Pool`], and sets of them are chosen there. The best are handed on
+//! to be fitted in full; around the motion of the best of these, all is asked again.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::around::linear;
+use super::enumerate::enumerate;
+use super::expression::Composed;
+use super::gram::{FoundSet, Pool};
+use super::leaves::Leaves;
+use super::library::Library;
+use super::named::{NamedAction, at_all_points, finer};
+use super::refine::refined_leaders;
+use super::responses::{Action, Responses};
+use super::search::Search;
+use super::statements::candidate_of;
+use crate::diagnose::candidates::{Candidate, NumberChange};
+use crate::diagnose::effect::RankedEffect;
+use crate::diagnose::law_on_data::LawOnData;
+use crate::diagnose::settling::{Settled, settle};
+use crate::diagnose::tuning::{self, Tuning};
+use crate::error::Result;
+use crate::expr::{Scope, System};
+use crate::fit::column::Column;
+use crate::fit::{Law, Monitor};
+
+/// One member of a proposed set.
+#[derive(Clone)]
+pub struct Proposed {
+    /// What it is, with first values of its numbers.
+    pub effect: RankedEffect,
+    /// Inner numbers among its coefficients: the last so many.
+    pub inner: usize,
+    /// What its numbers and the choice among all members cost, in nats.
+    pub price: f64,
+    /// Whether it has a name.
+    pub named: bool,
+    change: Change,
+}
+
+/// What a member of a set is.
+#[derive(Clone)]
+enum Change {
+    /// A candidate, by its place in the list.
+    Named(usize),
+    /// A composed term.
+    Composed(Composed),
+}
+
+/// A motion that candidates are judged around.
+pub struct Around<'a, 'b> {
+    /// A model with some changes, over segments that it follows.
+    pub model: LawOnData<'a>,
+    /// The changes, each with all of its numbers: coefficients, then inner ones.
+    pub changes: Vec<(&'b Proposed, Vec<f64>)>,
+}
+
+/// What sets are made of.
+pub struct SetSearch<'a, 'b> {
+    candidates: &'b [Candidate],
+    leaves: Leaves,
+    terms: Vec<Composed>,
+    first: Settled<'a>,
+    tuning: &'a Tuning,
+}
+
+impl<'a, 'b> SetSearch<'a, 'b> {
+    /// From the bare model and its candidates. `None` where responses are not known: under
+    /// constraints, with columns that show something else than the state, in many coordinates.
+    pub fn of(
+        model: &LawOnData<'a>,
+        candidates: &'b [Candidate],
+        monitor: &dyn Monitor,
+    ) -> Option<SetSearch<'a, 'b>> {
+        let tuning = model.tuning();
+        let system = model.system();
+        let unlike = !system.constraints.is_empty() || !system.measures.is_empty();
+        if unlike || system.degrees() > tuning.sets.coordinates {
+            return None;
+        }
+        monitor.stage("sets of changes", 0.65);
+        let model = &model.thinned(model.data.most.min(tuning.scan.samples));
+        let first = linear(model);
+        let leaves = Leaves::of(model.system(), &tuning.composed);
+        let kept: Vec<Column> = Column::all(first.model.law.dynamics().unknowns()).collect();
+        let search = Search::of(&first, &leaves, &kept, tuning.composed.first_spacing, &[]);
+        if search.responses.rows == 0 {
+            return None;
+        }
+        let library = Library::of(&leaves, &search.jets, &tuning.composed);
+        let variance = search.variance(search.responses.squares);
+        let seen = enumerate(&library, &search.responses, variance, &tuning.composed, monitor);
+        let mut terms: Vec<Composed> = refined_leaders(&search, seen.found)
+            .into_iter()
+            .take(tuning.sets.leading)
+            .map(|(term, _)| term)
+            .collect();
+        for term in seen.shortest {
+            if !terms.contains(&term) {
+                terms.push(term);
+            }
+        }
+        Some(SetSearch { candidates, leaves, terms, first, tuning })
+    }
+
+    /// Samples of the segments that the first sets are chosen on.
+    pub fn window(&self) -> usize {
+        self.first.model.law.window()
+    }
+
+    /// The best sets, the best first: around the motion of the bare model over segments so short
+    /// that it follows them, or around that of a model with some changes.
+    ///
+    /// # Errors
+    ///
+    /// When a member makes no sense in the spec.
+    pub fn proposed(
+        &self,
+        scope: &Scope,
+        around: Option<&Around<'a, '_>>,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<Vec<Proposed>>> {
+        let composed = &self.tuning.composed;
+        let base = self.first.model.system();
+        let mut terms = self.terms.clone();
+        let (search, law) = match around {
+            None => {
+                let law = self.first.model.law.clone();
+                let kept: Vec<Column> = Column::all(law.dynamics().unknowns()).collect();
+                (Search::of(&self.first, &self.leaves, &kept, composed.first_spacing, &[]), law)
+            }
+            Some(around) => {
+                let settled = settle(around.model.clone());
+                terms.extend(self.terms_beside(&settled, monitor));
+                let law = settled.model.law.on(base);
+                let kept = standing(&settled, base);
+                let spacing = composed.second_spacing;
+                let mut search = Search::of(&settled, &self.leaves, &kept, spacing, &[]);
+                let restored = self.restored(around, &search, &law);
+                search.responses.restore(&restored);
+                (search, law)
+            }
+        };
+        // The numbers that were fitted lie between the points of the grids.
+        let mut fitted: Vec<(usize, Vec<f64>)> = Vec::new();
+        for (proposed, numbers) in around.iter().flat_map(|around| &around.changes) {
+            let inner = &numbers[numbers.len() - proposed.inner..];
+            match &proposed.change {
+                Change::Named(place) if self.candidates[*place].number().is_none() => {
+                    fitted.push((*place, inner.to_vec()));
+                }
+                Change::Named(_) => {}
+                Change::Composed(term) => terms.push(term.with_numbers(inner)),
+            }
+        }
+        let mut entries = self.named(&search, &law, &fitted);
+        entries.extend(self.composed(&search, &terms));
+        let pool = self.pool(&search.responses, &entries);
+        let found = pool.search();
+        found
+            .iter()
+            .filter(|one| !one.members.is_empty())
+            .take(self.tuning.sets.proposed)
+            .map(|one| self.written(scope, &pool, &entries, one))
+            .collect()
+    }
+
+    /// The composed terms that explain most of what a model with some changes leaves, the changes
+    /// being free.
+    fn terms_beside(&self, settled: &Settled, monitor: &dyn Monitor) -> Vec<Composed> {
+        let sets = &self.tuning.sets;
+        let composed = tuning::Composed { expressions: sets.expressions, ..self.tuning.composed };
+        let kept: Vec<Column> = Column::all(settled.model.law.dynamics().unknowns()).collect();
+        let search = Search::of(settled, &self.leaves, &kept, composed.first_spacing, &[]);
+        if search.responses.rows == 0 {
+            return Vec::new();
+        }
+        let library = Library::of(&self.leaves, &search.jets, &composed);
+        let variance = search.variance(search.responses.squares);
+        let seen = enumerate(&library, &search.responses, variance, &composed, monitor);
+        let terms = refined_leaders(&search, seen.found);
+        terms.into_iter().take(sets.beside).map(|(term, _)| term).collect()
+    }
+
+    /// What the changes of a model do along its motion.
+    fn restored(&self, around: &Around, search: &Search, law: &Law) -> Vec<(f64, Action)> {
+        let Responses { points, channels, .. } = &search.responses;
+        let mut all = Vec::new();
+        for (proposed, numbers) in &around.changes {
+            let (coefficients, inner) = numbers.split_at(numbers.len() - proposed.inner);
+            match &proposed.change {
+                Change::Named(place) => {
+                    let candidate = &self.candidates[*place];
+                    let grid = [inner.to_vec()];
+                    let found = at_all_points(candidate, &grid, law, points, *channels);
+                    let actions = found.into_iter().flat_map(|one| one.actions);
+                    match candidate.number() {
+                        // The change of a number is what its first-order action is times.
+                        Some(number) => {
+                            let by = inner.first().map_or(0.0, |value| value - number.value);
+                            all.extend(actions.map(|action| (by, action)));
+                        }
+                        None => all.extend(coefficients.iter().copied().zip(actions)),
+                    }
+                }
+                Change::Composed(term) => {
+                    let action = term.with_numbers(inner).action(&search.jets.nodes, *channels);
+                    all.extend(coefficients.first().map(|&c| (c, action)));
+                }
+            }
+        }
+        all
+    }
+
+    /// Named candidates with their columns: the best points of their grids, and those `fitted`.
+    fn named(&self, search: &Search, law: &Law, fitted: &[(usize, Vec<f64>)]) -> Vec<Entry> {
+        let tuning = &self.tuning.sets;
+        let responses = &search.responses;
+        let (points, channels) = (&responses.points, responses.channels);
+        let rows = (responses.rows.max(2) as f64).ln();
+        let target = responses.target();
+        let of = |(place, candidate): (usize, &Candidate)| {
+            let mut grid = finer(&candidate.grid, tuning.between);
+            grid.extend(fitted.iter().filter(|(at, _)| *at == place).map(|(_, own)| own.clone()));
+            let found = at_all_points(candidate, &grid, law, points, channels);
+            let choices = (candidate.grid.len().max(1) as f64).ln();
+            let entry = |one: NamedAction| {
+                let columns: Vec<DVector<f64>> =
+                    one.actions.iter().map(|action| responses.column(action)).collect();
+                let unknowns = match candidate.number() {
+                    Some(_) => 1.0,
+                    None => (columns.len() + one.values.len()) as f64,
+                };
+                Entry {
+                    kind: place,
+                    price: candidate.choice + choices + 0.5 * unknowns * rows,
+                    fall: fall(&columns, &target),
+                    columns,
+                    change: Change::Named(place),
+                    values: one.values,
+                }
+            };
+            let mut own: Vec<Entry> =
+                found.into_iter().map(entry).filter(|one| one.fall > 0.0).collect();
+            own.sort_by(|a, b| b.fall.total_cmp(&a.fall));
+            own.truncate(tuning.points);
+            own.into_iter().enumerate().collect::<Vec<_>>()
+        };
+        let mut all: Vec<(usize, Entry)> =
+            self.candidates.par_iter().enumerate().flat_map_iter(of).collect();
+        // The best point of each comes first.
+        all.sort_by(|(a, one), (b, other)| {
+            (*a > 0).cmp(&(*b > 0)).then(other.fall.total_cmp(&one.fall))
+        });
+        all.truncate(tuning.named);
+        all.into_iter().map(|(_, entry)| entry).collect()
+    }
+
+    /// Composed terms with their columns.
+    fn composed(&self, search: &Search, terms: &[Composed]) -> Vec<Entry> {
+        let responses = &search.responses;
+        let rows = (responses.rows.max(2) as f64).ln();
+        let target = responses.target();
+        let of = |(place, term): (usize, &Composed)| {
+            let action = term.action(&search.jets.nodes, responses.channels);
+            let columns = vec![responses.column(&action)];
+            let unknowns = 1.0 + term.inner().len() as f64;
+            // Forms that differ in their numbers alone are of one kind.
+            let form = terms[..place].iter().position(|other| other.has_form_of(term));
+            Entry {
+                kind: self.candidates.len() + form.unwrap_or(place),
+                price: term.price + 0.5 * unknowns * rows,
+                fall: fall(&columns, &target),
+                columns,
+                change: Change::Composed(term.clone()),
+                values: term.numbers(),
+            }
+        };
+        let all = terms.par_iter().enumerate().map(of);
+        all.filter(|entry| entry.fall > 0.0).collect()
+    }
+
+    fn pool(&self, responses: &Responses, entries: &[Entry]) -> Pool<'a> {
+        let members = entries.iter().map(|one| (one.kind, one.price, one.columns.clone()));
+        Pool::of(members.collect(), &responses.target(), responses.rows, &self.tuning.sets)
+    }
+
+    /// A set as changes to a spec, each in the scope of those before it.
+    fn written(
+        &self,
+        scope: &Scope,
+        pool: &Pool,
+        entries: &[Entry],
+        found: &FoundSet,
+    ) -> Result<Vec<Proposed>> {
+        let coefficients = pool.coefficients(&found.members).unwrap_or_default();
+        let p_values = pool.p_values(&found.members);
+        let mut scope = scope.clone();
+        let mut all = Vec::new();
+        let members = found.members.iter().zip(p_values);
+        for ((&at, p_value), coefficients) in members.zip(coefficients) {
+            let entry = &entries[at];
+            let own;
+            let (candidate, named) = match &entry.change {
+                Change::Named(place) => (&self.candidates[*place], true),
+                Change::Composed(term) => {
+                    let terms = std::slice::from_ref(term);
+                    let Some(found) = candidate_of(&mut scope, &self.leaves, terms, false) else {
+                        return Ok(Vec::new());
+                    };
+                    own = found;
+                    (&own, false)
+                }
+            };
+            let change = coefficients.first().copied().unwrap_or(0.0);
+            let (numbers, inner) = match candidate.start_of_number(change) {
+                Some(value) => (vec![value], 1),
+                None => {
+                    let inner = entry.values.len();
+                    (coefficients.iter().chain(&entry.values).copied().collect(), inner)
+                }
+            };
+            let values = &numbers[numbers.len() - inner..];
+            let effect = RankedEffect {
+                effect: candidate.label.clone(),
+                on: candidate.on.clone(),
+                snippet: candidate.snippet(values),
+                number: candidate.number().map(NumberChange::of),
+                standard_error: vec![f64::NAN; numbers.len()],
+                coefficient: numbers,
+                p_value,
+                deviance: 0.0,
+                held_out_error_before: f64::NAN,
+                held_out_error_after: f64::NAN,
+                indistinguishable: Vec::new(),
+            };
+            scope = effect.added_to(&scope)?;
+            let (price, change) = (entry.price, entry.change.clone());
+            all.push(Proposed { effect, inner, price, named, change });
+        }
+        Ok(all)
+    }
+}
+
+/// Something that a set may have.
+struct Entry {
+    kind: usize,
+    price: f64,
+    columns: Vec<DVector<f64>>,
+    /// By how much the squares fall with it alone.
+    fall: f64,
+    change: Change,
+    /// Its inner numbers.
+    values: Vec<f64>,
+}
+
+/// By how much the squares fall with some columns; 0 where they span one another.
+fn fall(columns: &[DVector<f64>], target: &DVector<f64>) -> f64 {
+    let norms: Vec<f64> = columns.iter().map(|column| column.norm()).collect();
+    if norms.iter().any(|norm| !(*norm > 0.0 && norm.is_finite())) {
+        return 0.0;
+    }
+    match columns {
+        [one] => (one.dot(target) / norms[0]).powi(2),
+        _ => {
+            let count = columns.len();
+            let gram = DMatrix::from_fn(count, count, |i, j| {
+                columns[i].dot(&columns[j]) / norms[i] / norms[j]
+            });
+            let heights = DVector::from_fn(count, |i, _| columns[i].dot(target) / norms[i]);
+            gram.cholesky().map_or(0.0, |factor| factor.solve(&heights).dot(&heights))
+        }
+    }
+}
+
+/// Columns of the unknowns of a model that the system `base` has, too.
+fn standing(settled: &Settled, base: &System) -> Vec<Column> {
+    let law = &settled.model.law;
+    let dynamics = law.dynamics();
+    let terms = dynamics.active().iter().enumerate();
+    let terms = terms.filter(|(_, id)| id.position() < base.terms.len()).map(|(at, _)| at);
+    let count = dynamics.active().len();
+    let inner = dynamics.parameters().iter().enumerate();
+    let inner = inner.filter(|(_, id)| id.position() < base.parameters.len());
+    terms.chain(inner.map(|(at, _)| count + at)).map(Column::new).collect()
+}

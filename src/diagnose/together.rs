@@ -1,0 +1,94 @@
+//! Stories of several changes that were found together.
+//!
+//! Sets are proposed around a motion that the data follow, fitted over longer and longer segments
+//! as every story is, and proposed anew around the motion of the best of them: over longer
+//! segments smaller changes show, and what stood in for them is given back.
+
+use super::candidates::candidates;
+use super::candidates::composed::sets::{Around, Proposed, SetSearch};
+use super::story::{Question, Story, agree_on_noise, description_lengths};
+use crate::error::Result;
+
+/// Stories of sets of changes beside `bare`, which has none; each ends where it no longer follows
+/// the data.
+///
+/// # Errors
+///
+/// When a change does not fit the spec.
+pub(super) fn together<'a>(
+    question: &Question<'a, '_>,
+    bare: &Story<'a>,
+) -> Result<Vec<Story<'a>>> {
+    let tuning = question.model.tuning();
+    let mut scope = question.scope.clone();
+    let all = candidates(&mut scope, &question.model.data.dataset, &tuning.candidates);
+    let Some(search) = SetSearch::of(&bare.model, &all, question.monitor) else {
+        return Ok(Vec::new());
+    };
+    let mut found: Vec<(Vec<Proposed>, Story<'a>)> = Vec::new();
+    let mut window = search.window();
+    let mut before = None;
+    let mut proposed = search.proposed(question.scope, None, question.monitor)?;
+    for look in 0..tuning.sets.looks {
+        question.monitor.stage("sets of changes", 0.7);
+        let mut fitted = Vec::new();
+        for set in proposed {
+            let known = found.iter().any(|(other, _)| labels(other) == labels(&set));
+            if known || question.monitor.stopped() {
+                continue;
+            }
+            if let Some(story) = Story::of_set(bare, &set, window)? {
+                fitted.push((set, story));
+            }
+        }
+        for (set, mut story) in best_first(fitted, question).into_iter().take(tuning.sets.grown) {
+            if question.monitor.stopped() {
+                break;
+            }
+            story.hold_together(question);
+            found.push((set, story));
+        }
+        let Some((set, best)) = leader(&found, question) else { break };
+        let same = before.as_ref() == Some(&best.labels());
+        if same || question.monitor.stopped() || look + 1 == tuning.sets.looks {
+            break;
+        }
+        before = Some(best.labels());
+        window = best.model.law.window().min(tuning.sets.window).max(search.window());
+        let model = best.model.with_window(window);
+        let changes = set.iter().zip(best.numbers()).collect();
+        let around = Around { model, changes };
+        proposed = search.proposed(question.scope, Some(&around), question.monitor)?;
+    }
+    Ok(found.into_iter().map(|(_, story)| story).collect())
+}
+
+fn labels(set: &[Proposed]) -> Vec<&str> {
+    let mut labels: Vec<&str> = set.iter().map(|one| one.effect.effect.as_str()).collect();
+    labels.sort_unstable();
+    labels
+}
+
+/// Sets with their stories, that of the shortest description first.
+fn best_first<'a>(
+    fitted: Vec<(Vec<Proposed>, Story<'a>)>,
+    question: &Question<'a, '_>,
+) -> Vec<(Vec<Proposed>, Story<'a>)> {
+    let stories: Vec<&Story> = fitted.iter().map(|(_, story)| story).collect();
+    let lengths = description_lengths(&stories, question.model.tuning());
+    let mut both: Vec<_> = lengths.into_iter().zip(fitted).collect();
+    both.sort_by(|a, b| a.0.total_cmp(&b.0));
+    both.into_iter().map(|(_, one)| one).collect()
+}
+
+/// The story of the shortest description, with its set.
+fn leader<'f, 'a>(
+    found: &'f [(Vec<Proposed>, Story<'a>)],
+    question: &Question<'a, '_>,
+) -> Option<&'f (Vec<Proposed>, Story<'a>)> {
+    let mut stories: Vec<Story> = found.iter().map(|(_, story)| story.clone()).collect();
+    agree_on_noise(&mut stories);
+    let lengths = description_lengths(&stories.iter().collect::<Vec<_>>(), question.model.tuning());
+    let best = lengths.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
+    best.and_then(|(place, _)| found.get(place))
+}

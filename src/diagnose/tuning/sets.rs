@@ -1,0 +1,51 @@
+//! Numbers of the search for sets of changes.
+
+/// The search for sets of changes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sets {
+    /// Systems of more coordinates are not asked, with 0 none is: dozens of sets are fitted in full, and each fit
+    /// of whole runs of two coordinates takes seconds.
+    pub coordinates: usize,
+    /// Members of a set, at most.
+    pub members: usize,
+    /// Composed terms that sets are made of, at most: those that explain most alone, beside the
+    /// shortest.
+    pub leading: usize,
+    /// Composed terms that are added in later looks, at most: those that explain most of what the
+    /// best set leaves,
+    pub beside: usize,
+    /// of about so many distinct expressions.
+    pub expressions: usize,
+    /// Choices of named candidates that sets are made of, at most: the best of each come first.
+    pub named: usize,
+    /// Points of the grid of a named candidate that sets are made of, at most.
+    pub points: usize,
+    /// Points between two of a grid of one number: a drive that is off by the distance of two is
+    /// out of step at the end of a run, which looks like something that drifts.
+    pub between: usize,
+    /// Sets that each move of the search goes on from.
+    pub beam: usize,
+    /// Moves that follow one another, at most.
+    pub rounds: usize,
+    /// Sets that are remembered.
+    pub kept: usize,
+    /// Members that are tried beside a set,
+    pub added: usize,
+    /// in the place of one member,
+    pub exchanged: usize,
+    /// and in the place of two.
+    pub merged: usize,
+    /// Part of its squares that a column keeps beside the others of a set, at least.
+    pub apart: f64,
+    /// What is left is believed to no less than this part of what is to be explained: scores of
+    /// first order say no more.
+    pub floor: f64,
+    /// Sets that are fitted in full, in every look.
+    pub proposed: usize,
+    /// Those of them that are held against longer and longer segments: the best.
+    pub grown: usize,
+    /// Looks around a motion that is nearer to that of the data, at most.
+    pub looks: usize,
+    /// Samples of the segments of later looks, at most.
+    pub window: usize,
+}
