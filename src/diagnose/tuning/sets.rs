@@ -3,8 +3,8 @@
 /// The search for sets of changes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sets {
-    /// Systems of more coordinates are not asked, with 0 none is: dozens of sets are fitted in full, and each fit
-    /// of whole runs of two coordinates takes seconds.
+    /// Systems of more coordinates are not asked, with 0 none is: dozens of sets are fitted in
+    /// full, and each fit of whole runs of two coordinates takes seconds.
     pub coordinates: usize,
     /// Members of a set, at most.
     pub members: usize,
