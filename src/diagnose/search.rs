@@ -155,7 +155,7 @@ pub(super) fn beginnings<'a>(
 fn note_exchanges(stories: &mut [Story], tuning: &Tuning) {
     let Some((best, others)) = stories.split_first_mut() else { return };
     let alike = |other: &&Story| holds(other) && other.members.len() == best.members.len();
-    let others: Vec<&Story> = others.iter().filter(alike).map(|other| &*other).collect();
+    let others: Vec<&Story> = others.iter().filter(alike).collect();
     let all: Vec<&Story> = std::iter::once(&*best).chain(others.iter().copied()).collect();
     let lengths = description_lengths(&all, tuning);
     let Some((own, lengths)) = lengths.split_first() else { return };
