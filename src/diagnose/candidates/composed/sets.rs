@@ -1,7 +1,7 @@
 //! Several changes at once: sets of named candidates and composed terms, chosen together.
 //!
-//! What any of them would do to all predictions is known along one motion ([`Responses`]), so all
-//! stand side by side in one [`Pool`], and sets of them are chosen there. The best are handed on
+//! What any of them would do to all predictions is known along one motion (`Responses`), so all
+//! stand side by side in one `Pool`, and sets of them are chosen there. The best are handed on
 //! to be fitted in full; around the motion of the best of these, all is asked again.
 
 use nalgebra::{DMatrix, DVector};
