@@ -27,13 +27,12 @@ def test_other_threads_run_while_it_works() -> None:
 
     other = threading.Thread(target=count)
     other.start()
-    before = counted
+    start = time.perf_counter()
     spec.fit(progress=False)
-    during = counted - before
+    elapsed = time.perf_counter() - start
     done.set()
     other.join()
-    # With the lock held it would come to one or two; thousands where nothing else runs.
-    assert during >= 10
+    assert counted > 20 * elapsed
 
 
 def test_two_fits_at_a_time_give_what_one_gives(oscillator, swing) -> None:
