@@ -192,9 +192,9 @@ pub fn diagnose(
         return Ok(diagnosis);
     }
     let stories = stories(&question, &bare, beginnings)?;
-    judge(&question, &mut diagnosis, stories)?;
+    let best = judge(&question, &mut diagnosis, stories)?;
     if diagnosis.verdict == Verdict::Unexplained && !monitor.stopped() {
-        look_for_states(&question, &mut diagnosis)?;
+        look_for_states(&question, best.as_ref(), &mut diagnosis)?;
     }
     Ok(diagnosis)
 }

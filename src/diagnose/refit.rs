@@ -210,7 +210,7 @@ pub struct Fitted {
     pub resolved: bool,
     /// The columns of all numbers in units of the noise, initial states eliminated: those of the
     /// law's coefficients first.
-    factor: Factor,
+    pub factor: Factor,
 }
 
 impl Fitted {

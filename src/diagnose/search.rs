@@ -1,4 +1,5 @@
-//! The search over stories: a beam of sets of changes, extended, exchanged and shortened.
+//! The search over stories: sets of changes that are found together, or a beam of sets that are
+//! extended, exchanged and shortened.
 
 use super::candidates::composed::composed;
 use super::candidates::{Candidate, candidates, unnamed};
@@ -14,11 +15,12 @@ use crate::error::Result;
 
 /// Stories, the best first: at least that without a change.
 ///
-/// `bare` is the story without a change, `beam` are those of one change. The search goes on as long
-/// as the best story does not explain the data over whole runs: each of the leading stories is
-/// extended by the changes that pay most beside it. When it has ended, each member of the best is
-/// taken out and looked for again among all candidates: while others were missing, a more flexible
-/// change may have stood in for them.
+/// `bare` is the story without a change, `beam` are those of one change. Where none of these holds,
+/// sets of changes are found together, if the model can be asked for them. Else the search goes on
+/// as long as the best story does not explain the data over whole runs: each of the leading stories
+/// is extended by the changes that pay most beside it. When it has ended, each member of the best
+/// is taken out and looked for again among all candidates: while others were missing, a more
+/// flexible change may have stood in for them.
 ///
 /// # Errors
 ///
@@ -34,20 +36,25 @@ pub(super) fn stories<'a>(
     let mut ended: Vec<Story> = Vec::new();
     let mut grown = bare.clone();
     grown.grow(question);
-    let mut together_hold = false;
+    let mut sets_asked = false;
     // Where the model explains the data as it is, there is nothing to compose.
     if !grown.explains && !beam.iter().any(holds) && !monitor.stopped() {
-        beam.extend(together(question, bare)?);
-        together_hold = beam.iter().any(holds);
-        if !together_hold && !monitor.stopped() {
-            monitor.stage("terms without a name", 0.7);
-            beam.extend(with_unnamed(question, bare)?);
+        match together(question, bare)? {
+            Some(sets) => {
+                sets_asked = true;
+                beam.extend(sets);
+            }
+            None if !monitor.stopped() => {
+                monitor.stage("terms without a name", 0.7);
+                beam.extend(with_unnamed(question, bare)?);
+            }
+            None => {}
         }
     }
     agree_on_noise(&mut beam);
     sort_by_description_length(&mut beam, all);
     // Sets were held against their neighbours when they were chosen.
-    if together_hold {
+    if sets_asked {
         ended.append(&mut beam);
     }
     // What one more change costs, at least.
@@ -100,7 +107,7 @@ pub(super) fn stories<'a>(
     sort_by_description_length(&mut ended, all);
     // A story that holds is told before one that is shorter and explains less.
     ended.sort_by_key(|story| !holds(story));
-    let alone = !together_hold;
+    let alone = !sets_asked;
     if let Some(best) = ended.first().filter(|best| alone && holds(best) && best.members.len() > 1)
     {
         let best = exchanged(question, best.clone())?;
@@ -112,7 +119,7 @@ pub(super) fn stories<'a>(
     {
         ended.insert(0, named);
     }
-    if together_hold {
+    if sets_asked {
         note_exchanges(&mut ended, all);
     }
     ended.push(grown);

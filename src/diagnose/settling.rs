@@ -6,6 +6,7 @@ use super::restarting::restarted;
 use crate::dynamics::Dynamics;
 use crate::fit::Loss;
 use crate::fit::driving::OwnInputs;
+use crate::fit::factor::Factor;
 use crate::fit::pass::{self, Problem, Sums};
 use crate::fit::scales::{fewest_samples, scales};
 use crate::fit::segments::{Segments, cut};
@@ -146,6 +147,15 @@ fn patiently(
 }
 
 impl Settled<'_> {
+    /// The residuals linearised by all numbers of the law, states eliminated.
+    pub(super) fn linearised(&self) -> Factor {
+        let Settled { model, segments, states, .. } = self;
+        let dynamics = model.law.dynamics_of_runs();
+        let theta = model.law.theta(&dynamics);
+        let weights = model.law.weights();
+        pass::linearise(&problem(model, segments, &weights), &dynamics, &theta, states).merged()
+    }
+
     /// Residuals in units of the noise: `[segment][observable][sample]`, not a number where there
     /// is none.
     pub fn residuals(&self) -> Vec<Vec<Vec<f64>>> {

@@ -10,11 +10,13 @@ use super::law_on_data::{LawOnData, Measurements};
 use super::misfit::{error_of, excess};
 use super::noise_floor::noise_of;
 use super::refit::{Precision, fitted, fitted_from_afar};
-use super::settling::settle;
+use super::settling::{Settled, settle};
 use super::tuning::Tuning;
 use super::window::{doubled, longest};
 use crate::error::Result;
 use crate::expr::{Expr, KnownNumber, ParameterId, Place, Scope, Symbol, System, Term, TermId};
+use crate::fit::column::Column;
+use crate::fit::factor::Factor;
 use crate::fit::own_values::is_said;
 use crate::fit::pass::Sums;
 use crate::fit::{Law, Monitor};
@@ -113,6 +115,9 @@ pub(super) struct Story<'a> {
     pub cancellation: f64,
     /// Squares for each residual that are nothing beside what the model without a change leaves.
     pub negligible: f64,
+    /// How well the runs that it was fitted to determine its numbers; known when the story is
+    /// concluded.
+    determined: Option<Factor>,
 }
 
 impl<'a> Story<'a> {
@@ -130,6 +135,7 @@ impl<'a> Story<'a> {
             explains: false,
             cancellation: 1.0,
             negligible,
+            determined: None,
         }
     }
 
@@ -192,12 +198,14 @@ impl<'a> Story<'a> {
             members.push(Member { effect, terms, parameters, price, named: one.named });
         }
         let settled = settle(bare.model.with_law(law.with_window(window)));
-        let Some(found) = fitted(&settled, &settled.model.law, Precision::Full) else {
+        let Some(found) = fitted(&settled, &settled.model.law, Precision::Ranking) else {
             return Ok(None);
         };
-        let model = settled.model.with_law(found.law);
-        let sums = found.sums;
-        Ok(Some(Story { members, scope, model, sums, explains: false, ..bare.clone() }))
+        let (law, sums) = (found.law, found.sums);
+        let model = settled.model.with_law(law.clone());
+        let mut story = Story { members, scope, model, sums, explains: false, ..bare.clone() };
+        story.take_numbers(&law);
+        Ok(Some(story))
     }
 
     /// Holds a story of several changes that were found together against longer and longer segments
@@ -219,6 +227,19 @@ impl<'a> Story<'a> {
         self.members.iter().map(of).collect()
     }
 
+    /// Their columns among those of the law, where they are unknowns.
+    pub(super) fn columns(&self) -> Vec<Vec<Column>> {
+        let dynamics = self.model.law.dynamics();
+        let (active, inner) = (dynamics.active(), dynamics.parameters());
+        let of = |member: &Member| {
+            let terms = active.iter().enumerate().filter(|(_, id)| member.terms.contains(id));
+            let own = inner.iter().enumerate().filter(|(_, id)| member.parameters.contains(id));
+            let own = own.map(|(at, _)| active.len() + at);
+            terms.map(|(at, _)| at).chain(own).map(Column::new).collect()
+        };
+        self.members.iter().map(of).collect()
+    }
+
     /// Takes the noise from the shortest predictions of this story: before a precise sensor a
     /// strong force shows even there, and is taken for noise as long as the model lacks it.
     fn measure_noise(&mut self, question: &Question<'a, '_>) {
@@ -236,7 +257,7 @@ impl<'a> Story<'a> {
             }
             self.hold_against(noise.into());
             if self.excess_of(&self.sums) > 0.0 {
-                self.refit(Precision::Full);
+                self.refit();
             }
         }
     }
@@ -320,7 +341,7 @@ impl<'a> Story<'a> {
         loop {
             if self.excess_of(&self.sums) > 0.0 {
                 // Numbers that were fitted to short segments need not hold for long ones.
-                if !refitted && !question.monitor.stopped() && self.refit(Precision::Full) {
+                if !refitted && !question.monitor.stopped() && self.refit() {
                     refitted = true;
                     continue;
                 }
@@ -366,10 +387,13 @@ impl<'a> Story<'a> {
         }
     }
 
-    /// Fits all numbers again, over segments of the present length; whether that helps.
-    fn refit(&mut self, precision: Precision) -> bool {
+    /// Fits all numbers again, over segments of the present length; whether that helps. They are
+    /// fitted to the end when the story is concluded.
+    fn refit(&mut self) -> bool {
         let settled = settle(self.model.clone());
-        let Some(found) = fitted(&settled, &self.model.law, precision) else { return false };
+        let Some(found) = fitted(&settled, &self.model.law, Precision::Ranking) else {
+            return false;
+        };
         let better = found.sums.loss < self.sums.loss && found.sums.diverged <= self.sums.diverged;
         if better {
             self.model = self.model.with_law(found.law);
@@ -394,10 +418,25 @@ impl<'a> Story<'a> {
         let groups: Vec<Vec<TermId>> = self.members.iter().flat_map(apart).collect();
         self.cancellation = found.cancellation(&groups);
         self.take_numbers(&found.law);
+        self.determined = Some(found.factor);
         if found.sums.loss <= self.sums.loss {
             self.sums = found.sums;
         }
         self.model = self.model.with_law(found.law);
+    }
+
+    /// What the story leaves of other runs where its numbers move as far as those that it was
+    /// fitted to let them, beside what that costs there: numbers that are known to some digits
+    /// predict a long motion to fewer. `None` where it is not known how well they are determined.
+    pub(super) fn left_within_errors(&self, of: &Settled) -> Option<Sums> {
+        let determined = self.determined.as_ref()?;
+        let other = of.linearised();
+        if other.columns() != determined.columns() {
+            return None;
+        }
+        let mut both = determined.clone();
+        both.merge(&other);
+        Some(Sums { loss: both.least() - determined.least(), ..of.sums.clone() })
     }
 
     /// Gives each member its numbers in a law, with their errors.

@@ -5,12 +5,12 @@
 //! segments smaller changes show, and what stood in for them is given back.
 
 use super::candidates::candidates;
-use super::candidates::composed::sets::{Around, Proposed, SetSearch};
+use super::candidates::composed::sets::{Around, Placed, Proposed, SetSearch};
 use super::story::{Question, Story, agree_on_noise, description_lengths};
 use crate::error::Result;
 
 /// Stories of sets of changes beside `bare`, which has none; each ends where it no longer follows
-/// the data.
+/// the data. `None` where the model is not one that can be asked for sets.
 ///
 /// # Errors
 ///
@@ -18,12 +18,12 @@ use crate::error::Result;
 pub(super) fn together<'a>(
     question: &Question<'a, '_>,
     bare: &Story<'a>,
-) -> Result<Vec<Story<'a>>> {
+) -> Result<Option<Vec<Story<'a>>>> {
     let tuning = question.model.tuning();
     let mut scope = question.scope.clone();
     let all = candidates(&mut scope, &question.model.data.dataset, &tuning.candidates);
     let Some(search) = SetSearch::of(&bare.model, &all, question.monitor) else {
-        return Ok(Vec::new());
+        return Ok(None);
     };
     let mut found: Vec<(Vec<Proposed>, Story<'a>)> = Vec::new();
     let mut window = search.window();
@@ -56,11 +56,14 @@ pub(super) fn together<'a>(
         before = Some(best.labels());
         window = best.model.law.window().min(tuning.sets.window).max(search.window());
         let model = best.model.with_window(window);
-        let changes = set.iter().zip(best.numbers()).collect();
-        let around = Around { model, changes };
+        let places = best.numbers().into_iter().zip(best.columns());
+        let changes = set.iter().zip(places);
+        let changes =
+            changes.map(|(proposed, (numbers, columns))| Placed { proposed, numbers, columns });
+        let around = Around { model, changes: changes.collect(), explains: best.explains };
         proposed = search.proposed(question.scope, Some(&around), question.monitor)?;
     }
-    Ok(found.into_iter().map(|(_, story)| story).collect())
+    Ok(Some(found.into_iter().map(|(_, story)| story).collect()))
 }
 
 fn labels(set: &[Proposed]) -> Vec<&str> {

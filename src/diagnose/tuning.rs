@@ -216,7 +216,8 @@ pub struct Hidden {
     /// with it, at least.
     pub gain: f64,
     /// A part whose coefficients are above zero is started from where its gain is this part of the
-    /// best, at least. `learning::hidden_parts`.
+    /// best, at least, and is fitted at all where it is this part of what the best story gains.
+    /// `learning::hidden_parts`.
     pub nearly: f64,
     /// Points of a grid from which the same part is fitted in turn, until one explains the data.
     pub points: usize,

@@ -14,16 +14,19 @@ use super::story::{Member, Question, Story, description_lengths};
 use super::tuning::Tuning;
 use super::window::longest;
 use crate::error::Result;
+use crate::fit::pass::Sums;
 
 /// What held-out runs say of a model, over their whole length.
 struct Unseen {
     /// In units of the noise.
     error: f64,
-    /// Whether that is the noise, to a tenth of its size or as well as so many residuals can tell.
+    /// Whether that is the noise, to a tenth of its size or as well as so many residuals can tell,
+    /// or what the errors of the numbers add to it.
     at_noise: bool,
 }
 
-/// Judges stories, the best first, the model as it is among them, and writes the answer.
+/// Judges stories, the best first, the model as it is among them, and writes the answer. Where none
+/// holds and something is missing, the best of them is returned.
 ///
 /// # Errors
 ///
@@ -32,9 +35,9 @@ pub(super) fn judge<'a>(
     question: &Question<'a, '_>,
     diagnosis: &mut Diagnosis,
     mut stories: Vec<Story<'a>>,
-) -> Result<()> {
+) -> Result<Option<Story<'a>>> {
     let Some(place) = stories.iter().position(|story| story.members.is_empty()) else {
-        return Ok(());
+        return Ok(None);
     };
     let tuning = question.model.tuning();
     let mut bare = stories.remove(place);
@@ -55,10 +58,10 @@ pub(super) fn judge<'a>(
         let (found, after) = asked(&mut stories[place]);
         let Some(found) = found else {
             let story = stories.remove(place);
-            told(diagnosis, &story, &before, &after);
+            told(diagnosis, &story, (&before, &after), tuning);
             let holds = |other: &mut Story<'a>| asked(other).0.is_none();
             name_rivals(diagnosis, &story, stories.split_off(place), holds, tuning);
-            return Ok(());
+            return Ok(None);
         };
         fault.get_or_insert((found, after));
     }
@@ -72,10 +75,11 @@ pub(super) fn judge<'a>(
                 best.labels().join(", ")
             );
         }
-        return Ok(());
+        return Ok(None);
     }
     diagnosis.partial = part_of(diagnosis, tuning);
-    unexplained(question, diagnosis, (&bare, &before), &stories, fault)
+    unexplained(question, diagnosis, (&bare, &before), &stories, fault)?;
+    Ok(stories.into_iter().next())
 }
 
 /// The effect of the ranking that is worth being asked for though something else is missing beside
@@ -160,15 +164,26 @@ fn pays(story: &Story, than: &Story, tuning: &Tuning) -> bool {
 /// The error of a story on held-out runs, over all of their length.
 fn unseen<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Unseen {
     let model = story.model.with_data(question.held_out);
-    let sums = settle(model.with_window(longest(&model))).sums;
-    let error = error_of(&sums).0;
-    let reaches = model.tuning().verdict.reaches;
-    let at_noise = sums.diverged == 0 && (error <= reaches || story.excess_of(&sums) == 0.0);
-    Unseen { error, at_noise }
+    let settled = settle(model.with_window(longest(&model)));
+    let error = error_of(&settled.sums).0;
+    let tuning = model.tuning();
+    let near = |sums: &Sums| story.excess_of(sums) == 0.0;
+    let within_errors = || {
+        error < tuning.ranking.strays
+            && story.explains
+            && story.left_within_errors(&settled).is_some_and(|sums| near(&sums))
+    };
+    let noise = error <= tuning.verdict.reaches || near(&settled.sums);
+    Unseen { error, at_noise: settled.sums.diverged == 0 && (noise || within_errors()) }
 }
 
 /// A story that holds.
-fn told(diagnosis: &mut Diagnosis, story: &Story, before: &Unseen, after: &Unseen) {
+fn told(
+    diagnosis: &mut Diagnosis,
+    story: &Story,
+    (before, after): (&Unseen, &Unseen),
+    tuning: &Tuning,
+) {
     let members = members(story, before, after);
     let Some((first, then)) = members.split_first() else { return };
     diagnosis.verdict = Verdict::Missing;
@@ -185,6 +200,9 @@ fn told(diagnosis: &mut Diagnosis, story: &Story, before: &Unseen, after: &Unsee
             after.error
         )
     };
+    if after.error > tuning.verdict.reaches {
+        diagnosis.reason += ", as far as the errors of their numbers let them";
+    }
     diagnosis.begin_with(first);
     diagnosis.further = then.to_vec();
     diagnosis.story = members;

@@ -124,6 +124,24 @@ fn what_the_catalogue_lacks_is_composed() {
 }
 
 #[test]
+fn a_named_effect_and_a_term_without_a_name_are_found_together() {
+    let driven = "T = p^2/2\nV = q^2/2\nforce q += 0.6*cos(1.3*t) - 0.5*sin(p)\n";
+    let driven = base(LINE, driven, OSCILLATOR, LINE_STARTS);
+    for seed in [1, 2] {
+        let (verdict, mut members, reason) = story(&driven, 0.01, seed);
+        assert_eq!(verdict, Verdict::Missing, "seed {seed}: {reason}");
+        members.sort_by(|a, b| a.0.cmp(&b.0));
+        let [(first, sine), (second, drive)] = members.as_slice() else {
+            panic!("seed {seed}: {members:?}")
+        };
+        assert_eq!((first.as_str(), second.as_str()), ("force on q: sin(p)", "harmonic_drive(q)"));
+        assert!((sine[0] + 0.5).abs() < 0.02, "seed {seed}: {sine:?}");
+        assert!((drive[0].hypot(drive[1]) - 0.6).abs() < 0.02, "seed {seed}: {drive:?}");
+        assert!((drive[2] - 1.3).abs() < 0.01, "seed {seed}: {drive:?}");
+    }
+}
+
+#[test]
 fn a_coordinate_that_nobody_measures_is_told_as_one() {
     let plane = "T = (px^2 + py^2)/2\nV = x^2/2 + 1.3*y^2/2 + 0.3*x*y\n";
     for seed in [1, 2, 3] {

@@ -43,6 +43,26 @@ pub(super) fn starts(spec: &Compiled, model: &LawOnData) -> Result<Vec<Start>> {
     Ok(starts)
 }
 
+/// By what factor the weak form of the force that is left is smaller with a changed model than with
+/// another, at most, over all coordinates.
+pub(super) fn gain(model: &LawOnData, changed: &LawOnData) -> f64 {
+    let terms = model.tuning().hidden.terms;
+    let (Some(motion), Some(other)) = (MeasuredMotion::of(model), MeasuredMotion::of(changed))
+    else {
+        return 0.0;
+    };
+    let left = |motion: &MeasuredMotion, i: usize, length: usize| {
+        Some(motion.weak_form(i, length, terms)?.solve(&[])?.0)
+    };
+    let both = (0..model.system().degrees())
+        .flat_map(|i| motion.lengths().iter().map(move |&length| (i, length)));
+    let gains = both.filter_map(|(i, length)| {
+        let gain = left(&motion, i, length)? / left(&other, i, length)?;
+        gain.is_finite().then_some(gain)
+    });
+    gains.fold(0.0, f64::max)
+}
+
 /// An effect in the spec, its laws and what it does to the force on a coordinate.
 struct Carried {
     system: System,

@@ -23,7 +23,7 @@ use super::misfit::{error, error_of};
 use super::noise_floor::no_less_than_rough;
 use super::ranking::Ranking;
 use super::settling::settle;
-use super::story::Question;
+use super::story::{Question, Story};
 use super::window::longest;
 use crate::error::Result;
 use crate::expr::{Compiled, System, TermId, build};
@@ -174,14 +174,27 @@ impl Unseen {
 
 /// Looks for internal states of effects, where no story of what is seen explains the data, and
 /// tells the best if it explains them. Not before: states that begin anew in every run can imitate
-/// effects of what is seen.
+/// effects of what is seen. Nor where the `best` story leaves clearly less of the force along the
+/// measured motion than such a part does.
 ///
 /// # Errors
 ///
 /// When the spec cannot be read with such a part in it.
-pub fn look_for_states(question: &Question, diagnosis: &mut Diagnosis) -> Result<()> {
+pub(super) fn look_for_states(
+    question: &Question,
+    best: Option<&Story>,
+    diagnosis: &mut Diagnosis,
+) -> Result<()> {
+    let tuning = &question.model.tuning().hidden;
+    let rival = best.map_or(0.0, |best| internal::gain(question.model, &best.model));
+    // Beside a story that leaves noise, a part that leaves far less cancels the motion itself.
+    let honest = match best {
+        Some(best) if best.explains => rival / tuning.nearly,
+        _ => f64::INFINITY,
+    };
     let mut starts = internal::starts(question.scope.compiled(), question.model)?;
-    starts.retain(|start| start.gain > question.model.tuning().hidden.gain);
+    let least = tuning.gain.max(tuning.nearly * rival);
+    starts.retain(|start| start.gain > least && start.gain <= honest);
     if let Some(found) = best_of(question, &starts)?
         && question.pays(&found)
     {

@@ -3,8 +3,8 @@
 /// The search for sets of changes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sets {
-    /// Systems of more coordinates are not asked, with 0 none is: dozens of sets are fitted in
-    /// full, and each fit of whole runs of two coordinates takes seconds.
+    /// Systems of more coordinates are not asked: dozens of sets are fitted in full, and each fit
+    /// of whole runs of two coordinates takes seconds.
     pub coordinates: usize,
     /// Members of a set, at most.
     pub members: usize,
@@ -14,6 +14,8 @@ pub struct Sets {
     /// Composed terms that are added in later looks, at most: those that explain most of what the
     /// best set leaves,
     pub beside: usize,
+    /// or of what it leaves without one of its members, where it leaves noise,
+    pub instead: usize,
     /// of about so many distinct expressions.
     pub expressions: usize,
     /// Choices of named candidates that sets are made of, at most: the best of each come first.

@@ -109,10 +109,11 @@ const TUNING: Tuning = Tuning {
         apart_together: 1e-4,
     },
     sets: Sets {
-        coordinates: 0,
+        coordinates: 1,
         members: 6,
         leading: 300,
         beside: 150,
+        instead: 40,
         expressions: 50_000,
         named: 800,
         points: 30,

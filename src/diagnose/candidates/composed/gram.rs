@@ -185,15 +185,17 @@ impl<'a> Pool<'a> {
             let (i, j) = (member.first + i, member.first + j);
             self.gram[(i, j)] - shadows.column(i).dot(&shadows.column(j))
         };
-        if (0..count).any(|i| own(i, i) < self.tuning.apart) {
+        if (0..count).any(|i| own(i, i) <= self.tuning.apart) {
             return None;
         }
         let heights = DVector::from_fn(count, |i, _| rest[member.first + i]);
         if count == 1 {
             return Some(heights[0].powi(2) / own(0, 0));
         }
-        let solved = DMatrix::from_fn(count, count, own).cholesky()?.solve(&heights);
-        Some(solved.dot(&heights))
+        let factor = DMatrix::from_fn(count, count, own).cholesky()?;
+        let lower = factor.l_dirty();
+        let apart = (0..count).all(|i| lower[(i, i)].powi(2) > self.tuning.apart);
+        apart.then(|| factor.solve(&heights).dot(&heights))
     }
 
     /// Inner products of all columns with what a set's columns leave, and their shadows on an

@@ -55,8 +55,20 @@ enum Change {
 pub struct Around<'a, 'b> {
     /// A model with some changes, over segments that it follows.
     pub model: LawOnData<'a>,
-    /// The changes, each with all of its numbers: coefficients, then inner ones.
-    pub changes: Vec<(&'b Proposed, Vec<f64>)>,
+    /// The changes.
+    pub changes: Vec<Placed<'b>>,
+    /// Whether it leaves noise.
+    pub explains: bool,
+}
+
+/// A change of a model.
+pub struct Placed<'b> {
+    /// What it was proposed as.
+    pub proposed: &'b Proposed,
+    /// All of its numbers: coefficients, then inner ones.
+    pub numbers: Vec<f64>,
+    /// Their columns among those of the model.
+    pub columns: Vec<Column>,
 }
 
 /// What sets are made of.
@@ -135,19 +147,26 @@ impl<'a, 'b> SetSearch<'a, 'b> {
             }
             Some(around) => {
                 let settled = settle(around.model.clone());
-                terms.extend(self.terms_beside(&settled, monitor));
                 let law = settled.model.law.on(base);
+                if around.explains {
+                    // What stands in for something else explains nearly as much.
+                    for change in &around.changes {
+                        terms.extend(self.in_place_of(Some(change), &settled, &law, monitor));
+                    }
+                } else {
+                    terms.extend(self.in_place_of(None, &settled, &law, monitor));
+                }
                 let kept = standing(&settled, base);
                 let spacing = composed.second_spacing;
                 let mut search = Search::of(&settled, &self.leaves, &kept, spacing, &[]);
-                let restored = self.restored(around, &search, &law);
+                let restored = self.restored(&around.changes, &search, &law);
                 search.responses.restore(&restored);
                 (search, law)
             }
         };
         // The numbers that were fitted lie between the points of the grids.
         let mut fitted: Vec<(usize, Vec<f64>)> = Vec::new();
-        for (proposed, numbers) in around.iter().flat_map(|around| &around.changes) {
+        for Placed { proposed, numbers, .. } in around.iter().flat_map(|around| &around.changes) {
             let inner = &numbers[numbers.len() - proposed.inner..];
             match &proposed.change {
                 Change::Named(place) if self.candidates[*place].number().is_none() => {
@@ -161,36 +180,55 @@ impl<'a, 'b> SetSearch<'a, 'b> {
         entries.extend(self.composed(&search, &terms));
         let pool = self.pool(&search.responses, &entries);
         let found = pool.search();
-        found
-            .iter()
-            .filter(|one| !one.members.is_empty())
-            .take(self.tuning.sets.proposed)
-            .map(|one| self.written(scope, &pool, &entries, one))
-            .collect()
+        let mut sets = Vec::new();
+        for one in found.iter().filter(|one| !one.members.is_empty()) {
+            sets.extend(self.written(scope, &pool, &entries, one)?);
+            if sets.len() == self.tuning.sets.proposed {
+                break;
+            }
+        }
+        Ok(sets)
     }
 
-    /// The composed terms that explain most of what a model with some changes leaves, the changes
-    /// being free.
-    fn terms_beside(&self, settled: &Settled, monitor: &dyn Monitor) -> Vec<Composed> {
+    /// The composed terms that explain most of what a model with some changes leaves, or of what it
+    /// leaves without one of them, the others being free.
+    fn in_place_of(
+        &self,
+        change: Option<&Placed>,
+        settled: &Settled,
+        law: &Law,
+        monitor: &dyn Monitor,
+    ) -> Vec<Composed> {
         let sets = &self.tuning.sets;
         let composed = tuning::Composed { expressions: sets.expressions, ..self.tuning.composed };
-        let kept: Vec<Column> = Column::all(settled.model.law.dynamics().unknowns()).collect();
-        let search = Search::of(settled, &self.leaves, &kept, composed.first_spacing, &[]);
-        if search.responses.rows == 0 {
+        let own = |column: &Column| change.is_some_and(|one| one.columns.contains(column));
+        let kept: Vec<Column> = Column::all(settled.model.law.dynamics().unknowns())
+            .filter(|column| !own(column))
+            .collect();
+        let mut search = Search::of(settled, &self.leaves, &kept, composed.first_spacing, &[]);
+        if search.responses.rows == 0 || monitor.stopped() {
             return Vec::new();
         }
+        let restored = self.restored(change, &search, law);
+        search.responses.restore(&restored);
         let library = Library::of(&self.leaves, &search.jets, &composed);
         let variance = search.variance(search.responses.squares);
         let seen = enumerate(&library, &search.responses, variance, &composed, monitor);
         let terms = refined_leaders(&search, seen.found);
-        terms.into_iter().take(sets.beside).map(|(term, _)| term).collect()
+        let most = if change.is_some() { sets.instead } else { sets.beside };
+        terms.into_iter().take(most).map(|(term, _)| term).collect()
     }
 
-    /// What the changes of a model do along its motion.
-    fn restored(&self, around: &Around, search: &Search, law: &Law) -> Vec<(f64, Action)> {
+    /// What changes of a model do along its motion.
+    fn restored<'p>(
+        &self,
+        changes: impl IntoIterator<Item = &'p Placed<'p>>,
+        search: &Search,
+        law: &Law,
+    ) -> Vec<(f64, Action)> {
         let Responses { points, channels, .. } = &search.responses;
         let mut all = Vec::new();
-        for (proposed, numbers) in &around.changes {
+        for Placed { proposed, numbers, .. } in changes {
             let (coefficients, inner) = numbers.split_at(numbers.len() - proposed.inner);
             match &proposed.change {
                 Change::Named(place) => {
@@ -289,15 +327,16 @@ impl<'a, 'b> SetSearch<'a, 'b> {
         Pool::of(members.collect(), &responses.target(), responses.rows, &self.tuning.sets)
     }
 
-    /// A set as changes to a spec, each in the scope of those before it.
+    /// A set as changes to a spec, each in the scope of those before it; `None` where the language
+    /// does not take a term beside the others, or where they nearly span one another.
     fn written(
         &self,
         scope: &Scope,
         pool: &Pool,
         entries: &[Entry],
         found: &FoundSet,
-    ) -> Result<Vec<Proposed>> {
-        let coefficients = pool.coefficients(&found.members).unwrap_or_default();
+    ) -> Result<Option<Vec<Proposed>>> {
+        let Some(coefficients) = pool.coefficients(&found.members) else { return Ok(None) };
         let p_values = pool.p_values(&found.members);
         let mut scope = scope.clone();
         let mut all = Vec::new();
@@ -310,7 +349,7 @@ impl<'a, 'b> SetSearch<'a, 'b> {
                 Change::Composed(term) => {
                     let terms = std::slice::from_ref(term);
                     let Some(found) = candidate_of(&mut scope, &self.leaves, terms, false) else {
-                        return Ok(Vec::new());
+                        return Ok(None);
                     };
                     own = found;
                     (&own, false)
@@ -342,7 +381,7 @@ impl<'a, 'b> SetSearch<'a, 'b> {
             let (price, change) = (entry.price, entry.change.clone());
             all.push(Proposed { effect, inner, price, named, change });
         }
-        Ok(all)
+        Ok(Some(all))
     }
 }
 
