@@ -8,6 +8,7 @@ pub mod autocorrelation;
 pub mod candidates;
 mod columns;
 pub mod comparison;
+mod description;
 pub mod design;
 pub mod diagnosis;
 pub mod discover;

@@ -10,11 +10,12 @@ use nalgebra::{DMatrix, DVector};
 
 use super::candidates::{Candidate, Origin, candidates};
 use super::comparison::predictions::predictions;
+use super::description::description_lengths;
 use super::evidence::Judged;
 use super::law_on_data::LawOnData;
 use super::refit::{Precision, Start, refit_whole};
 use super::settling::{Settled, settle};
-use super::story::{Question, Story, description_lengths};
+use super::story::{Question, Story};
 use crate::dynamics::{Batch, Drive, Scratch};
 use crate::error::Result;
 use crate::expr::System;

@@ -3,12 +3,11 @@
 
 use super::candidates::composed::composed;
 use super::candidates::{Candidate, candidates, unnamed};
+use super::description::{agree_on_noise, description_lengths, sort_by_description_length};
 use super::evidence::Judged;
 use super::naming::with_name;
 use super::ranking::{Ranking, ranking};
-use super::story::{
-    Question, Story, agree_on_noise, description_lengths, holds, sort_by_description_length,
-};
+use super::story::{Question, Story, holds};
 use super::together::together;
 use super::tuning::Tuning;
 use crate::error::Result;

@@ -11,7 +11,6 @@ use super::misfit::{error_of, excess};
 use super::noise_floor::noise_of;
 use super::refit::{Precision, fitted, fitted_from_afar};
 use super::settling::{Settled, settle};
-use super::tuning::Tuning;
 use super::window::{doubled, longest};
 use crate::error::Result;
 use crate::expr::{Expr, KnownNumber, ParameterId, Place, Scope, Symbol, System, Term, TermId};
@@ -481,7 +480,7 @@ impl<'a> Story<'a> {
 
     /// Squares that are left over segments of `window` samples before such a noise, and independent
     /// residuals.
-    fn squares(&self, window: usize, noise: &Noise) -> (f64, f64) {
+    pub(super) fn squares(&self, window: usize, noise: &Noise) -> (f64, f64) {
         let same = noise.sizes == self.model.law.noise();
         if same && window == self.model.law.window() {
             return (self.sums.loss, self.sums.rows.max(1) as f64);
@@ -572,55 +571,4 @@ fn curve_of(system: &System, place: Place, expr: Expr) -> Option<(usize, Symbol)
         Place::Force(along) => Some((along, symbol)),
         Place::Rate(_) | Place::Sensor(_) => None,
     }
-}
-
-/// What stories leave over segments that all of them follow, and what they cost: twice the nats of
-/// their description, but for what all have in common.
-pub(super) fn description_lengths(stories: &[&Story], tuning: &Tuning) -> Vec<f64> {
-    let windows = stories.iter().map(|story| story.model.law.window());
-    let (Some(window), Some(noise)) = (windows.min(), least_noise(stories)) else {
-        return Vec::new();
-    };
-    let squares: Vec<(f64, f64)> =
-        stories.iter().map(|story| story.squares(window, &noise)).collect();
-    let mean = squares.iter().map(|(loss, rows)| loss / rows).fold(f64::INFINITY, f64::min);
-    let negligible = stories.iter().map(|story| story.negligible).fold(0.0, f64::max);
-    let least = negligible.max(tuning.scan.least_variance);
-    let variance = if mean.is_finite() { mean.max(least) } else { 1.0 };
-    let variance = variance * noise.autocorrelation_time;
-    let both = stories.iter().zip(&squares);
-    both.map(|(story, (loss, _))| loss / variance + story.price()).collect()
-}
-
-/// The noise of the story that leaves the least of it: what all are judged by. Where a story leaves
-/// nothing but correlated noise of whole runs, it is that of a story that explains whole runs: over
-/// short segments every model leaves less.
-fn least_noise(stories: &[&Story]) -> Option<Noise> {
-    let correlated = |story: &&&Story| story.explains && story.model.autocorrelation_time > 1.0;
-    let any = stories.iter().any(|story| correlated(&story));
-    let judged = stories.iter().filter(|story| story.explains || !any);
-    let noises = judged.map(|story| story.model.noise());
-    noises.min_by(|a, b| a.log_size().total_cmp(&b.log_size()))
-}
-
-/// Judges all stories by the noise of the one that leaves the least of it.
-pub(super) fn agree_on_noise(stories: &mut [Story]) {
-    let Some(noise) = least_noise(&stories.iter().collect::<Vec<_>>()) else { return };
-    for story in stories {
-        if story.model.noise() != noise {
-            story.hold_against(noise.clone());
-        }
-    }
-}
-
-/// Sorts stories by their description length, the shortest first; those that explain the same stay
-/// in their order, which is that of their ranking.
-pub(super) fn sort_by_description_length(stories: &mut Vec<Story>, tuning: &Tuning) {
-    let lengths = description_lengths(&stories.iter().collect::<Vec<_>>(), tuning);
-    let mut both: Vec<(f64, Story)> = lengths.into_iter().zip(stories.drain(..)).collect();
-    let least = both.iter().map(|(length, _)| *length).fold(f64::INFINITY, f64::min);
-    let step = tuning.ranking.same;
-    // Whole numbers are exact in an f64 up to 9e15.
-    both.sort_by_key(|(length, _)| ((length - least) / step).floor().min(1e15) as u64);
-    stories.extend(both.into_iter().map(|(_, story)| story));
 }

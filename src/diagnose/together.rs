@@ -6,7 +6,8 @@
 
 use super::candidates::candidates;
 use super::candidates::composed::sets::{Around, Placed, Proposed, SetSearch};
-use super::story::{Question, Story, agree_on_noise, description_lengths};
+use super::description::{agree_on_noise, description_lengths};
+use super::story::{Question, Story};
 use crate::error::Result;
 
 /// Stories of sets of changes beside `bare`, which has none; each ends where it no longer follows

@@ -4,13 +4,14 @@
 use std::fmt::Write as _;
 
 use super::comparison::strongest_map;
+use super::description::description_lengths;
 use super::diagnosis::{Diagnosis, Verdict};
 use super::effect::RankedEffect;
 use super::law_on_data::LawOnData;
 use super::misfit::{error_of, excess};
 use super::rounding::is_feigned;
 use super::settling::settle;
-use super::story::{Member, Question, Story, description_lengths};
+use super::story::{Member, Question, Story};
 use super::tuning::Tuning;
 use super::window::longest;
 use crate::error::Result;
