@@ -11,7 +11,7 @@ use super::law_on_data::LawOnData;
 use super::misfit::{error_of, excess};
 use super::rounding::is_feigned;
 use super::settling::settle;
-use super::story::{Member, Question, Story};
+use super::story::{Member, Question, Story, holds};
 use super::tuning::Tuning;
 use super::window::longest;
 use crate::error::Result;
@@ -24,6 +24,8 @@ struct Unseen {
     /// Whether that is the noise, to a tenth of its size or as well as so many residuals can tell,
     /// or what the errors of the numbers add to it.
     at_noise: bool,
+    /// Squares that are left where the numbers move within their errors, beside what that costs.
+    squares: f64,
 }
 
 /// Judges stories, the best first, the model as it is among them, and writes the answer. Where none
@@ -55,17 +57,27 @@ pub(super) fn judge<'a>(
             .or_else(|| enough.then(|| feigned(story, &bare))?);
         (found, after)
     };
-    for place in 0..stories.len() {
-        let (found, after) = asked(&mut stories[place]);
-        let Some(found) = found else {
-            let story = stories.remove(place);
-            told(diagnosis, &story, (&before, &after), tuning);
-            let holds = |other: &mut Story<'a>| asked(other).0.is_none();
-            name_rivals(diagnosis, &story, stories.split_off(place), holds, tuning);
-            return Ok(None);
-        };
-        fault.get_or_insert((found, after));
+    let mut told: Vec<(Story, Unseen)> = Vec::new();
+    let mut others: Vec<Story> = Vec::new();
+    for mut story in stories {
+        // Those that hold come first.
+        if !told.is_empty() && !holds(&story) {
+            break;
+        }
+        let (found, after) = asked(&mut story);
+        match found {
+            None => told.push((story, after)),
+            Some(found) => {
+                fault.get_or_insert((found, after));
+                others.push(story);
+            }
+        }
     }
+    if !told.is_empty() {
+        tell(diagnosis, told, &before, tuning);
+        return Ok(None);
+    }
+    let stories = others;
     diagnosis.held_out_error = before.error;
     if enough {
         diagnosis.verdict = Verdict::NothingMissing;
@@ -169,17 +181,54 @@ fn unseen<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Unseen {
     let error = error_of(&settled.sums).0;
     let tuning = model.tuning();
     let near = |sums: &Sums| story.excess_of(sums) == 0.0;
-    let within_errors = || {
-        error < tuning.ranking.strays
-            && story.explains
-            && story.left_within_errors(&settled).is_some_and(|sums| near(&sums))
-    };
+    let close = story.explains && error < tuning.ranking.strays;
+    let within_errors = if close { story.left_within_errors(&settled) } else { None };
     let noise = error <= tuning.verdict.reaches || near(&settled.sums);
-    Unseen { error, at_noise: settled.sums.diverged == 0 && (noise || within_errors()) }
+    Unseen {
+        error,
+        at_noise: settled.sums.diverged == 0 && (noise || within_errors.as_ref().is_some_and(near)),
+        squares: within_errors.as_ref().unwrap_or(&settled.sums).loss,
+    }
 }
 
-/// A story that holds.
-fn told(
+/// Writes the one of some stories that hold which has the shortest description of all runs, those
+/// that nothing was fitted to among them: a series may be as near as its function where both were
+/// fitted. The others are named as far as these data do not tell them from it: with odds of a
+/// twentieth or more, in as few changes and with as few numbers. What has numbers to spare may hold
+/// the story in it and is no rival.
+fn tell(diagnosis: &mut Diagnosis, told: Vec<(Story, Unseen)>, before: &Unseen, tuning: &Tuning) {
+    let stories: Vec<&Story> = told.iter().map(|(story, _)| story).collect();
+    let lengths: Vec<f64> = description_lengths(&stories, tuning)
+        .iter()
+        .zip(&told)
+        .map(|(length, (story, after))| length + after.squares / story.model.autocorrelation_time)
+        .collect();
+    let least = lengths.iter().copied().fold(f64::INFINITY, f64::min);
+    // Those that are as short stay in the order of their ranking.
+    let first = lengths.iter().position(|length| length - least < tuning.ranking.same);
+    let Some((story, after)) = told.get(first.unwrap_or(0)) else { return };
+    told_of(diagnosis, story, (before, after), tuning);
+    let unknowns = |story: &Story| -> usize {
+        story.members.iter().map(|member| member.effect.coefficient.len()).sum()
+    };
+    let own = story.labels();
+    for (length, (other, _)) in lengths.iter().zip(&told) {
+        let simple = !other.members.is_empty()
+            && other.members.len() <= story.members.len()
+            && unknowns(other) <= unknowns(story);
+        if !simple || other.labels() == own {
+            continue;
+        }
+        let name = other.labels().join(" and ");
+        diagnosis.indistinguishable.retain(|known| *known != name);
+        if length - least < tuning.ranking.indistinguishable {
+            diagnosis.indistinguishable.push(name);
+        }
+    }
+}
+
+/// Writes a story that holds.
+fn told_of(
     diagnosis: &mut Diagnosis,
     story: &Story,
     (before, after): (&Unseen, &Unseen),
@@ -219,40 +268,6 @@ fn one_after_another(first: &RankedEffect, then: &[RankedEffect]) -> String {
         let _ = write!(reason, ", {} after it to {:.2}", next.effect, next.held_out_error_after);
     }
     reason
-}
-
-/// Names what else holds over whole runs with odds of a twentieth or more, in as few changes and
-/// with as few numbers: these data do not tell it from the story. What has numbers to spare may
-/// hold the story in it and is no rival, nor is what is clearly behind over whole runs, however
-/// near it was over shorter segments.
-fn name_rivals<'a>(
-    diagnosis: &mut Diagnosis,
-    story: &Story<'a>,
-    others: Vec<Story<'a>>,
-    mut holds: impl FnMut(&mut Story<'a>) -> bool,
-    tuning: &Tuning,
-) {
-    let own = story.labels();
-    let unknowns = |story: &Story| -> usize {
-        story.members.iter().map(|member| member.effect.coefficient.len()).sum()
-    };
-    let mut others: Vec<Story> = others
-        .into_iter()
-        .filter(|other| other.explains && other.members.len() <= story.members.len())
-        .filter(|other| unknowns(other) <= unknowns(story))
-        .filter(|other| !other.members.is_empty() && other.labels() != own)
-        .collect();
-    let all: Vec<&Story> = std::iter::once(story).chain(&others).collect();
-    let lengths = description_lengths(&all, tuning);
-    let Some((length, lengths)) = lengths.split_first() else { return };
-    for (other, of_other) in others.iter_mut().zip(lengths) {
-        let name = other.labels().join(" and ");
-        let near = of_other - length < tuning.ranking.indistinguishable;
-        diagnosis.indistinguishable.retain(|known| *known != name);
-        if near && holds(other) {
-            diagnosis.indistinguishable.push(name);
-        }
-    }
 }
 
 /// Nothing that holds: what can be said all the same.
