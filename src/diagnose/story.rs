@@ -426,8 +426,10 @@ impl<'a> Story<'a> {
 
     /// What the story leaves of other runs where its numbers move as far as those that it was
     /// fitted to let them, beside what that costs there: numbers that are known to some digits
-    /// predict a long motion to fewer. `None` where it is not known how well they are determined.
-    pub(super) fn left_within_errors(&self, of: &Settled) -> Option<Sums> {
+    /// predict a long motion to fewer. Beside it, twice the nats by which that widens predictions:
+    /// what may be many things foretells none of them. `None` where it is not known how well the
+    /// numbers are determined.
+    pub(super) fn left_within_errors(&self, of: &Settled) -> Option<(Sums, f64)> {
         let determined = self.determined.as_ref()?;
         let other = of.linearised();
         if other.columns() != determined.columns() {
@@ -435,7 +437,11 @@ impl<'a> Story<'a> {
         }
         let mut both = determined.clone();
         both.merge(&other);
-        Some(Sums { loss: both.least() - determined.least(), ..of.sums.clone() })
+        let (before, after) = (determined.design(), both.design());
+        let ratios = (0..determined.columns()).map(|i| (after[(i, i)] / before[(i, i)]).abs());
+        let widened = 2.0 * ratios.filter(|ratio| ratio.is_finite()).map(f64::ln).sum::<f64>();
+        let loss = both.least() - determined.least();
+        Some((Sums { loss, ..of.sums.clone() }, widened))
     }
 
     /// Gives each member its numbers in a law, with their errors.

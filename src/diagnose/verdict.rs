@@ -24,8 +24,9 @@ struct Unseen {
     /// Whether that is the noise, to a tenth of its size or as well as so many residuals can tell,
     /// or what the errors of the numbers add to it.
     at_noise: bool,
-    /// Squares that are left where the numbers move within their errors, beside what that costs.
-    squares: f64,
+    /// What it takes to describe them: squares where the numbers move within their errors, beside
+    /// what that costs.
+    length: f64,
 }
 
 /// Judges stories, the best first, the model as it is among them, and writes the answer. Where none
@@ -186,27 +187,32 @@ fn unseen<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Unseen {
     let noise = error <= tuning.verdict.reaches || near(&settled.sums);
     Unseen {
         error,
-        at_noise: settled.sums.diverged == 0 && (noise || within_errors.as_ref().is_some_and(near)),
-        squares: within_errors.as_ref().unwrap_or(&settled.sums).loss,
+        at_noise: settled.sums.diverged == 0
+            && (noise || within_errors.as_ref().is_some_and(|(sums, _)| near(sums))),
+        length: within_errors.map_or(settled.sums.loss, |(sums, widened)| {
+            sums.loss / model.autocorrelation_time + widened
+        }),
     }
 }
 
-/// Writes the one of some stories that hold which has the shortest description of all runs, those
-/// that nothing was fitted to among them: a series may be as near as its function where both were
-/// fitted. The others are named as far as these data do not tell them from it: with odds of a
-/// twentieth or more, in as few changes and with as few numbers. What has numbers to spare may hold
-/// the story in it and is no rival.
+/// Writes one of some stories that hold: the first of the fewest changes among those whose
+/// description of all runs is about as short as any. Runs that nothing was fitted to are among
+/// these: a series may be as near as its function where both were fitted. The others are named as
+/// far as these data do not tell them from it: with odds of a twentieth or more, in as few changes
+/// and with as few numbers. What has numbers to spare may hold the story in it and is no rival.
 fn tell(diagnosis: &mut Diagnosis, told: Vec<(Story, Unseen)>, before: &Unseen, tuning: &Tuning) {
     let stories: Vec<&Story> = told.iter().map(|(story, _)| story).collect();
     let lengths: Vec<f64> = description_lengths(&stories, tuning)
         .iter()
         .zip(&told)
-        .map(|(length, (story, after))| length + after.squares / story.model.autocorrelation_time)
+        .map(|(length, (_, after))| length + after.length)
         .collect();
     let least = lengths.iter().copied().fold(f64::INFINITY, f64::min);
-    // Those that are as short stay in the order of their ranking.
-    let first = lengths.iter().position(|length| length - least < tuning.ranking.same);
-    let Some((story, after)) = told.get(first.unwrap_or(0)) else { return };
+    let near = |length: &f64| length - least < tuning.ranking.indistinguishable;
+    let ranked = lengths.iter().zip(&told).filter(|(length, _)| near(length));
+    let Some((_, (story, after))) = ranked.min_by_key(|(_, (story, _))| story.members.len()) else {
+        return;
+    };
     told_of(diagnosis, story, (before, after), tuning);
     let unknowns = |story: &Story| -> usize {
         story.members.iter().map(|member| member.effect.coefficient.len()).sum()
@@ -221,7 +227,7 @@ fn tell(diagnosis: &mut Diagnosis, told: Vec<(Story, Unseen)>, before: &Unseen, 
         }
         let name = other.labels().join(" and ");
         diagnosis.indistinguishable.retain(|known| *known != name);
-        if length - least < tuning.ranking.indistinguishable {
+        if near(length) {
             diagnosis.indistinguishable.push(name);
         }
     }
