@@ -210,9 +210,9 @@ fn tell(diagnosis: &mut Diagnosis, told: Vec<(Story, Unseen)>, before: &Unseen, 
     let least = lengths.iter().copied().fold(f64::INFINITY, f64::min);
     let near = |length: &f64| length - least < tuning.ranking.indistinguishable;
     let ranked = lengths.iter().zip(&told).filter(|(length, _)| near(length));
-    let Some((_, (story, after))) = ranked.min_by_key(|(_, (story, _))| story.members.len()) else {
-        return;
-    };
+    let fewest = ranked.min_by_key(|(_, (story, _))| story.members.len());
+    // Lengths that are no numbers leave the first.
+    let Some((story, after)) = fewest.map(|(_, one)| one).or(told.first()) else { return };
     told_of(diagnosis, story, (before, after), tuning);
     let unknowns = |story: &Story| -> usize {
         story.members.iter().map(|member| member.effect.coefficient.len()).sum()
