@@ -15,11 +15,12 @@ use crate::error::Result;
 /// Stories, the best first: at least that without a change.
 ///
 /// `bare` is the story without a change, `beam` are those of one change. Where none of these holds,
-/// sets of changes are found together, if the model can be asked for them. Else the search goes on
-/// as long as the best story does not explain the data over whole runs: each of the leading stories
-/// is extended by the changes that pay most beside it. When it has ended, each member of the best
-/// is taken out and looked for again among all candidates: while others were missing, a more
-/// flexible change may have stood in for them.
+/// sets of changes are found together, if the model can be asked for them, and where none of these
+/// holds either, single terms without a name. A model that cannot be asked for sets is searched as
+/// long as the best story does not explain the data over whole runs: each of the leading stories is
+/// extended by the changes that pay most beside it. When that has ended, each member of the best is
+/// taken out and looked for again among all candidates: while others were missing, a more flexible
+/// change may have stood in for them.
 ///
 /// # Errors
 ///
@@ -38,16 +39,14 @@ pub(super) fn stories<'a>(
     let mut sets_asked = false;
     // Where the model explains the data as it is, there is nothing to compose.
     if !grown.explains && !beam.iter().any(holds) && !monitor.stopped() {
-        match together(question, bare)? {
-            Some(sets) => {
-                sets_asked = true;
-                beam.extend(sets);
-            }
-            None if !monitor.stopped() => {
-                monitor.stage("terms without a name", 0.7);
-                beam.extend(with_unnamed(question, bare)?);
-            }
-            None => {}
+        if let Some(sets) = together(question, bare)? {
+            sets_asked = true;
+            beam.extend(sets);
+        }
+        // Where no set holds, one term may still, once its numbers are fitted with more care.
+        if !beam.iter().any(holds) && !monitor.stopped() {
+            monitor.stage("terms without a name", 0.7);
+            beam.extend(with_unnamed(question, bare)?);
         }
     }
     agree_on_noise(&mut beam);

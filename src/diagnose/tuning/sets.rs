@@ -3,8 +3,7 @@
 /// The search for sets of changes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sets {
-    /// Systems of more coordinates are not asked: dozens of sets are fitted in full, and each fit
-    /// of whole runs of two coordinates takes seconds.
+    /// Systems of more coordinates are not asked, as terms are not composed of more.
     pub coordinates: usize,
     /// Members of a set, at most.
     pub members: usize,

@@ -109,7 +109,7 @@ const TUNING: Tuning = Tuning {
         apart_together: 1e-4,
     },
     sets: Sets {
-        coordinates: 1,
+        coordinates: 6,
         members: 6,
         leading: 300,
         beside: 150,

@@ -10,10 +10,11 @@
 use rayon::prelude::*;
 use rustc_hash::FxHashSet;
 
+use super::actions::{Action, Channels};
 use super::expression::{Composed, action};
 use super::leaves::Jet;
 use super::library::{Library, Part};
-use super::responses::{Action, Channels, Responses, TOGETHER};
+use super::responses::{Responses, TOGETHER};
 use crate::diagnose::tuning;
 use crate::expr::Place;
 use crate::fit::Monitor;

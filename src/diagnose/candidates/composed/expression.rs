@@ -1,7 +1,7 @@
 //! Composed terms: products of shapes of leaves, at a place in the equations of motion.
 
+use super::actions::{Action, Channels};
 use super::leaves::{Jet, Leaf, LeafUnit, Leaves};
-use super::responses::{Action, Channels};
 use super::shapes::{Inner, SHAPES, Shape};
 use crate::expr::{Place, System};
 

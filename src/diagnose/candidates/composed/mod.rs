@@ -16,6 +16,7 @@
 //! they do is added to the residuals again and every term is asked to do it alone. What is left of
 //! the error of linearisation is then of second order in noise.
 
+mod actions;
 mod around;
 mod course;
 mod enumerate;

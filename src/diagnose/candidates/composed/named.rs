@@ -1,11 +1,13 @@
-//! What candidates with a name do along a motion, at every point of their grids.
+//! What candidates with a name do along a motion, at every point of their grids, and what the
+//! unknowns of the model itself do.
 
-use super::responses::{Action, Channels};
+use super::actions::{Action, Channels};
 use super::states::PhasePoints;
 use crate::diagnose::candidates::Candidate;
 use crate::eval::{Backend, Inputs, compile};
 use crate::expr::{Expr, Place, Symbol, System};
 use crate::fit::Law;
+use crate::fit::column::Column;
 
 /// A candidate at one point of its grid.
 pub(super) struct NamedAction {
@@ -53,13 +55,81 @@ pub(super) fn at_all_points(
         });
         plans.push((values, plan.collect()));
     }
+    let Some(found) = values_at(&system, &outputs, law, points) else { return Vec::new() };
+    let action = |plan: &Plan| plan.action(&found, points.count);
+    let named = plans.into_iter().map(|(values, plan)| NamedAction {
+        values: values.clone(),
+        actions: plan.iter().map(action).collect(),
+    });
+    let finite = |action: &Action| action.values.iter().all(|x| x.is_finite());
+    named.filter(|one| one.actions.iter().all(finite)).collect()
+}
+
+/// What some unknowns of a law do at points of its motion; `None` for those that are not finite
+/// there, or go by something else than the state and the time.
+pub(super) fn of_unknowns(
+    law: &Law,
+    unknowns: &[Column],
+    points: &PhasePoints,
+    channels: Channels,
+) -> Vec<Option<Action>> {
+    let mut system = System::clone(law.system());
+    let dynamics = law.dynamics();
+    let terms = dynamics.active();
+    let mut own = |column: &Column| {
+        let at = column.position();
+        let parts = match terms.get(at) {
+            Some(&id) => law.system().term(id)?.parts().collect(),
+            None => {
+                let id = dynamics.parameters().get(at - terms.len())?;
+                derivative(&mut system, Symbol::Parameter(id.position()))
+            }
+        };
+        let (mut plan, mut outputs) = (Plan::default(), Vec::new());
+        for (place, expr) in parts {
+            if !system.graph.is_zero(expr) {
+                plan.add(&mut system, &mut outputs, (place, expr), channels);
+            }
+        }
+        let action = plan.action(&values_at(&system, &outputs, law, points)?, points.count);
+        action.values.iter().all(|x| x.is_finite()).then_some(action)
+    };
+    unknowns.iter().map(&mut own).collect()
+}
+
+/// The derivative of a system by a symbol, where it acts.
+fn derivative(system: &mut System, by: Symbol) -> Vec<(Place, Expr)> {
+    let energies = [
+        (Place::Kinetic, system.kinetic),
+        (Place::Potential, system.potential),
+        (Place::Hamiltonian, system.hamiltonian),
+    ];
+    let forces = system.forces.iter().enumerate().map(|(i, &expr)| (Place::Force(i), expr));
+    let sensors = system.sensors.iter().enumerate().map(|(i, &expr)| (Place::Sensor(i), expr));
+    let mut whole: Vec<(Place, Expr)> = energies.into_iter().chain(forces).chain(sensors).collect();
+    let graph = &mut system.graph;
+    for (at, term) in system.terms.iter().enumerate() {
+        let coefficient = graph.symbol(Symbol::Coefficient(at));
+        whole.extend(term.parts().map(|(place, expr)| (place, graph.multiply(coefficient, expr))));
+    }
+    whole.into_iter().map(|(place, expr)| (place, graph.derivative(expr, by))).collect()
+}
+
+/// Values of some expressions at points of the motion of a law, one expression after another.
+/// `None` where they go by something else than the state, the time and the law's own numbers.
+fn values_at(
+    system: &System,
+    outputs: &[Expr],
+    law: &Law,
+    points: &PhasePoints,
+) -> Option<Vec<f64>> {
     let state = system.state();
     let known = |symbol: &Symbol| {
         state.contains(symbol)
             || matches!(symbol, Symbol::Time | Symbol::Parameter(_) | Symbol::Coefficient(_))
     };
-    if !system.graph.symbols(&outputs).iter().all(known) {
-        return Vec::new();
+    if !system.graph.symbols(outputs).iter().all(known) {
+        return None;
     }
     let varying = state.into_iter().chain([Symbol::Time]).collect();
     let parameters = (0..system.parameters.len()).map(Symbol::Parameter);
@@ -67,26 +137,11 @@ pub(super) fn at_all_points(
     let inputs = Inputs { varying, uniform: parameters.chain(coefficients).collect() };
     let numbers: Vec<f64> =
         law.parameters().iter().copied().chain(law.coefficient_of_each_term()).collect();
-    let compiled = compile(&system.graph, &inputs, &outputs, Backend::default());
+    let compiled = compile(&system.graph, &inputs, outputs, Backend::default());
     let mut found = vec![0.0; outputs.len() * points.count];
     let here = points.with_times();
     compiled.evaluate(&here, &numbers, points.count, &mut found, &mut Vec::new());
-    let action = |plan: &Plan| {
-        let row = |&(output, sign): &(usize, f64)| {
-            let row = &found[output * points.count..(output + 1) * points.count];
-            row.iter().map(move |x| sign * x)
-        };
-        Action {
-            channels: plan.channels.clone(),
-            values: plan.outputs.iter().flat_map(row).collect(),
-        }
-    };
-    let named = plans.into_iter().map(|(values, plan)| NamedAction {
-        values: values.clone(),
-        actions: plan.iter().map(action).collect(),
-    });
-    let finite = |action: &Action| action.values.iter().all(|x| x.is_finite());
-    named.filter(|one| one.actions.iter().all(finite)).collect()
+    Some(found)
 }
 
 /// Where the outputs of an evaluation act.
@@ -98,6 +153,18 @@ struct Plan {
 }
 
 impl Plan {
+    /// With the values of all outputs, one after another.
+    fn action(&self, found: &[f64], points: usize) -> Action {
+        let row = |&(output, sign): &(usize, f64)| {
+            let row = &found[output * points..(output + 1) * points];
+            row.iter().map(move |x| sign * x)
+        };
+        Action {
+            channels: self.channels.clone(),
+            values: self.outputs.iter().flat_map(row).collect(),
+        }
+    }
+
     fn add(
         &mut self,
         system: &mut System,

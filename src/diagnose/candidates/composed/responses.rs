@@ -12,41 +12,13 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::actions::{Action, Channels};
 use super::course::{Course, courses, frequency};
+use super::named::of_unknowns;
 use super::states::PhasePoints;
 use crate::diagnose::settling::Settled;
 use crate::expr::Observed;
 use crate::fit::column::Column;
-
-/// Channels that a term acts on: rates of the momenta (kicks), rates of the coordinates (drifts),
-/// and what the instrument adds to each observable.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Channels {
-    /// Degrees of freedom.
-    pub(super) degrees: usize,
-}
-
-impl Channels {
-    pub(super) fn kick(self, coordinate: usize) -> usize {
-        coordinate
-    }
-
-    pub(super) fn drift(self, coordinate: usize) -> usize {
-        self.degrees + coordinate
-    }
-
-    pub(super) fn sensor(self, observable: usize) -> usize {
-        2 * self.degrees + observable
-    }
-
-    fn moving(self) -> usize {
-        2 * self.degrees
-    }
-
-    fn count(self) -> usize {
-        4 * self.degrees
-    }
-}
 
 /// Terms that are scored side by side; it changes cost alone.
 pub(super) const TOGETHER: usize = 8;
@@ -86,15 +58,6 @@ pub(super) struct Responses {
     unknowns: usize,
     /// An action that keeps less than this part of its squares beside the model is spanned by it.
     spanned: f64,
-}
-
-/// A term's values at all nodes, channel after channel.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Action {
-    /// Channels that it acts on.
-    pub(super) channels: Vec<usize>,
-    /// `[channel of the list][node]`.
-    pub(super) values: Vec<f64>,
 }
 
 /// Points from sample to sample, at least: Simpson's rule takes them in twos.
@@ -144,8 +107,19 @@ impl Responses {
             unknowns: kept.len(),
             spanned: tuning.spanned,
         };
+        // What candidates do is known at the nodes, and so is what the unknowns do: a candidate that
+        // does the same as some of them is spanned by them to the last digit.
+        let own = of_unknowns(&model.law, kept, &responses.points, channels);
+        for segment in &mut responses.segments {
+            for (place, action) in own.iter().enumerate() {
+                if let Some(action) = action {
+                    let column = segment.column(action);
+                    segment.base.set_column(place, &column);
+                }
+            }
+        }
         responses.orthonormalise(tuning.spanned_unknowns);
-        responses.rows = responses.rows.saturating_sub(responses.unknowns);
+        responses.rows = responses.rows.saturating_sub(kept.len());
         responses.finish();
         responses
     }
@@ -268,7 +242,8 @@ impl Responses {
         fall
     }
 
-    /// What an action does to all residuals with the model's unknowns free.
+    /// What an action does to all residuals with the model's unknowns free; zeros where the model
+    /// spans it.
     pub(super) fn column(&self, action: &Action) -> DVector<f64> {
         let parts: Vec<DVector<f64>> =
             self.segments.iter().map(|segment| segment.column(action)).collect();
@@ -277,11 +252,14 @@ impl Responses {
             heights += segment.base.tr_mul(part);
         }
         let size = parts.iter().map(|part| part.len()).sum();
+        let whole: f64 = parts.iter().map(|part| part.norm_squared()).sum();
         let mut column = Vec::with_capacity(size);
         for (segment, part) in self.segments.iter().zip(parts) {
             column.extend_from_slice((part - &segment.base * &heights).as_slice());
         }
-        DVector::from_vec(column)
+        let column = DVector::from_vec(column);
+        let seen = column.norm_squared() > self.spanned * whole;
+        if seen { column } else { DVector::zeros(size) }
     }
 
     /// Residuals with the model's unknowns free, in the order of [`Responses::column`].

@@ -2,10 +2,11 @@
 
 use rayon::prelude::*;
 
+use super::actions::Action;
 use super::enumerate::Found;
 use super::expression::{Composed, LeafJets};
 use super::leaves::Leaves;
-use super::responses::{Action, Responses, TOGETHER};
+use super::responses::{Responses, TOGETHER};
 use crate::diagnose::settling::Settled;
 use crate::diagnose::tuning::Tuning;
 use crate::fit::column::Column;

@@ -7,6 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::actions::Action;
 use super::around::linear;
 use super::enumerate::enumerate;
 use super::expression::Composed;
@@ -15,7 +16,7 @@ use super::leaves::Leaves;
 use super::library::Library;
 use super::named::{NamedAction, at_all_points, finer};
 use super::refine::refined_leaders;
-use super::responses::{Action, Responses};
+use super::responses::Responses;
 use super::search::Search;
 use super::statements::candidate_of;
 use crate::diagnose::candidates::{Candidate, NumberChange};

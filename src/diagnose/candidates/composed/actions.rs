@@ -1,0 +1,40 @@
+//! What terms act on, and how strongly along a motion.
+
+/// Channels that a term acts on: rates of the momenta (kicks), rates of the coordinates (drifts),
+/// and what the instrument adds to each observable.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Channels {
+    /// Degrees of freedom.
+    pub(super) degrees: usize,
+}
+
+impl Channels {
+    pub(super) fn kick(self, coordinate: usize) -> usize {
+        coordinate
+    }
+
+    pub(super) fn drift(self, coordinate: usize) -> usize {
+        self.degrees + coordinate
+    }
+
+    pub(super) fn sensor(self, observable: usize) -> usize {
+        2 * self.degrees + observable
+    }
+
+    pub(super) fn moving(self) -> usize {
+        2 * self.degrees
+    }
+
+    pub(super) fn count(self) -> usize {
+        4 * self.degrees
+    }
+}
+
+/// A term's values at all nodes, channel after channel.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Action {
+    /// Channels that it acts on.
+    pub(super) channels: Vec<usize>,
+    /// `[channel of the list][node]`.
+    pub(super) values: Vec<f64>,
+}
