@@ -95,9 +95,9 @@ const BAD_FILES: &[Bad] = &[
     ),
     bad("unit in a cell", b"t,x\n0,1 m\n1,2 m\n", Some(2), Some("x"), &["`1 m` is not a number"]),
     bad(
-        "date",
-        b"t,x\n2024-01-01 10:00:00,1\n2024-01-01 10:00:01,2\n",
-        Some(2),
+        "a date among numbers",
+        b"t,x\n0,1\n2024-01-01 10:00:01,2\n2,3\n",
+        Some(3),
         Some("t"),
         &["not a number", "seconds since the start"],
     ),
