@@ -64,7 +64,8 @@ pub fn parse_cell(cell: &str, decimal_comma: bool) -> Cell {
         return if number.is_finite() { Cell::Number(number) } else { Cell::TooLarge };
     }
     // `--`, `--.---` and the like, as displays show what they do not have.
-    if !cell.is_empty() && cell.chars().all(|c| matches!(c, '-' | '.' | '_' | '–' | '—')) {
+    if !cell.is_empty() && cell.chars().all(|c| matches!(c, '-' | '.' | '_' | '*' | '–' | '—'))
+    {
         return Cell::Missing;
     }
     let lower = cell.to_lowercase();

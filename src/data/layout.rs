@@ -7,6 +7,7 @@
 use csv::StringRecord;
 
 use super::cell::{Cell, parse_cell};
+use super::mapping::TIME_NAMES;
 use super::moment::{Order, moment};
 use super::unit_words::known_unit;
 
@@ -95,12 +96,14 @@ pub(super) fn measures(row: &StringRecord) -> bool {
 
 /// Whether the first row is the header of the rows that begin right below it, as in most files.
 pub(super) fn is_plain(rows: &[StringRecord]) -> bool {
-    let [first, second, ..] = rows else { return false };
+    let [first, second, rest @ ..] = rows else { return false };
     let (head, row) = (Pattern::of(first), Pattern::of(second));
+    let alike = rest.iter().filter(|other| Pattern::of(other).agrees(&row)).count();
     head.count(Kind::Number) == 0
         && head.count(Kind::Text) > 0
         && row.measures()
         && filled(first) == filled(second)
+        && 2 * alike >= rest.len()
 }
 
 /// Finds the layout of the first rows of a table.
@@ -165,16 +168,30 @@ impl Layout {
         let count = |at: usize| row(at).map_or(0, filled);
         let is_names =
             |at: usize| patterns.get(at).is_some_and(|pattern| pattern.count(Kind::Text) > 0);
-        let mut next = above.next();
-        if let (Some(names), true) = (next, row(header).is_some_and(are_units))
+        // Rows as wide as the table that follow each other: names, units, how they were processed.
+        let block: Vec<usize> = [header]
+            .into_iter()
+            .chain(above.clone())
+            .take(4)
+            .take_while(|at| is_names(*at) && (count(*at) == self.width || *at == header))
+            .collect();
+        let names_time = |at: &usize| row(*at).is_some_and(names_a_time);
+        let named = block.iter().copied().find(names_time);
+        if let Some(named) = named.filter(|named| *named != header) {
+            // Units may be written for some of the columns only.
+            let between = (named + 1..=header).filter(|at| row(*at).is_some_and(has_units));
+            self.units = between.last();
+            header = named;
+        } else if let Some(names) = above.clone().next()
+            && row(header).is_some_and(are_units)
             && is_names(names)
             && count(names) >= count(header)
             && count(names) <= self.width.max(count(header)) + 1
         {
             self.units = Some(header);
             header = names;
-            next = above.next();
         }
+        let next = above.find(|at| *at < header);
         // A sentence above a table of several columns names none of them.
         if self.width > 1
             && count(header) == 1
@@ -187,6 +204,24 @@ impl Layout {
         self.header = Some(header);
         self.above = next.filter(|at| is_names(*at) && count(*at) <= self.width);
     }
+}
+
+/// Whether a cell of a row is called as times usually are.
+fn names_a_time(row: &StringRecord) -> bool {
+    let is_time = |cell: &str| {
+        let lower = cell.to_lowercase();
+        let first = lower.split(|c: char| !c.is_alphanumeric()).find(|word| !word.is_empty());
+        first.is_some_and(|word| TIME_NAMES.contains(&word))
+    };
+    row.iter().any(is_time)
+}
+
+/// Whether at least half of the cells of a row that are not empty are units.
+fn has_units(row: &StringRecord) -> bool {
+    let cells = || row.iter().filter(|cell| !cell.is_empty());
+    let units =
+        cells().filter(|cell| known_unit(cell.trim_matches(['[', ']', '(', ')'])).is_some());
+    2 * units.count() >= cells().count()
 }
 
 /// Whether a row has units for cells: at least one, and nothing else.

@@ -92,7 +92,7 @@ pub(super) fn laid_out<'a>(
     };
     let quotes = |line: &(u64, &str)| line.1.matches('"').count() % 2 == 1;
     let spanned = lines.iter().take(2).any(quotes);
-    if spanned || layout::is_plain(&first(lines.get(..2).unwrap_or(&lines), delimiter)) {
+    if spanned || layout::is_plain(&first(&lines, delimiter)) {
         let header = lines.first().map_or("", |(_, line)| *line);
         let mut out = plain(lines, delimiter);
         out.divide(header);

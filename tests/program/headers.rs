@@ -76,7 +76,7 @@ const HABITS: &[Habit] = &[
         "metadata between commas",
         "Mass,0.25\nLength,1.5\nOperator,AB\n\ntime (s),x (m),v (m/s)\n",
         three,
-        &["time time [s]", "coordinates x [m]", "velocities  v [m/s]"],
+        &["time \"time\" [s]", "coordinates x [m]", "velocities  v [m/s]"],
     ),
     habit("the name of a body above", "mass_C\nt\tx\n", tabs, &["time t ", "coordinates x"]),
     habit(
@@ -277,13 +277,13 @@ const HABITS: &[Habit] = &[
         "clock times",
         "time\ttheta\n",
         |at| format!("00:00:{:04.1}\t{:.6}", time(at), place(at)),
-        &["time time", "since midnight"],
+        &["time \"time\"", "since midnight"],
     ),
     habit(
         "dates",
         "time,x\n",
         |at| format!("2023-03-01T10:00:{:06.3}Z,{:.6}", time(at), place(at)),
-        &["time time", "since 1970"],
+        &["time \"time\"", "since 1970"],
     ),
     habit(
         "dates with a blank",
@@ -347,6 +347,88 @@ const HABITS: &[Habit] = &[
         |at| if at == 7 { format!("second run\nt\tx\n{}", tabs(0)) } else { tabs(at % 7) },
         &["run run"],
     ),
+    // Loggers, oscilloscopes and cameras.
+    habit(
+        "names, units and processing",
+        "\"TOA9\",\"rig\",\"L1\"\n\"TIMESTAMP\",\"RECORD\",\"Angle\"\n\"TS\",\"RN\",\"Rad\"\n\"\",\"\",\"Smp\"\n",
+        |at| format!("\"2021-05-04 10:00:{:05.2}\",{at},{:.5}", time(at), place(at)),
+        &["time TIMESTAMP", "coordinates Angle", "`RECORD` is another time, or a count"],
+    ),
+    habit(
+        "names, descriptions and units",
+        "Zeit;Weg;Kanal\nseit Beginn;des Wagens;frei\ns;mm;V\n",
+        german,
+        &["time Zeit [s]", "coordinates Weg [mm]", "does `Kanal` drive"],
+    ),
+    habit("units as names", "in s,C1 in V\n", commas, &["time \"in s\""]),
+    habit("x-axis and second", "x-axis,1\nsecond,Volt\n", commas, &["time \"x-axis\""]),
+    habit(
+        "an end mark",
+        "Name,Scope\nTime,Position\n[ms],[mm]\n",
+        |at| format!("{},{:.4}", 100 * at, place(at)),
+        &["time Time [ms]", "Position [mm]"],
+    ),
+    habit(
+        "seconds since 1970",
+        "time,seconds_elapsed,x,y\n",
+        |at| {
+            let since = 1_620_000_000_000_000_000_i64 + 100_000_000 * at as i64;
+            format!("{since},{:.1},{:.4},{:.4}", time(at), place(at), speed(at))
+        },
+        &["coordinates x", "is another time"],
+    ),
+    habit(
+        "days of a sheet",
+        "Date;x\n",
+        |at| format!("{:.8};{:.5}", 44_986.5 + time(at) / 86_400.0, place(at)),
+        &["time Date", "as large as dates are in [day]"],
+    ),
+    habit(
+        "markers of a camera",
+        "NO_OF_FRAMES\t14\nFREQUENCY\t10\nMARKER_NAMES\tknee\n\nFrame\tTime\tknee X\tknee Y\n",
+        |at| format!("{at}\t{}\t{:.4}", tabs(at), speed(at)),
+        &["time Time", "coordinates X, Y", "`Frame` is another time"],
+    ),
+    habit(
+        "stars for what is missing",
+        "Time,x\n",
+        |at| if at == 4 { "0.4,*****".to_string() } else { commas(at) },
+        &["coordinates x"],
+    ),
+    habit(
+        "segments of an oscilloscope",
+        "SCOPE9,12345\nSegments,1,SegmentSize,14\nSegment,TrigTime,Since\n#1,21 Mar 2021 9:37:08,0.0\nTime,Ampl\n",
+        commas,
+        &["time Time", "coordinates Ampl"],
+    ),
+    habit(
+        "a header in lines of comments",
+        "# rig 3\n#\n# Time [s], Position [m]\n",
+        commas,
+        &["time Time [s]", "Position [m]"],
+    ),
+    habit("quoted names", "\"t\";\"x\";\"v\"\n", german, &["velocities  v"]),
+    habit(
+        "a phone",
+        "\"Time (s)\",\"Gyroscope x (rad/s)\",\"Gyroscope y (rad/s)\"\n",
+        three,
+        &["time Time [s]", "is this what moves?"],
+    ),
+    habit(
+        "a unit behind an underscore",
+        "time_s,theta_deg,omega_deg_s\n",
+        three,
+        &["theta [rad]", "[deg/s]", "cos(theta)"],
+    ),
+    habit("bars", "|t|x|v\n", |at| format!("|{}", three(at).replace(',', "|")), &["velocities  v"]),
+    habit("derivatives", "t,phi,dphi/dt\n", three, &["coordinates phi", "dphi_dt"]),
+    habit(
+        "uncertainties",
+        "Zeit;Winkel;Unsicherheit Winkel\n",
+        german,
+        &["holds the errors of winkel. Left out."],
+    ),
+    habit("momenta", "t,q,p\n", three, &["momenta     p", "T = p^2/2"]),
     habit(
         "no time at all",
         "x,v\n",
@@ -387,7 +469,7 @@ fn every_habit_gets_a_spec_that_check_accepts() {
         }
     }
     assert!(wrong.is_empty(), "{} are wrong:\n{}", wrong.len(), wrong.join("\n\n"));
-    assert!(HABITS.len() > 50);
+    assert!(HABITS.len() > 70);
 }
 
 #[test]

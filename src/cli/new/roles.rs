@@ -117,6 +117,8 @@ pub(super) struct ColumnRoles<'a> {
     pub time: Named<'a>,
     /// Whether the time is a count of samples or pictures, or only rises as a time does.
     pub time_is: TimeIs,
+    /// Whether the size of its numbers tells the unit of the time.
+    pub unit_guessed: bool,
     pub run: Option<&'a Column>,
     /// Coordinate and its partner.
     pub pairs: Vec<(Named<'a>, Option<Named<'a>>)>,
@@ -261,8 +263,15 @@ pub(super) fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
             left.extend([Some(q), v].into_iter().flatten().map(|named| (named, Why::TooMany)));
         }
     }
+    let mut time = time.clone();
+    let mut unit_guessed = false;
+    if time.unit.is_none() && time_is != TimeIs::Counted {
+        time.unit = unit_of_date(table, time.column).map(str::to_string);
+        unit_guessed = time.unit.is_some();
+    }
     let mut roles = ColumnRoles {
-        time: time.clone(),
+        time,
+        unit_guessed,
         time_is,
         run,
         pairs,
@@ -302,6 +311,24 @@ pub(super) fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
         .filter_map(|named| table.numbers(named.column).err().map(|error| error.to_string()));
     roles.wrong = wrong.collect();
     Ok(roles)
+}
+
+/// The unit of a time whose numbers are as large as dates are: days since 1900, as sheets count
+/// them, or seconds, milliseconds and so on since 1970.
+fn unit_of_date(table: &Table, column: &Column) -> Option<&'static str> {
+    let numbers = table.numbers(column).ok()?;
+    let first = *numbers.iter().find(|x| !x.is_nan())?;
+    let last = *numbers.iter().rev().find(|x| !x.is_nan())?;
+    // From 2000 to 2064.
+    let since_1970 = |unit: f64| (9.4e8..3.0e9).contains(&(first * unit));
+    match () {
+        () if (36_526.0..60_000.0).contains(&first) && (last - first).abs() < 2.0 => Some("day"),
+        () if since_1970(1.0) => Some("s"),
+        () if since_1970(1e-3) => Some("ms"),
+        () if since_1970(1e-6) => Some("us"),
+        () if since_1970(1e-9) => Some("ns"),
+        () => None,
+    }
 }
 
 /// Inputs that a first spec has, at most.

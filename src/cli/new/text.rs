@@ -308,6 +308,9 @@ fn comments<'a>(lines: impl Iterator<Item = &'a str>) -> String {
 fn time_question(roles: &ColumnRoles) -> String {
     let header = data::visible(&roles.time.column.header);
     match (roles.time_is, &roles.time.unit) {
+        (_, Some(unit)) if roles.unit_guessed => format!(
+            "# `{header}` has no unit; its numbers are as large as dates are in [{unit}]. Is that so?\n"
+        ),
         (TimeIs::Counted, _) if is_count(&roles.time) => format!(
             "# `{header}` counts: how many of it are a second? Until that is said, the unit of \
              time is one step.\n"

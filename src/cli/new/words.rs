@@ -335,6 +335,15 @@ impl<'a> Named<'a> {
         if let Some(at) = run.filter(|at| *at > 0 && name.is_char_boundary(*at)) {
             group = name.split_off(at).trim().trim_matches(['(', ')']).to_string();
         }
+        // `marker 1 X`: an axis of a body.
+        let axis = name.rsplit_once([' ', '_']).map(|(a, b)| (a.to_string(), b.to_string()));
+        if let Some((body, axis)) = axis
+            && matches!(axis.as_str(), "X" | "Y" | "Z" | "x" | "y" | "z")
+            && group.is_empty()
+            && is_body(&body)
+        {
+            (group, name) = (body, axis);
+        }
         if unit.is_none() && column.unit.is_none() {
             let (rest, found) = unit_in(&name);
             (name, unit) = (rest, found.as_deref().and_then(known));
@@ -390,6 +399,68 @@ fn symbol(name: &str) -> Option<&str> {
     (stands && (!axis || place.contains(&word.as_str()))).then_some(last)
 }
 
+/// Whether what stands before an axis can be the name of a body: no word of it is a quantity.
+fn is_body(name: &str) -> bool {
+    const QUANTITY_WORDS: &[&str] = &[
+        "position",
+        "pos",
+        "displacement",
+        "height",
+        "velocity",
+        "vel",
+        "v",
+        "d",
+        "p",
+        "a",
+        "f",
+        "acc",
+        "acceleration",
+        "accel",
+        "accelerometer",
+        "beschleunigung",
+        "accélération",
+        "aceleración",
+        "force",
+        "momentum",
+        "gyro",
+        "gyroscope",
+        "rate",
+        "angular",
+        "angle",
+        "rotation",
+        "orientation",
+        "magnetic",
+        "magnetometer",
+        "field",
+        "compass",
+        "linear",
+        "gravity",
+        "omega",
+        "theta",
+        "sigma",
+        "err",
+        "error",
+        "delta",
+        "current",
+        "voltage",
+        "torque",
+        "x",
+        "y",
+        "z",
+        "u",
+        "s",
+        "q",
+        "unc",
+        "std",
+        "angular_velocity",
+    ];
+    name.len() > 1
+        && !words(name).iter().any(|word| {
+            let word = quantity(word);
+            QUANTITY_WORDS.contains(&word.as_str()) || ERRORS.contains(&word.as_str())
+        })
+}
+
 fn is_symbol(word: &str) -> bool {
     let mut letters = word.chars();
     letters.next().is_some_and(char::is_alphabetic)
@@ -398,7 +469,7 @@ fn is_symbol(word: &str) -> bool {
 
 /// A name in small letters, in the words of the tables here.
 fn key_of(name: &str) -> String {
-    let lower = name.trim().to_lowercase().replace(['{', '}', '\\'], "");
+    let lower = name.trim().to_lowercase().replace(['{', '}', '\\'], "").replace('/', "_");
     let joined = lower.split_whitespace().collect::<Vec<_>>().join("_");
     let whole = quantity(&joined);
     if whole != joined {
@@ -435,6 +506,9 @@ fn unit_in(name: &str) -> (String, Option<String>) {
     // A letter that is a name more often than a unit.
     let rare =
         |unit: &str| matches!(unit, "L" | "T" | "H" | "F" | "C" | "K" | "t" | "u" | "d" | "h");
+    if let Some(unit) = name.strip_prefix("in ").and_then(known_unit) {
+        return (name.to_string(), Some(unit));
+    }
     for mark in [" in ", " en ", ", ", "/", ";"] {
         if let Some((before, unit)) = name.split_once(mark)
             && !before.trim().is_empty()
