@@ -98,7 +98,13 @@ pub(super) fn measures(row: &StringRecord) -> bool {
 pub(super) fn is_plain(rows: &[StringRecord]) -> bool {
     let [first, second, rest @ ..] = rows else { return false };
     let (head, row) = (Pattern::of(first), Pattern::of(second));
-    let alike = rest.iter().filter(|other| Pattern::of(other).agrees(&row)).count();
+    // Settings above a header begin with words where rows begin with numbers.
+    let begins = |row: &StringRecord| row.iter().next().map(kind);
+    let alike = |other: &&StringRecord| {
+        let (a, b) = (begins(other), begins(second));
+        a == b || [a, b].contains(&Some(Kind::Missing))
+    };
+    let alike = rest.iter().filter(alike).count();
     head.count(Kind::Number) == 0
         && head.count(Kind::Text) > 0
         && row.measures()
@@ -138,6 +144,16 @@ pub(super) fn find(rows: &[StringRecord]) -> Option<Layout> {
             break;
         }
     }
+    // A row with a wrong cell is a row, too.
+    let begins = |at: usize| patterns.get(at).and_then(|pattern| pattern.0.first().copied());
+    let wide = |at: usize| patterns.get(at).map(|pattern| pattern.0.len());
+    while let Some(above) = first.checked_sub(1)
+        && begins(above) == Some(Kind::Number)
+        && begins(first) == Some(Kind::Number)
+        && wide(above) == wide(first)
+    {
+        first = above;
+    }
     let width = patterns.iter().skip(first).filter(|p| p.measures()).map(|p| p.0.len()).max()?;
     let numbers: usize = patterns.iter().skip(first).map(|p| p.count(Kind::Number)).sum();
     let texts: usize = patterns.iter().skip(first).map(|p| p.count(Kind::Text)).sum();
@@ -166,8 +182,10 @@ impl Layout {
         let Some(mut header) = above.next() else { return };
         let row = |at: usize| rows.get(at);
         let count = |at: usize| row(at).map_or(0, filled);
-        let is_names =
-            |at: usize| patterns.get(at).is_some_and(|pattern| pattern.count(Kind::Text) > 0);
+        let is_names = |at: usize| {
+            let kinds = patterns.get(at).map_or(&[][..], |pattern| &pattern.0);
+            kinds.iter().find(|kind| **kind != Kind::Missing) == Some(&Kind::Text)
+        };
         // Rows as wide as the table that follow each other: names, units, how they were processed.
         let block: Vec<usize> = [header]
             .into_iter()

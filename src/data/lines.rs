@@ -269,6 +269,13 @@ impl<'a> LaidOut<'a> {
 /// The names in a header: between blanks they may have blanks themselves, if two or more stand
 /// between columns, or before a unit behind a slash.
 fn names(line: &str, delimiter: Delimiter, width: usize) -> StringRecord {
+    // `DEF="t / s"` defines the first name.
+    let line = match line.split_once("=\"") {
+        Some((word, _)) if word.chars().all(char::is_alphanumeric) => {
+            line.get(word.len() + 1..).unwrap_or(line)
+        }
+        _ => line,
+    };
     let plain = record(line, delimiter);
     if delimiter != Delimiter::Blanks || layout::filled(&plain) <= width {
         return plain;

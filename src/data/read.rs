@@ -14,6 +14,7 @@ use super::mapping::TIME_NAMES;
 use super::moment::{Order, moment, seconds_of};
 use super::table::{Column, Reading, Table, TextReading, column_of, wrong};
 use super::text::decode;
+use super::unit_words::known_unit;
 use crate::error::Result;
 
 /// Reads measurements from the bytes of a text file, which errors call `path`: cells between
@@ -43,6 +44,7 @@ pub(super) fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Table> {
     let mut notes = std::mem::take(&mut laid_out.notes);
     notes.extend(columns.iter_mut().filter_map(clocks_to_seconds));
     notes.extend(columns.iter_mut().filter_map(without_marked));
+    notes.extend(columns.iter_mut().filter_map(without_tails));
     if let Some(count) = count_of_rows(&columns, rows.len(), decimal_comma) {
         columns.push(count);
         notes.push("no column rises as a time does: `sample` counts the rows.".to_string());
@@ -134,6 +136,36 @@ fn without_marked(column: &mut Column) -> Option<String> {
         counted(count, "cell"),
         column.header
     ))
+}
+
+/// Units and errors behind the numbers of a whole column (`0.1 s`, `1.5 ± 0.1`) are taken off; says
+/// so.
+fn without_tails(column: &mut Column) -> Option<String> {
+    let divided = |cell: &str| {
+        let error = cell.find('±').or_else(|| cell.find("+/-"));
+        let unit = || cell.trim_end_matches(|c: char| !c.is_ascii_digit() && c != '.').len();
+        let (number, tail) = cell.split_at_checked(error.unwrap_or_else(unit))?;
+        let is_number = matches!(parse_cell(number, true), Cell::Number(_));
+        let tail = if error.is_some() { "±" } else { tail.trim() };
+        (is_number && !tail.is_empty()).then(|| (number.trim().to_string(), tail.to_string()))
+    };
+    let missing = |cell: &str| parse_cell(cell, true) == Cell::Missing;
+    let present = || column.cells.iter().filter(|cell| !missing(cell));
+    let (_, tail) = divided(&present().next()?)?;
+    let unit = known_unit(&tail).filter(|_| tail != "±");
+    if unit.is_none() && tail != "±" {
+        return None;
+    }
+    let same = |cell: &str| divided(cell).is_some_and(|(_, other)| other == tail);
+    if !present().all(|cell| same(&cell)) {
+        return None;
+    }
+    let number =
+        |cell: std::borrow::Cow<'_, str>| divided(&cell).map_or_else(String::new, |row| row.0);
+    let cells: Cells = column.cells.iter().map(number).collect();
+    column.cells = cells;
+    column.unit = column.unit.take().or(unit);
+    Some(format!("`{tail}` behind the numbers of `{}` taken off.", column.header))
 }
 
 /// Marks behind a number that its instrument doubts.

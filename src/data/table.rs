@@ -298,8 +298,7 @@ impl Table {
                 [] => {}
                 [one] => return Ok(Some(one)),
                 many => {
-                    let own = |column: &&Column| split_unit(&column.header).0 == column.name;
-                    let same = !many.iter().all(own);
+                    let same = many.iter().any(|column| column.header.contains(" (column "));
                     let headers: Vec<String> =
                         many.iter().map(|c| format!("`{}`", c.header)).collect();
                     return Err(self.error(

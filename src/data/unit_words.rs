@@ -100,7 +100,10 @@ const PREFIXES: &[&str] =
 /// word in it is no unit. `1` is what `-` says.
 pub fn known_unit(text: &str) -> Option<String> {
     let text = text.trim();
-    if matches!(text, "-" | "–" | "1" | "none" | "a.u." | "arb. units") {
+    // `(en s)`, `millimetres per second`.
+    let text = text.strip_prefix("in ").or_else(|| text.strip_prefix("en ")).unwrap_or(text);
+    let text = &text.replace(" per ", "/").replace(" pro ", "/").replace(" par ", "/");
+    if matches!(text.as_str(), "-" | "–" | "1" | "none" | "a.u." | "arb. units") {
         return Some("1".to_string());
     }
     let counts = text.starts_with(|c: char| c.is_ascii_digit()) && !text.starts_with("1/");
@@ -213,6 +216,7 @@ mod tests {
             ("0.1 s", None),
             ("1/s", Some("1/s")),
             ("m/s/s", Some("m/s/s")),
+            ("millimeters per second", Some("mm/s")),
             ("rig 2", None),
         ];
         for (text, unit) in rows {

@@ -93,7 +93,13 @@ const BAD_FILES: &[Bad] = &[
         Some("x [m]"),
         &["`two` is not a number"],
     ),
-    bad("unit in a cell", b"t,x\n0,1 m\n1,2 m\n", Some(2), Some("x"), &["`1 m` is not a number"]),
+    bad(
+        "units that differ in cells",
+        b"t,x\n0,1 m\n1,2 mm\n",
+        Some(2),
+        Some("x"),
+        &["`1 m` is not a number"],
+    ),
     bad(
         "a date among numbers",
         b"t,x\n0,1\n2024-01-01 10:00:01,2\n2,3\n",

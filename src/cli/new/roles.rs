@@ -43,6 +43,10 @@ const PARTNERS: &[(&str, &str, Partner)] = &[
     ("angle", "angular_velocity", Partner::Velocity),
     ("angle", "omega", Partner::Velocity),
     ("angle", "rate", Partner::Velocity),
+    ("angle", "velocity", Partner::Velocity),
+    ("theta", "velocity", Partner::Velocity),
+    ("theta", "angular_velocity", Partner::Velocity),
+    ("phi", "angular_velocity", Partner::Velocity),
     ("position", "velocity", Partner::Velocity),
     ("pos", "vel", Partner::Velocity),
     ("displacement", "velocity", Partner::Velocity),
@@ -228,7 +232,9 @@ pub(super) fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
             left.push((named.clone(), Why::OtherRun));
         } else if let Some(of) = error {
             left.push((named.clone(), Why::Error(of)));
-        } else if words::likeness_to_time(named) >= 6 || words::is_count(named) {
+        } else if let Some(of) = small_part(named, &numeric) {
+            left.push((named.clone(), Why::Error(of)));
+        } else if words::likeness_to_time(named) >= 3 || words::is_count(named) {
             left.push((named.clone(), Why::Time));
         } else {
             rest.push(named);
@@ -248,7 +254,15 @@ pub(super) fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
         let (columns, by_place) = alone(&rest);
         guessed = by_place;
         pairs = columns.into_iter().map(|column| (column.clone(), None)).collect();
+        if let [(q, v)] = pairs.as_mut_slice() {
+            *v = rate_by_unit(q, &rest).cloned();
+        }
     }
+    let role = if pairs.iter().any(|pair| pair.1.is_some()) && role == Partner::Nothing {
+        Partner::Velocity
+    } else {
+        role
+    };
     if pairs.is_empty() {
         return nothing(
             format!(
@@ -329,6 +343,31 @@ fn unit_of_date(table: &Table, column: &Column) -> Option<&'static str> {
         () if since_1970(1e-9) => Some("ns"),
         () => None,
     }
+}
+
+/// The only column whose unit is that of a velocity of the coordinate.
+fn rate_by_unit<'n, 'a>(q: &Named, columns: &[&'n Named<'a>]) -> Option<&'n Named<'a>> {
+    let fits = |named: &&&Named| {
+        let known = q.unit.is_some() && named.unit.as_deref().is_some_and(|unit| unit != "1");
+        known && named.column.header != q.column.header && agree(q, named, Partner::Velocity)
+    };
+    let mut found = columns.iter().filter(fits);
+    let first = found.next()?;
+    found.next().is_none().then_some(*first)
+}
+
+/// The name of the column whose errors another holds by its name: `u_x` or `s_x` beside `x`, and
+/// `dx` where it has the unit of `x`, which no velocity has.
+fn small_part(named: &Named, all: &[&Named]) -> Option<String> {
+    let of = |prefix: &str| {
+        let rest = named.key.strip_prefix(prefix)?;
+        let same =
+            |other: &&&Named| other.key == rest && other.column.header != named.column.header;
+        all.iter().find(same).copied()
+    };
+    let by_name = ["u_", "s_", "delta_"].into_iter().find_map(of);
+    let by_unit = of("d").filter(|other| named.unit.is_some() && other.unit == named.unit);
+    by_name.or(by_unit).map(|other| other.name.clone())
 }
 
 /// Inputs that a first spec has, at most.

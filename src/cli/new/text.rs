@@ -25,6 +25,7 @@ fn word(name: &str, taken: &mut HashSet<String>) -> String {
     let mut out: String = name
         .trim()
         .chars()
+        .filter(|c| !matches!(c, '{' | '}'))
         .map(|c| if c.is_alphanumeric() { c } else { '_' })
         .collect::<String>()
         .trim_matches('_')
@@ -176,6 +177,9 @@ pub(super) fn spec(
     for (q, v) in coordinates.iter().zip(&seconds) {
         for item in [q.item(table), v.item(table)].into_iter().flatten() {
             items.push_str(&format!("  {item}"));
+        }
+        if v.named.is_none() {
+            items.push_str(&format!("  {} not measured", v.name));
         }
     }
     for item in inputs.iter().filter_map(|input| input.item(table)) {

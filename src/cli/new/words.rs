@@ -83,6 +83,7 @@ const COUNTS: &[&str] = &[
     "scan",
     "messung",
     "mesure",
+    "id",
 ];
 
 /// Words for quantities, and what they are called here.
@@ -96,6 +97,10 @@ const QUANTITIES: &[(&str, &str)] = &[
     ("angular_position", "angle"),
     ("angular_displacement", "angle"),
     ("winkelposition", "angle"),
+    ("position_angulaire", "angle"),
+    ("posición_angular", "angle"),
+    ("ang_vel", "angular_velocity"),
+    ("angvel", "angular_velocity"),
     ("θ", "theta"),
     ("ϑ", "theta"),
     ("φ", "phi"),
@@ -159,7 +164,7 @@ const QUANTITIES: &[(&str, &str)] = &[
 /// Names of columns that drive a motion rather than follow it.
 const DRIVING: &[&str] = &[
     "u", "f", "force", "torque", "tau", "voltage", "current", "input", "command", "drive",
-    "control", "motor", "pwm", "actuator",
+    "control", "motor", "pwm", "actuator", "setpoint",
 ];
 
 /// Words for the errors of a measurement.
@@ -259,6 +264,11 @@ pub(super) fn error_of(named: &Named) -> Option<String> {
     let lower = named.name.trim().to_lowercase();
     let written = ["±", "+/-", "+-"].into_iter().find(|mark| lower.contains(mark));
     if let Some(mark) = written {
+        // `x ± 0.1` tells the errors of x.
+        let behind = lower.split_once(mark).map_or("", |(_, behind)| behind).trim();
+        if behind.starts_with(|c: char| c.is_ascii_digit()) {
+            return None;
+        }
         return Some(lower.replace(mark, "").trim().to_string());
     }
     for mark in ['σ', 'δ', 'Δ'] {
@@ -322,12 +332,27 @@ impl<'a> Named<'a> {
         let mut name = column.name.trim().trim_matches(['"', '\'', '$']).to_string();
         let known = |unit: &str| known_unit(unit).filter(|unit| Unit::parse(unit).is_ok());
         let mut unit = column.unit.as_deref().and_then(known);
+        // What follows a name: a colon, the error of all readings, the channel of an instrument.
+        if let Some((before, behind)) = name.split_once('±')
+            && behind.trim().starts_with(|c: char| c.is_ascii_digit())
+        {
+            name = before.trim().to_string();
+        }
+        name = name.trim_end_matches([':', ' ']).to_string();
         let mut group = String::new();
         // A body or a run before a colon, or a run behind the name.
         let split =
             name.rsplit_once(':').map(|(a, b)| (a.trim().to_string(), b.trim().to_string()));
         if let Some((before, rest)) = split.filter(|(a, b)| !a.is_empty() && !b.is_empty()) {
             (group, name) = (before, rest);
+        }
+        if let Some((before, behind)) = name.split_once(',')
+            && unit.is_some()
+            && group.is_empty()
+            && !before.trim().is_empty()
+        {
+            let (before, behind) = (before.trim().to_string(), behind.trim().to_string());
+            (name, group) = (before, behind);
         }
         let lower = name.to_lowercase();
         let run = RUNS.iter().find_map(|run| lower.rfind(&format!(" {run} ")));
@@ -469,7 +494,8 @@ fn is_symbol(word: &str) -> bool {
 
 /// A name in small letters, in the words of the tables here.
 fn key_of(name: &str) -> String {
-    let lower = name.trim().to_lowercase().replace(['{', '}', '\\'], "").replace('/', "_");
+    let lower =
+        name.trim().to_lowercase().replace(['{', '}', '\\'], "").replace('/', "_").replace('.', "");
     let joined = lower.split_whitespace().collect::<Vec<_>>().join("_");
     let whole = quantity(&joined);
     if whole != joined {
@@ -495,6 +521,15 @@ fn key_of(name: &str) -> String {
 /// `x (m) above ground`, `t_ms`.
 fn unit_in(name: &str) -> (String, Option<String>) {
     let whole = || (name.to_string(), None);
+    match name.to_lowercase().as_str() {
+        "millis" | "milliseconds" | "millisekunden" => {
+            return (name.to_string(), Some("ms".to_string()));
+        }
+        "seconds" | "sekunden" | "secondes" | "segundos" => {
+            return (name.to_string(), Some("s".to_string()));
+        }
+        _ => {}
+    }
     for (open, close) in [('(', ')'), ('[', ']'), ('{', '}'), ('<', '>')] {
         let Some((before, rest)) = name.split_once(open) else { continue };
         let Some((inside, behind)) = rest.split_once(close) else { continue };
@@ -521,7 +556,12 @@ fn unit_in(name: &str) -> (String, Option<String>) {
     let ends = name.rsplit_once('_').or_else(|| name.rsplit_once(' '));
     if let Some((before, unit)) = ends.filter(|(before, _)| !before.is_empty()) {
         let time = TIMES.contains(&before.to_lowercase().as_str());
+        let last = words(before).last().map_or_else(String::new, |word| quantity(word));
         let one = match unit {
+            "rpm" | "Hz" => true,
+            "V" => last == "voltage",
+            "A" => last == "current",
+            "N" => last == "force",
             "s" => time,
             "ms" | "us" | "ns" | "sec" | "min" | "mm" | "cm" | "km" | "deg" | "rad" | "dps"
             | "mps" | "px" | "mN" | "Nm" | "mV" | "mA" | "degrees" | "degree" | "seconds"
