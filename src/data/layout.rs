@@ -198,7 +198,7 @@ impl Layout {
         if let Some(named) = named.filter(|named| *named != header) {
             // Units may be written for some of the columns only.
             let between = (named + 1..=header).filter(|at| row(*at).is_some_and(has_units));
-            self.units = between.last();
+            self.units = between.max();
             header = named;
         } else if let Some(names) = above.clone().next()
             && row(header).is_some_and(are_units)
@@ -213,7 +213,7 @@ impl Layout {
         // A sentence above a table of several columns names none of them.
         if self.width > 1
             && count(header) == 1
-            && !row(header).is_some_and(|r| r.len() >= self.width)
+            && row(header).is_none_or(|names| names.len() < self.width)
             || !is_names(header)
         {
             self.units = None;

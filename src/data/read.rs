@@ -235,23 +235,25 @@ impl TableBuilder {
         let row = |at: usize| rows.get(at).map(|(_, row)| row);
         let header = found.as_ref().map_or(Some(0), |found| found.header);
         let begins = found.as_ref().map_or(1, |found| found.first);
-        let Some((line, names)) = header.and_then(|at| rows.get(at)) else {
-            let line = rows.get(begins).map(|(line, _)| *line);
-            return Err(wrong(
-                path,
-                line,
-                None,
-                "the first row holds numbers, so there is no header",
-                "add a first row that names the columns, such as `t`, `theta`, `omega`",
-            ));
-        };
         let above = found.as_ref().and_then(|found| row(found.above?));
-        let names = above.map_or_else(|| names.clone(), |above| layout::joined(names, above));
-        let mut builder = TableBuilder::begin(*line, &names);
+        let (line, names) = match header.and_then(|at| rows.get(at)) {
+            Some((line, names)) => {
+                (*line, above.map_or_else(|| names.clone(), |above| layout::joined(names, above)))
+            }
+            None => {
+                let width = found.as_ref().map_or(0, |found| found.width);
+                (0, (1..=width).map(|at| format!("column {at}")).collect())
+            }
+        };
+        let mut builder = TableBuilder::begin(line, &names);
         if let Some(units) = found.as_ref().and_then(|found| row(found.units?)) {
             builder.take_units(units);
         }
-        for (line, row) in rows.iter().skip(begins) {
+        let said = |row: &StringRecord| layout::is_text(row.get(0).unwrap_or_default());
+        let counts = rows.get(begins).is_some_and(|(_, row)| !said(row));
+        let below =
+            rows.iter().skip(begins).rev().take_while(|(_, row)| counts && said(row)).count();
+        for (line, row) in rows.iter().take(rows.len() - below).skip(begins) {
             let mut row = row.clone();
             while row.len() < builder.columns.len() {
                 row.push_field("");

@@ -96,8 +96,8 @@ const ALONE: &[&str] = &[
 const PREFIXES: &[&str] =
     &["da", "G", "M", "k", "h", "d", "c", "m", "u", "µ", "μ", "n", "p", "f", "T"];
 
-/// A unit in the words of the mini-language: `m/s^2` of `m s⁻²`, `deg` of `degrees`; none where a
-/// word in it is no unit. `1` is what `-` says.
+/// A unit in the words of the mini-language: `m s^-2` of `m s⁻²`, `deg` of `degrees`; none
+/// where a word in it is no unit. `1` is what `-` says.
 pub fn known_unit(text: &str) -> Option<String> {
     let text = text.trim();
     // `(en s)`, `millimetres per second`.
