@@ -3,7 +3,7 @@
 
 use std::fs;
 
-use crate::support::{good, json};
+use crate::support::program::{good, json, run};
 
 /// A habit: what the file is called, what stands above, between and below its rows, how a row is
 /// written, and what the spec then says.
@@ -454,7 +454,7 @@ fn every_habit_gets_a_spec_that_check_accepts() {
         let rows: String = (0..14).map(|at| (habit.row)(at) + "\n").collect();
         fs::write(path.join(habit.file), format!("{}{rows}{}", habit.above, habit.below))
             .expect("written");
-        let made = crate::support::run(path, &["new", habit.file]);
+        let made = run(path, &["new", habit.file]);
         if made.code != Some(0) {
             wrong.push(format!("{}: {}", habit.what, made.err));
             continue;
@@ -463,7 +463,7 @@ fn every_habit_gets_a_spec_that_check_accepts() {
         for part in habit.says.iter().filter(|part| !spec.contains(*part)) {
             wrong.push(format!("{}: {part} is not in\n{spec}", habit.what));
         }
-        let checked = crate::support::run(path, &["check", "d.ham"]);
+        let checked = run(path, &["check", "d.ham"]);
         if checked.code != Some(0) || checked.err.contains("clash") {
             wrong.push(format!("{}: {}\n{spec}", habit.what, checked.err));
         }
