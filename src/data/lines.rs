@@ -59,6 +59,8 @@ pub(super) fn numbered(text: &str) -> (Vec<Line<'_>>, Option<Delimiter>) {
     (lines.collect(), said)
 }
 
+/// Lines below a table, at most.
+pub(super) const MOST_BELOW: usize = 20;
 /// How many lines are looked at to learn how a file is written.
 pub(super) const LOOKED_AT: usize = 400;
 
@@ -250,13 +252,19 @@ impl<'a> LaidOut<'a> {
         let delimiter = self.delimiter;
         let rows = self.lines.get(begins..).unwrap_or_default();
         let first = rows.first().map(|(_, line)| record(line, delimiter));
-        if first.is_none_or(|row| layout::is_text(row.get(0).unwrap_or_default())) {
+        // Where the first column stays the same from row to row it names runs, in any words.
+        let second = rows.get(1).map(|(_, line)| record(line, delimiter));
+        let first = first.as_ref().and_then(|row| row.get(0)).unwrap_or_default();
+        let second = second.as_ref().and_then(|row| row.get(0)).unwrap_or_default();
+        if rows.len() < 3 || layout::is_text(first) || first == second {
             return;
         }
         let below =
             layout::footer(rows.iter().map(|(_, line)| *line), |line| record(line, delimiter));
         let kept = self.lines.len() - below;
-        if let Some((line, _)) = self.lines.get(kept).filter(|_| kept > begins) {
+        if let Some((line, _)) =
+            self.lines.get(kept).filter(|_| kept > begins && below <= MOST_BELOW)
+        {
             self.notes.push(format!(
                 "{} below the table left out, from line {line} on.",
                 counted(below, "line")

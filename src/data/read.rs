@@ -250,9 +250,12 @@ impl TableBuilder {
             builder.take_units(units);
         }
         let said = |row: &StringRecord| layout::is_text(row.get(0).unwrap_or_default());
-        let counts = rows.get(begins).is_some_and(|(_, row)| !said(row));
+        let first = |at: usize| row(at).and_then(|row| row.get(0));
+        let counts = rows.get(begins).is_some_and(|(_, row)| !said(row))
+            && first(begins) != first(begins + 1);
         let below =
             rows.iter().skip(begins).rev().take_while(|(_, row)| counts && said(row)).count();
+        let below = if below > super::lines::MOST_BELOW { 0 } else { below };
         for (line, row) in rows.iter().take(rows.len() - below).skip(begins) {
             let mut row = row.clone();
             while row.len() < builder.columns.len() {
