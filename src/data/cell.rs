@@ -16,7 +16,37 @@ pub enum Cell {
 }
 
 /// How people write that nothing was measured (in lower case).
-const MISSING: &[&str] = &["", "na", "n/a", "#n/a", "nan", "-nan", "null", "none", "-", "--", "?"];
+const MISSING: &[&str] = &[
+    "",
+    "na",
+    "n/a",
+    "n.a.",
+    "#n/a",
+    "#nv",
+    "nan",
+    "-nan",
+    "nan(ind)",
+    "-nan(ind)",
+    "1.#qnan",
+    "-1.#ind",
+    "null",
+    "none",
+    "nil",
+    "?",
+    // Beyond the range of the instrument.
+    "overload",
+    "overrange",
+    "overflow",
+    "ovld",
+    "ovf",
+    "out of range",
+    "invalid",
+    "undefined",
+    "#value!",
+    "#wert!",
+    "#ref!",
+    "#num!",
+];
 
 /// How people and programs write infinity, without its sign (in lower case).
 const INFINITE: &[&str] = &["inf", "infinity", "1.#inf", "∞", "#div/0!"];
@@ -32,6 +62,11 @@ pub fn parse_cell(cell: &str, decimal_comma: bool) -> Cell {
         && let Some(number) = number(cell, decimal_comma)
     {
         return if number.is_finite() { Cell::Number(number) } else { Cell::TooLarge };
+    }
+    // `--`, `--.---` and the like, as displays show what they do not have.
+    if !cell.is_empty() && cell.chars().all(|c| matches!(c, '-' | '.' | '_' | '*' | '–' | '—'))
+    {
+        return Cell::Missing;
     }
     let lower = cell.to_lowercase();
     if MISSING.contains(&lower.as_str()) {
@@ -105,6 +140,9 @@ mod tests {
             ("N/A", false, Cell::Missing),
             ("-", false, Cell::Missing),
             ("?", false, Cell::Missing),
+            ("--.---", false, Cell::Missing),
+            ("OVERLOAD", false, Cell::Missing),
+            ("error", false, Cell::Text),
             ("-Inf", false, Cell::Infinite),
             ("Infinity", false, Cell::Infinite),
             ("#DIV/0!", false, Cell::Infinite),

@@ -38,6 +38,11 @@ const COMMA: (Delimiter, char, &str) = (Delimiter::Comma, ',', "comma");
 const LOOKED_AT: usize = 200;
 
 impl Delimiter {
+    /// All of them, those first that are hardest to mistake.
+    pub(super) fn all() -> impl Iterator<Item = Delimiter> {
+        DELIMITERS.iter().map(|row| row.0)
+    }
+
     /// The name that people know it by.
     pub fn name(self) -> &'static str {
         self.row().2

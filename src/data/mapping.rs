@@ -97,6 +97,9 @@ pub(super) fn time_column<'a>(
             return Ok((column, 1.0, 0.0));
         }
     }
+    if table.reading.headless() {
+        return Err(no_header(table));
+    }
     Err(table.error(
         table.reading.header_line(),
         None,
@@ -158,8 +161,25 @@ pub(super) fn without_column(table: &Table, mapping: &Mapping) -> Result<Option<
     }))
 }
 
+/// The columns have no names.
+fn no_header(table: &Table) -> Error {
+    table.error(
+        table.reading.header_line(),
+        None,
+        format!(
+            "the first row holds numbers, so there is no header; the columns are called {}",
+            listed(table)
+        ),
+        "add a first line that names the columns, such as `t,theta,omega`, or write these names \
+         into the spec",
+    )
+}
+
 /// There is no column `name`, which `what` asks for; with the names that come near.
 pub(super) fn missing_column(table: &Table, name: &str, what: &str) -> Error {
+    if table.reading.headless() {
+        return no_header(table);
+    }
     let mut near: Vec<(f64, &str)> = table
         .columns
         .iter()

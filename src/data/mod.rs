@@ -24,7 +24,10 @@ mod grouping;
 mod guard;
 mod header;
 mod input;
+mod layout;
+mod lines;
 mod mapping;
+mod moment;
 mod order;
 mod packed;
 #[cfg(feature = "parquet")]
@@ -45,6 +48,7 @@ mod stream;
 mod survey;
 mod table;
 mod text;
+mod unit_words;
 mod write;
 
 pub(crate) use beside::{can_remove, is_at};
@@ -72,6 +76,7 @@ pub use stream::{FileSource, head, memory_needed};
 pub use survey::{Survey, survey, survey_file};
 pub use table::{Column, ParquetReading, Reading, StoredReading, Table, TextReading, column_of};
 pub use text::{Encoding, is_invisible, visible};
+pub use unit_words::{is_time_unit, known_unit};
 pub use write::{Layout, to_csv, write_atomically, write_csv};
 
 /// One uninterrupted recording. Missing cells are NaN; times strictly increase.

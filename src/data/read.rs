@@ -7,19 +7,23 @@ use sha2::{Digest, Sha256};
 
 use super::cell::{Cell, parse_cell};
 use super::cells::Cells;
-use super::delimiter::Delimiter;
 use super::header::{counted, split_unit};
-use super::table::{Column, Reading, Table, TextReading, wrong};
+use super::layout;
+use super::lines::{LOOKED_AT, LaidOut, builder, laid_out, numbered};
+use super::mapping::TIME_NAMES;
+use super::moment::{Order, moment, seconds_of};
+use super::table::{Column, Reading, Table, TextReading, column_of, wrong};
 use super::text::decode;
+use super::unit_words::known_unit;
 use crate::error::Result;
 
 /// Reads measurements from the bytes of a text file, which errors call `path`: cells between
 /// commas, tabs, semicolons, bars or blanks under a header. Comment lines (`#`, `%`) and blank
-/// lines are skipped; a header that is itself a comment, as NumPy writes it, is found.
+/// lines are skipped; a header that is itself a comment, as NumPy writes it, is found; so are what
+/// stands above a header and below a table ([`layout`]).
 ///
 /// # Errors
-/// The file is not text, is empty, has no header or no rows, has rows of different lengths,
-/// or two columns with the same header.
+/// The file is not text, is empty, has no rows, or has rows of different lengths.
 pub(super) fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Table> {
     let (text, encoding) = decode(bytes).map_err(|not| {
         wrong(
@@ -30,16 +34,31 @@ pub(super) fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Table> {
             "export the measurements as CSV",
         )
     })?;
-    let Lines { lines, delimiter } = header_and_rows(path, &text)?;
-    let (header_line, columns, rows) =
-        TableBuilder::parse(path, &lines, delimiter)?.finish(path)?;
+    let (lines, said) = numbered(&text);
+    let mut laid_out = laid_out(path, &lines, said)?;
+    let (builder, again) = TableBuilder::parse(path, &laid_out)?;
+    let (header_line, mut columns, rows) = builder.finish(path)?;
+    let runs = (!again.is_empty()).then(|| run_column(&mut columns, &rows, &again));
+    // Before clocks are read: their digits are written with points.
+    let decimal_comma = has_decimal_comma(&columns);
+    let mut notes = std::mem::take(&mut laid_out.notes);
+    notes.extend(columns.iter_mut().filter_map(clocks_to_seconds));
+    notes.extend(columns.iter_mut().filter_map(without_marked));
+    notes.extend(columns.iter_mut().filter_map(without_tails));
+    if let Some(count) = count_of_rows(&columns, rows.len(), decimal_comma) {
+        columns.push(count);
+        notes.push("no column rises as a time does: `sample` counts the rows.".to_string());
+    }
     Ok(Table {
         path: path.to_path_buf(),
         reading: Reading::Text(TextReading {
             encoding,
-            delimiter,
-            decimal_comma: has_decimal_comma(&columns),
+            delimiter: laid_out.delimiter,
+            decimal_comma,
             header_line,
+            headless: laid_out.headless,
+            runs,
+            notes,
         }),
         columns,
         lines: rows,
@@ -47,117 +66,110 @@ pub(super) fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Table> {
     })
 }
 
-/// The lines that hold cells, the header first, each with its number in the file.
-struct Lines<'a> {
-    lines: Vec<(u64, &'a str)>,
-    delimiter: Delimiter,
+/// A column that counts the runs which begin at some lines; gives its name.
+fn run_column(columns: &mut Vec<Column>, rows: &[u64], begins: &[u64]) -> String {
+    let mut name = "run".to_string();
+    while columns.iter().any(|column| column.name == name) {
+        name.push('_');
+    }
+    let run = |line: &u64| 1 + begins.partition_point(|begin| begin <= line);
+    let cells: Cells = rows.iter().map(|line| run(line).to_string()).collect();
+    columns.push(column_of(&name, cells));
+    name
 }
 
-fn header_and_rows<'a>(path: &Path, text: &'a str) -> Result<Lines<'a>> {
-    // A lone carriage return ends lines in files from very old programs.
-    let end = if text.contains('\n') { '\n' } else { '\r' };
-    let mut numbered = (1..)
-        .zip(text.split(end))
-        .map(|(number, line)| (number, line.trim_end_matches(['\r', '\x1a'])))
-        .peekable();
-    let said = match numbered.peek() {
-        Some((_, line)) => declared_delimiter(line),
-        None => None,
+/// Clock times and dates become seconds; says so.
+fn clocks_to_seconds(column: &mut Column) -> Option<String> {
+    let first = column.cells.iter().find(|cell| parse_cell(cell, true) != Cell::Missing)?;
+    moment(&first, Order::MonthFirst).or_else(|| moment(&first, Order::DayFirst))?;
+    drop(first);
+    let cells: Vec<String> = column.cells.iter().map(std::borrow::Cow::into_owned).collect();
+    let missing = |cell: &str| parse_cell(cell, true) == Cell::Missing;
+    let (seconds, since) = seconds_of(cells.iter().map(String::as_str), missing)?;
+    column.cells = seconds.into_iter().collect();
+    column.unit = Some("s".to_string());
+    Some(format!("`{}` read as seconds {since}.", column.header))
+}
+
+/// A column that counts the rows, where no other is a time, by its name or because it rises.
+fn count_of_rows(columns: &[Column], rows: usize, decimal_comma: bool) -> Option<Column> {
+    const NAME: &str = "sample";
+    let is_time = |column: &Column| {
+        let name = column.name.to_lowercase();
+        let cells = column.cells.len().min(LOOKED_AT);
+        let mut last = None;
+        let (mut up, mut steps) = (0, 0);
+        for row in 0..cells {
+            let Cell::Number(number) = column.cells.number(row, decimal_comma) else { continue };
+            up += usize::from(last.is_some_and(|last| number > last));
+            steps += usize::from(last.is_some());
+            last = Some(number);
+        }
+        // Where every few rows are a run of their own, time falls often.
+        name == NAME || TIME_NAMES.contains(&name.as_str()) || 5 * up > 3 * steps
     };
-    if said.is_some() {
-        numbered.next();
+    if rows < 3 || columns.iter().any(is_time) {
+        return None;
     }
-    let mut comment = None;
-    let mut lines: Vec<(u64, &str)> = Vec::new();
-    for (number, line) in numbered {
-        let start = line.trim_start();
-        if start.is_empty() {
-            continue;
-        }
-        // `#N/A` is a spreadsheet's missing cell, not a comment.
-        if start.starts_with(['#', '%']) && !start.starts_with("#N/A") {
-            if lines.is_empty() {
-                comment = Some((number, start.trim_start_matches(['#', '%'])));
-            }
-        } else {
-            lines.push((number, line));
-        }
+    Some(column_of(NAME, (0..rows).map(|row| row.to_string()).collect()))
+}
+
+/// Readings that the instrument marked as doubtful (`1.2*`) are left out; says so.
+fn without_marked(column: &mut Column) -> Option<String> {
+    let marked = |cell: &str| {
+        let number = cell.trim_end_matches(MARKS).trim_end();
+        number.len() < cell.len() && matches!(parse_cell(number, true), Cell::Number(_))
+    };
+    let count = column.cells.iter().filter(|cell| marked(cell)).count();
+    // Where most have a mark it is no doubt.
+    if count == 0 || 2 * count > column.cells.len() {
+        return None;
     }
-    if lines.is_empty() {
-        let message = match comment {
-            Some(_) => "the file has only comment lines",
-            None => "the file is empty",
-        };
-        let hint = "give a header that names the columns, and one row per sample";
-        return Err(wrong(path, None, None, message, hint));
-    }
-    let delimiter = said.unwrap_or_else(|| sniff(&lines));
-    if !is_numeric(&lines, delimiter) {
-        return Ok(Lines { lines, delimiter });
-    }
-    let first = lines.first().map(|(number, _)| *number);
-    if let Some(comment) = comment {
-        lines.insert(0, comment);
-        let delimiter = said.unwrap_or_else(|| sniff(&lines));
-        let cells = |at: usize| lines.get(at).map(|(_, line)| record(line, delimiter).len());
-        if cells(0) == cells(1) {
-            return Ok(Lines { lines, delimiter });
-        }
-    }
-    Err(wrong(
-        path,
-        first,
-        None,
-        "the first row holds numbers, so there is no header",
-        "add a first line that names the columns, such as `t,theta,omega`",
+    let kept = |cell: std::borrow::Cow<'_, str>| match marked(&cell) {
+        true => String::new(),
+        false => cell.into_owned(),
+    };
+    let cells: Cells = column.cells.iter().map(kept).collect();
+    column.cells = cells;
+    Some(format!(
+        "{} of `{}` marked as doubtful (such as `1.2*`) left out.",
+        counted(count, "cell"),
+        column.header
     ))
 }
 
-/// What a first line `sep=;` says.
-fn declared_delimiter(line: &str) -> Option<Delimiter> {
-    let said = line.trim_matches('"').strip_prefix("sep=")?;
-    let mut characters = said.chars();
-    match (characters.next(), characters.next()) {
-        (Some(one), None) => Delimiter::from_char(one),
-        _ => None,
-    }
-}
-
-fn sniff(lines: &[(u64, &str)]) -> Delimiter {
-    let first: Vec<&str> = lines.iter().take(200).map(|(_, line)| *line).collect();
-    Delimiter::sniff(&first)
-}
-
-fn is_numeric(lines: &[(u64, &str)], delimiter: Delimiter) -> bool {
-    let Some((_, line)) = lines.first() else {
-        return false;
+/// Units and errors behind the numbers of a whole column (`0.1 s`, `1.5 ± 0.1`) are taken off; says
+/// so.
+fn without_tails(column: &mut Column) -> Option<String> {
+    let divided = |cell: &str| {
+        let error = cell.find('±').or_else(|| cell.find("+/-"));
+        let unit = || cell.trim_end_matches(|c: char| !c.is_ascii_digit() && c != '.').len();
+        let (number, tail) = cell.split_at_checked(error.unwrap_or_else(unit))?;
+        let is_number = matches!(parse_cell(number, true), Cell::Number(_));
+        let tail = if error.is_some() { "±" } else { tail.trim() };
+        (is_number && !tail.is_empty()).then(|| (number.trim().to_string(), tail.to_string()))
     };
-    let record = record(line, delimiter);
-    let mut numbers = 0;
-    for cell in &record {
-        match parse_cell(cell, true) {
-            Cell::Number(_) | Cell::Infinite | Cell::TooLarge => numbers += 1,
-            Cell::Missing => {}
-            Cell::Text => return false,
-        }
+    let missing = |cell: &str| parse_cell(cell, true) == Cell::Missing;
+    let present = || column.cells.iter().filter(|cell| !missing(cell));
+    let (_, tail) = divided(&present().next()?)?;
+    let unit = known_unit(&tail).filter(|_| tail != "±");
+    if unit.is_none() && tail != "±" {
+        return None;
     }
-    numbers > 0
+    let same = |cell: &str| divided(cell).is_some_and(|(_, other)| other == tail);
+    if !present().all(|cell| same(&cell)) {
+        return None;
+    }
+    let number =
+        |cell: std::borrow::Cow<'_, str>| divided(&cell).map_or_else(String::new, |row| row.0);
+    let cells: Cells = column.cells.iter().map(number).collect();
+    column.cells = cells;
+    column.unit = column.unit.take().or(unit);
+    Some(format!("`{tail}` behind the numbers of `{}` taken off.", column.header))
 }
 
-/// One line by itself as cells.
-fn record(line: &str, delimiter: Delimiter) -> StringRecord {
-    let line = delimiter.tidy(line);
-    let mut record = StringRecord::new();
-    // A failure leaves the record empty, and the whole file is parsed with errors later.
-    let _ = builder(delimiter).from_reader(line.as_bytes()).read_record(&mut record);
-    record
-}
-
-fn builder(delimiter: Delimiter) -> csv::ReaderBuilder {
-    let mut builder = csv::ReaderBuilder::new();
-    builder.delimiter(delimiter.byte()).has_headers(false).flexible(true).trim(csv::Trim::All);
-    builder
-}
+/// Marks behind a number that its instrument doubts.
+const MARKS: [char; 6] = ['*', '†', '!', '?', '~', '#'];
 
 /// The columns while they are being filled, row by row.
 pub(super) struct TableBuilder {
@@ -167,7 +179,8 @@ pub(super) struct TableBuilder {
 }
 
 impl TableBuilder {
-    fn parse(path: &Path, lines: &[(u64, &str)], delimiter: Delimiter) -> Result<Self> {
+    fn parse(path: &Path, laid_out: &LaidOut) -> Result<(Self, Vec<u64>)> {
+        let (lines, delimiter) = (&laid_out.lines, laid_out.delimiter);
         // The parser sees only lines with cells, so that its line numbers lead back to
         // ours; quoted cells may still span several of them.
         let mut text = String::new();
@@ -178,6 +191,12 @@ impl TableBuilder {
         let mut reader = builder(delimiter).from_reader(text.as_bytes());
         let mut record = StringRecord::new();
         let mut rows: Option<TableBuilder> = None;
+        if let Some((line, header)) = &laid_out.header {
+            rows = Some(TableBuilder::begin(*line, header));
+        }
+        if let (Some(rows), Some(units)) = (&mut rows, &laid_out.units) {
+            rows.take_units(units);
+        }
         loop {
             let more = reader.read_record(&mut record).map_err(|error| {
                 let message = format!("the row cannot be divided into cells ({error})");
@@ -192,17 +211,64 @@ impl TableBuilder {
                 .and_then(|index| lines.get(index))
                 .map_or(0, |(number, _)| *number);
             match &mut rows {
-                None => rows = Some(TableBuilder::begin(path, line, &record)?),
+                None => rows = Some(TableBuilder::begin(line, &record)),
                 Some(rows) => rows.add(path, line, &record)?,
             }
         }
-        rows.ok_or_else(|| {
+        let rows = rows.ok_or_else(|| {
             let hint = "give a header that names the columns, and one row per sample";
             wrong(path, None, None, "the file is empty", hint)
-        })
+        })?;
+        let line_of = |at: &usize| lines.get(*at).map(|(number, _)| *number);
+        Ok((rows, laid_out.begins.iter().filter_map(line_of).collect()))
     }
 
-    pub(super) fn begin(path: &Path, line: u64, header: &StringRecord) -> Result<Self> {
+    /// The columns of the rows of a sheet, and the row of each cell.
+    #[cfg(feature = "files")]
+    pub(super) fn of_rows(
+        path: &Path,
+        rows: Vec<(u64, StringRecord)>,
+    ) -> Result<(Vec<Column>, Vec<u64>)> {
+        let first: Vec<StringRecord> =
+            rows.iter().take(LOOKED_AT).map(|(_, row)| row.clone()).collect();
+        let found = layout::find(&first).filter(|_| !layout::is_plain(&first));
+        let row = |at: usize| rows.get(at).map(|(_, row)| row);
+        let header = found.as_ref().map_or(Some(0), |found| found.header);
+        let begins = found.as_ref().map_or(1, |found| found.first);
+        let above = found.as_ref().and_then(|found| row(found.above?));
+        let (line, names) = match header.and_then(|at| rows.get(at)) {
+            Some((line, names)) => {
+                (*line, above.map_or_else(|| names.clone(), |above| layout::joined(names, above)))
+            }
+            None => {
+                let width = found.as_ref().map_or(0, |found| found.width);
+                (0, (1..=width).map(|at| format!("column {at}")).collect())
+            }
+        };
+        let mut builder = TableBuilder::begin(line, &names);
+        if let Some(units) = found.as_ref().and_then(|found| row(found.units?)) {
+            builder.take_units(units);
+        }
+        let said = |row: &StringRecord| layout::is_text(row.get(0).unwrap_or_default());
+        let first = |at: usize| row(at).and_then(|row| row.get(0));
+        let counts = rows.get(begins).is_some_and(|(_, row)| !said(row))
+            && first(begins) != first(begins + 1);
+        let below =
+            rows.iter().skip(begins).rev().take_while(|(_, row)| counts && said(row)).count();
+        let below = if below > super::lines::MOST_BELOW { 0 } else { below };
+        for (line, row) in rows.iter().take(rows.len() - below).skip(begins) {
+            let mut row = row.clone();
+            while row.len() < builder.columns.len() {
+                row.push_field("");
+            }
+            builder.add(path, *line, &row)?;
+        }
+        let (_, mut columns, lines) = builder.finish(path)?;
+        columns.iter_mut().for_each(|column| drop(clocks_to_seconds(column)));
+        Ok((columns, lines))
+    }
+
+    fn begin(line: u64, header: &StringRecord) -> Self {
         let width = header
             .iter()
             .enumerate()
@@ -210,29 +276,30 @@ impl TableBuilder {
             .last()
             .map_or(0, |(at, _)| at + 1);
         let mut columns: Vec<Column> = Vec::with_capacity(width);
-        let mut seen = std::collections::HashSet::new();
+        let mut seen = std::collections::HashMap::new();
+        header.iter().take(width).for_each(|cell| *seen.entry(cell).or_insert(0) += 1);
         for (at, cell) in header.iter().take(width).enumerate() {
-            let header =
-                if cell.is_empty() { format!("column {}", at + 1) } else { cell.to_string() };
-            if !seen.insert(header.clone()) {
-                return Err(wrong(
-                    path,
-                    Some(line),
-                    Some(&header),
-                    format!("two columns are called `{header}`"),
-                    "give every column a name of its own",
-                ));
-            }
-            let (name, unit) = match split_unit(&header) {
-                (name, unit) if !name.is_empty() => (name, unit),
-                _ => (header.clone(), None),
+            let mut column = match cell {
+                "" => column_of(&format!("column {}", at + 1), Cells::default()),
+                // A name has one line, and no quotation mark, so that a spec can name it.
+                cell if cell.contains(['\n', '\r', '"']) => {
+                    let words: Vec<&str> = cell.split_whitespace().collect();
+                    column_of(&words.join(" ").replace('"', "'"), Cells::default())
+                }
+                cell => column_of(cell, Cells::default()),
             };
-            columns.push(Column { name, header, unit, cells: Cells::default() });
+            if column.name.is_empty() {
+                (column.name, column.unit) = (column.header.clone(), None);
+            }
+            if !cell.is_empty() && seen.get(cell).is_some_and(|count| *count > 1) {
+                column.header = format!("{} (column {})", column.header, at + 1);
+            }
+            columns.push(column);
         }
-        Ok(TableBuilder { header_line: line, columns, lines: Vec::new() })
+        TableBuilder { header_line: line, columns, lines: Vec::new() }
     }
 
-    pub(super) fn add(&mut self, path: &Path, line: u64, record: &StringRecord) -> Result<()> {
+    fn add(&mut self, path: &Path, line: u64, record: &StringRecord) -> Result<()> {
         // Spreadsheets leave rows of nothing but delimiters at the end.
         if record.iter().all(str::is_empty) {
             return Ok(());
@@ -260,7 +327,9 @@ impl TableBuilder {
                 hint,
             ));
         }
-        if self.lines.is_empty() && self.take_units(record) {
+        let bracketed = |cell: &str| matches!(split_unit(cell), (name, Some(_)) if name.is_empty());
+        if self.lines.is_empty() && record.iter().all(|cell| cell.is_empty() || bracketed(cell)) {
+            self.take_units(record);
             return Ok(());
         }
         for (column, cell) in self.columns.iter_mut().zip(record.iter()) {
@@ -270,27 +339,18 @@ impl TableBuilder {
         Ok(())
     }
 
-    /// How many columns there are.
-    pub(super) fn width(&self) -> usize {
-        self.columns.len()
-    }
-
     /// Takes the units from a row of them (`[s],[rad]`) under the header.
-    fn take_units(&mut self, record: &StringRecord) -> bool {
-        let inside = |cell: &str| match split_unit(cell) {
-            (name, Some(unit)) if name.is_empty() => Some(unit),
-            _ => None,
-        };
-        let all = record.iter().all(|cell| cell.is_empty() || inside(cell).is_some());
-        if all {
-            for (column, cell) in self.columns.iter_mut().zip(record.iter()) {
-                column.unit = column.unit.take().or_else(|| inside(cell));
-            }
+    fn take_units(&mut self, record: &StringRecord) {
+        for (column, cell) in self.columns.iter_mut().zip(record.iter()) {
+            let inside = match split_unit(cell) {
+                (name, Some(unit)) if name.is_empty() => unit,
+                _ => cell.to_string(),
+            };
+            column.unit = column.unit.take().or((!inside.is_empty()).then_some(inside));
         }
-        all
     }
 
-    pub(super) fn finish(self, path: &Path) -> Result<(u64, Vec<Column>, Vec<u64>)> {
+    fn finish(self, path: &Path) -> Result<(u64, Vec<Column>, Vec<u64>)> {
         if self.lines.is_empty() {
             return Err(wrong(
                 path,

@@ -97,7 +97,8 @@ pub fn dataset(table: &Table, mapping: &Mapping) -> Result<(Dataset, DataReport)
     };
     driving::take_inputs(&mut data, table, mapping)?;
     grouping::take_groups(&mut data, table, mapping)?;
-    let mut sentences = notes.sentences(table.reading.noun());
+    let mut sentences = table.reading.notes().to_vec();
+    sentences.extend(notes.sentences(table.reading.noun()));
     sentences.extend(driving::about_gaps(&data, table));
     sentences.extend(without_column(table, mapping)?);
     let report = DataReport::of_file(&data, table, sources, sentences);

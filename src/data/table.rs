@@ -41,7 +41,7 @@ pub enum Reading {
 }
 
 /// How a text file was understood.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct TextReading {
     /// How its text is stored.
     pub encoding: Encoding,
@@ -49,8 +49,14 @@ pub struct TextReading {
     pub delimiter: Delimiter,
     /// Whether numbers have a comma for their decimal sign.
     pub decimal_comma: bool,
-    /// The line of the header, counted from 1.
+    /// The line of the header, counted from 1; of the first row where there is none.
     pub header_line: u64,
+    /// Whether there is no header: columns are called `column 1` and so on.
+    pub headless: bool,
+    /// The column that was made to tell runs apart, where the header stands again before each.
+    pub runs: Option<String>,
+    /// What of the file was left out or read in another way, in sentences.
+    pub notes: Vec<String>,
 }
 
 /// How a Parquet file was understood.
@@ -81,7 +87,21 @@ impl Reading {
     pub fn runs(&self) -> Option<&str> {
         match self {
             Reading::Stored(stored) => stored.runs.as_deref(),
+            Reading::Text(text) => text.runs.as_deref(),
             _ => None,
+        }
+    }
+
+    /// Whether the columns have no names in the file.
+    pub fn headless(&self) -> bool {
+        matches!(self, Reading::Text(text) if text.headless)
+    }
+
+    /// What of the file was left out or read in another way, in sentences.
+    pub fn notes(&self) -> &[String] {
+        match self {
+            Reading::Text(text) => &text.notes,
+            Reading::Parquet(_) | Reading::Stored(_) | Reading::Memory => &[],
         }
     }
 
@@ -278,13 +298,22 @@ impl Table {
                 [] => {}
                 [one] => return Ok(Some(one)),
                 many => {
+                    let same = many.iter().any(|column| column.header.contains(" (column "));
                     let headers: Vec<String> =
                         many.iter().map(|c| format!("`{}`", c.header)).collect();
                     return Err(self.error(
                         self.reading.header_line(),
                         Some(name),
-                        format!("`{name}` can be any of the columns {}", headers.join(" and ")),
-                        "name the column by its whole header",
+                        if same {
+                            format!("two columns are called `{name}`: {}", headers.join(" and "))
+                        } else {
+                            format!("`{name}` can be any of the columns {}", headers.join(" and "))
+                        },
+                        if same {
+                            "give every column a name of its own, or name one as it is called here"
+                        } else {
+                            "name the column by its whole header"
+                        },
                     ));
                 }
             }
@@ -299,7 +328,8 @@ fn hint_for(text: &str) -> String {
     }
     let digits = text.starts_with(|c: char| c.is_ascii_digit());
     if digits && (text.contains(':') || text.matches(['-', '/']).count() == 2) {
-        "write times as numbers, such as seconds since the start; dates are not read".to_string()
+        "write all times of a column in one form, such as 10:00:00.1, or as seconds since the start"
+            .to_string()
     } else if digits && text.contains(',') {
         "write numbers without thousands separators, and with one decimal sign in the whole file"
             .to_string()

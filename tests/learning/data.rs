@@ -373,3 +373,14 @@ fn a_run_listed_twice_is_said_and_counted_once() {
     let said = report.warnings.join("\n");
     assert!(said.contains("2 runs") && said.contains("copy of run a"), "{said}");
 }
+
+#[test]
+fn the_last_runs_may_be_named_by_words() {
+    let rows = ["1", "2", "again"].map(|run| format!("{run},0,1\n{run},1,2\n{run},2,3\n"));
+    let text = format!("run,t,x\n{}", rows.concat());
+    let table = read_bytes(Path::new("a.csv"), text.as_bytes()).expect("good");
+    assert_eq!(table.rows(), 9);
+    // What stands below a table whose first column counts is none of it.
+    let table = read_bytes(Path::new("a.csv"), b"t,x\n0,1\n1,2\n2,3\nMean,2\n").expect("good");
+    assert_eq!(table.rows(), 3);
+}

@@ -52,11 +52,6 @@ const fn data(what: &'static str, data: &'static str, says: &'static [&'static s
     Bad { what, spec: SPEC, data, command: FIT, says }
 }
 
-/// Data that are wrong, where a spec is to be made for them.
-const fn first_look(what: &'static str, data: &'static str, says: &'static [&'static str]) -> Bad {
-    Bad { what, spec: SPEC, data, command: &["new", "d.csv"], says }
-}
-
 const BAD: &[Bad] = &[
     spec("unknown name", "T = p^2/2\nV = span{ qq^2 }", &["s.ham:5:11", "`qq`", "did you mean"]),
     spec("wrong arity", "T = p^2/2\nV = span{ sin(q, 2) }", &["s.ham:5:", "sin"]),
@@ -77,16 +72,6 @@ const BAD: &[Bad] = &[
     data("header only", "run,t,q,p\n", &["d.csv", "row"]),
     data("ragged rows", "run,t,q,p\n1,0,1,0\n1,0.1,1\n", &["d.csv, line 3", "cell"]),
     data("text in a number", "run,t,q,p\n1,0,1,0\n1,0.1,x1,0\n", &["line 3", "`q`", "`x1`"]),
-    first_look(
-        "text in a number, before there is a spec",
-        "run,t,q,p\n1,0,1,0\n1,0.1,x1,0\n1,0.2,0.9,0\n",
-        &["line 3", "`q`", "`x1`"],
-    ),
-    first_look(
-        "a unit behind a time, before there is a spec",
-        "run,t,q,p\n1,0,1,0\n1,0.1 s,1,0\n1,0.2,0.9,0\n",
-        &["line 3", "`t`", "`0.1 s`"],
-    ),
     data("infinity", "run,t,q,p\n1,0,1,0\n1,0.1,inf,0\n", &["line 3", "`q`", "infinite"]),
     data("no numbers", "run,t,q,p\n1,0,nan,nan\n1,0.1,nan,nan\n", &["d.csv", "measured"]),
     data(

@@ -13,6 +13,7 @@ mod design;
 mod diagnosis;
 mod driven;
 mod examples;
+mod headers;
 mod hostile_files;
 mod large_data;
 #[path = "../learning/measurements.rs"]

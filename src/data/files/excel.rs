@@ -9,7 +9,7 @@ use csv::StringRecord;
 use super::super::cell::format_number;
 use super::super::guard::guarded;
 use super::super::read::TableBuilder;
-use super::super::table::{Column, Reading, StoredReading, Table, column_of, wrong};
+use super::super::table::{Reading, StoredReading, Table, column_of, wrong};
 use super::{INFLATED, damaged, digest, most_inflated};
 use crate::error::{Error, Result};
 
@@ -128,42 +128,38 @@ pub(super) fn read(path: &Path, bytes: &[u8], part: Option<&str>) -> Result<Tabl
     Ok(table)
 }
 
-/// The cells of a sheet, its first row with cells the header.
+/// The cells of a sheet, laid out as those of a text file are.
 fn sheet(path: &Path, book: &mut Xlsx<Cursor<&[u8]>>, name: &str) -> Result<Table> {
     let broken = |_| damaged(path, "a sheet cannot be read");
     let mut cells = book.worksheet_cells_reader(name).map_err(broken)?;
-    let mut builder: Option<TableBuilder> = None;
+    let mut rows: Vec<(u64, StringRecord)> = Vec::new();
     let mut row: Vec<String> = Vec::new();
-    let mut numbers = false;
     let mut at = 0;
     loop {
         let next = cells.next_cell().map_err(broken)?;
         let place = next.as_ref().map(|cell| cell.get_position());
         if place.is_none_or(|(line, _)| line != at) && !row.iter().all(String::is_empty) {
-            let line = u64::from(at) + 1;
-            take(path, &mut builder, line, &mut row, numbers)?;
+            rows.push((u64::from(at) + 1, StringRecord::from(row.clone())));
         }
         let Some(cell) = next else { break };
         let (line, column) = cell.get_position();
         if line != at {
             row.clear();
-            numbers = false;
             at = line;
         }
         let column = column as usize;
         if row.len() <= column {
             row.resize(column + 1, String::new());
         }
-        numbers |= matches!(cell.get_value(), DataRef::Int(_) | DataRef::Float(_));
         if let Some(place) = row.get_mut(column) {
             *place = text(cell.get_value());
         }
     }
-    let Some(builder) = builder else {
+    if rows.is_empty() {
         let hint = "give a header that names the columns, and one row per sample";
         return Err(wrong(path, None, None, format!("the sheet `{name}` is empty"), hint));
-    };
-    let (_, columns, lines): (u64, Vec<Column>, Vec<u64>) = builder.finish(path)?;
+    }
+    let (columns, lines) = TableBuilder::of_rows(path, rows)?;
     Ok(Table {
         path: path.to_path_buf(),
         columns,
@@ -171,35 +167,6 @@ fn sheet(path: &Path, book: &mut Xlsx<Cursor<&[u8]>>, name: &str) -> Result<Tabl
         reading: Reading::Memory,
         sha256: String::new(),
     })
-}
-
-/// The header, or a row below it, with as many cells as the header.
-fn take(
-    path: &Path,
-    builder: &mut Option<TableBuilder>,
-    line: u64,
-    row: &mut Vec<String>,
-    numbers: bool,
-) -> Result<()> {
-    match builder {
-        None if numbers => Err(wrong(
-            path,
-            Some(line),
-            None,
-            "the first row holds numbers, so there is no header",
-            "add a first row that names the columns, such as `t`, `theta`, `omega`",
-        )),
-        None => {
-            *builder = Some(TableBuilder::begin(path, line, &StringRecord::from(row.clone()))?);
-            Ok(())
-        }
-        Some(builder) => {
-            if row.len() < builder.width() {
-                row.resize(builder.width(), String::new());
-            }
-            builder.add(path, line, &StringRecord::from(row.clone()))
-        }
-    }
 }
 
 /// A cell as it would stand in a text file.
@@ -210,10 +177,21 @@ fn text(cell: &DataRef) -> String {
         DataRef::String(text) => text.trim().to_string(),
         DataRef::SharedString(text) => text.trim().to_string(),
         DataRef::Bool(truth) => u8::from(*truth).to_string(),
-        DataRef::DateTime(date) if date.is_duration() => format!("{}:00:00", date.as_f64() * 24.0),
+        // A sheet counts in days; their rounding is less than a microsecond.
+        DataRef::DateTime(date) if date.is_duration() || date.as_f64() < 1.0 => {
+            let microseconds = (date.as_f64() * 86_400e6).round();
+            let seconds = (microseconds / 1e6).floor();
+            let (hours, rest) = ((seconds / 3600.0).floor(), seconds % 3600.0);
+            format!(
+                "{hours}:{:02}:{:02}.{:06}",
+                (rest / 60.0).floor(),
+                rest % 60.0,
+                microseconds % 1e6
+            )
+        }
         DataRef::DateTime(date) => {
-            let (year, month, day, hour, minute, second, _) = date.to_ymd_hms_milli();
-            format!("{year:04}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02}")
+            let (year, month, day, hour, minute, second, milli) = date.to_ymd_hms_milli();
+            format!("{year:04}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02}.{milli:03}")
         }
         DataRef::DateTimeIso(text) | DataRef::DurationIso(text) => text.clone(),
         // `#N/A` and its like: nothing was measured, or nothing came out.

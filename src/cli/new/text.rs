@@ -1,0 +1,431 @@
+//! The text of a first spec.
+
+use std::collections::HashSet;
+use std::path::Path;
+
+use super::roles::{ANGLES, ColumnRoles, Partner, TimeIs, Why};
+use super::words::{Named, is_count};
+use crate::data::{self, Table};
+use crate::expr::Unit;
+
+/// What a spec may have in it, so that it can be fitted.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Style {
+    pub units: bool,
+    pub inputs: bool,
+}
+
+/// Columns that are left out, by name, at most: files may have thousands.
+const NAMED: usize = 40;
+/// Columns that a first spec shows as what may drive the motion.
+const SHOWN_INPUTS: usize = 3;
+
+/// A column's name as a name of the mini-language, other than those that are taken.
+fn word(name: &str, taken: &mut HashSet<String>) -> String {
+    let mut out: String = name
+        .trim()
+        .chars()
+        .filter(|c| !matches!(c, '{' | '}'))
+        .map(|c| if c.is_alphanumeric() { c } else { '_' })
+        .collect::<String>()
+        .trim_matches('_')
+        .to_string();
+    if !out.starts_with(char::is_alphabetic) {
+        out.insert_str(0, "x_");
+    }
+    if !crate::spec::may_name(&out) || out == "pi" {
+        out.push_str("_1");
+    }
+    let stem = out.clone();
+    let mut number = 2;
+    while !taken.insert(out.clone()) {
+        out = format!("{stem}_{number}");
+        number += 1;
+    }
+    out
+}
+
+fn bracketed(unit: Option<&String>) -> String {
+    unit.map_or(String::new(), |unit| format!(" [{unit}]"))
+}
+
+/// A name of a column as it may stand in a `data` statement.
+fn quoted(name: &str) -> String {
+    let plain = name.chars().all(|c| c.is_alphanumeric() || c == '_')
+        && name.starts_with(char::is_alphabetic)
+        && crate::spec::may_name(name);
+    if plain { name.to_string() } else { format!("\"{}\"", name.replace('"', "'")) }
+}
+
+/// What a column is called in the `data` statement: by its name, or by its header where another
+/// column has that name, too.
+fn reference(named: &Named, table: &Table) -> String {
+    let column = named.column;
+    let same =
+        |other: &&crate::data::Column| other.name == column.name || other.header == column.name;
+    let alone = table.columns.iter().filter(same).count() == 1;
+    (if alone { &column.name } else { &column.header }).clone()
+}
+
+/// A variable of the spec, with its column.
+struct Variable<'g, 'a> {
+    named: Option<&'g Named<'a>>,
+    name: String,
+    /// The unit of the spec, and that of the file.
+    unit: Option<String>,
+    in_file: Option<String>,
+}
+
+impl Variable<'_, '_> {
+    fn declared(&self) -> String {
+        format!("{}{}", self.name, bracketed(self.unit.as_ref()))
+    }
+
+    /// What the `data` statement has to say of it.
+    fn item(&self, table: &Table) -> Option<String> {
+        let column = reference(self.named?, table);
+        let other = self.in_file.as_ref().filter(|unit| Some(*unit) != self.unit.as_ref());
+        if column == self.name && other.is_none() {
+            return None;
+        }
+        Some(format!("{} = {}{}", self.name, quoted(&column), bracketed(other)))
+    }
+}
+
+/// The unit that a column has in the spec: angles are in radians inside functions.
+fn unit_of(named: &Named) -> Option<String> {
+    let turns = named.unit.as_deref().is_some_and(|unit| {
+        let parsed = Unit::parse(unit);
+        unit.contains("rev") || unit.contains("turn") || parsed.is_err()
+    });
+    if turns {
+        return named.unit.as_deref().map(|unit| unit.replace("rev", "rad").replace("turn", "rad"));
+    }
+    named.unit.as_deref().map(|unit| unit.replace("deg", "rad"))
+}
+
+/// The unit of time of the spec: the second where parts of it are in the file.
+fn unit_of_time(unit: &str) -> String {
+    match unit {
+        "min" | "h" | "d" | "day" | "year" => unit.to_string(),
+        _ => "s".to_string(),
+    }
+}
+
+/// The text of the spec, and what it assumes in sentences.
+pub(super) fn spec(
+    roles: &ColumnRoles,
+    table: &Table,
+    data: &Path,
+    path: &Path,
+    style: Style,
+) -> (String, Vec<String>) {
+    let assumed = assumed(roles, style);
+    // Units are all or nothing: half of them would only be half checked.
+    let all =
+        style.units && roles.time.unit.is_some() && roles.used().all(|named| named.unit.is_some());
+    let time_unit = roles.time.unit.clone().filter(|_| all);
+    let spec_time = time_unit.as_deref().map(unit_of_time);
+    let mut taken: HashSet<String> = HashSet::new();
+    taken.insert("t".to_string());
+    let mut coordinates: Vec<Variable> = Vec::new();
+    let mut seconds: Vec<Variable> = Vec::new();
+    for (q, v) in &roles.pairs {
+        let unit = unit_of(q).filter(|_| all);
+        let in_file = q.unit.clone().filter(|_| all);
+        let name = word(&with_group(q, roles), &mut taken);
+        let rate = unit.as_ref().zip(spec_time.as_ref()).map(|(q, t)| match q.as_str() {
+            "1" => format!("1/{t}"),
+            q => format!("{q}/{t}"),
+        });
+        let second = match v {
+            Some(v) => Variable {
+                named: Some(v),
+                name: word(&with_group(v, roles), &mut taken),
+                // Momenta may have the unit of a mass in them.
+                unit: match roles.role {
+                    Partner::Momentum => v.unit.clone().filter(|_| all),
+                    _ => rate,
+                },
+                in_file: v.unit.clone().filter(|_| all),
+            },
+            // That of a velocity: the mass is a plain 1.
+            None => {
+                let name = word(&format!("p_{name}"), &mut taken);
+                Variable { named: None, name, unit: rate, in_file: None }
+            }
+        };
+        coordinates.push(Variable { named: Some(q), name, unit, in_file });
+        seconds.push(second);
+    }
+    let mut inputs: Vec<Variable> = Vec::new();
+    for named in roles.inputs.iter().filter(|_| style.inputs) {
+        let unit = named.unit.clone().filter(|_| all);
+        inputs.push(Variable {
+            named: Some(named),
+            name: word(&with_group(named, roles), &mut taken),
+            in_file: unit.clone(),
+            unit,
+        });
+    }
+
+    let time = reference(&roles.time, table);
+    let mut items = format!("time {}{}", quoted(&time), bracketed(time_unit.as_ref()));
+    if let Some(run) = roles.run {
+        items.push_str(&format!("  run {}", quoted(&run.name)));
+    }
+    for (q, v) in coordinates.iter().zip(&seconds) {
+        for item in [q.item(table), v.item(table)].into_iter().flatten() {
+            items.push_str(&format!("  {item}"));
+        }
+        if v.named.is_none() {
+            items.push_str(&format!("  {} not measured", v.name));
+        }
+    }
+    for item in inputs.iter().filter_map(|input| input.item(table)) {
+        items.push_str(&format!("  {item}"));
+    }
+    let momenta: Vec<String> = coordinates
+        .iter()
+        .zip(&seconds)
+        .map(|(q, v)| match roles.role {
+            Partner::Velocity => format!("p_{}", q.name),
+            _ => v.name.clone(),
+        })
+        .collect();
+    let kinetic: Vec<String> = momenta.iter().map(|p| format!("{p}^2/2")).collect();
+    let names: Vec<String> = coordinates.iter().map(|q| q.name.clone()).collect();
+    let mut space = vec![format!("poly({}; 4)", names.join(", "))];
+    for q in &coordinates {
+        let Some(named) = q.named else { continue };
+        let degrees = named.unit.as_deref().is_some_and(|unit| unit.contains("deg"));
+        let angle = named.parts().iter().any(|(stem, _)| ANGLES.contains(&stem.as_str()))
+            || named.unit.as_deref() == Some("rad");
+        // Without a unit of time nothing is converted: no cosine of degrees.
+        if (degrees && all) || (angle && !degrees) {
+            space.push(format!("cos({})", q.name));
+            space.push(format!("sin({})", q.name));
+        }
+    }
+    let (keyword, about) = match roles.role {
+        Partner::Velocity => ("velocities ", "measured velocities; momenta are called p_..."),
+        Partner::Momentum => ("momenta    ", "the momenta that belong to them"),
+        Partner::Nothing => ("momenta    ", "not measured: they are found along the way"),
+    };
+    let list = |variables: &[Variable]| {
+        variables.iter().map(Variable::declared).collect::<Vec<_>>().join(", ")
+    };
+    let what_moves = match roles.guessed {
+        true => "is this what moves? Nothing says so",
+        false => "what moves",
+    };
+    let stated_time = match (&spec_time, &time_unit) {
+        (Some(spec), Some(file)) if spec != file => format!("time t [{spec}]\n"),
+        _ => String::new(),
+    };
+    let first = names.first().map_or("", String::as_str);
+    let stem = path.file_stem().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    let file = file_name(data, path);
+    let text = format!(
+        "# A first spec for {file}, to be edited. Text behind a # is a comment.\n\
+         #   leverrier check {own}     shows what it means\n\
+         #   leverrier fit {own}       learns the unknown part\n\n\
+         system \"{title}\"\n\n\
+         {read}\
+         coordinates {coordinates}    # {what_moves}\n\
+         {keyword} {seconds}    # {about}\n\
+         {stated_time}{stated_inputs}\
+         data \"{path}\" {{ {items} }}\n\
+         {time_question}{left}\n\
+         # The energy is T + V. What is known is written as it is; what is unknown is a\n\
+         # span{{...}}: a list of terms, each of which gets a coefficient if the data ask for it.\n\
+         T = {kinetic}\n\
+         V = span{{ {space} }}\n\n\
+         {forces}\
+         # Friction and other forces that are not in the energy (remove the # to try it):\n\
+         # force {first} += span{{ -{momentum} }}\n{suggested}",
+        read = comments(table.reading.notes().iter().chain(&roles.wrong).map(String::as_str)),
+        own = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
+        title = stem.replace('"', "'"),
+        coordinates = list(&coordinates),
+        seconds = list(&seconds),
+        stated_inputs = stated_inputs(&inputs),
+        path = file.replace('"', "'"),
+        time_question = time_question(roles),
+        left = left_out(roles, style),
+        kinetic = kinetic.join(" + "),
+        space = space.join(", "),
+        forces = forces(&inputs, &names),
+        momentum = momenta.first().map_or("", String::as_str),
+        suggested = suggested(roles, style, first, &mut taken),
+    );
+    (text, assumed)
+}
+
+/// The name of a column, with the body that it belongs to where there are several.
+fn with_group(named: &Named, roles: &ColumnRoles) -> String {
+    let several = roles.used().any(|other| other.group != named.group);
+    if several && !named.group.is_empty() && !super::words::is_run(&named.group) {
+        return format!("{}_{}", named.name, named.group);
+    }
+    named.name.clone()
+}
+
+fn assumed(roles: &ColumnRoles, style: Style) -> Vec<String> {
+    let mut assumed = vec![match roles.time_is {
+        TimeIs::Named => format!("time is `{}`", roles.time.column.header),
+        TimeIs::Counted => format!("time is counted in steps of `{}`", roles.time.column.header),
+        TimeIs::Rising => format!("time is `{}`, because it rises", roles.time.column.header),
+    }];
+    match roles.run {
+        Some(run) => assumed.push(format!("`{}` tells the runs apart", run.header)),
+        None => assumed.push("all rows are one run".to_string()),
+    }
+    for (q, v) in &roles.pairs {
+        let its = match (v, roles.role) {
+            (Some(v), Partner::Momentum) => format!("and `{}` its momentum", v.column.header),
+            (Some(v), _) => format!("and `{}` its velocity", v.column.header),
+            (None, _) => "whose velocity is not measured".to_string(),
+        };
+        assumed.push(format!("`{}` is a coordinate {its}", q.column.header));
+    }
+    if roles.role != Partner::Momentum {
+        assumed.push("every mass is 1 (change T in the spec if you know better)".to_string());
+    }
+    for named in roles.inputs.iter().filter(|_| style.inputs) {
+        assumed.push(format!("`{}` drives the motion", named.column.header));
+    }
+    for (named, _) in roles.left.iter().take(NAMED) {
+        assumed.push(format!("`{}` is not used", named.column.header));
+    }
+    if let Some(more) = roles.left.len().checked_sub(NAMED + 1) {
+        assumed.push(format!("{} more columns are not used", more + 1));
+    }
+    assumed
+}
+
+fn comments<'a>(lines: impl Iterator<Item = &'a str>) -> String {
+    lines.map(|line| format!("# {}\n", data::visible(line))).collect()
+}
+
+/// What is asked about the time.
+fn time_question(roles: &ColumnRoles) -> String {
+    let header = data::visible(&roles.time.column.header);
+    match (roles.time_is, &roles.time.unit) {
+        (_, Some(unit)) if roles.unit_guessed => format!(
+            "# `{header}` has no unit; its numbers are as large as dates are in [{unit}]. Is that so?\n"
+        ),
+        (TimeIs::Counted, _) if is_count(&roles.time) => format!(
+            "# `{header}` counts: how many of it are a second? Until that is said, the unit of \
+             time is one step.\n"
+        ),
+        (TimeIs::Rising, _) => {
+            format!("# is `{header}` the time? Nothing says so but that it rises.\n")
+        }
+        (_, None) => format!(
+            "# in which unit is `{header}`? Behind its name in brackets, as in `time t [s]`, units \
+             are checked.\n"
+        ),
+        _ => String::new(),
+    }
+}
+
+/// What is left out, each with its reason or a question.
+fn left_out(roles: &ColumnRoles, style: Style) -> String {
+    let mut out = String::new();
+    let dropped =
+        roles.inputs.iter().filter(|_| !style.inputs).map(|named| (named, &Why::MayDrive));
+    let left = roles.left.iter().map(|(named, why)| (named, why)).chain(dropped);
+    let count = left.clone().count();
+    for (named, why) in left.take(NAMED) {
+        let header = data::visible(&named.column.header);
+        out.push_str(&match why {
+            Why::Error(of) if of.is_empty() => {
+                format!("# `{header}` holds errors of a measurement. Left out.\n")
+            }
+            Why::Error(of) => format!("# `{header}` holds the errors of {of}. Left out.\n"),
+            Why::Time => format!("# `{header}` is another time, or a count. Left out.\n"),
+            Why::OtherRun => format!("# `{header}` belongs to another run. Left out.\n"),
+            Why::Text => format!("# `{header}` holds no numbers. Left out.\n"),
+            Why::MayDrive => format!("# does `{header}` drive the motion? Left out.\n"),
+            Why::TooMany => format!("# `{header}` is one coordinate too many. Left out.\n"),
+            Why::Unknown => format!("# is `{header}` something that moves? Left out.\n"),
+        });
+    }
+    if let Some(more) = count.checked_sub(NAMED + 1) {
+        out.push_str(&format!("# and {} more columns. Left out.\n", more + 1));
+    }
+    out
+}
+
+fn stated_inputs(inputs: &[Variable]) -> String {
+    let one = |input: &Variable| {
+        format!("input {} {{ linear }}    # measured, and drives the motion\n", input.declared())
+    };
+    inputs.iter().map(one).collect()
+}
+
+/// What inputs do: each may push every coordinate.
+fn forces(inputs: &[Variable], coordinates: &[String]) -> String {
+    if inputs.is_empty() {
+        return String::new();
+    }
+    let names: Vec<&str> = inputs.iter().map(|input| input.name.as_str()).collect();
+    let mut out = format!(
+        "# What drives the motion. Does it push there? If {} only followed the motion, remove it.\n",
+        names.join(", ")
+    );
+    for coordinate in coordinates {
+        out.push_str(&format!("force {coordinate} += span{{ {} }}\n", names.join(", ")));
+    }
+    out.push('\n');
+    out
+}
+
+/// Lines for the first columns that are left over, should one of them drive the motion.
+fn suggested(
+    roles: &ColumnRoles,
+    style: Style,
+    coordinate: &str,
+    taken: &mut HashSet<String>,
+) -> String {
+    let left = roles.left.iter().filter(|(_, why)| matches!(why, Why::MayDrive | Why::Unknown));
+    let left = left.map(|(named, _)| named);
+    let dropped = roles.inputs.iter().filter(|_| !style.inputs);
+    let mut lines = String::new();
+    for named in left.chain(dropped).take(SHOWN_INPUTS) {
+        let name = word(&named.name, taken);
+        // A column with another name than the input would have to be named in the data block.
+        if name == named.column.name {
+            lines.push_str(&format!(
+                "# input {name} {{ linear }}\n# force {coordinate} += {name}\n"
+            ));
+        }
+    }
+    if lines.is_empty() {
+        return lines;
+    }
+    format!(
+        "\n# What drives the motion, if it was measured: its column, and what it does between \
+         samples\n# (hold, linear, spline or band_limited).\n{lines}"
+    )
+}
+
+/// The name of the data file as the spec has it.
+fn file_name(data: &Path, path: &Path) -> String {
+    // What is named behind a # stays with the file, slashes and all.
+    let inside = data::file_of(data);
+    let same_folder = inside.parent() == path.parent();
+    let file = match (data.to_str(), inside.parent().and_then(Path::to_str)) {
+        (Some(name), Some("")) => name.to_string(),
+        (Some(name), Some(folder)) => {
+            name.strip_prefix(folder).unwrap_or(name).trim_start_matches('/').to_string()
+        }
+        _ => data.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
+    };
+    if same_folder { file } else { absolute(data) }
+}
+
+fn absolute(path: &Path) -> String {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf()).display().to_string()
+}
