@@ -98,7 +98,8 @@ pub(super) fn measures(row: &StringRecord) -> bool {
 pub(super) fn is_plain(rows: &[StringRecord]) -> bool {
     let [first, second, rest @ ..] = rows else { return false };
     let (head, row) = (Pattern::of(first), Pattern::of(second));
-    // Settings above a header begin with words where rows begin with numbers.
+    // Settings above a header begin with words where rows begin with numbers. So may rows, by the
+    // names of runs.
     let begins = |row: &StringRecord| row.iter().next().map(kind);
     let alike = |other: &&StringRecord| {
         let (a, b) = (begins(other), begins(second));
@@ -109,7 +110,7 @@ pub(super) fn is_plain(rows: &[StringRecord]) -> bool {
         && head.count(Kind::Text) > 0
         && row.measures()
         && filled(first) == filled(second)
-        && 2 * alike >= rest.len()
+        && (2 * alike >= rest.len() || names_a_time(first))
 }
 
 /// Finds the layout of the first rows of a table.
@@ -315,6 +316,12 @@ mod tests {
             );
         }
         assert_eq!(find(&rows("t,x\n")), None);
+    }
+
+    #[test]
+    fn runs_may_be_called_by_words_and_by_numbers() {
+        assert!(is_plain(&rows("run,t,x\na,0,1\na,1,2\n01,0,1\n01,1,2\n01,2,3\n")));
+        assert!(!is_plain(&rows("Rig,A\nMass,0.25\nt,x\n0,1\n1,2\n2,3\n3,4\n")));
     }
 
     #[test]

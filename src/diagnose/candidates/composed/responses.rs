@@ -107,8 +107,8 @@ impl Responses {
             unknowns: kept.len(),
             spanned: tuning.spanned,
         };
-        // What candidates do is known at the nodes, and so is what the unknowns do: a candidate that
-        // does the same as some of them is spanned by them to the last digit.
+        // What candidates do is known at the nodes, and so is what the unknowns do: one that does
+        // the same as some of them is spanned by them to the last digit.
         let own = of_unknowns(&model.law, kept, &responses.points, channels);
         for segment in &mut responses.segments {
             for (place, action) in own.iter().enumerate() {
