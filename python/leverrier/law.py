@@ -59,6 +59,21 @@ def _ranges(given: Any, name: str) -> list[tuple[str, tuple[float, float]]]:
     return [(str(key), _range(ends, f"{name}[{key!r}]")) for key, ends in given.items()]
 
 
+def _of_group(one: Record, run: Any) -> Record:
+    """The value that a run, or a group of runs, has of a number of its own."""
+    by = "run" if one.per == "run" else f"group of `{one.per}`"
+    groups = [value.group for value in one["values"]]
+    shown = ", ".join(groups[:12]) + (", ..." if len(groups) > 12 else "")
+    given = run.get(one.per) if isinstance(run, Mapping) else run
+    hint = f"give run= as one of {shown}"
+    if given is None:
+        raise InvalidArgumentError(f"`{one.name}` has another value in every {by}", hint)
+    for value in one["values"]:
+        if value.group == str(given):
+            return value
+    raise InvalidArgumentError(f"`{one.name}` has no value of the {by} {given!r}", hint)
+
+
 class VectorField:
     """The equations of motion as a function, compiled: ``field(t, z)`` is dz/dt.
 
@@ -129,6 +144,7 @@ class Law:
         self._spec = spec
         self._data = data
         self._field: VectorField | None = None
+        self._of_runs: dict[tuple[str, ...], Law] = {}
         self._model: Record | None = None
 
     # What it is.
@@ -205,11 +221,15 @@ class Law:
 
     # What it predicts.
 
-    def predict(self, start: Any, times: Any, *, u: Any = None, t_u: Any = None) -> Trajectory:
+    def predict(
+        self, start: Any, times: Any, *, u: Any = None, t_u: Any = None, run: Any = None
+    ) -> Trajectory:
         """The motion from a start (coordinates, then momenta; or a dictionary of them) at the
         first of ``times``, to the limit of double precision. ``u`` has the measured inputs that
         drive it, where the spec names some: a column for each, at the times ``t_u`` (none:
-        ``times``).
+        ``times``). ``run`` names the run whose numbers it takes, where runs have numbers of their
+        own (``distributions``); where these go by several columns, a dictionary names a group of
+        each.
 
         >>> import leverrier
         >>> spec = leverrier.parse("coordinates q; momenta p; T = p^2/2; V = q^2/2")
@@ -217,6 +237,9 @@ class Law:
         >>> round(float(motion["q"][-1]), 12)
         -1.0
         """
+        law = self._for_run(run)
+        if u is None:
+            self._not_driven("u=, a column for each at the times t_u=")
         names = self._names
         state = [start.get(name) for name in names] if isinstance(start, dict) else start
         try:
@@ -235,15 +258,26 @@ class Law:
         if u is not None:
             at = times if t_u is None else np.asarray(t_u, dtype=np.float64)
             inputs = (at.tolist(), [one.tolist() for one in inputs_of(self.spec, u, at.size)])
-        t, flat, method, drift = self._native.predict(state.tolist(), times.tolist(), inputs)
+        t, flat, method, drift = law._native.predict(state.tolist(), times.tolist(), inputs)
         motion = Trajectory(t, flat.reshape(len(t), -1), names)
         motion.method, motion.energy_drift = method, drift
         return motion
 
-    def simulate(self, starts: Any, times: Any, *, noise: Any = 0.0, seed: int = 0) -> Table:
+    def simulate(
+        self,
+        starts: Any,
+        times: Any,
+        *,
+        noise: Any = 0.0,
+        seed: int = 0,
+        u: Any = None,
+        t_u: Any = None,
+        run: Any = None,
+    ) -> Table:
         """Measurements as the law would give them: a table of ``run``, ``t`` and the observables,
         one run for each of ``starts``, with Gaussian noise of the standard deviation ``noise`` (a
-        number, or one for each observable). What a spec says of its sensors is not in them.
+        number, or one for each observable). What a spec says of its sensors is not in them. ``u``,
+        ``t_u`` and ``run`` are those of :meth:`predict`, the same for all starts.
 
         The same seed makes the same numbers; they are not those of the program's ``simulate``.
 
@@ -273,11 +307,11 @@ class Law:
         random = np.random.default_rng(_seed(seed))
         runs, ts, rows = [], [], []
         for number, start in enumerate(starts, start=1):
-            motion = self.predict(start, times)
+            motion = self.predict(start, times, u=u, t_u=t_u, run=run)
             states = motion.states
             half = len(observables) // 2
             if observables != self._names:  # velocities are measured, not momenta
-                rates = [self.rhs(t, state)[:half] for t, state in zip(motion.t, states)]
+                rates = [self.rhs(t, state, run=run)[:half] for t, state in zip(motion.t, states)]
                 states = np.column_stack([states[:, :half], rates])
             runs += [str(number)] * len(motion.t)
             ts.append(motion.t)
@@ -291,24 +325,59 @@ class Law:
 
     @property
     def vector_field(self) -> VectorField:
-        """The equations of motion as a function, compiled once."""
+        """The equations of motion as a function, compiled once. A law whose runs have numbers of
+        their own, or that measured inputs drive, has none."""
+        self._for_run(None)
+        self._not_driven("u= to `predict`: a function of time and state has no place for them")
+        return self._compiled()
+
+    def _compiled(self) -> VectorField:
         if self._field is None:
             self._field = VectorField(self._native.vector_field(), len(self._names))
         return self._field
 
-    def rhs(self, t: float, z: Any) -> np.ndarray:
-        """dz/dt at a time and a state, for ``scipy.integrate.solve_ivp`` and the like.
+    def rhs(self, t: float, z: Any, *, run: Any = None) -> np.ndarray:
+        """dz/dt at a time and a state, for ``scipy.integrate.solve_ivp`` and the like. ``run`` is
+        as in :meth:`predict`; a law that measured inputs drive has none.
 
         >>> import leverrier
         >>> spec = leverrier.parse("coordinates q; momenta p; T = p^2/2; V = cos(q)")
         >>> spec.known_law().rhs(0.0, [0.0, 2.0])
         array([2., 0.])
         """
-        return self.vector_field(t, z)
+        return self._for_run(run).vector_field(t, z)
 
-    def energy(self, t: float, z: Any) -> Any:
-        """H at a time and a state, or at many states in columns."""
-        return self.vector_field.energy(t, z)
+    def energy(self, t: float, z: Any, *, run: Any = None) -> Any:
+        """H at a time and a state, or at many states in columns; ``run`` is as in
+        :meth:`predict`."""
+        return self._for_run(run).vector_field.energy(t, z)
+
+    def _not_driven(self, hint: str) -> None:
+        if self.spec.inputs:
+            names = ", ".join(self.spec.inputs)
+            raise InvalidArgumentError(f"the law is driven by {names}, not given", f"give {hint}")
+
+    def _for_run(self, run: Any) -> Law:
+        """The law with the numbers of one run for those that runs have for themselves."""
+        own = [] if not self._is_fitted else self.distributions
+        if not own:
+            if run is not None:
+                raise InvalidArgumentError(
+                    f"run is {run!r}, but no run has numbers of its own", "leave run= out"
+                )
+            return self
+        chosen = [_of_group(one, run) for one in own]
+        groups = tuple(one["group"] for one in chosen)
+        if groups not in self._of_runs:
+            model = json.loads(self._native.model_json())
+            for one, value in zip(own, chosen):
+                for parameter in model["parameters"]:
+                    if parameter["name"] == one.name:
+                        parameter["value"] = value["value"]
+            model["distributions"] = []
+            native = _native.Law.from_model_json(json.dumps(model), self.spec._native)
+            self._of_runs[groups] = Law(native, self.spec, self._data)
+        return self._of_runs[groups]
 
     @property
     def _names(self) -> list[str]:
