@@ -14,7 +14,9 @@ import numpy as np
 from . import _native
 from .errors import InvalidArgumentError
 from .progress import Progress, finished, shown
-from .results import Comparison, Design, Diagnosis, Record, Revision, Rows, Table, record
+from .results import (
+    Comparison, Design, Diagnosis, Record, Revision, Rows, Table, record, unfinished,
+)  # fmt: skip
 from .tables import _numbers, _seed, inputs_of, number, path_text
 
 if TYPE_CHECKING:
@@ -430,7 +432,8 @@ class Law:
         such as that of a filter, how many orbits of a body that nobody measures are fitted where
         bodies attract each other, and whether effects on two of twelve coordinates or more are asked
         for also where nothing in the spec couples the two.
-        Ctrl-C raises KeyboardInterrupt with the diagnosis so far as its attribute ``best``.
+        Ctrl-C raises KeyboardInterrupt with the diagnosis so far as its attribute ``best``; its
+        ``verdict`` is ``interrupted``.
 
         >>> import leverrier
         >>> diagnosis = leverrier.open("examples/damped-pendulum/fit.ham").fit().diagnose()
@@ -441,13 +444,19 @@ class Law:
         judged = self._judged(X, t, run, held_out, seed, threads, progress)
         native = judged.law._native
         both = (judged.training._native, judged.unseen._native)
-        return finished(
-            progress,
-            lambda told: native.diagnose(*both, options, threads, told),
-            lambda found: Diagnosis(
-                judged.fields | json.loads(found.json()), judged.law, judged.drawing(found)
-            ),
-        )
+
+        def wrapped(found: _native.Diagnosis) -> Diagnosis:
+            fields = judged.fields | json.loads(found.json()) | {"interrupted": False}
+            return Diagnosis(fields, judged.law, judged.drawing(found))
+
+        def cut_short(found: _native.Diagnosis) -> Diagnosis:
+            fields = judged.fields | unfinished(json.loads(found.json()))
+            return Diagnosis(fields, judged.law, judged.drawing(found))
+
+        def work(told: Progress | None) -> _native.Diagnosis:
+            return native.diagnose(*both, options, threads, told)
+
+        return finished(progress, work, wrapped, cut_short)
 
     def design(
         self,

@@ -1,5 +1,10 @@
 """What could be wrong without a word: it is right, or an error that says what to give."""
 
+import os
+import subprocess
+import sys
+import textwrap
+
 import numpy as np
 import pytest
 
@@ -113,3 +118,38 @@ def test_the_estimator_scores_no_steps_between_runs() -> None:
             estimator, X, cv=GroupKFold(2), params={"run": run, "groups": run}
         )
     assert min(scores) > 1 - 1e-6
+
+
+def test_a_finished_diagnosis_says_so(pendulum) -> None:
+    diagnosis = pendulum.diagnose()
+    assert diagnosis.verdict == "missing" and diagnosis.interrupted is False
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of Windows are others")
+def test_an_interrupted_diagnosis_has_no_verdict() -> None:
+    program = """
+        import os, signal
+        import leverrier
+
+        sent = []
+        def progress(stage, fraction):
+            if not sent:
+                sent.append(stage)
+                os.kill(os.getpid(), signal.SIGINT)
+        law = leverrier.open("examples/damped-pendulum/fit.ham").fit()
+        try:
+            law.diagnose(progress=progress)
+        except KeyboardInterrupt as interrupt:
+            best = interrupt.best
+            print(best.verdict, best.interrupted, best.missing, best.ranking[0].effect)
+            print(best.reason)
+    """
+    found = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(program)],
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    verdict, reason = found.stdout.splitlines()
+    assert verdict == "interrupted True None viscous_drag(q)", found
+    assert reason.startswith("interrupted before all was tried") and "viscous_drag(q)" in reason
