@@ -393,6 +393,7 @@ class Law:
         *,
         t: Any = None,
         run: Any = None,
+        u: Any = None,
         held_out: float = 0.25,
         seed: int = 0,
         threads: int | None = None,
@@ -410,7 +411,7 @@ class Law:
         >>> law.compare().horizons[-1].held_out > 3
         True
         """
-        return self._compared(self._judged(X, t, run, held_out, seed, threads, progress), threads)
+        return self._compared(self._judged(X, t, run, u, held_out, seed, threads, progress), threads)
 
     def diagnose(
         self,
@@ -418,6 +419,7 @@ class Law:
         *,
         t: Any = None,
         run: Any = None,
+        u: Any = None,
         held_out: float = 0.25,
         seed: int = 0,
         correlated_noise: bool = True,
@@ -441,7 +443,7 @@ class Law:
         ('missing', 'viscous_drag(q)')
         """
         options = diagnosis_options(correlated_noise, orbits, all_pairs)
-        judged = self._judged(X, t, run, held_out, seed, threads, progress)
+        judged = self._judged(X, t, run, u, held_out, seed, threads, progress)
         native = judged.law._native
         both = (judged.training._native, judged.unseen._native)
 
@@ -464,6 +466,7 @@ class Law:
         *,
         t: Any = None,
         run: Any = None,
+        u: Any = None,
         between: Sequence[str] = (),
         coefficient: str | None = None,
         within: Mapping[str, Any] | None = None,
@@ -500,7 +503,7 @@ class Law:
             "duration": None if duration is None else _range(duration, "duration"),
             "step": None if step is None else _range(step, "step"),
         }
-        judged = self._judged(X, t, run, held_out, seed, threads, progress)
+        judged = self._judged(X, t, run, u, held_out, seed, threads, progress)
         native = judged.law._native
         both = (judged.training._native, judged.unseen._native)
         return finished(
@@ -553,7 +556,7 @@ class Law:
         threads: int | None,
         progress: bool | Progress | None,
     ) -> Revision:
-        judged = self._judged(None, None, None, held_out, seed, threads, progress)
+        judged = self._judged(None, None, None, None, held_out, seed, threads, progress)
         seen = spec.fit(judged.training, threads=threads, progress=progress)
         after = judged._replace_law(seen)
         compared = seen._compared(after, threads)
@@ -574,11 +577,12 @@ class Law:
         *,
         t: Any = None,
         run: Any = None,
+        u: Any = None,
         threads: int | None = None,
         progress: bool | Progress | None = None,
     ) -> Law:
         """The same terms with their numbers learned anew, from other measurements."""
-        data = self.spec.data(X, t=t, run=run)
+        data = self.spec.data(X, t=t, run=run, u=u)
         with shown(progress) as told:
             return Law(self._native.refit(data._native, threads, told), self.spec, data)
 
@@ -591,6 +595,7 @@ class Law:
         X: Any,
         t: Any,
         run: Any,
+        u: Any,
         held_out: float,
         seed: int,
         threads: int | None,
@@ -599,12 +604,12 @@ class Law:
         from .spec import split_fields
 
         if X is not None:
-            training, unseen = self._own(), self.spec.data(X, t=t, run=run)
+            training, unseen = self._own(), self.spec.data(X, t=t, run=run, u=u)
             law, terms = self, "the law as it is, judged on measurements that were given"
             split = {"training": training.runs, "held_out": unseen.runs}
         else:
-            if t is not None or run is not None:
-                raise InvalidArgumentError("t and run go with X", "give the measurements, too")
+            if any(one is not None for one in (t, run, u)):
+                raise InvalidArgumentError("t, run and u go with X", "give the measurements, too")
             training, unseen = self._own().split(held_out, seed)
             law = self.refit(training, threads=threads, progress=progress)
             terms = "the terms of the law, their numbers from the training part"

@@ -153,3 +153,29 @@ def test_an_interrupted_diagnosis_has_no_verdict() -> None:
     verdict, reason = found.stdout.splitlines()
     assert verdict == "interrupted True None viscous_drag(q)", found
     assert reason.startswith("interrupted before all was tried") and "viscous_drag(q)" in reason
+
+
+def test_inputs_go_beside_arrays_everywhere() -> None:
+    random = np.random.default_rng(0)
+    spec = leverrier.parse(
+        "coordinates q; momenta p; input u { linear }; T = p^2/2; V = span{ q^2, q^4 }\n"
+        "force q = span{ u }"
+    )
+    truth = leverrier.parse(
+        "coordinates q; momenta p; input u { linear }; T = p^2/2; V = q^2/2\nforce q = u"
+    ).known_law()
+    made = []
+    for start in ([1, 0], [0, 1], [-1, 0.5]):
+        u = random.standard_normal(len(T))
+        states = truth.predict(start, T, u=u).states
+        made.append((states + 1e-3 * random.standard_normal(states.shape), u))
+    X, u = [one for one, _ in made], [one for _, one in made]
+    law = spec.fit(X[:2], t=0.1, u=u[:2])
+    assert law.coefficient("u") == pytest.approx(1.0, abs=0.01)
+    last = {"t": T, "u": u[2]}
+    assert law.refit(X[2], **last).coefficient("u") == pytest.approx(1.0, abs=0.02)
+    assert law.compare(X[2], **last).horizons[-1].held_out < 2
+    assert law.diagnose(X[2], **last).verdict == "nothing_missing"
+    assert spec.discover(X, t=0.1, u=u).steps == []
+    with pytest.raises(leverrier.InvalidArgumentError, match="t, run and u go with X"):
+        law.compare(u=u[2])
