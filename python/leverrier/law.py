@@ -6,14 +6,15 @@ import html
 import json
 import os
 from collections.abc import Mapping, Sequence
-from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import _native
 from .errors import InvalidArgumentError
+from .motion import Trajectory, VectorField, of_group
 from .progress import Progress, finished, shown
+from .questions import Judged, diagnosis_options, listed, range_of, ranges, support
 from .results import (
     Comparison, Design, Diagnosis, Record, Revision, Rows, Table, record, unfinished,
 )  # fmt: skip
@@ -22,109 +23,6 @@ from .tables import _numbers, _seed, inputs_of, number, path_text
 if TYPE_CHECKING:
     from .spec import Spec
     from .tables import Data
-
-#: A coefficient that is so many standard errors from zero supports its effect.
-_SIGNIFICANT = 4.0
-
-
-def diagnosis_options(correlated_noise: Any, orbits: Any, all_pairs: Any) -> dict[str, Any]:
-    """What a diagnosis looks for beside the usual."""
-    if not isinstance(orbits, Integral) or not 0 <= orbits < 2**32:
-        raise InvalidArgumentError(f"orbits is {orbits!r}", "give a whole number from 0 on")
-    return {
-        "correlated_noise": bool(correlated_noise),
-        "orbits": int(orbits),
-        "all_pairs": bool(all_pairs),
-    }
-
-
-def _listed(names: Any) -> list[Any]:
-    """Names; one alone is none of a list of letters."""
-    return [names] if isinstance(names, str) else list(names)
-
-
-def _range(given: Any, name: str) -> tuple[float, float]:
-    """A number, or the lower and the upper end of a range."""
-    ends = list(given) if isinstance(given, (tuple, list, np.ndarray)) else [given, given]
-    if len(ends) != 2:
-        raise InvalidArgumentError(f"{name} is {given!r}", "give a number, or (lower, upper)")
-    return number(ends[0], name), number(ends[1], name)
-
-
-def _ranges(given: Any, name: str) -> list[tuple[str, tuple[float, float]]]:
-    """Ranges by component of the state."""
-    if given is None:
-        return []
-    if not isinstance(given, Mapping):
-        hint = 'give a dictionary, as {"q": (-1, 1)}'
-        raise InvalidArgumentError(f"{name} is {given!r}", hint)
-    return [(str(key), _range(ends, f"{name}[{key!r}]")) for key, ends in given.items()]
-
-
-def _of_group(one: Record, run: Any) -> Record:
-    """The value that a run, or a group of runs, has of a number of its own."""
-    by = "run" if one.per == "run" else f"group of `{one.per}`"
-    groups = [value.group for value in one["values"]]
-    shown = ", ".join(groups[:12]) + (", ..." if len(groups) > 12 else "")
-    given = run.get(one.per) if isinstance(run, Mapping) else run
-    hint = f"give run= as one of {shown}"
-    if given is None:
-        raise InvalidArgumentError(f"`{one.name}` has another value in every {by}", hint)
-    for value in one["values"]:
-        if value.group == str(given):
-            return value
-    raise InvalidArgumentError(f"`{one.name}` has no value of the {by} {given!r}", hint)
-
-
-class VectorField:
-    """The equations of motion as a function, compiled: ``field(t, z)`` is dz/dt.
-
-    ``z`` has coordinates, then momenta; an array of shape (2n, m) has m states in its columns, as
-    ``scipy.integrate.solve_ivp(..., vectorized=True)`` gives them.
-    """
-
-    def __init__(self, native: _native.VectorField, size: int) -> None:
-        self._native = native
-        self._size = size
-
-    def __call__(self, t: float, z: Any) -> np.ndarray:
-        return self._of(t, z, self._native.rates, True)
-
-    def energy(self, t: float, z: Any) -> Any:
-        """H of a state, or of many in columns."""
-        return self._of(t, z, self._native.energies, False)
-
-    def _of(self, t: float, z: Any, function: Any, vector: bool) -> Any:
-        t = number(t, "t")
-        try:
-            states = np.asarray(z, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InvalidArgumentError(f"z must be numbers ({error})", "give a state") from error
-        if states.ndim not in (1, 2) or states.shape[0] != self._size:
-            raise InvalidArgumentError(
-                f"z has the shape {states.shape}",
-                f"give {self._size} numbers, coordinates before momenta, or columns of them",
-            )
-        flat = np.ascontiguousarray(states.T).reshape(-1)
-        if flat.size == 0:
-            return np.zeros(states.shape if vector else states.shape[1:])
-        out = function(t, flat)
-        if vector:
-            return out if states.ndim == 1 else out.reshape(states.shape[1], -1).T
-        return out if states.ndim == 2 else float(out[0])
-
-
-class Trajectory(Table):
-    """A predicted motion: ``t`` and the components of the state by name, ``states`` as an array
-    of samples by components, ``method`` and ``energy_drift`` of the integration."""
-
-    def __init__(self, t: np.ndarray, states: np.ndarray, names: list[str]) -> None:
-        super().__init__({"t": t} | {name: states[:, at] for at, name in enumerate(names)})
-        self.t = t
-        self.states = states
-        self.names = names
-        self.method = ""
-        self.energy_drift = 0.0
 
 
 class Law:
@@ -368,7 +266,7 @@ class Law:
                     f"run is {run!r}, but no run has numbers of its own", "leave run= out"
                 )
             return self
-        chosen = [_of_group(one, run) for one in own]
+        chosen = [of_group(one, run) for one in own]
         groups = tuple(one["group"] for one in chosen)
         if groups not in self._of_runs:
             model = json.loads(self._native.model_json())
@@ -495,13 +393,13 @@ class Law:
         (0.0, True)
         """
         options = {
-            "between": [str(name) for name in _listed(between)],
+            "between": [str(name) for name in listed(between)],
             "coefficient": None if coefficient is None else str(coefficient),
-            "start": _ranges(within, "within"),
-            "motion": _ranges(stay, "stay"),
+            "start": ranges(within, "within"),
+            "motion": ranges(stay, "stay"),
             "from": None if start_time is None else number(start_time, "start_time"),
-            "duration": None if duration is None else _range(duration, "duration"),
-            "step": None if step is None else _range(step, "step"),
+            "duration": None if duration is None else range_of(duration, "duration"),
+            "step": None if step is None else range_of(step, "step"),
         }
         judged = self._judged(X, t, run, u, held_out, seed, threads, progress)
         native = judged.law._native
@@ -565,7 +463,7 @@ class Law:
         law = spec.fit(self._own(), threads=threads, progress=progress)
         known = {(one.place, one.term) for one in judged.law.terms}
         new = [one.to_dict() for one in seen.terms if (one.place, one.term) not in known]
-        supported, reason = _support(action, new, before, compared)
+        supported, reason = support(action, new, before, compared)
         fields = judged.fields | {
             "action": action, "effect": new, "supported": supported, "reason": reason,
         }  # fmt: skip
@@ -600,7 +498,7 @@ class Law:
         seed: int,
         threads: int | None,
         progress: bool | Progress | None,
-    ) -> _Judged:
+    ) -> Judged:
         from .spec import split_fields
 
         if X is not None:
@@ -615,10 +513,10 @@ class Law:
             terms = "the terms of the law, their numbers from the training part"
             split = split_fields(training, unseen, held_out, seed)
         fields = {"system": self.spec.system, "split": split, "terms_from": terms}
-        return _Judged(law, training, unseen, fields)
+        return Judged(law, training, unseen, fields)
 
     def _compared(
-        self, judged: _Judged, threads: int | None, noise: list[float] | None = None
+        self, judged: Judged, threads: int | None, noise: list[float] | None = None
     ) -> Comparison:
         native = judged.law._native
         text = native.compare(judged.training._native, judged.unseen._native, noise, threads)
@@ -683,6 +581,14 @@ class Law:
         except InvalidArgumentError:
             return False
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Law):
+            return NotImplemented
+        return self is other or self.__reduce__()[1] == other.__reduce__()[1]
+
+    def __hash__(self) -> int:
+        return hash(self.spec)
+
     def __str__(self) -> str:
         return self._native.equations()
 
@@ -700,21 +606,6 @@ class Law:
         names = ["place", "term", "coefficient", "standard_error", "unit"]
         rows = Rows(Record({name: one.get(name) for name in names}) for one in self.terms)
         return f"<pre>{html.escape(str(self))}</pre>{rows._repr_html_()}"
-
-
-class _Judged:
-    """A law with the measurements that it was learned from and those that judge it."""
-
-    def __init__(self, law: Law, training: Data, unseen: Data, fields: dict[str, Any]) -> None:
-        self.law, self.training, self.unseen, self.fields = law, training, unseen, fields
-
-    def drawing(self, diagnosis: _native.Diagnosis | None) -> Any:
-        """What draws its figures."""
-        both = (self.training._native, self.unseen._native)
-        return lambda: self.law._native.figures(*both, diagnosis)
-
-    def _replace_law(self, law: Law) -> _Judged:
-        return _Judged(law, self.training, self.unseen, self.fields)
 
 
 #: Fields of the model file that a law has as attributes.
@@ -738,24 +629,3 @@ def _place(place: Any) -> str:
         (kind, name), *_ = place.items()
         return rf"\text{{{kind} on {name}}}"
     return str(place)
-
-
-def _support(
-    action: str, new: list[dict[str, Any]], before: Comparison, after: Comparison
-) -> tuple[bool | None, str]:
-    was, now = before.horizons[-1].held_out, after.horizons[-1].held_out
-    if was is None or now is None:
-        return None, "there are no held-out runs to judge by"
-    fall = f"the error on held-out runs goes from {was:.2f} to {now:.2f} times the noise"
-    if action.startswith("remove"):
-        return now <= 1.02 * was, fall
-    if not new:
-        return False, f"the fit did not choose it; {fall}"
-    sure = [
-        one["standard_error"] is not None
-        and abs(one["coefficient"]) > _SIGNIFICANT * one["standard_error"]
-        for one in new
-    ]
-    if not all(sure):
-        return False, f"a coefficient is not {_SIGNIFICANT:g} standard errors from zero; {fall}"
-    return now < was, fall

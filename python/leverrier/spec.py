@@ -10,8 +10,9 @@ from typing import Any
 
 from . import _native, tables
 from .errors import InvalidArgumentError
-from .law import Law, diagnosis_options
+from .law import Law
 from .progress import Progress, finished
+from .questions import diagnosis_options
 from .results import Discovery
 from .tables import Data
 
