@@ -29,7 +29,8 @@ from .errors import (
     NoResultError,
     SpecError,
 )
-from .law import Law, Trajectory, VectorField
+from .law import Law
+from .motion import Trajectory, VectorField
 from .results import (
     Comparison,
     Design,

@@ -20,7 +20,8 @@ class HamiltonianEstimator(BaseEstimator):
     """Learns a law of motion from samples of states, as an estimator of scikit-learn.
 
     Rows of ``X`` are states: coordinates, then momenta. It predicts the state that follows a state
-    after ``dt``.
+    after ``dt``. Where ``X`` has names for its columns and a spec is given, the columns are found by
+    these names, in any order.
 
     Parameters
     ----------
@@ -87,6 +88,9 @@ class HamiltonianEstimator(BaseEstimator):
         ``y`` is not used."""
         X = self._checked(X, reset=True)
         self.spec_ = self._spec(X.shape[1])
+        self.order_ = self._order(X.shape[1])
+        X = X[:, self.order_]
+        self.fitted_with_ = [name for name, value in (("t", t), ("run", run)) if value is not None]
         data = self.spec_.data(X, t=self.dt if t is None else t, run=run)
         self.law_ = self.spec_.fit(
             data, select=self.select, loss=self.loss, starts=self.starts, seed=self.seed,
@@ -99,15 +103,27 @@ class HamiltonianEstimator(BaseEstimator):
     def predict(self, X: Any) -> np.ndarray:
         """The states that follow these after ``dt``."""
         check_is_fitted(self)
-        X = self._checked(X, reset=False, complete=True)
+        X = self._checked(X, reset=False, complete=True)[:, self.order_]
         times = [0.0, float(self.dt)]
-        return np.asarray([self.law_.predict(state, times).states[-1] for state in X])
+        ends = np.asarray([self.law_.predict(state, times).states[-1] for state in X])
+        # In the order of the columns of X.
+        return ends[:, np.argsort(self.order_)]
 
     def score(self, X: Any, y: Any = None, *, t: Any = None, run: Any = None) -> float:
         """R^2 of the motion from every sample to the next of its run, over all components: 1 is a
-        law without error, 0 one that is no better than the mean change. ``y`` is not used."""
+        law without error, 0 one that is no better than the mean change. ``y`` is not used.
+
+        What ``fit`` was given of ``t`` and ``run``, ``score`` needs, too: scikit-learn's functions
+        hand it on only with metadata routing, and steps from one run to the next are no motion."""
         check_is_fitted(self)
-        X = self._checked(X, reset=False)
+        for name, value in (("t", t), ("run", run)):
+            if value is None and name in self.fitted_with_:
+                raise ValueError(
+                    f"fit was given {name}=, and score was not: give it {name}=, in scikit-learn's "
+                    "functions by sklearn.set_config(enable_metadata_routing=True) and "
+                    f"set_fit_request({name}=True).set_score_request({name}=True)"
+                )
+        X = self._checked(X, reset=False)[:, self.order_]
         data = tables.data(self.spec_, X, self.dt if t is None else t, run)._native
         squares, spread = 0.0, 0.0
         for number in range(len(data.runs)):
@@ -116,7 +132,8 @@ class HamiltonianEstimator(BaseEstimator):
             known = np.isfinite(states).all(axis=1)
             states, times = states[known], times[known]
             ends = zip(states[:-1], times[:-1], times[1:])
-            moved = [self.law_.predict(a, [b, c]).states[-1] for a, b, c in ends]
+            of = data.runs[number] if self.law_._is_fitted and self.law_.distributions else None
+            moved = [self.law_.predict(a, [b, c], run=of).states[-1] for a, b, c in ends]
             if not moved:
                 continue
             change = np.diff(states, axis=0)
@@ -129,6 +146,31 @@ class HamiltonianEstimator(BaseEstimator):
         return validate_data(
             self, X, dtype=np.float64, ensure_all_finite=finite, ensure_min_samples=1 if complete else 2, reset=reset
         )  # fmt: skip
+
+    def _order(self, columns: int) -> np.ndarray:
+        """Where the columns of X stand that the spec names, in the spec's order."""
+        as_they_are = np.arange(columns)
+        found = getattr(self, "feature_names_in_", None)
+        if found is None:
+            return as_they_are
+        names = [str(name) for name in found]
+        half = columns // 2
+        if self.spec is None:
+            first, second = ({name[:1].lower() for name in part} for part in (names[:half], names[half:]))
+            if "p" in first and "q" in second:
+                raise ValueError(
+                    f"the columns of X are {', '.join(names)}: without a spec the coordinates come "
+                    "first, then their momenta in the same order; give X so, or a spec"
+                )
+            return as_they_are
+        observables = self.spec_.observables
+        for wanted in (observables, observables[: len(observables) // 2]):
+            if sorted(names) == sorted(wanted):
+                return np.asarray([names.index(name) for name in wanted])
+        raise ValueError(
+            f"the columns of X are {', '.join(names)}, and the spec is about {', '.join(observables)}: "
+            "rename them, or give X.to_numpy() with the columns in the spec's order"
+        )
 
     def _spec(self, columns: int) -> Spec:
         if isinstance(self.spec, Spec):

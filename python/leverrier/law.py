@@ -6,108 +6,23 @@ import html
 import json
 import os
 from collections.abc import Mapping, Sequence
-from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import _native
 from .errors import InvalidArgumentError
+from .motion import Trajectory, VectorField, of_group
 from .progress import Progress, finished, shown
-from .results import Comparison, Design, Diagnosis, Record, Revision, Rows, Table, record
+from .questions import Judged, diagnosis_options, listed, range_of, ranges, support
+from .results import (
+    Comparison, Design, Diagnosis, Record, Revision, Rows, Table, record, unfinished,
+)  # fmt: skip
 from .tables import _numbers, _seed, inputs_of, number, path_text
 
 if TYPE_CHECKING:
     from .spec import Spec
     from .tables import Data
-
-#: A coefficient that is so many standard errors from zero supports its effect.
-_SIGNIFICANT = 4.0
-
-
-def diagnosis_options(correlated_noise: Any, orbits: Any, all_pairs: Any) -> dict[str, Any]:
-    """What a diagnosis looks for beside the usual."""
-    if not isinstance(orbits, Integral) or not 0 <= orbits < 2**32:
-        raise InvalidArgumentError(f"orbits is {orbits!r}", "give a whole number from 0 on")
-    return {
-        "correlated_noise": bool(correlated_noise),
-        "orbits": int(orbits),
-        "all_pairs": bool(all_pairs),
-    }
-
-
-def _listed(names: Any) -> list[Any]:
-    """Names; one alone is none of a list of letters."""
-    return [names] if isinstance(names, str) else list(names)
-
-
-def _range(given: Any, name: str) -> tuple[float, float]:
-    """A number, or the lower and the upper end of a range."""
-    ends = list(given) if isinstance(given, (tuple, list, np.ndarray)) else [given, given]
-    if len(ends) != 2:
-        raise InvalidArgumentError(f"{name} is {given!r}", "give a number, or (lower, upper)")
-    return number(ends[0], name), number(ends[1], name)
-
-
-def _ranges(given: Any, name: str) -> list[tuple[str, tuple[float, float]]]:
-    """Ranges by component of the state."""
-    if given is None:
-        return []
-    if not isinstance(given, Mapping):
-        hint = 'give a dictionary, as {"q": (-1, 1)}'
-        raise InvalidArgumentError(f"{name} is {given!r}", hint)
-    return [(str(key), _range(ends, f"{name}[{key!r}]")) for key, ends in given.items()]
-
-
-class VectorField:
-    """The equations of motion as a function, compiled: ``field(t, z)`` is dz/dt.
-
-    ``z`` has coordinates, then momenta; an array of shape (2n, m) has m states in its columns, as
-    ``scipy.integrate.solve_ivp(..., vectorized=True)`` gives them.
-    """
-
-    def __init__(self, native: _native.VectorField, size: int) -> None:
-        self._native = native
-        self._size = size
-
-    def __call__(self, t: float, z: Any) -> np.ndarray:
-        return self._of(t, z, self._native.rates, True)
-
-    def energy(self, t: float, z: Any) -> Any:
-        """H of a state, or of many in columns."""
-        return self._of(t, z, self._native.energies, False)
-
-    def _of(self, t: float, z: Any, function: Any, vector: bool) -> Any:
-        t = number(t, "t")
-        try:
-            states = np.asarray(z, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InvalidArgumentError(f"z must be numbers ({error})", "give a state") from error
-        if states.ndim not in (1, 2) or states.shape[0] != self._size:
-            raise InvalidArgumentError(
-                f"z has the shape {states.shape}",
-                f"give {self._size} numbers, coordinates before momenta, or columns of them",
-            )
-        flat = np.ascontiguousarray(states.T).reshape(-1)
-        if flat.size == 0:
-            return np.zeros(states.shape if vector else states.shape[1:])
-        out = function(t, flat)
-        if vector:
-            return out if states.ndim == 1 else out.reshape(states.shape[1], -1).T
-        return out if states.ndim == 2 else float(out[0])
-
-
-class Trajectory(Table):
-    """A predicted motion: ``t`` and the components of the state by name, ``states`` as an array
-    of samples by components, ``method`` and ``energy_drift`` of the integration."""
-
-    def __init__(self, t: np.ndarray, states: np.ndarray, names: list[str]) -> None:
-        super().__init__({"t": t} | {name: states[:, at] for at, name in enumerate(names)})
-        self.t = t
-        self.states = states
-        self.names = names
-        self.method = ""
-        self.energy_drift = 0.0
 
 
 class Law:
@@ -129,6 +44,7 @@ class Law:
         self._spec = spec
         self._data = data
         self._field: VectorField | None = None
+        self._of_runs: dict[tuple[str, ...], Law] = {}
         self._model: Record | None = None
 
     # What it is.
@@ -205,11 +121,15 @@ class Law:
 
     # What it predicts.
 
-    def predict(self, start: Any, times: Any, *, u: Any = None, t_u: Any = None) -> Trajectory:
+    def predict(
+        self, start: Any, times: Any, *, u: Any = None, t_u: Any = None, run: Any = None
+    ) -> Trajectory:
         """The motion from a start (coordinates, then momenta; or a dictionary of them) at the
         first of ``times``, to the limit of double precision. ``u`` has the measured inputs that
         drive it, where the spec names some: a column for each, at the times ``t_u`` (none:
-        ``times``).
+        ``times``). ``run`` names the run whose numbers it takes, where runs have numbers of their
+        own (``distributions``); where these go by several columns, a dictionary names a group of
+        each.
 
         >>> import leverrier
         >>> spec = leverrier.parse("coordinates q; momenta p; T = p^2/2; V = q^2/2")
@@ -217,6 +137,9 @@ class Law:
         >>> round(float(motion["q"][-1]), 12)
         -1.0
         """
+        law = self._for_run(run)
+        if u is None:
+            self._not_driven("u=, a column for each at the times t_u=")
         names = self._names
         state = [start.get(name) for name in names] if isinstance(start, dict) else start
         try:
@@ -235,15 +158,26 @@ class Law:
         if u is not None:
             at = times if t_u is None else np.asarray(t_u, dtype=np.float64)
             inputs = (at.tolist(), [one.tolist() for one in inputs_of(self.spec, u, at.size)])
-        t, flat, method, drift = self._native.predict(state.tolist(), times.tolist(), inputs)
+        t, flat, method, drift = law._native.predict(state.tolist(), times.tolist(), inputs)
         motion = Trajectory(t, flat.reshape(len(t), -1), names)
         motion.method, motion.energy_drift = method, drift
         return motion
 
-    def simulate(self, starts: Any, times: Any, *, noise: Any = 0.0, seed: int = 0) -> Table:
+    def simulate(
+        self,
+        starts: Any,
+        times: Any,
+        *,
+        noise: Any = 0.0,
+        seed: int = 0,
+        u: Any = None,
+        t_u: Any = None,
+        run: Any = None,
+    ) -> Table:
         """Measurements as the law would give them: a table of ``run``, ``t`` and the observables,
         one run for each of ``starts``, with Gaussian noise of the standard deviation ``noise`` (a
-        number, or one for each observable). What a spec says of its sensors is not in them.
+        number, or one for each observable). What a spec says of its sensors is not in them. ``u``,
+        ``t_u`` and ``run`` are those of :meth:`predict`, the same for all starts.
 
         The same seed makes the same numbers; they are not those of the program's ``simulate``.
 
@@ -273,11 +207,11 @@ class Law:
         random = np.random.default_rng(_seed(seed))
         runs, ts, rows = [], [], []
         for number, start in enumerate(starts, start=1):
-            motion = self.predict(start, times)
+            motion = self.predict(start, times, u=u, t_u=t_u, run=run)
             states = motion.states
             half = len(observables) // 2
             if observables != self._names:  # velocities are measured, not momenta
-                rates = [self.rhs(t, state)[:half] for t, state in zip(motion.t, states)]
+                rates = [self.rhs(t, state, run=run)[:half] for t, state in zip(motion.t, states)]
                 states = np.column_stack([states[:, :half], rates])
             runs += [str(number)] * len(motion.t)
             ts.append(motion.t)
@@ -291,24 +225,59 @@ class Law:
 
     @property
     def vector_field(self) -> VectorField:
-        """The equations of motion as a function, compiled once."""
+        """The equations of motion as a function, compiled once. A law whose runs have numbers of
+        their own, or that measured inputs drive, has none."""
+        self._for_run(None)
+        self._not_driven("u= to `predict`: a function of time and state has no place for them")
+        return self._compiled()
+
+    def _compiled(self) -> VectorField:
         if self._field is None:
             self._field = VectorField(self._native.vector_field(), len(self._names))
         return self._field
 
-    def rhs(self, t: float, z: Any) -> np.ndarray:
-        """dz/dt at a time and a state, for ``scipy.integrate.solve_ivp`` and the like.
+    def rhs(self, t: float, z: Any, *, run: Any = None) -> np.ndarray:
+        """dz/dt at a time and a state, for ``scipy.integrate.solve_ivp`` and the like. ``run`` is
+        as in :meth:`predict`; a law that measured inputs drive has none.
 
         >>> import leverrier
         >>> spec = leverrier.parse("coordinates q; momenta p; T = p^2/2; V = cos(q)")
         >>> spec.known_law().rhs(0.0, [0.0, 2.0])
         array([2., 0.])
         """
-        return self.vector_field(t, z)
+        return self._for_run(run).vector_field(t, z)
 
-    def energy(self, t: float, z: Any) -> Any:
-        """H at a time and a state, or at many states in columns."""
-        return self.vector_field.energy(t, z)
+    def energy(self, t: float, z: Any, *, run: Any = None) -> Any:
+        """H at a time and a state, or at many states in columns; ``run`` is as in
+        :meth:`predict`."""
+        return self._for_run(run).vector_field.energy(t, z)
+
+    def _not_driven(self, hint: str) -> None:
+        if self.spec.inputs:
+            names = ", ".join(self.spec.inputs)
+            raise InvalidArgumentError(f"the law is driven by {names}, not given", f"give {hint}")
+
+    def _for_run(self, run: Any) -> Law:
+        """The law with the numbers of one run for those that runs have for themselves."""
+        own = [] if not self._is_fitted else self.distributions
+        if not own:
+            if run is not None:
+                raise InvalidArgumentError(
+                    f"run is {run!r}, but no run has numbers of its own", "leave run= out"
+                )
+            return self
+        chosen = [of_group(one, run) for one in own]
+        groups = tuple(one["group"] for one in chosen)
+        if groups not in self._of_runs:
+            model = json.loads(self._native.model_json())
+            for one, value in zip(own, chosen):
+                for parameter in model["parameters"]:
+                    if parameter["name"] == one.name:
+                        parameter["value"] = value["value"]
+            model["distributions"] = []
+            native = _native.Law.from_model_json(json.dumps(model), self.spec._native)
+            self._of_runs[groups] = Law(native, self.spec, self._data)
+        return self._of_runs[groups]
 
     @property
     def _names(self) -> list[str]:
@@ -322,6 +291,7 @@ class Law:
         *,
         t: Any = None,
         run: Any = None,
+        u: Any = None,
         held_out: float = 0.25,
         seed: int = 0,
         threads: int | None = None,
@@ -339,7 +309,7 @@ class Law:
         >>> law.compare().horizons[-1].held_out > 3
         True
         """
-        return self._compared(self._judged(X, t, run, held_out, seed, threads, progress), threads)
+        return self._compared(self._judged(X, t, run, u, held_out, seed, threads, progress), threads)
 
     def diagnose(
         self,
@@ -347,6 +317,7 @@ class Law:
         *,
         t: Any = None,
         run: Any = None,
+        u: Any = None,
         held_out: float = 0.25,
         seed: int = 0,
         correlated_noise: bool = True,
@@ -361,7 +332,8 @@ class Law:
         such as that of a filter, how many orbits of a body that nobody measures are fitted where
         bodies attract each other, and whether effects on two of twelve coordinates or more are asked
         for also where nothing in the spec couples the two.
-        Ctrl-C raises KeyboardInterrupt with the diagnosis so far as its attribute ``best``.
+        Ctrl-C raises KeyboardInterrupt with the diagnosis so far as its attribute ``best``; its
+        ``verdict`` is ``interrupted``.
 
         >>> import leverrier
         >>> diagnosis = leverrier.open("examples/damped-pendulum/fit.ham").fit().diagnose()
@@ -369,16 +341,22 @@ class Law:
         ('missing', 'viscous_drag(q)')
         """
         options = diagnosis_options(correlated_noise, orbits, all_pairs)
-        judged = self._judged(X, t, run, held_out, seed, threads, progress)
+        judged = self._judged(X, t, run, u, held_out, seed, threads, progress)
         native = judged.law._native
         both = (judged.training._native, judged.unseen._native)
-        return finished(
-            progress,
-            lambda told: native.diagnose(*both, options, threads, told),
-            lambda found: Diagnosis(
-                judged.fields | json.loads(found.json()), judged.law, judged.drawing(found)
-            ),
-        )
+
+        def wrapped(found: _native.Diagnosis) -> Diagnosis:
+            fields = judged.fields | json.loads(found.json()) | {"interrupted": False}
+            return Diagnosis(fields, judged.law, judged.drawing(found))
+
+        def cut_short(found: _native.Diagnosis) -> Diagnosis:
+            fields = judged.fields | unfinished(json.loads(found.json()))
+            return Diagnosis(fields, judged.law, judged.drawing(found))
+
+        def work(told: Progress | None) -> _native.Diagnosis:
+            return native.diagnose(*both, options, threads, told)
+
+        return finished(progress, work, wrapped, cut_short)
 
     def design(
         self,
@@ -386,6 +364,7 @@ class Law:
         *,
         t: Any = None,
         run: Any = None,
+        u: Any = None,
         between: Sequence[str] = (),
         coefficient: str | None = None,
         within: Mapping[str, Any] | None = None,
@@ -414,15 +393,15 @@ class Law:
         (0.0, True)
         """
         options = {
-            "between": [str(name) for name in _listed(between)],
+            "between": [str(name) for name in listed(between)],
             "coefficient": None if coefficient is None else str(coefficient),
-            "start": _ranges(within, "within"),
-            "motion": _ranges(stay, "stay"),
+            "start": ranges(within, "within"),
+            "motion": ranges(stay, "stay"),
             "from": None if start_time is None else number(start_time, "start_time"),
-            "duration": None if duration is None else _range(duration, "duration"),
-            "step": None if step is None else _range(step, "step"),
+            "duration": None if duration is None else range_of(duration, "duration"),
+            "step": None if step is None else range_of(step, "step"),
         }
-        judged = self._judged(X, t, run, held_out, seed, threads, progress)
+        judged = self._judged(X, t, run, u, held_out, seed, threads, progress)
         native = judged.law._native
         both = (judged.training._native, judged.unseen._native)
         return finished(
@@ -475,7 +454,7 @@ class Law:
         threads: int | None,
         progress: bool | Progress | None,
     ) -> Revision:
-        judged = self._judged(None, None, None, held_out, seed, threads, progress)
+        judged = self._judged(None, None, None, None, held_out, seed, threads, progress)
         seen = spec.fit(judged.training, threads=threads, progress=progress)
         after = judged._replace_law(seen)
         compared = seen._compared(after, threads)
@@ -484,7 +463,7 @@ class Law:
         law = spec.fit(self._own(), threads=threads, progress=progress)
         known = {(one.place, one.term) for one in judged.law.terms}
         new = [one.to_dict() for one in seen.terms if (one.place, one.term) not in known]
-        supported, reason = _support(action, new, before, compared)
+        supported, reason = support(action, new, before, compared)
         fields = judged.fields | {
             "action": action, "effect": new, "supported": supported, "reason": reason,
         }  # fmt: skip
@@ -496,11 +475,12 @@ class Law:
         *,
         t: Any = None,
         run: Any = None,
+        u: Any = None,
         threads: int | None = None,
         progress: bool | Progress | None = None,
     ) -> Law:
         """The same terms with their numbers learned anew, from other measurements."""
-        data = self.spec.data(X, t=t, run=run)
+        data = self.spec.data(X, t=t, run=run, u=u)
         with shown(progress) as told:
             return Law(self._native.refit(data._native, threads, told), self.spec, data)
 
@@ -513,29 +493,30 @@ class Law:
         X: Any,
         t: Any,
         run: Any,
+        u: Any,
         held_out: float,
         seed: int,
         threads: int | None,
         progress: bool | Progress | None,
-    ) -> _Judged:
+    ) -> Judged:
         from .spec import split_fields
 
         if X is not None:
-            training, unseen = self._own(), self.spec.data(X, t=t, run=run)
+            training, unseen = self._own(), self.spec.data(X, t=t, run=run, u=u)
             law, terms = self, "the law as it is, judged on measurements that were given"
             split = {"training": training.runs, "held_out": unseen.runs}
         else:
-            if t is not None or run is not None:
-                raise InvalidArgumentError("t and run go with X", "give the measurements, too")
+            if any(one is not None for one in (t, run, u)):
+                raise InvalidArgumentError("t, run and u go with X", "give the measurements, too")
             training, unseen = self._own().split(held_out, seed)
             law = self.refit(training, threads=threads, progress=progress)
             terms = "the terms of the law, their numbers from the training part"
             split = split_fields(training, unseen, held_out, seed)
         fields = {"system": self.spec.system, "split": split, "terms_from": terms}
-        return _Judged(law, training, unseen, fields)
+        return Judged(law, training, unseen, fields)
 
     def _compared(
-        self, judged: _Judged, threads: int | None, noise: list[float] | None = None
+        self, judged: Judged, threads: int | None, noise: list[float] | None = None
     ) -> Comparison:
         native = judged.law._native
         text = native.compare(judged.training._native, judged.unseen._native, noise, threads)
@@ -600,6 +581,14 @@ class Law:
         except InvalidArgumentError:
             return False
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Law):
+            return NotImplemented
+        return self is other or self.__reduce__()[1] == other.__reduce__()[1]
+
+    def __hash__(self) -> int:
+        return hash(self.spec)
+
     def __str__(self) -> str:
         return self._native.equations()
 
@@ -617,21 +606,6 @@ class Law:
         names = ["place", "term", "coefficient", "standard_error", "unit"]
         rows = Rows(Record({name: one.get(name) for name in names}) for one in self.terms)
         return f"<pre>{html.escape(str(self))}</pre>{rows._repr_html_()}"
-
-
-class _Judged:
-    """A law with the measurements that it was learned from and those that judge it."""
-
-    def __init__(self, law: Law, training: Data, unseen: Data, fields: dict[str, Any]) -> None:
-        self.law, self.training, self.unseen, self.fields = law, training, unseen, fields
-
-    def drawing(self, diagnosis: _native.Diagnosis | None) -> Any:
-        """What draws its figures."""
-        both = (self.training._native, self.unseen._native)
-        return lambda: self.law._native.figures(*both, diagnosis)
-
-    def _replace_law(self, law: Law) -> _Judged:
-        return _Judged(law, self.training, self.unseen, self.fields)
 
 
 #: Fields of the model file that a law has as attributes.
@@ -655,24 +629,3 @@ def _place(place: Any) -> str:
         (kind, name), *_ = place.items()
         return rf"\text{{{kind} on {name}}}"
     return str(place)
-
-
-def _support(
-    action: str, new: list[dict[str, Any]], before: Comparison, after: Comparison
-) -> tuple[bool | None, str]:
-    was, now = before.horizons[-1].held_out, after.horizons[-1].held_out
-    if was is None or now is None:
-        return None, "there are no held-out runs to judge by"
-    fall = f"the error on held-out runs goes from {was:.2f} to {now:.2f} times the noise"
-    if action.startswith("remove"):
-        return now <= 1.02 * was, fall
-    if not new:
-        return False, f"the fit did not choose it; {fall}"
-    sure = [
-        one["standard_error"] is not None
-        and abs(one["coefficient"]) > _SIGNIFICANT * one["standard_error"]
-        for one in new
-    ]
-    if not all(sure):
-        return False, f"a coefficient is not {_SIGNIFICANT:g} standard errors from zero; {fall}"
-    return now < was, fall

@@ -25,15 +25,16 @@ def finished(
     progress: bool | Progress | None,
     work: Callable[[Progress | None], Raw],
     wrapped: Callable[[Raw], Result],
+    cut_short: Callable[[Raw], Result] | None = None,
 ) -> Result:
     """What long work gives, wrapped. Where Ctrl-C ends it, so is the best so far that it leaves in
-    the attribute ``best`` of KeyboardInterrupt."""
+    the attribute ``best`` of KeyboardInterrupt, by ``cut_short`` where that is given."""
     try:
         with shown(progress) as told:
             raw = work(told)
     except KeyboardInterrupt as interrupt:
         if hasattr(interrupt, "best"):
-            interrupt.best = wrapped(interrupt.best)
+            interrupt.best = (cut_short or wrapped)(interrupt.best)
         raise
     return wrapped(raw)
 

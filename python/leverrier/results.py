@@ -227,10 +227,23 @@ class Comparison(_Result):
         return f"<ul>{items}</ul>{self.horizons._repr_html_()}{drawn}"
 
 
+def unfinished(fields: dict[str, Any]) -> dict[str, Any]:
+    """The fields of a diagnosis that Ctrl-C ended: no verdict follows from what was not tried."""
+    reason = "interrupted before all was tried, so nothing follows yet"
+    if ranking := fields["ranking"]:
+        best = ranking[0]
+        reason += f"; the first of the ranking so far is {best['effect']}"
+        before, after = best["held_out_error_before"], best["held_out_error_after"]
+        if before is not None and after is not None:
+            reason += f", which takes the error on held-out runs from {before:.2f} to {after:.2f}"
+    return fields | {"verdict": "interrupted", "reason": reason, "interrupted": True}
+
+
 class Diagnosis(_Result):
     """Which physical effect a law lacks: ``diagnose`` in ``docs/formats.md``.
 
-    ``verdict`` is ``missing``, ``nothing_missing``, ``unexplained`` or ``too_little_data``;
+    ``verdict`` is ``missing``, ``nothing_missing``, ``unexplained`` or ``too_little_data``, or
+    ``interrupted`` where Ctrl-C came before the end (``interrupted`` is then true);
     ``reason`` says why in a sentence; ``ranking`` has what was found, the best first.
     """
 

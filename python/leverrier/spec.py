@@ -10,8 +10,9 @@ from typing import Any
 
 from . import _native, tables
 from .errors import InvalidArgumentError
-from .law import Law, diagnosis_options
+from .law import Law
 from .progress import Progress, finished
+from .questions import diagnosis_options
 from .results import Discovery
 from .tables import Data
 
@@ -174,6 +175,7 @@ class Spec:
         *,
         t: Any = None,
         run: Any = None,
+        u: Any = None,
         held_out: float = 0.25,
         seed: int = 0,
         partial: bool = False,
@@ -194,7 +196,7 @@ class Spec:
         >>> [step.effect for step in found.steps]
         ['viscous_drag(q)']
         """
-        training, unseen = self.data(X, t=t, run=run).split(held_out, seed)
+        training, unseen = self.data(X, t=t, run=run, u=u).split(held_out, seed)
         options = (fit_options(), diagnosis_options(correlated_noise, orbits, all_pairs), bool(partial))
         threads = threads_of(threads)
 

@@ -173,3 +173,12 @@ def test_results_show_the_figures_of_the_report(pendulum, tmp_path) -> None:
     # Pickled, they are what they were but for figures.
     again = pickle.loads(pickle.dumps(comparison))
     assert again.to_dict() == comparison.to_dict() and again.figures == comparison.figures[:0]
+
+
+def test_pickled_laws_compare_equal(pendulum) -> None:
+    import pickle
+
+    again = pickle.loads(pickle.dumps(pendulum))
+    assert again == pendulum and hash(again) == hash(pendulum) and len({again, pendulum}) == 1
+    spec = leverrier.parse("coordinates q; momenta p; T = p^2/2; V = q^2/2")
+    assert spec.known_law() == spec.known_law() != pendulum

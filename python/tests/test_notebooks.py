@@ -29,3 +29,15 @@ def test_a_notebook_runs(path) -> None:
 
 def test_there_are_two() -> None:
     assert [path.stem for path in NOTEBOOKS] == ["missing-drag", "your-own-data"]
+
+
+def test_the_held_out_swing_was_held_out(pendulum) -> None:
+    comparison = pendulum.compare()
+    revision = pendulum.add("viscous_drag(q)")
+    unseen = comparison.split.held_out
+    assert unseen == revision.after.split.held_out
+    for law in (comparison.law, revision.after.law):
+        assert not set(law.data.runs) & set(unseen)
+    text = (ROOT / "examples/notebooks/missing-drag.ipynb").read_text(encoding="utf-8")
+    for line in ("comparison.law, revision.after.law", "comparison.split.held_out[0]"):
+        assert line in text

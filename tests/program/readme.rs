@@ -110,6 +110,12 @@ fn every_command_does_what_the_readme_shows() {
             continue;
         }
         for Typed { words, shown } in typed(&text) {
+            if let [command, option, from, to] = words.as_slice()
+                && (command.as_str(), option.as_str()) == ("cp", "-r")
+            {
+                copy_tree(&folder.path().join(from), &folder.path().join(to));
+                continue;
+            }
             let Some(arguments) = arguments(&words) else {
                 let known = ["test", "install", "run"].contains(&words[1].as_str());
                 assert!(words[0] == "cargo" && known, "who runs {words:?}?");
@@ -136,6 +142,10 @@ fn every_command_does_what_the_readme_shows() {
         }
     }
     assert!(run >= 8, "only {run} commands");
+    // What the README writes into is a copy: its Python lines find the example as it was.
+    let example = "examples/damped-pendulum/fit.ham";
+    let read = |path: &Path| fs::read_to_string(path).expect("a spec");
+    assert_eq!(read(&folder.path().join(example)), read(&root().join(example)));
 }
 
 #[test]
