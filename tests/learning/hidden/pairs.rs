@@ -35,13 +35,6 @@ pub(crate) static PAIRS: &[Pair] = &[
                     force x += span{ hidden_drive: 0.08*cos(1.7*t) }",
         effects: ["bilinear_coupling(x, y)", "harmonic_drive(x)"],
     },
-    Pair {
-        base: "Kepler",
-        statement: "V += span{ hidden_attraction: -0.03/(x^2 + y^2) }\n\
-                    force x += span{ hidden_drag: -0.01*px }\n\
-                    force y += span{ hidden_drag_too: -0.01*py }",
-        effects: ["central_inverse_square(x, y)", "viscous_drag(x, y)"],
-    },
 ];
 
 impl Pair {
