@@ -350,6 +350,18 @@ impl System {
         self.hidden.iter().filter_map(rate).collect()
     }
 
+    /// Every known part with its place.
+    pub fn known_parts(&self) -> Vec<(Place, Expr)> {
+        let energies = [
+            (Place::Kinetic, self.kinetic),
+            (Place::Potential, self.potential),
+            (Place::Hamiltonian, self.hamiltonian),
+        ];
+        let forces = self.forces.iter().enumerate().map(|(i, &expr)| (Place::Force(i), expr));
+        let sensors = self.sensors.iter().enumerate().map(|(i, &expr)| (Place::Sensor(i), expr));
+        energies.into_iter().chain(forces).chain(self.known_rates()).chain(sensors).collect()
+    }
+
     /// The rates of all internal states by their places among the coordinates, learned terms
     /// included; coefficients of terms that are not `active` are zero in them.
     ///

@@ -258,7 +258,7 @@ impl Scope {
             Some((_, parts)) => parts.push((1.0, expr)),
             None => slopes.push((place, vec![(1.0, expr)])),
         };
-        for (place, expr) in places(&system) {
+        for (place, expr) in system.known_parts() {
             let slope = system.graph.derivative(expr, symbol);
             if !system.graph.is_zero(slope) {
                 known.push((place, expr));
@@ -363,18 +363,6 @@ fn not_free(number: &KnownNumber) -> Error {
         format!("{} cannot be learned where it stands", number.label()),
         "write it as a `param` yourself",
     )
-}
-
-/// Every known part with its place.
-fn places(system: &System) -> Vec<(Place, crate::expr::Expr)> {
-    let energies = [
-        (Place::Kinetic, system.kinetic),
-        (Place::Potential, system.potential),
-        (Place::Hamiltonian, system.hamiltonian),
-    ];
-    let forces = system.forces.iter().enumerate().map(|(i, &expr)| (Place::Force(i), expr));
-    let sensors = system.sensors.iter().enumerate().map(|(i, &expr)| (Place::Sensor(i), expr));
-    energies.into_iter().chain(forces).chain(system.known_rates()).chain(sensors).collect()
 }
 
 /// The expression of a statement in which numbers are looked for.

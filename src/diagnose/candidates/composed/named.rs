@@ -99,14 +99,7 @@ pub(super) fn of_unknowns(
 
 /// The derivative of a system by a symbol, where it acts.
 fn derivative(system: &mut System, by: Symbol) -> Vec<(Place, Expr)> {
-    let energies = [
-        (Place::Kinetic, system.kinetic),
-        (Place::Potential, system.potential),
-        (Place::Hamiltonian, system.hamiltonian),
-    ];
-    let forces = system.forces.iter().enumerate().map(|(i, &expr)| (Place::Force(i), expr));
-    let sensors = system.sensors.iter().enumerate().map(|(i, &expr)| (Place::Sensor(i), expr));
-    let mut whole: Vec<(Place, Expr)> = energies.into_iter().chain(forces).chain(sensors).collect();
+    let mut whole = system.known_parts();
     let graph = &mut system.graph;
     for (at, term) in system.terms.iter().enumerate() {
         let coefficient = graph.symbol(Symbol::Coefficient(at));
