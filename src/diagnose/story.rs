@@ -3,7 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use super::autocorrelation::{Noise, correlated_noise};
-use super::candidates::composed::sets::Proposed;
+use super::candidates::composed::sets::ProposedSet;
 use super::effect::RankedEffect;
 use super::evidence::Judged;
 use super::law_on_data::{LawOnData, Measurements};
@@ -180,13 +180,14 @@ impl<'a> Story<'a> {
     /// When a change does not fit the spec.
     pub(super) fn of_set(
         bare: &Story<'a>,
-        set: &[Proposed],
+        set: &ProposedSet,
         window: usize,
     ) -> Result<Option<Story<'a>>> {
-        let (scope, own) = placed(set.iter().map(|one| &one.effect), &bare.scope)?;
-        let mut law = bare.model.law.on(&scope.compiled().system);
+        let (scope, own) = placed(set.members.iter().map(|one| &one.effect), &bare.scope)?;
+        let noise = bare.model.law.noise().to_vec();
+        let mut law = set.law.on(&scope.compiled().system).with_noise(noise);
         let mut members = Vec::new();
-        for (one, (terms, parameters)) in set.iter().zip(own) {
+        for (one, (terms, parameters)) in set.members.iter().zip(own) {
             let numbers = &one.effect.coefficient;
             let (coefficients, inner) = numbers.split_at(numbers.len().saturating_sub(one.inner));
             for (&id, &value) in terms.iter().zip(coefficients) {

@@ -5,7 +5,7 @@
 //! segments smaller changes show, and what stood in for them is given back.
 
 use super::candidates::candidates;
-use super::candidates::composed::sets::{Around, Placed, Proposed, SetSearch};
+use super::candidates::composed::sets::{Around, Placed, ProposedSet, SetSearch};
 use super::description::{agree_on_noise, description_lengths};
 use super::story::{Question, Story};
 use crate::error::Result;
@@ -23,10 +23,10 @@ pub(super) fn together<'a>(
     let tuning = question.model.tuning();
     let mut scope = question.scope.clone();
     let all = candidates(&mut scope, &question.model.data.dataset, &tuning.candidates);
-    let Some(search) = SetSearch::of(&bare.model, &all, question.monitor) else {
+    let Some(mut search) = SetSearch::of(&bare.model, &all, question.monitor) else {
         return Ok(None);
     };
-    let mut found: Vec<(Vec<Proposed>, Story<'a>)> = Vec::new();
+    let mut found: Vec<(ProposedSet, Story<'a>)> = Vec::new();
     let mut window = search.window();
     let mut before = None;
     let mut proposed = search.proposed(question.scope, None, question.monitor)?;
@@ -58,7 +58,7 @@ pub(super) fn together<'a>(
         window = best.model.law.window().min(tuning.sets.window).max(search.window());
         let model = best.model.with_window(window);
         let places = best.numbers().into_iter().zip(best.columns());
-        let changes = set.iter().zip(places);
+        let changes = set.members.iter().zip(places);
         let changes =
             changes.map(|(proposed, (numbers, columns))| Placed { proposed, numbers, columns });
         let around = Around { model, changes: changes.collect(), explains: best.explains };
@@ -67,17 +67,17 @@ pub(super) fn together<'a>(
     Ok(Some(found.into_iter().map(|(_, story)| story).collect()))
 }
 
-fn labels(set: &[Proposed]) -> Vec<&str> {
-    let mut labels: Vec<&str> = set.iter().map(|one| one.effect.effect.as_str()).collect();
+fn labels(set: &ProposedSet) -> Vec<&str> {
+    let mut labels: Vec<&str> = set.members.iter().map(|one| one.effect.effect.as_str()).collect();
     labels.sort_unstable();
     labels
 }
 
 /// Sets with their stories, that of the shortest description first.
 fn best_first<'a>(
-    fitted: Vec<(Vec<Proposed>, Story<'a>)>,
+    fitted: Vec<(ProposedSet, Story<'a>)>,
     question: &Question<'a, '_>,
-) -> Vec<(Vec<Proposed>, Story<'a>)> {
+) -> Vec<(ProposedSet, Story<'a>)> {
     let stories: Vec<&Story> = fitted.iter().map(|(_, story)| story).collect();
     let lengths = description_lengths(&stories, question.model.tuning());
     let mut both: Vec<_> = lengths.into_iter().zip(fitted).collect();
@@ -87,9 +87,9 @@ fn best_first<'a>(
 
 /// The story of the shortest description, with its set.
 fn leader<'f, 'a>(
-    found: &'f [(Vec<Proposed>, Story<'a>)],
+    found: &'f [(ProposedSet, Story<'a>)],
     question: &Question<'a, '_>,
-) -> Option<&'f (Vec<Proposed>, Story<'a>)> {
+) -> Option<&'f (ProposedSet, Story<'a>)> {
     let mut stories: Vec<Story> = found.iter().map(|(_, story)| story.clone()).collect();
     agree_on_noise(&mut stories);
     let lengths = description_lengths(&stories.iter().collect::<Vec<_>>(), question.model.tuning());

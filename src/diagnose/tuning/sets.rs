@@ -15,8 +15,10 @@ pub struct Sets {
     pub beside: usize,
     /// or of what it leaves without one of its members, where it leaves noise,
     pub instead: usize,
-    /// of about so many distinct expressions.
+    /// of about so many distinct expressions,
     pub expressions: usize,
+    /// looked at before so many samples, at most.
+    pub samples: usize,
     /// Choices of named candidates that sets are made of, at most: the best of each come first.
     pub named: usize,
     /// Points of the grid of a named candidate that sets are made of, at most.
@@ -34,10 +36,15 @@ pub struct Sets {
     pub added: usize,
     /// in the place of one member,
     pub exchanged: usize,
-    /// and in the place of two.
+    /// in the place of two,
     pub merged: usize,
+    /// and in the place of one, two of them after one another.
+    pub split: usize,
     /// Part of its squares that a column keeps beside the others of a set, at least.
     pub apart: f64,
+    /// Part of a known number, or of what a sensor shows, up to which what a change of it does is
+    /// believed to go by its first order.
+    pub linear: f64,
     /// What is left is believed to no less than this part of what is to be explained: scores of
     /// first order say no more.
     pub floor: f64,

@@ -21,6 +21,11 @@ impl Channels {
         2 * self.degrees + observable
     }
 
+    /// The observable whose sensor a channel is of.
+    pub(super) fn sensed(self, channel: usize) -> Option<usize> {
+        channel.checked_sub(2 * self.degrees)
+    }
+
     pub(super) fn moving(self) -> usize {
         2 * self.degrees
     }

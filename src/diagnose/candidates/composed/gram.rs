@@ -25,6 +25,9 @@ pub(super) struct PoolMember {
     kind: usize,
 }
 
+/// A column, and the largest coefficient to which it is known.
+pub(super) type Known = (DVector<f64>, f64);
+
 /// Columns that sets are made of.
 pub(super) struct Pool<'a> {
     members: Vec<PoolMember>,
@@ -34,6 +37,8 @@ pub(super) struct Pool<'a> {
     heights: DVector<f64>,
     /// Lengths of the columns.
     norms: Vec<f64>,
+    /// The largest coefficients with which columns say anything, brought to length 1.
+    limits: Vec<f64>,
     /// Squares of what is to be explained.
     squares: f64,
     /// Independent residuals.
@@ -55,19 +60,20 @@ pub(super) struct FoundSet {
 impl<'a> Pool<'a> {
     /// Each member with its kind, its price in nats and its columns.
     pub(super) fn of(
-        members: Vec<(usize, f64, Vec<DVector<f64>>)>,
+        members: Vec<(usize, f64, Vec<Known>)>,
         target: &DVector<f64>,
         rows: usize,
         tuning: &'a tuning::Sets,
     ) -> Pool<'a> {
         let mut list = Vec::with_capacity(members.len());
         let mut columns: Vec<DVector<f64>> = Vec::new();
-        let mut norms = Vec::new();
+        let (mut norms, mut limits) = (Vec::new(), Vec::new());
         for (kind, price, own) in members {
             list.push(PoolMember { first: columns.len(), count: own.len(), price, kind });
-            for column in own {
+            for (column, limit) in own {
                 let norm = column.norm();
                 norms.push(norm);
+                limits.push(limit * norm);
                 columns.push(if norm > 0.0 { column / norm } else { column });
             }
         }
@@ -78,7 +84,7 @@ impl<'a> Pool<'a> {
             (design.transpose() * &design, design.tr_mul(target))
         };
         let squares = target.norm_squared();
-        Pool { members: list, gram, heights, norms, squares, rows, tuning }
+        Pool { members: list, gram, heights, norms, limits, squares, rows, tuning }
     }
 
     fn columns(&self, set: &[usize]) -> Vec<usize> {
@@ -90,14 +96,17 @@ impl<'a> Pool<'a> {
     }
 
     /// The best sets, the shortest description first, and one alone of those that differ in inner
-    /// numbers.
-    pub(super) fn search(&self) -> Vec<FoundSet> {
+    /// numbers. The search begins with no member and with those of `standing`, which need not be in
+    /// order.
+    pub(super) fn search(&self, standing: &[usize]) -> Vec<FoundSet> {
         let tuning = self.tuning;
-        let empty = FoundSet { members: Vec::new(), cost: self.cost(self.squares, &[]) };
-        let mut pool = vec![empty.clone()];
-        let mut seen: FxHashSet<Set> = FxHashSet::default();
-        seen.insert(Vec::new());
-        let mut front = vec![empty];
+        let mut standing = standing.to_vec();
+        standing.sort_unstable();
+        let mut pool: Vec<FoundSet> =
+            [Vec::new(), standing].into_iter().filter_map(|members| self.found(members)).collect();
+        pool.dedup_by(|a, b| a.members == b.members);
+        let mut seen: FxHashSet<Set> = pool.iter().map(|one| one.members.clone()).collect();
+        let mut front = pool.clone();
         for _ in 0..tuning.rounds {
             let moves: Vec<FoundSet> =
                 front.par_iter().flat_map_iter(|one| self.moves(&one.members)).collect();
@@ -123,7 +132,8 @@ impl<'a> Pool<'a> {
         kinds
     }
 
-    /// The sets one move away: a member added, dropped, exchanged, or two exchanged for one.
+    /// The sets one move away: a member added, dropped, exchanged, one exchanged for two or
+    /// two for one.
     fn moves(&self, set: &[usize]) -> Vec<FoundSet> {
         let tuning = self.tuning;
         let mut found = Vec::new();
@@ -132,8 +142,13 @@ impl<'a> Pool<'a> {
         }
         for (at, _) in set.iter().enumerate() {
             let rest = without(set, &[at]);
-            found.extend(self.found(rest.clone()));
+            found.extend(self.found(rest.clone()).filter(|one| self.is_within(&one.members)));
             found.extend(self.added(&rest, tuning.exchanged));
+            if set.len() < tuning.members {
+                for one in self.added(&rest, tuning.split) {
+                    found.extend(self.added(&one.members, tuning.split));
+                }
+            }
             for other in at + 1..set.len() {
                 found.extend(self.added(&without(set, &[at, other]), tuning.merged));
             }
@@ -169,7 +184,17 @@ impl<'a> Pool<'a> {
             members.sort_unstable();
             FoundSet { members, cost }
         };
-        all.iter().take(most).map(with).collect()
+        all.iter().map(with).filter(|one| self.is_within(&one.members)).take(most).collect()
+    }
+
+    /// Whether no coefficient of a set is larger than its column is known for.
+    fn is_within(&self, set: &[usize]) -> bool {
+        let own = self.columns(set);
+        if own.iter().all(|&at| self.limits[at] == f64::INFINITY) {
+            return true;
+        }
+        let Some(values) = self.solved(&own) else { return false };
+        own.iter().zip(values.iter()).all(|(&at, value)| value.abs() <= self.limits[at])
     }
 
     /// By how much the squares fall with a member beside a set; `None` where the set nearly spans
@@ -237,12 +262,17 @@ impl<'a> Pool<'a> {
     /// Coefficients of a set's members, those of each for themselves.
     pub(super) fn coefficients(&self, set: &[usize]) -> Option<Vec<Vec<f64>>> {
         let own = self.columns(set);
-        let heights = DVector::from_fn(own.len(), |i, _| self.heights[own[i]]);
-        let lower = self.factor(&own)?;
-        let solved = lower.tr_solve_lower_triangular(&lower.solve_lower_triangular(&heights)?)?;
+        let solved = self.solved(&own)?;
         let mut values = own.iter().zip(solved.iter()).map(|(&at, x)| x / self.norms[at]);
         let of = |&at: &usize| values.by_ref().take(self.members[at].count).collect();
         Some(set.iter().map(of).collect())
+    }
+
+    /// Coefficients of columns that are brought to length 1.
+    fn solved(&self, own: &[usize]) -> Option<DVector<f64>> {
+        let heights = DVector::from_fn(own.len(), |i, _| self.heights[own[i]]);
+        let lower = self.factor(own)?;
+        lower.tr_solve_lower_triangular(&lower.solve_lower_triangular(&heights)?)
     }
 
     /// The probability that noise does as well as each member of a set beside the others, corrected
@@ -307,10 +337,11 @@ mod tests {
         for &(at, coefficient) in truth {
             target.axpy(coefficient, &all[at], 1.0);
         }
-        let members = all.into_iter().enumerate().map(|(kind, one)| (kind, 10.0, vec![one]));
+        let members =
+            all.into_iter().enumerate().map(|(kind, one)| (kind, 10.0, vec![(one, f64::INFINITY)]));
         let tuning = Tuning::default();
         let pool = Pool::of(members.collect(), &target, ROWS, &tuning.sets);
-        let best = pool.search().swap_remove(0);
+        let best = pool.search(&[]).swap_remove(0);
         let values = pool.coefficients(&best.members).expect("columns that stand apart");
         (best, values.into_iter().flatten().collect())
     }

@@ -55,9 +55,28 @@ pub(super) struct Responses {
     /// Independent residuals beside the model's unknowns.
     pub(super) rows: usize,
     segments: Vec<Segment>,
-    unknowns: usize,
+    /// Columns of the model's unknowns that are eliminated and not spanned by others, by their
+    /// places, and these columns by an orthonormal basis of theirs.
+    free: Vec<usize>,
+    by_basis: DMatrix<f64>,
+    /// What is to be explained by this basis.
+    heights: DVector<f64>,
     /// An action that keeps less than this part of its squares beside the model is spanned by it.
     spanned: f64,
+}
+
+/// What an action does to all residuals.
+pub(super) struct Response {
+    /// What it does with the model's unknowns free, in the order of [`Responses::target`].
+    pub(super) column: DVector<f64>,
+    /// What these would have to take over, by an orthonormal basis of what they do.
+    pub(super) heights: DVector<f64>,
+}
+
+impl Response {
+    pub(super) fn parts(self) -> (DVector<f64>, DVector<f64>) {
+        (self.column, self.heights)
+    }
 }
 
 /// Points from sample to sample, at least: Simpson's rule takes them in twos.
@@ -104,7 +123,9 @@ impl Responses {
             squares: 0.0,
             rows,
             segments: list,
-            unknowns: kept.len(),
+            free: Vec::new(),
+            by_basis: DMatrix::zeros(0, 0),
+            heights: DVector::zeros(0),
             spanned: tuning.spanned,
         };
         // What candidates do is known at the nodes, and so is what the unknowns do: one that does
@@ -118,7 +139,7 @@ impl Responses {
                 }
             }
         }
-        responses.orthonormalise(tuning.spanned_unknowns);
+        responses.orthonormalise(kept.len(), tuning.spanned_unknowns);
         responses.rows = responses.rows.saturating_sub(kept.len());
         responses.finish();
         responses
@@ -138,16 +159,20 @@ impl Responses {
 
     /// An orthonormal basis of the unknowns' columns over all segments (modified Gram-Schmidt,
     /// each column twice); columns that others span but for the part `spanned` are left out.
-    fn orthonormalise(&mut self, spanned: f64) {
+    fn orthonormalise(&mut self, unknowns: usize, spanned: f64) {
         let dot = |segments: &[Segment], a: usize, b: usize| -> f64 {
             segments.iter().map(|s| s.base.column(a).dot(&s.base.column(b))).sum()
         };
-        let mut count = 0;
-        for column in 0..self.unknowns {
+        let mut free = Vec::new();
+        let mut by_basis = DMatrix::zeros(unknowns, unknowns);
+        for column in 0..unknowns {
+            let count = free.len();
             let whole = dot(&self.segments, column, column);
+            by_basis.column_mut(count).fill(0.0);
             for _ in 0..2 {
                 for earlier in 0..count {
                     let shadow = dot(&self.segments, earlier, column);
+                    by_basis[(earlier, count)] += shadow;
                     for segment in &mut self.segments {
                         let basis = segment.base.column(earlier).clone_owned();
                         segment.base.column_mut(column).axpy(-shadow, &basis, 1.0);
@@ -157,25 +182,30 @@ impl Responses {
             let left = dot(&self.segments, column, column);
             if left > spanned * whole && left > 0.0 {
                 let scale = left.sqrt().recip();
+                by_basis[(count, count)] = left.sqrt();
                 for segment in &mut self.segments {
                     let basis = segment.base.column(column) * scale;
                     segment.base.set_column(count, &basis);
                 }
-                count += 1;
+                free.push(column);
             }
         }
+        let count = free.len();
         for segment in &mut self.segments {
             segment.base = segment.base.columns(0, count).clone_owned();
         }
-        self.unknowns = count;
+        self.by_basis = by_basis.view((0, 0), (count, count)).clone_owned();
+        self.heights = DVector::zeros(count);
+        self.free = free;
     }
 
     /// The forms that scores are quotients of.
     fn finish(&mut self) {
-        let mut heights = DVector::zeros(self.unknowns);
+        let mut heights = DVector::zeros(self.free.len());
         for segment in &self.segments {
             heights += segment.base.tr_mul(&segment.target);
         }
+        self.heights += &heights;
         let channels = self.channels;
         self.segments.par_iter_mut().for_each(|segment| {
             let nodes = segment.nodes;
@@ -201,7 +231,7 @@ impl Responses {
         let (channels, count) = (&first.channels, self.points.count);
         let mut gain = [0.0; LANES];
         let mut whole = [0.0; LANES];
-        let mut shadows = vec![[0.0; LANES]; self.unknowns];
+        let mut shadows = vec![[0.0; LANES]; self.free.len()];
         let mut values: Vec<[f64; LANES]> = Vec::new();
         let mut places = Vec::new();
         for segment in &self.segments {
@@ -245,9 +275,14 @@ impl Responses {
     /// What an action does to all residuals with the model's unknowns free; zeros where the model
     /// spans it.
     pub(super) fn column(&self, action: &Action) -> DVector<f64> {
+        self.response(action).column
+    }
+
+    /// What an action does to all residuals; nothing where the model spans it.
+    pub(super) fn response(&self, action: &Action) -> Response {
         let parts: Vec<DVector<f64>> =
             self.segments.iter().map(|segment| segment.column(action)).collect();
-        let mut heights = DVector::zeros(self.unknowns);
+        let mut heights = DVector::zeros(self.free.len());
         for (segment, part) in self.segments.iter().zip(&parts) {
             heights += segment.base.tr_mul(part);
         }
@@ -259,7 +294,25 @@ impl Responses {
         }
         let column = DVector::from_vec(column);
         let seen = column.norm_squared() > self.spanned * whole;
-        if seen { column } else { DVector::zeros(size) }
+        if seen {
+            Response { column, heights }
+        } else {
+            Response { column: DVector::zeros(size), heights: self.no_heights() }
+        }
+    }
+
+    /// The heights of what does nothing.
+    pub(super) fn no_heights(&self) -> DVector<f64> {
+        DVector::zeros(self.free.len())
+    }
+
+    /// Changes of the model's unknowns, with their places among those that are eliminated, by which
+    /// it takes over what `added` leaves to it of what is to be explained.
+    pub(super) fn unknowns_beside(&self, added: &DVector<f64>) -> Vec<(usize, f64)> {
+        let Some(changes) = self.by_basis.solve_upper_triangular(&(&self.heights - added)) else {
+            return Vec::new();
+        };
+        self.free.iter().copied().zip(changes.iter().copied()).collect()
     }
 
     /// Residuals with the model's unknowns free, in the order of [`Responses::column`].

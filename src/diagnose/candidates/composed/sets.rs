@@ -7,7 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::actions::Action;
+use super::actions::{Action, Channels};
 use super::around::linear;
 use super::enumerate::enumerate;
 use super::expression::Composed;
@@ -25,7 +25,7 @@ use crate::diagnose::law_on_data::LawOnData;
 use crate::diagnose::settling::{Settled, settle};
 use crate::diagnose::tuning::{self, Tuning};
 use crate::error::Result;
-use crate::expr::{Scope, System};
+use crate::expr::{ParameterId, Scope, System, TermId};
 use crate::fit::column::Column;
 use crate::fit::{Law, Monitor};
 
@@ -43,8 +43,17 @@ pub struct Proposed {
     change: Change,
 }
 
-/// What a member of a set is.
+/// A set that is to be fitted in full.
 #[derive(Clone)]
+pub struct ProposedSet {
+    /// Its members.
+    pub members: Vec<Proposed>,
+    /// The model as it is, with the numbers that it has beside them to first order.
+    pub law: Law,
+}
+
+/// What a member of a set is.
+#[derive(Clone, PartialEq)]
 enum Change {
     /// A candidate, by its place in the list.
     Named(usize),
@@ -78,11 +87,15 @@ pub struct SetSearch<'a, 'b> {
     leaves: Leaves,
     terms: Vec<Composed>,
     first: Settled<'a>,
+    /// Of each observable.
+    spreads: Vec<f64>,
+    /// Changes for which stand-ins are among the terms.
+    asked: Vec<Change>,
     tuning: &'a Tuning,
 }
 
 impl<'a, 'b> SetSearch<'a, 'b> {
-    /// From the bare model and its candidates. `None` where responses are not known: under
+    /// From the model as it is and its candidates. `None` where responses are not known: under
     /// constraints, with columns that show something else than the state, in many coordinates.
     pub fn of(
         model: &LawOnData<'a>,
@@ -117,7 +130,8 @@ impl<'a, 'b> SetSearch<'a, 'b> {
                 terms.push(term);
             }
         }
-        Some(SetSearch { candidates, leaves, terms, first, tuning })
+        let spreads = model.spreads();
+        Some(SetSearch { candidates, leaves, terms, first, spreads, asked: Vec::new(), tuning })
     }
 
     /// Samples of the segments that the first sets are chosen on.
@@ -132,39 +146,36 @@ impl<'a, 'b> SetSearch<'a, 'b> {
     ///
     /// When a member makes no sense in the spec.
     pub fn proposed(
-        &self,
+        &mut self,
         scope: &Scope,
         around: Option<&Around<'a, '_>>,
         monitor: &dyn Monitor,
-    ) -> Result<Vec<Vec<Proposed>>> {
+    ) -> Result<Vec<ProposedSet>> {
         let composed = &self.tuning.composed;
-        let base = self.first.model.system();
-        let mut terms = self.terms.clone();
-        let (search, law) = match around {
+        let base = self.first.model.system().clone();
+        let (search, law, unknowns) = match around {
             None => {
                 let law = self.first.model.law.clone();
                 let kept: Vec<Column> = Column::all(law.dynamics().unknowns()).collect();
-                (Search::of(&self.first, &self.leaves, &kept, composed.first_spacing, &[]), law)
+                let spacing = composed.first_spacing;
+                let search = Search::of(&self.first, &self.leaves, &kept, spacing, &[]);
+                let unknowns = unknowns(&law, &kept);
+                (search, law, unknowns)
             }
             Some(around) => {
+                let law = around.model.law.on(&base);
+                self.look_for_stand_ins(around, &law, monitor);
                 let settled = settle(around.model.clone());
-                let law = settled.model.law.on(base);
-                if around.explains {
-                    // What stands in for something else explains nearly as much.
-                    for change in &around.changes {
-                        terms.extend(self.in_place_of(Some(change), &settled, &law, monitor));
-                    }
-                } else {
-                    terms.extend(self.in_place_of(None, &settled, &law, monitor));
-                }
-                let kept = standing(&settled, base);
+                let kept = standing(&settled, &base);
                 let spacing = composed.second_spacing;
                 let mut search = Search::of(&settled, &self.leaves, &kept, spacing, &[]);
                 let restored = self.restored(&around.changes, &search, &law);
                 search.responses.restore(&restored);
-                (search, law)
+                let unknowns = unknowns(&settled.model.law, &kept);
+                (search, law, unknowns)
             }
         };
+        let mut terms = self.terms.clone();
         // The numbers that were fitted lie between the points of the grids.
         let mut fitted: Vec<(usize, Vec<f64>)> = Vec::new();
         for Placed { proposed, numbers, .. } in around.iter().flat_map(|around| &around.changes) {
@@ -180,15 +191,59 @@ impl<'a, 'b> SetSearch<'a, 'b> {
         let mut entries = self.named(&search, &law, &fitted);
         entries.extend(self.composed(&search, &terms));
         let pool = self.pool(&search.responses, &entries);
-        let found = pool.search();
+        let changes = around.iter().flat_map(|around| &around.changes);
+        let standing: Vec<usize> =
+            changes.filter_map(|change| self.nearest(change, &entries)).collect();
+        let found = pool.search(&standing);
         let mut sets = Vec::new();
         for one in found.iter().filter(|one| !one.members.is_empty()) {
-            sets.extend(self.written(scope, &pool, &entries, one)?);
+            let Some(members) = self.written(scope, &pool, &entries, one)? else { continue };
+            let law = first_order(&search.responses, &pool, &entries, one, &law, &unknowns)?;
+            sets.push(ProposedSet { members, law });
             if sets.len() == self.tuning.sets.proposed {
                 break;
             }
         }
         Ok(sets)
+    }
+
+    /// Adds to the terms those that may stand in the place of a change of a model, or that explain
+    /// most of what it leaves. Many are looked at before a part of the data; sets are made of the
+    /// best of them before all.
+    fn look_for_stand_ins(&mut self, around: &Around, law: &Law, monitor: &dyn Monitor) {
+        let few = settle(around.model.thinned(self.tuning.sets.samples));
+        let mut found = Vec::new();
+        if !around.explains {
+            found.extend(self.in_place_of(None, &few, law, monitor));
+        }
+        for change in &around.changes {
+            if !self.asked.contains(&change.proposed.change) {
+                found.extend(self.in_place_of(Some(change), &few, law, monitor));
+                self.asked.push(change.proposed.change.clone());
+            }
+        }
+        for term in found {
+            if !self.terms.contains(&term) {
+                self.terms.push(term);
+            }
+        }
+    }
+
+    /// The place among `entries` of a change, at the numbers that are nearest to those it has.
+    fn nearest(&self, change: &Placed, entries: &[Entry]) -> Option<usize> {
+        let Placed { proposed, numbers, .. } = change;
+        let inner = &numbers[numbers.len() - proposed.inner..];
+        let same = |entry: &Entry| match (&proposed.change, &entry.change) {
+            (Change::Named(own), Change::Named(other)) => own == other,
+            (Change::Composed(own), Change::Composed(other)) => own.has_form_of(other),
+            _ => false,
+        };
+        let apart = |entry: &Entry| -> f64 {
+            inner.iter().zip(&entry.values).map(|(own, other)| (own - other).powi(2)).sum()
+        };
+        let alike = entries.iter().enumerate().filter(|(_, entry)| same(entry));
+        let nearest = alike.min_by(|(_, a), (_, b)| apart(a).total_cmp(&apart(b)));
+        nearest.map(|(place, _)| place)
     }
 
     /// The composed terms that explain most of what a model with some changes leaves, or of what it
@@ -268,17 +323,23 @@ impl<'a, 'b> SetSearch<'a, 'b> {
             let found = at_all_points(candidate, &grid, law, points, channels);
             let choices = (candidate.grid.len().max(1) as f64).ln();
             let entry = |one: NamedAction| {
-                let columns: Vec<DVector<f64>> =
-                    one.actions.iter().map(|action| responses.column(action)).collect();
+                let (columns, heights): (Vec<DVector<f64>>, Vec<DVector<f64>>) =
+                    one.actions.iter().map(|action| responses.response(action).parts()).unzip();
                 let unknowns = match candidate.number() {
                     Some(_) => 1.0,
                     None => (columns.len() + one.values.len()) as f64,
                 };
+                let limits = match candidate.number() {
+                    Some(number) => vec![tuning.linear * number.value.abs()],
+                    None => one.actions.iter().map(|action| self.limit(action, channels)).collect(),
+                };
                 Entry {
                     kind: place,
+                    limits,
                     price: candidate.choice + choices + 0.5 * unknowns * rows,
                     fall: fall(&columns, &target),
                     columns,
+                    heights,
                     change: Change::Named(place),
                     values: one.values,
                 }
@@ -306,15 +367,18 @@ impl<'a, 'b> SetSearch<'a, 'b> {
         let target = responses.target();
         let of = |(place, term): (usize, &Composed)| {
             let action = term.action(&search.jets.nodes, responses.channels);
-            let columns = vec![responses.column(&action)];
+            let (column, heights) = responses.response(&action).parts();
+            let (columns, heights) = (vec![column], vec![heights]);
             let unknowns = 1.0 + term.inner().len() as f64;
             // Forms that differ in their numbers alone are of one kind.
             let form = terms[..place].iter().position(|other| other.has_form_of(term));
             Entry {
+                limits: vec![self.limit(&action, responses.channels)],
                 kind: self.candidates.len() + form.unwrap_or(place),
                 price: term.price + 0.5 * unknowns * rows,
                 fall: fall(&columns, &target),
                 columns,
+                heights,
                 change: Change::Composed(term.clone()),
                 values: term.numbers(),
             }
@@ -323,8 +387,30 @@ impl<'a, 'b> SetSearch<'a, 'b> {
         all.filter(|entry| entry.fall > 0.0).collect()
     }
 
+    /// The largest coefficient with which an action says what it does: what a sensor shows beside
+    /// the truth bends the motion that follows from it, unless it is small beside that motion.
+    fn limit(&self, action: &Action, channels: Channels) -> f64 {
+        let of = |channel: &usize| channels.sensed(*channel);
+        let Some(observables) = action.channels.iter().map(of).collect::<Option<Vec<usize>>>()
+        else {
+            return f64::INFINITY;
+        };
+        let count = (action.values.len() / observables.len().max(1)).max(1);
+        let ratios =
+            observables.iter().zip(action.values.chunks(count)).map(|(&observable, shown)| {
+                let mean = shown.iter().sum::<f64>() / count as f64;
+                let squares: f64 = shown.iter().map(|x| (x - mean).powi(2)).sum();
+                let spread = self.spreads.get(observable).copied().unwrap_or(f64::INFINITY);
+                spread / (squares / count as f64).sqrt()
+            });
+        self.tuning.sets.linear * ratios.fold(f64::INFINITY, f64::min)
+    }
+
     fn pool(&self, responses: &Responses, entries: &[Entry]) -> Pool<'a> {
-        let members = entries.iter().map(|one| (one.kind, one.price, one.columns.clone()));
+        let members = entries.iter().map(|one| {
+            let columns = one.columns.iter().cloned().zip(one.limits.iter().copied());
+            (one.kind, one.price, columns.collect())
+        });
         Pool::of(members.collect(), &responses.target(), responses.rows, &self.tuning.sets)
     }
 
@@ -391,11 +477,66 @@ struct Entry {
     kind: usize,
     price: f64,
     columns: Vec<DVector<f64>>,
+    /// What the model's unknowns would have to take over of each.
+    heights: Vec<DVector<f64>>,
+    /// The largest coefficients of these to which first order says anything.
+    limits: Vec<f64>,
     /// By how much the squares fall with it alone.
     fall: f64,
     change: Change,
     /// Its inner numbers.
     values: Vec<f64>,
+}
+
+/// One of the unknowns of a law.
+#[derive(Clone, Copy)]
+enum Unknown {
+    Coefficient(TermId),
+    Inner(ParameterId),
+}
+
+/// The unknowns of a law at some columns.
+fn unknowns(law: &Law, columns: &[Column]) -> Vec<Unknown> {
+    let dynamics = law.dynamics();
+    let terms = dynamics.active().iter().map(|&id| Unknown::Coefficient(id));
+    let inner = dynamics.parameters().iter().map(|&id| Unknown::Inner(id));
+    let all: Vec<Unknown> = terms.chain(inner).collect();
+    columns.iter().filter_map(|column| all.get(column.position()).copied()).collect()
+}
+
+/// A law with the numbers that its `unknowns` have to first order beside a set.
+fn first_order(
+    responses: &Responses,
+    pool: &Pool,
+    entries: &[Entry],
+    set: &FoundSet,
+    law: &Law,
+    unknowns: &[Unknown],
+) -> Result<Law> {
+    let coefficients = pool.coefficients(&set.members).unwrap_or_default();
+    let mut added = responses.no_heights();
+    for (&at, own) in set.members.iter().zip(coefficients) {
+        for (coefficient, heights) in own.iter().zip(&entries[at].heights) {
+            added.axpy(*coefficient, heights, 1.0);
+        }
+    }
+    let mut moved = law.clone();
+    for (place, change) in responses.unknowns_beside(&added) {
+        match unknowns.get(place) {
+            Some(&Unknown::Coefficient(id)) => {
+                let value = law.coefficient(id).unwrap_or(0.0);
+                moved = moved.with_term(id, value + change)?;
+            }
+            Some(&Unknown::Inner(id)) => {
+                let bounds = law.system().parameter(id).map(|parameter| parameter.bounds);
+                let value = law.parameter(id).zip(bounds);
+                let value = value.map(|(value, bounds)| (id, bounds.clamp(value + change)));
+                moved = moved.with_parameters(value);
+            }
+            None => {}
+        }
+    }
+    Ok(moved)
 }
 
 /// By how much the squares fall with some columns; 0 where they span one another.
