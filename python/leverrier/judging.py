@@ -1,0 +1,264 @@
+"""What a law lacks: where it fails, what is missing, what to measure next, what a change brings."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from . import _native
+from .errors import InvalidArgumentError
+from .progress import Progress, finished, shown
+from .questions import Judged, diagnosis_options, listed, range_of, ranges, support
+from .results import Comparison, Design, Diagnosis, Revision, unfinished
+from .tables import number
+
+if TYPE_CHECKING:
+    from .law import Law
+    from .spec import Spec
+    from .tables import Data
+
+
+class Judging:
+    """The part of :class:`leverrier.Law` that holds it against measurements."""
+
+    _native: _native.Law
+    _data: Data | None
+    spec: Spec
+
+    def compare(
+        self,
+        X: Any = None,
+        *,
+        t: Any = None,
+        run: Any = None,
+        u: Any = None,
+        held_out: float = 0.25,
+        seed: int = 0,
+        threads: int | None = None,
+        progress: bool | Progress | None = None,
+    ) -> Comparison:
+        """Where the law fails: errors by length of prediction, drift of the energy, the force that
+        is missing.
+
+        With measurements (as :meth:`leverrier.Spec.data` takes them) the law is held against
+        these, which it has not seen. Without, its own are split, its numbers learned anew from
+        one part and judged on the other.
+
+        >>> import leverrier
+        >>> law = leverrier.open("examples/damped-pendulum/fit.ham").fit()
+        >>> law.compare().horizons[-1].held_out > 3
+        True
+        """
+        return self._compared(self._judged(X, t, run, u, held_out, seed, threads, progress), threads)
+
+    def diagnose(
+        self,
+        X: Any = None,
+        *,
+        t: Any = None,
+        run: Any = None,
+        u: Any = None,
+        held_out: float = 0.25,
+        seed: int = 0,
+        correlated_noise: bool = True,
+        orbits: int = 0,
+        all_pairs: bool = False,
+        threads: int | None = None,
+        progress: bool | Progress | None = None,
+    ) -> Diagnosis:
+        """Which physical effect the law lacks, or that nothing is missing.
+
+        The arguments are those of :meth:`compare`, whether what is left may be noise with a memory,
+        such as that of a filter, how many orbits of a body that nobody measures are fitted where
+        bodies attract each other, and whether effects on two of twelve coordinates or more are asked
+        for also where nothing in the spec couples the two.
+        Ctrl-C raises KeyboardInterrupt with the diagnosis so far as its attribute ``best``; its
+        ``verdict`` is ``interrupted``.
+
+        >>> import leverrier
+        >>> diagnosis = leverrier.open("examples/damped-pendulum/fit.ham").fit().diagnose()
+        >>> diagnosis.verdict, diagnosis.missing
+        ('missing', 'viscous_drag(q)')
+        """
+        options = diagnosis_options(correlated_noise, orbits, all_pairs)
+        judged = self._judged(X, t, run, u, held_out, seed, threads, progress)
+        native = judged.law._native
+        both = (judged.training._native, judged.unseen._native)
+
+        def wrapped(found: _native.Diagnosis) -> Diagnosis:
+            fields = judged.fields | json.loads(found.json()) | {"interrupted": False}
+            return Diagnosis(fields, judged.law, judged.drawing(found))
+
+        def cut_short(found: _native.Diagnosis) -> Diagnosis:
+            fields = judged.fields | unfinished(json.loads(found.json()))
+            return Diagnosis(fields, judged.law, judged.drawing(found))
+
+        def work(told: Progress | None) -> _native.Diagnosis:
+            return native.diagnose(*both, options, threads, told)
+
+        return finished(progress, work, wrapped, cut_short)
+
+    def design(
+        self,
+        X: Any = None,
+        *,
+        t: Any = None,
+        run: Any = None,
+        u: Any = None,
+        between: Sequence[str] = (),
+        coefficient: str | None = None,
+        within: Mapping[str, Any] | None = None,
+        stay: Mapping[str, Any] | None = None,
+        start_time: float | None = None,
+        duration: Any = None,
+        step: Any = None,
+        held_out: float = 0.25,
+        seed: int = 0,
+        threads: int | None = None,
+        progress: bool | Progress | None = None,
+    ) -> Design:
+        """Which run to measure next.
+
+        It is the run that best tells apart the effects ``between`` (or those that a diagnosis
+        cannot decide between), or that best measures a ``coefficient`` (or the one that is known
+        worst). ``within`` says where it may start, ``stay`` what the motion may not leave: a number
+        or (lower, upper) for components of the state. So are ``duration`` and ``step``. What is
+        left open is as in the measurements so far. The other arguments are those of
+        :meth:`compare`.
+
+        >>> import leverrier
+        >>> law = leverrier.open("examples/damped-pendulum/fit.ham").fit()
+        >>> design = law.design(within={"q": (-1, 1), "p": 0}, duration=(5, 20))
+        >>> design.start["p"], abs(design.start["q"]) <= 1
+        (0.0, True)
+        """
+        options = {
+            "between": [str(name) for name in listed(between)],
+            "coefficient": None if coefficient is None else str(coefficient),
+            "start": ranges(within, "within"),
+            "motion": ranges(stay, "stay"),
+            "from": None if start_time is None else number(start_time, "start_time"),
+            "duration": None if duration is None else range_of(duration, "duration"),
+            "step": None if step is None else range_of(step, "step"),
+        }
+        judged = self._judged(X, t, run, u, held_out, seed, threads, progress)
+        native = judged.law._native
+        both = (judged.training._native, judged.unseen._native)
+        return finished(
+            progress,
+            lambda told: native.design(*both, options, threads, told),
+            lambda text: Design(judged.fields | json.loads(text), judged.law),
+        )
+
+    def add(
+        self,
+        effect: str,
+        *,
+        held_out: float = 0.25,
+        seed: int = 0,
+        threads: int | None = None,
+        progress: bool | Progress | None = None,
+    ) -> Revision:
+        """The law with an effect, and whether held-out measurements support it.
+
+        The law and its spec stay as they are; ``add(...).law`` is the new one.
+
+        >>> import leverrier
+        >>> revision = leverrier.open("examples/damped-pendulum/fit.ham").fit().add("viscous_drag")
+        >>> revision.supported, [term.term for term in revision.law.terms]
+        (True, ['cos(q)', '-p'])
+        """
+        return self._revised(f"add {effect}", self.spec.with_effect(effect), held_out, seed,
+                             threads, progress)  # fmt: skip
+
+    def remove(
+        self,
+        effect: str,
+        *,
+        held_out: float = 0.25,
+        seed: int = 0,
+        threads: int | None = None,
+        progress: bool | Progress | None = None,
+    ) -> Revision:
+        """The law without an effect or without a term that has a name, and whether held-out
+        measurements speak for it: whether their error does not rise by more than 2 %."""
+        return self._revised(f"remove {effect}", self.spec.without(effect), held_out, seed,
+                             threads, progress)  # fmt: skip
+
+    def _revised(
+        self,
+        action: str,
+        spec: Spec,
+        held_out: float,
+        seed: int,
+        threads: int | None,
+        progress: bool | Progress | None,
+    ) -> Revision:
+        judged = self._judged(None, None, None, None, held_out, seed, threads, progress)
+        seen = spec.fit(judged.training, threads=threads, progress=progress)
+        after = judged._replace_law(seen)
+        compared = seen._compared(after, threads)
+        noise = [1.0 if one is None else one for _, one in compared.noise_floor]
+        before = judged.law._compared(judged, threads, noise)
+        law = spec.fit(self._own(), threads=threads, progress=progress)
+        known = {(one.place, one.term) for one in judged.law.terms}
+        new = [one.to_dict() for one in seen.terms if (one.place, one.term) not in known]
+        supported, reason = support(action, new, before, compared)
+        fields = judged.fields | {
+            "action": action, "effect": new, "supported": supported, "reason": reason,
+        }  # fmt: skip
+        return Revision(fields, law, before, compared)
+
+    def refit(
+        self,
+        X: Any = None,
+        *,
+        t: Any = None,
+        run: Any = None,
+        u: Any = None,
+        threads: int | None = None,
+        progress: bool | Progress | None = None,
+    ) -> Law:
+        """The same terms with their numbers learned anew, from other measurements."""
+        data = self.spec.data(X, t=t, run=run, u=u)
+        with shown(progress) as told:
+            return type(self)(self._native.refit(data._native, threads, told), self.spec, data)
+
+    def _own(self) -> Data:
+        # A law from a file has measurements where its spec names them.
+        return self._data if self._data is not None else self.spec.data()
+
+    def _judged(
+        self,
+        X: Any,
+        t: Any,
+        run: Any,
+        u: Any,
+        held_out: float,
+        seed: int,
+        threads: int | None,
+        progress: bool | Progress | None,
+    ) -> Judged:
+        from .spec import split_fields
+
+        if X is not None:
+            training, unseen = self._own(), self.spec.data(X, t=t, run=run, u=u)
+            law, terms = self, "the law as it is, judged on measurements that were given"
+            split = {"training": training.runs, "held_out": unseen.runs}
+        else:
+            if any(one is not None for one in (t, run, u)):
+                raise InvalidArgumentError("t, run and u go with X", "give the measurements, too")
+            training, unseen = self._own().split(held_out, seed)
+            law = self.refit(training, threads=threads, progress=progress)
+            terms = "the terms of the law, their numbers from the training part"
+            split = split_fields(training, unseen, held_out, seed)
+        fields = {"system": self.spec.system, "split": split, "terms_from": terms}
+        return Judged(law, training, unseen, fields)
+
+    def _compared(
+        self, judged: Judged, threads: int | None, noise: list[float] | None = None
+    ) -> Comparison:
+        native = judged.law._native
+        text = native.compare(judged.training._native, judged.unseen._native, noise, threads)
+        return Comparison(judged.fields | json.loads(text), judged.law, judged.drawing(None))
