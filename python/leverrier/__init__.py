@@ -4,7 +4,14 @@ Give measurements of positions and momenta (or velocities) over time, and say in
 terms the energy might have: a sparse Hamiltonian comes back, with an uncertainty on every
 coefficient, and the name of what it lacks.
 
+>>> import numpy as np
 >>> import leverrier
+>>> t = np.arange(200) * 0.1
+>>> print(leverrier.learn(t, np.cos(t)))
+H = p_x^2/2 + x^2/2
+
+What is known of a system, and what may be, is said in a spec:
+
 >>> spec = leverrier.open("examples/damped-pendulum/fit.ham")
 >>> law = spec.fit()
 >>> law.diagnose().missing
@@ -25,11 +32,13 @@ from .errors import (
     FileError,
     InvalidArgumentError,
     LeverrierError,
+    LeverrierWarning,
     ModelError,
     NoResultError,
     SpecError,
 )
 from .law import Law
+from .learning import learn
 from .motion import Trajectory, VectorField
 from .results import (
     Comparison,
@@ -58,6 +67,7 @@ __all__ = [
     "InvalidArgumentError",
     "Law",
     "LeverrierError",
+    "LeverrierWarning",
     "ModelError",
     "NoResultError",
     "Record",
@@ -68,6 +78,7 @@ __all__ = [
     "Trajectory",
     "VectorField",
     "__version__",
+    "learn",
     "open",
     "parse",
 ]

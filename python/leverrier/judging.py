@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from . import _native
-from .errors import InvalidArgumentError
+from .errors import InvalidArgumentError, LeverrierError
 from .progress import Progress, finished, shown
 from .questions import Judged, diagnosis_options, listed, range_of, ranges, support
 from .results import Comparison, Design, Diagnosis, Revision, unfinished
@@ -262,3 +262,13 @@ class Judging:
         native = judged.law._native
         text = native.compare(judged.training._native, judged.unseen._native, noise, threads)
         return Comparison(judged.fields | json.loads(text), judged.law, judged.drawing(None))
+
+    def _misfit(self) -> float | None:
+        """The error over whole runs of its own measurements, in units of the noise."""
+        if self._data is None:
+            return None
+        try:
+            found = self._compared(Judged(self, self._data, self._data, {}), None)
+        except LeverrierError:  # too few, or a motion that leaves the finite numbers
+            return None
+        return found.horizons[-1].training if found.horizons else None

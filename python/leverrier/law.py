@@ -43,6 +43,8 @@ class Law(Predicting, Judging):
         self._field: VectorField | None = None
         self._of_runs: dict[tuple[str, ...], Law] = {}
         self._model: Record | None = None
+        #: What was told when it was made.
+        self._told: list[str] = []
 
     # What it is.
 
@@ -88,6 +90,12 @@ class Law(Predicting, Judging):
     def covariance(self) -> np.ndarray:
         """Covariance of the coefficients of ``terms``, then of ``parameters``."""
         return np.asarray(self.model.to_dict()["covariance"], dtype=np.float64)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What deserves a look, as sentences: what was told when the law was learned, and what its
+        measurements cannot tell. What was noticed in these is in ``law.data.warnings``."""
+        return [*self._told, *(self.unlearnable if self._is_fitted else [])]
 
     def coefficient(self, term: str) -> float:
         """The coefficient of a term by its text or its name; 0 for a term that was not chosen.

@@ -324,7 +324,7 @@ def _joined(X: Any, t: Any, run: Any) -> tuple[Any, Any, Any]:
             f"{len(names)} names for {len(X)} runs", "give one for each, or leave run= out"
         )
     runs = np.repeat(np.asarray([str(name) for name in names]), lengths)
-    if t is not None and np.ndim(t) != 0 or isinstance(t, Sequence):
+    if t is not None and (isinstance(t, Sequence) or np.ndim(t) != 0):
         if len(t) != len(X):
             raise InvalidArgumentError(
                 f"times of {len(t)} runs for {len(X)} runs",
@@ -362,6 +362,18 @@ def named_columns(X: Any) -> dict[str, Any] | None:
     if hasattr(X, "__arrow_c_stream__") and not hasattr(X, "__array__"):
         return named_columns(_imported(X))
     return None
+
+
+def index_of(X: Any) -> dict[str, Any]:
+    """The index of a table of pandas, as columns by name: ``t`` where it has none and is no count."""
+    index = getattr(X, "index", None)
+    if not hasattr(X, "iloc") or index is None:
+        return {}
+    if index.nlevels > 1:
+        return {str(name): index.get_level_values(name) for name in index.names if name is not None}
+    if index.name is not None:
+        return {str(index.name): index}
+    return {} if index.dtype.kind in "iuO" else {"t": index}
 
 
 def _imported(stream: Any) -> Any:

@@ -1,0 +1,495 @@
+"""The first law in one call: from arrays in memory, without a spec of one's own."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from . import tables
+from .errors import (
+    DataError,
+    InvalidArgumentError,
+    LeverrierWarning,
+    NoResultError,
+    SpecError,
+)
+from .law import Law
+from .progress import Progress
+from .spec import Spec, parse
+
+#: The error over whole runs, in units of the noise, from which on a law is said to miss something.
+_MISFIT = 2.0
+#: So many times the noise that the user knows of is more than an estimate of it may be off.
+_LOUD = 1.5
+#: A mass with a larger error, as a share of itself, is one that the data do not tell.
+_TOLD = 0.25
+#: So many measured numbers for an unknown one are few.
+_MEASURED = 2
+#: Noise that is so large a share of the spread of a column leaves nothing that is explained.
+_BURIED = 0.7
+#: The range of a coordinate from which on its sine is told from a polynomial.
+_ANGLE = 1.0
+#: A name that may stand in a spec.
+_NAME = re.compile(r"[^\W\d]\w*")
+
+
+def learn(
+    t: Any,
+    x: Any,
+    *,
+    v: Any = None,
+    p: Any = None,
+    u: Any = None,
+    run: Any = None,
+    names: str | Sequence[str] | None = None,
+    masses: float | Sequence[float] | None = None,
+    degree: int | None = None,
+    harmonics: int | None = None,
+    drag: bool = True,
+    noise: float | Sequence[float] | None = None,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: bool | Progress | None = None,
+) -> Law:
+    """The law behind measured positions, in one call.
+
+    The kinetic energy is known up to masses, the potential is a polynomial of the coordinates with
+    their sines and cosines, and each coordinate may have a drag in proportion to its velocity;
+    what of it the data ask for is chosen. The spec that says so is ``law.spec``: its ``text`` is
+    there to be read, edited and saved, for :func:`leverrier.parse` and the program.
+
+    Parameters
+    ----------
+    t : float, or array of shape (n,)
+        Times of the samples, or the time step; dates count in seconds from the first. For many
+        runs a list with the times of each, or times that all runs have in common. With a table
+        the name of its column, or None: its column ``t`` or ``time``, or its index.
+    x : array of shape (n,) or (n, d), or several
+        Positions: n samples of d coordinates. For many runs a list of such arrays, or one of
+        shape (runs, n, d). Or a table (pandas, polars, pyarrow, a dictionary) with a column for
+        each coordinate. NaN where nothing was measured.
+    v, p : like x, optional
+        Measured velocities, or measured momenta.
+    u : array of shape (n,) or (n, k), or a list with one for each run, optional
+        Measured inputs that may drive every coordinate.
+    run : array of n names, or a name for each run, optional
+        Which run each sample is of; a name alone is a column of a table.
+    names : str or list of str, optional
+        Names of the coordinates: ``x``, ``y``, ``z``, or ``x1`` and so on, where none are given.
+    masses : float or list of float, optional
+        Known masses (moments of inertia, of angles). Where they are not known, momenta tell them;
+        of positions and velocities the mass of the first coordinate is 1, as a unit, and the
+        others are told in it where forces couple the coordinates. Of one that none couples to the
+        first, the mass is 1, too: its motion tells the force on a unit of mass alone.
+    degree : int, optional
+        Degree of the polynomial; 4 up to three coordinates, 3 up to five, else 2.
+    harmonics : int, optional
+        Sines and cosines of so many multiples of each coordinate, 0 for none; 1 of those whose
+        range is over 1 (radian, where they are angles) where nothing is said.
+    drag : bool
+        Whether there may be a drag.
+    noise : float or list of float, optional
+        Standard deviation of the measurements, as far as it is known, of all columns or of each of
+        x, then v or p. It is estimated in any case, and one that is far above this is told.
+    seed, threads, progress
+        As in :meth:`leverrier.Spec.fit`.
+
+    Returns
+    -------
+    Law
+        Printed, it shows its coefficients with their errors. ``law.warnings`` has what deserves a
+        look, which is also told by ``LeverrierWarning``: a law that fails over whole runs, masses
+        that the data do not tell, a search that Ctrl-C ended (the law is then the best so far).
+
+    Raises
+    ------
+    InvalidArgumentError, DataError
+        Shapes that do not go together, names that cannot be used, too few measurements.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import leverrier
+    >>> t = np.arange(300) * 0.05
+    >>> law = leverrier.learn(t, np.cos(2 * t), names="angle")
+    >>> print(law)
+    H = p_angle^2/2 + 2 angle^2
+    >>> print(law.spec.text)
+    # Written by leverrier.learn, and yours to edit.
+    coordinates angle
+    momenta     p_angle
+    T = p_angle^2/2          # the mass of angle is the unit of mass
+    V = span{ poly(angle; 4), trig(angle; 1) }
+    force angle += span{ drag_angle: -rate(angle) }
+    <BLANKLINE>
+    """
+    if v is not None and p is not None:
+        raise InvalidArgumentError("v and p are both given", "give velocities or momenta")
+    columns, t, run = _measured(t, x, run)
+    named = columns.named if names is None else [names] if isinstance(names, str) else list(names)
+    rest = v if v is not None else p
+    blocks = [columns.runs]
+    if rest is not None:
+        blocks.append(_alike(_runs(rest, "v" if v is not None else "p"), columns.runs, v is not None))
+    count = columns.runs[0].shape[1]
+    system = _System(
+        _named(named, count), "velocities" if v is not None else "momenta", p is not None,
+        _masses(masses, count), _inputs(u),
+    )  # fmt: skip
+    space = _potential(system.names, columns.runs, degree, harmonics)
+    X: Any = [np.hstack(parts) for parts in zip(*blocks)]
+    if not columns.several:
+        X, u = X[0], u[0] if isinstance(u, list) and len(u) == 1 else u
+    sigmas = _sigmas(noise, count * len(blocks))
+    options = {"seed": seed, "threads": threads, "progress": progress}
+
+    def fitted(fixed: set[str]) -> Law:
+        spec = _parsed(system.text(space, drag, fixed))
+        return _best(spec, spec.data(X, t=t, run=run, u=u), options)
+
+    law, untold = _with_masses(fitted, system)
+    if untold:
+        of = ", ".join(untold)
+        law._told.append(
+            f"the data do not tell the mass of {of} in that of {system.names[0]}: it is taken as 1, "
+            "and forces are those on a unit of mass; give masses= where they are known"
+        )
+    _look(law, sigmas)
+    for one in law._told:
+        warnings.warn(one, LeverrierWarning, stacklevel=2)
+    return law
+
+
+class _Columns:
+    """Positions by run, and what a table called them."""
+
+    def __init__(self, runs: list[np.ndarray], several: bool, named: list[str] | None) -> None:
+        self.runs, self.several, self.named = runs, several, named
+
+
+def _measured(t: Any, x: Any, run: Any) -> tuple[_Columns, Any, Any]:
+    """Positions, times and runs, whatever holds them."""
+    found = tables.named_columns(x)
+    if found is not None:
+        found = dict(found) | {name: v for name, v in tables.index_of(x).items() if name not in found}
+        t = found.pop(_chosen(found, t, ("t", "time"), "t")) if t is None or isinstance(t, str) else t
+        if isinstance(run, str):
+            run = found.pop(_chosen(found, run, (), "run"))
+        if not found:
+            raise InvalidArgumentError("the table has no column of positions", "give one for each")
+        array = np.column_stack([tables._numbers(tables._as_numpy(v), k) for k, v in found.items()])
+        return _Columns([array], False, list(found)), t, run
+    if t is None and hasattr(x, "index") and hasattr(x, "to_numpy"):  # a series of pandas
+        t = x.index
+    if t is None:
+        raise InvalidArgumentError(
+            "the times of the samples are missing", "give t as an array, or as the time step"
+        )
+    for name, given in (("t", t), ("x", x)):
+        if isinstance(given, (str, bytes)):
+            raise InvalidArgumentError(
+                f"{name} is {given!r}, a text, and x is no table" if name == "t" else f"x is {given!r}, a text",
+                "give arrays, or a table (pandas.read_csv reads one); a file is learned from by a "
+                "spec, which `leverrier new` writes",
+            )
+    runs = _runs(x, "x")
+    several = _is_several(x)
+    apart = _is_several(t) or _ragged(t)
+    if several and not apart and np.ndim(t) == 1:
+        if len({len(one) for one in runs} | {len(t)}) != 1:
+            raise InvalidArgumentError(
+                f"t has {len(t)} times for runs of {', '.join(str(len(one)) for one in runs[:8])} "
+                "samples",
+                "give a list with the times of each run",
+            )
+        t = [t] * len(runs)
+    elif several and not apart and np.ndim(t) == 2:
+        t = list(np.asarray(t))
+    return _Columns(runs, several, None), t, run
+
+
+def _chosen(found: dict[str, Any], given: str | None, usual: Iterable[str], what: str) -> str:
+    for name in [given] if given is not None else usual:
+        if name in found:
+            return name
+    known = ", ".join(f"`{name}`" for name in list(found)[:30])
+    missing = f"`{given}`" if given is not None else "of the times"
+    raise DataError(
+        f"there is no column {missing}; there are {known}",
+        f"give {what} as the name of a column, or as an array",
+        kind="Data",
+    )
+
+
+def _is_several(x: Any) -> bool:
+    """Whether it holds runs: a list of arrays (or of lists of different lengths), or three axes."""
+    if isinstance(x, (list, tuple)):
+        return bool(x) and (all(hasattr(one, "ndim") and one.ndim for one in x) or _ragged(x))
+    return np.ndim(x) == 3
+
+
+def _ragged(x: Any) -> bool:
+    return (
+        isinstance(x, (list, tuple))
+        and all(isinstance(one, (list, tuple)) for one in x)
+        and len({len(one) for one in x}) > 1
+    )
+
+
+def _runs(x: Any, name: str) -> list[np.ndarray]:
+    """Arrays of samples by coordinates, one for each run."""
+    runs = [tables._numbers(one, name) for one in (x if _is_several(x) else [x])]
+    runs = [one[:, None] if one.ndim == 1 else one for one in runs]
+    shapes = [one.shape for one in runs]
+    fitting = bool(shapes) and all(len(shape) == 2 and 0 not in shape for shape in shapes)
+    if not fitting or len({shape[1:] for shape in shapes}) != 1:
+        told = ", ".join(str(shape) for shape in shapes[:5])
+        raise InvalidArgumentError(
+            f"{name} has the shape {told}",
+            "give samples by coordinates: (n,) or (n, d), or a list of such arrays with the same "
+            "coordinates, one for each run",
+        )
+    return runs
+
+
+def _alike(rest: list[np.ndarray], runs: list[np.ndarray], velocities: bool) -> list[np.ndarray]:
+    if [one.shape for one in rest] != [one.shape for one in runs]:
+        name = "v" if velocities else "p"
+        told = ", ".join(str(one.shape) for one in rest[:5])
+        wanted = ", ".join(str(one.shape) for one in runs[:5])
+        raise InvalidArgumentError(
+            f"{name} has the shape {told}, and x {wanted}", f"give {name} in the shape of x"
+        )
+    return rest
+
+
+def _named(names: Sequence[str] | None, count: int) -> list[str]:
+    if names is None:
+        return list("xyz"[:count]) if count <= 3 else [f"x{i}" for i in range(1, count + 1)]
+    names = [str(name) for name in names]
+    if len(names) != count or len(set(names)) != count:
+        raise InvalidArgumentError(
+            f"the names {', '.join(names)} are not those of {count} coordinate{'s'[: count != 1]}",
+            "give names= one for each, no two alike",
+        )
+    for name in names:
+        if not _NAME.fullmatch(name):
+            raise InvalidArgumentError(
+                f"`{name}` cannot name a coordinate",
+                "give names= of letters, digits and underscores, such as angle_1",
+            )
+    return names
+
+
+def _masses(masses: Any, count: int) -> list[float] | None:
+    if masses is None:
+        return None
+    array = tables._numbers(masses, "masses")
+    if array.shape not in ((), (1,), (count,)) or not (np.isfinite(array) & (array > 0)).all():
+        raise InvalidArgumentError(
+            f"masses is {masses!r}", f"give one positive mass, or {count}: one for each coordinate"
+        )
+    return [float(one) for one in np.broadcast_to(array, (count,))]
+
+
+def _sigmas(noise: Any, count: int) -> list[float] | None:
+    if noise is None:
+        return None
+    array = tables._numbers(noise, "noise")
+    if array.shape not in ((), (1,), (count,)) or not (np.isfinite(array) & (array > 0)).all():
+        raise InvalidArgumentError(
+            f"noise is {noise!r}",
+            f"give a positive standard deviation, or {count}: one for each measured column",
+        )
+    return [float(one) for one in np.broadcast_to(array, (count,))]
+
+
+def _inputs(u: Any) -> int:
+    """How many inputs there are."""
+    if u is None:
+        return 0
+    first = tables._numbers(u[0] if _is_several(u) else u, "u")
+    if first.ndim not in (1, 2):
+        raise InvalidArgumentError(f"u has the shape {first.shape}", "give a column for each input")
+    return 1 if first.ndim == 1 else first.shape[1]
+
+
+def _potential(
+    names: list[str], runs: list[np.ndarray], degree: int | None, harmonics: int | None
+) -> str:
+    """The function space of the potential."""
+    for name, value, least in (("degree", degree, 1), ("harmonics", harmonics, 0)):
+        known = value is None or isinstance(value, (int, np.integer)) and least <= value <= 12
+        if not known or isinstance(value, bool):
+            raise InvalidArgumentError(f"{name} is {value!r}", f"give a whole number from {least} to 12")
+    count = len(names)
+    degree = (4 if count <= 3 else 3 if count <= 5 else 2) if degree is None else int(degree)
+    items = [f"poly({', '.join(names)}; {degree})"]
+    for at, name in enumerate(names):
+        values = np.concatenate([one[:, at] for one in runs])
+        values = values[np.isfinite(values)]
+        wide = values.size > 0 and float(np.ptp(values)) > _ANGLE
+        several = int(wide) if harmonics is None else int(harmonics)
+        items += [f"trig({name}; {several})"] if several else []
+    return ", ".join(items)
+
+
+class _System:
+    """What is known of the system before the fit, and the text of its spec."""
+
+    def __init__(
+        self, names: list[str], measured: str, momenta: bool, masses: list[float] | None, inputs: int
+    ) -> None:
+        self.names = names
+        self.measured = measured
+        self.are_momenta = momenta
+        self.masses = masses
+        self.inputs = ["u"] if inputs == 1 else [f"u{i}" for i in range(1, inputs + 1)]
+
+    @property
+    def open_masses(self) -> list[str]:
+        """Coordinates whose masses are to be learned."""
+        if self.masses is not None:
+            return []
+        return self.names if self.are_momenta else self.names[1:]
+
+    def _units(self, fixed: set[str]) -> str:
+        told = f"the mass of {self.names[0]} is the unit of mass"
+        rest = [name for name in self.names if name in fixed]
+        return f"{told}, and that of {', '.join(rest)} taken for one" if rest else told
+
+    def text(self, space: str, drag: bool, fixed: set[str]) -> str:
+        """The spec, with the masses of ``fixed`` taken as 1."""
+        momenta = [f"p_{name}" for name in self.names]
+        measured = [f"v_{name}" for name in self.names] if self.measured == "velocities" else momenta
+        learned = [name for name in self.open_masses if name not in fixed]
+        parts = []
+        for at, (name, momentum) in enumerate(zip(self.names, momenta)):
+            if name in learned:
+                parts.append(f"{momentum}^2/(2*m_{name})")
+            elif self.masses is None or self.masses[at] == 1.0:
+                parts.append(f"{momentum}^2/2")
+            else:
+                parts.append(f"{momentum}^2/(2*{self.masses[at]!r})")
+        lines = [
+            "# Written by leverrier.learn, and yours to edit.",
+            f"coordinates {', '.join(self.names)}",
+            f"{self.measured:<11} {', '.join(measured)}",
+        ]
+        taken = {*self.names, *momenta, *measured, *self.inputs}
+        if "t" in taken:
+            clock = next(name for name in ("clock", "instant", "moment") if name not in taken)
+            lines.append(f"time        {clock}")
+        lines += [f"input {name} {{ linear }}" for name in self.inputs]
+        lines += [f"param m_{name} = 1 in 0.0001..10000" for name in learned]
+        kinetic = f"T = {' + '.join(parts)}"
+        if not self.are_momenta and self.masses is None:
+            kinetic = f"{kinetic:<24} # {self._units(fixed)}"
+        lines += [kinetic, f"V = span{{ {space} }}"]
+        for name in self.names:
+            forces = [f"drag_{name}: -rate({name})"] if drag else []
+            forces += self.inputs
+            if forces:
+                lines.append(f"force {name} += span{{ {', '.join(forces)} }}")
+        return "\n".join(lines) + "\n"
+
+
+def _parsed(text: str) -> Spec:
+    try:
+        return parse(text)
+    except SpecError as error:
+        raise InvalidArgumentError(
+            f"no spec can be written with these names: {error.message}", "give others as names="
+        ) from error
+
+
+def _best(spec: Spec, data: tables.Data, options: dict[str, Any]) -> Law:
+    """The law; where Ctrl-C ends the search, the best so far."""
+    try:
+        law = spec.fit(data, **options)
+    except KeyboardInterrupt as interrupt:
+        law = getattr(interrupt, "best", None)
+        if law is None:
+            raise
+        law._told.append("the search was interrupted: this law is the best so far")
+    return law
+
+
+def _with_masses(fitted: Any, system: _System) -> tuple[Law, list[str]]:
+    """The law with those masses that the data tell, and the names of the others."""
+    untold: list[str] = []
+    try:
+        law = fitted(set())
+    except (DataError, NoResultError):
+        # Perhaps a mass was too much to ask for; what else is wrong comes again.
+        if not system.open_masses:
+            raise
+        untold = list(system.open_masses)
+        return fitted(set(untold)), untold
+    if law.stop.reason == "interrupted":
+        return law, []
+    # Of coordinates that no force couples only the force on a unit of mass acts on the motion.
+    # No error tells it: nothing at all depends on such a mass.
+    units = set() if system.are_momenta else _units(law, system.names) & set(system.open_masses)
+    untold = [name for name in _uncertain(law) if name not in units]
+    if units or untold:
+        law = fitted(units | set(untold))
+    return law, untold
+
+
+def _units(law: Law, names: list[str]) -> set[str]:
+    """The first coordinate of each group of those that the terms of a law couple."""
+    group = {name: {name} for name in names}
+    for term in law.terms:
+        together = set(re.findall(r"[^\W\d]\w*", term.term)) & set(names)
+        joined = set().union(*(group[name] for name in together)) if together else set()
+        for name in joined:
+            group[name] = joined
+    return {min(group[name], key=names.index) for name in names}
+
+
+def _uncertain(law: Law) -> list[str]:
+    """Coordinates whose mass has an error of its own size."""
+    found = []
+    for one in law.parameters:
+        error = one.standard_error
+        if error is None or not error < _TOLD * abs(one.value):
+            found.append(one.name.removeprefix("m_"))
+    return found
+
+
+def _look(law: Law, sigmas: list[float] | None) -> None:
+    """Notes what hides behind a fit that looks good."""
+    columns = {one.name: one for one in law._data.report.columns} if law._data is not None else {}
+    seen = [one for one in law.noise if columns[one.observable].measured]
+    values = sum(columns[one.observable].measured for one in seen)
+    unknown = len(law.terms) + len(law.parameters) + 2 * len(law.spec.coordinates) * law.evidence.runs
+    if values < _MEASURED * unknown:
+        law._told.append(
+            f"{values} measured numbers stand against {unknown} unknown ones (starts of runs and "
+            "coefficients): almost any law would fit; measure more"
+        )
+    for one in seen:
+        if one.standard_deviation > _BURIED * columns[one.observable].spread:
+            law._told.append(
+                f"what this law takes for noise of {one.observable} ({one.standard_deviation:.2g}) is "
+                f"as large as its motion ({columns[one.observable].spread:.2g}): it explains nothing"
+            )
+    if sigmas is not None:
+        for one, sigma in zip(seen, sigmas):
+            if one.standard_deviation > _LOUD * sigma:
+                law._told.append(
+                    f"the noise of {one.observable} is {one.standard_deviation:.2g} by this law, "
+                    f"and {sigma:.2g} as you say: the law may miss something; law.diagnose() "
+                    "looks for it"
+                )
+    misfit = law._misfit()
+    if misfit is not None and misfit > _MISFIT:
+        law._told.append(
+            f"over whole runs the law errs by {misfit:.1f} times the noise: something is missing; "
+            "law.diagnose() looks for it"
+        )
