@@ -5,15 +5,17 @@ from __future__ import annotations
 import html
 import json
 import os
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import _native
-from .errors import InvalidArgumentError
+from .errors import InvalidArgumentError, LeverrierError
 from .judging import Judging
 from .prediction import Predicting
 from .results import Record, Rows, record
+from .shown import html_table, in_html, text_table, with_error
 from .tables import path_text
 
 if TYPE_CHECKING:
@@ -45,6 +47,8 @@ class Law(Predicting, Judging):
         self._model: Record | None = None
         #: What was told when it was made.
         self._told: list[str] = []
+        #: Makes the law that it came from by a change.
+        self._before: Callable[[], Law] | None = None
 
     # What it is.
 
@@ -195,7 +199,9 @@ class Law(Predicting, Judging):
         return self._native.equations()
 
     def __repr__(self) -> str:
-        return f"<leverrier.Law: {self._native.equations().strip()}>".replace("\n", "; ")
+        if not self._is_fitted:
+            return f"<leverrier.Law: {self._native.equations().strip()}>".replace("\n", "; ")
+        return "\n".join([str(self), "", text_table(*self._numbers()), "", self._footing()])
 
     def _repr_latex_(self) -> str:
         readable = json.loads(self.to_json())["readable"]["parts"]
@@ -203,11 +209,50 @@ class Law(Predicting, Judging):
         return "$$\\begin{aligned}" + r" \\ ".join(lines) + "\\end{aligned}$$"
 
     def _repr_html_(self) -> str | None:
+        try:
+            equations = in_html(self._repr_latex_())
+        except LeverrierError:  # what has no export has a text
+            equations = f"<pre>{html.escape(str(self))}</pre>"
         if not self._is_fitted:
-            return f"<pre>{html.escape(str(self))}</pre>"
-        names = ["place", "term", "coefficient", "standard_error", "unit"]
-        rows = Rows(Record({name: one.get(name) for name in names}) for one in self.terms)
-        return f"<pre>{html.escape(str(self))}</pre>{rows._repr_html_()}"
+            return equations
+        return equations + self._numbers_html()
+
+    def _numbers_html(self) -> str:
+        if not self._is_fitted:
+            return ""
+        return f"{html_table(*self._numbers())}<p>{html.escape(self._footing())}</p>"
+
+    def _numbers(self) -> tuple[list[str], list[list[str]]]:
+        """What was learned, with errors: names of columns, and cells."""
+        rows = []
+        for one in self.terms:
+            term = one.term if one.name is None else f"{one.name}: {one.term}"
+            unit = one.unit or ""
+            rows.append([one.place, term, *with_error(one.coefficient, one.standard_error), unit])
+        for one in self.parameters:
+            numbers = with_error(one.value, one.standard_error)
+            rows.append(["param", one.name, *numbers, one.unit or ""])
+        names = ["place", "term", "coefficient", "standard error", "unit"]
+        if not any(row[-1] for row in rows):
+            names, rows = names[:-1], [row[:-1] for row in rows]
+        return names, rows
+
+    def _footing(self) -> str:
+        """What it was learned from, and how well it fits."""
+        of = self.evidence
+        seen = set(self.spec.observables)
+        if self._data is not None:
+            seen = {one.name for one in self._data.report.columns if one.measured}
+        noise = ", ".join(
+            f"{one.observable} {one.standard_deviation:.2g}"
+            for one in self.noise
+            if one.observable in seen
+        )
+        runs = f"{of.runs} run{'s'[: of.runs != 1]}"
+        lines = [f"learned from {of.samples} samples in {runs}; noise: {noise}", *self._told]
+        if self.stop.reason != "converged" and not self._told:
+            lines.append(self.stop.sentence)
+        return "\n".join(lines)
 
 
 #: Fields of the model file that a law has as attributes.

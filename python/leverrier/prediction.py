@@ -94,8 +94,8 @@ class Predicting:
         >>> import leverrier
         >>> spec = leverrier.parse("coordinates q; momenta p; T = p^2/2; V = q^2/2")
         >>> made = spec.known_law().simulate([[1, 0], [0, 1]], [0.0, 0.1, 0.2], noise=0.01, seed=3)
-        >>> made
-        <leverrier.Table: 6 rows of run, t, q, p>
+        >>> len(made), list(made.columns)
+        (6, ['run', 't', 'q', 'p'])
         """
         starts = _numbers(starts, "starts")
         if starts.ndim != 2:

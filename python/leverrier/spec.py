@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import builtins
 import html
 import json
 import os
@@ -9,7 +10,7 @@ from numbers import Integral
 from typing import Any
 
 from . import _native, tables
-from .errors import InvalidArgumentError
+from .errors import FileError, InvalidArgumentError
 from .law import Law
 from .progress import Progress, finished
 from .questions import diagnosis_options
@@ -117,6 +118,9 @@ class Spec:
         >>> t = np.arange(60) * 0.1
         >>> spec.data(np.column_stack([np.cos(t), -np.sin(t)]), t=t)
         <leverrier.Data: 60 samples of q, p in 1 run>
+        column  measured  missing    minimum   maximum         mean    spread
+        q             60        0  -0.999135         1   -0.0461985  0.690097
+        p             60        0  -0.999574  0.999923  -0.00896122  0.722185
         """
         return tables.data(self, X, t, run, u)
 
@@ -204,7 +208,9 @@ class Spec:
             text, law, longer = found
             spec = Spec(longer)
             fields = {"system": self.system, "split": split_fields(training, unseen, held_out, seed)}
-            return Discovery(fields | json.loads(text), Law(law, spec, training), spec)
+            made = Law(law, spec, training)
+            made._before = lambda: self.fit(training, threads=threads, progress=progress)
+            return Discovery(fields | json.loads(text), made, spec)
 
         both = (training._native, unseen._native)
         return finished(
@@ -238,6 +244,19 @@ class Spec:
     def without(self, effect: str) -> Spec:
         """The spec without an effect, or without a term that has a name."""
         return Spec(self._native.without(_text(effect, "an effect")))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes its text, for :func:`leverrier.open` and the program, which need a ``data`` line
+        in it to know of measurements."""
+        name = tables.path_text(path)
+        try:
+            with builtins.open(name, "w", encoding="utf-8") as file:
+                file.write(self.text)
+        except (OSError, ValueError) as error:
+            raise FileError(
+                f"{name!r} cannot be written ({error})", "name a file in a folder that is there",
+                kind="File", file=name,
+            ) from error  # fmt: skip
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Spec) and self.text == other.text

@@ -11,6 +11,7 @@ import numpy as np
 from . import _native
 from .errors import DataError, InvalidArgumentError
 from .results import Record, Table, record
+from .shown import html_table, short, text_table
 
 if TYPE_CHECKING:
     from .spec import Spec
@@ -82,10 +83,17 @@ class Data:
     def __repr__(self) -> str:
         runs = len(self.runs)
         of = ", ".join(self.observables)
-        return f"<leverrier.Data: {self.samples} samples of {of} in {runs} run{'s'[: runs != 1]}>"
+        head = f"<leverrier.Data: {self.samples} samples of {of} in {runs} run{'s'[: runs != 1]}>"
+        return "\n".join([head, text_table(*self._columns()), *self.warnings])
 
     def _repr_html_(self) -> str:
-        return self.table().head(10)._repr_html_()
+        return html_table(*self._columns()) + self.table().head(10)._repr_html_()
+
+    def _columns(self) -> tuple[list[str], list[list[str]]]:
+        """What the columns hold: names, and cells."""
+        names = ["measured", "missing", "minimum", "maximum", "mean", "spread"]
+        rows = [[one.name, *(short(one[name]) for name in names)] for one in self.report.columns]
+        return ["column", *names], rows
 
 
 def number(value: Any, name: str) -> float:
