@@ -26,6 +26,7 @@ True
 from __future__ import annotations
 
 from ._native import __version__
+from .catalogue import effects
 from .errors import (
     DataError,
     Diagnostic,
@@ -40,6 +41,7 @@ from .errors import (
 from .law import Law
 from .learning import learn
 from .motion import Trajectory, VectorField
+from .report import Report
 from .results import (
     Comparison,
     Design,
@@ -71,6 +73,7 @@ __all__ = [
     "ModelError",
     "NoResultError",
     "Record",
+    "Report",
     "Revision",
     "Spec",
     "SpecError",
@@ -78,6 +81,7 @@ __all__ = [
     "Trajectory",
     "VectorField",
     "__version__",
+    "effects",
     "learn",
     "open",
     "parse",

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from . import _native
+from .catalogue import taken_by
 from .errors import InvalidArgumentError, LeverrierError
 from .progress import Progress, finished, shown
-from .questions import Judged, diagnosis_options, listed, range_of, ranges, support
-from .results import Comparison, Design, Diagnosis, Revision, unfinished
+from .questions import Judged, diagnosis_options, listed, placed, range_of, ranges, support
+from .report import Report, written
+from .results import Comparison, Design, Diagnosis, Revision, Rows, unfinished
 from .tables import number
 
 if TYPE_CHECKING:
@@ -24,6 +27,7 @@ class Judging:
 
     _native: _native.Law
     _data: Data | None
+    _before: Callable[[], Law] | None
     spec: Spec
 
     def compare(
@@ -208,6 +212,7 @@ class Judging:
         fields = judged.fields | {
             "action": action, "effect": new, "supported": supported, "reason": reason,
         }  # fmt: skip
+        law._before = lambda: self
         return Revision(fields, law, before, compared)
 
     def refit(
@@ -224,6 +229,94 @@ class Judging:
         data = self.spec.data(X, t=t, run=run, u=u)
         with shown(progress) as told:
             return type(self)(self._native.refit(data._native, threads, told), self.spec, data)
+
+    def undo(self) -> Law:
+        """The law before the last change: before :meth:`add`, :meth:`remove` or
+        :meth:`with_terms`; that of the spec before all that ``discover`` added. A law that was
+        pickled, or read from a file, has no past.
+
+        >>> import leverrier
+        >>> law = leverrier.open("examples/damped-pendulum/fit.ham").fit()
+        >>> law.add("viscous_drag").law.undo() == law
+        True
+        """
+        if self._before is None:
+            raise InvalidArgumentError(
+                "the law came of no change, so there is none to undo",
+                "remove(...) takes an effect out of it",
+                kind="NothingToDo",
+            )
+        return self._before()
+
+    def with_terms(
+        self,
+        terms: Sequence[str] | Mapping[str, Any],
+        *,
+        threads: int | None = None,
+        progress: bool | Progress | None = None,
+    ) -> Law:
+        """The law with exactly these terms of its spec, their numbers learned from its own
+        measurements: a list of their texts (``law.spec.terms`` has all), or another model of
+        ``law.front`` or ``law.runners_up``.
+
+        >>> import leverrier, numpy as np
+        >>> t = np.arange(100) * 0.1
+        >>> law = leverrier.learn(t, np.cos(t), degree=4, harmonics=0)
+        >>> [term.term for term in law.with_terms(["x^2", "x^4"]).terms]
+        ['x^2', 'x^4']
+        >>> [term.term for term in law.with_terms(law.front[2]).terms]
+        ['x', 'x^2']
+        """
+        wanted = terms.get("terms", ()) if isinstance(terms, Mapping) else terms
+        # Runners-up have their coefficients beside the terms.
+        wanted = [one[0] if isinstance(one, list) and one else one for one in listed(wanted)]
+        model = json.loads(self._native.model_json())
+        model["terms"] = placed(wanted, model, self.spec)
+        own = len(model["parameters"])
+        size = len(model["terms"]) + own
+        model["covariance"] = [[0.0] * size for _ in range(size)]
+        start = _native.Law.from_model_json(json.dumps(model), self.spec._native)
+        data = self._own()
+        law = finished(
+            progress,
+            lambda told: start.refit(data._native, threads, told),
+            lambda native: type(self)(native, self.spec, data),
+        )
+        law._before = lambda: self
+        return law
+
+    def effects(self, *, program: str | os.PathLike[str] = "leverrier") -> Rows:
+        """The effects of the catalogue that may be added to the law, one a row: ``effect`` is what
+        :meth:`add` takes. The catalogue is that of the program, as for :func:`leverrier.effects`.
+        """
+        return taken_by(self.spec, program)
+
+    def report(
+        self,
+        path: str | os.PathLike[str] | None = None,
+        *,
+        diagnose: bool = True,
+        held_out: float = 0.25,
+        seed: int = 0,
+        threads: int | None = None,
+        progress: bool | Progress | None = None,
+    ) -> Report:
+        """A page with the law, where it fails, what it lacks (unless ``diagnose`` is False), its
+        measurements and its spec; with a ``path`` it is written there. Notebooks show it.
+
+        The program's ``report`` writes one that tells more, and LaTeX.
+
+        >>> import leverrier
+        >>> law = leverrier.open("examples/damped-pendulum/fit.ham").fit()
+        >>> law.report(diagnose=False)
+        <leverrier.Report: pendulum on a bench: The law, Where it fails, The measurements, The spec>
+        """
+        options = {"held_out": held_out, "seed": seed, "threads": threads, "progress": progress}
+        comparison = self.compare(**options)
+        page = written(self, comparison, self.diagnose(**options) if diagnose else None)
+        if path is not None:
+            page.save(path)
+        return page
 
     def _own(self) -> Data:
         # A law from a file has measurements where its spec names them.
