@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from . import tables
+from . import columns, tables
 from .errors import (
     DataError,
     InvalidArgumentError,
@@ -129,20 +129,20 @@ def learn(
     """
     if v is not None and p is not None:
         raise InvalidArgumentError("v and p are both given", "give velocities or momenta")
-    columns, t, run = _measured(t, x, run)
-    named = columns.named if names is None else [names] if isinstance(names, str) else list(names)
+    positions, t, run = _measured(t, x, run)
+    named = positions.named if names is None else [names] if isinstance(names, str) else list(names)
     rest = v if v is not None else p
-    blocks = [columns.runs]
+    blocks = [positions.runs]
     if rest is not None:
-        blocks.append(_alike(_runs(rest, "v" if v is not None else "p"), columns.runs, v is not None))
-    count = columns.runs[0].shape[1]
+        blocks.append(_alike(_runs(rest, "v" if v is not None else "p"), positions.runs, v is not None))
+    count = positions.runs[0].shape[1]
     system = _System(
         _named(named, count), "velocities" if v is not None else "momenta", p is not None,
         _masses(masses, count), _inputs(u),
     )  # fmt: skip
-    space = _potential(system.names, columns.runs, degree, harmonics)
+    space = _potential(system.names, positions.runs, degree, harmonics)
     X: Any = [np.hstack(parts) for parts in zip(*blocks)]
-    if not columns.several:
+    if not positions.several:
         X, u = X[0], u[0] if isinstance(u, list) and len(u) == 1 else u
     sigmas = _sigmas(noise, count * len(blocks))
     options = {"seed": seed, "threads": threads, "progress": progress}
@@ -173,15 +173,16 @@ class _Columns:
 
 def _measured(t: Any, x: Any, run: Any) -> tuple[_Columns, Any, Any]:
     """Positions, times and runs, whatever holds them."""
-    found = tables.named_columns(x)
+    found = columns.named_columns(x)
     if found is not None:
-        found = dict(found) | {name: v for name, v in tables.index_of(x).items() if name not in found}
+        index = {name or "t": values for name, values in columns.index_of(x).items()}
+        found = index | found
         t = found.pop(_chosen(found, t, ("t", "time"), "t")) if t is None or isinstance(t, str) else t
         if isinstance(run, str):
             run = found.pop(_chosen(found, run, (), "run"))
         if not found:
             raise InvalidArgumentError("the table has no column of positions", "give one for each")
-        array = np.column_stack([tables._numbers(tables._as_numpy(v), k) for k, v in found.items()])
+        array = np.column_stack([tables._numbers(columns.as_numpy(v), k) for k, v in found.items()])
         return _Columns([array], False, list(found)), t, run
     if t is None and hasattr(x, "index") and hasattr(x, "to_numpy"):  # a series of pandas
         t = x.index
@@ -464,9 +465,9 @@ def _uncertain(law: Law) -> list[str]:
 
 def _look(law: Law, sigmas: list[float] | None) -> None:
     """Notes what hides behind a fit that looks good."""
-    columns = {one.name: one for one in law._data.report.columns} if law._data is not None else {}
-    seen = [one for one in law.noise if columns[one.observable].measured]
-    values = sum(columns[one.observable].measured for one in seen)
+    told = {one.name: one for one in law._data.report.columns} if law._data is not None else {}
+    seen = [one for one in law.noise if told[one.observable].measured]
+    values = sum(told[one.observable].measured for one in seen)
     unknown = len(law.terms) + len(law.parameters) + 2 * len(law.spec.coordinates) * law.evidence.runs
     if values < _MEASURED * unknown:
         law._told.append(
@@ -474,10 +475,10 @@ def _look(law: Law, sigmas: list[float] | None) -> None:
             "coefficients): almost any law would fit; measure more"
         )
     for one in seen:
-        if one.standard_deviation > _BURIED * columns[one.observable].spread:
+        if one.standard_deviation > _BURIED * told[one.observable].spread:
             law._told.append(
                 f"what this law takes for noise of {one.observable} ({one.standard_deviation:.2g}) is "
-                f"as large as its motion ({columns[one.observable].spread:.2g}): it explains nothing"
+                f"as large as its motion ({told[one.observable].spread:.2g}): it explains nothing"
             )
     if sigmas is not None:
         for one, sigma in zip(seen, sigmas):

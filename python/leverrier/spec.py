@@ -107,11 +107,19 @@ class Spec:
         ``X`` is a file name (none: the file that the spec names); a table with named columns
         (pandas, polars, pyarrow, a dictionary, a structured array, whatever has
         ``__arrow_c_stream__``), whose columns are found as those of a file are; an array of
-        samples by coordinates, or by coordinates and momenta, in the spec's units; or a list of
-        such arrays, one for each run. ``t`` has the time of every sample (or is the time step),
-        ``run`` the run of every sample; with a table they may be names of columns. ``u`` has the
-        measured inputs beside an array, a column for each that the spec names; a table has them
-        among its own. NaN is a missing value. Rows of a run may stand in any order of time.
+        samples by coordinates, or by coordinates and momenta, in the spec's units; or many runs:
+        a list of such arrays (of one coordinate they may have one axis), or an array of three
+        axes, runs by samples by columns.
+
+        ``t`` has the time of every sample, or is the time step; dates and durations are turned
+        into the spec's unit of time (seconds, where it has none), dates from the first of them
+        on. For many runs it is a list with the times of each, or times that they have in common.
+        ``run`` has the run of every sample, or a name for each run. With a table both may be names
+        of columns; without, the columns are those that the spec names, else ``t`` or ``time`` and
+        ``run``, and an index of pandas counts as a column (as the times, if it has no name and
+        does not just number the rows). ``u`` has the measured inputs beside an array, a column for
+        each that the spec names; a table has them among its own. NaN is a missing value. Rows of a
+        run may stand in any order of time.
 
         >>> import leverrier, numpy as np
         >>> spec = leverrier.parse("coordinates q; momenta p; T = p^2/2; V = span{ q^2 }")
