@@ -356,12 +356,14 @@ class Judging:
         text = native.compare(judged.training._native, judged.unseen._native, noise, threads)
         return Comparison(judged.fields | json.loads(text), judged.law, judged.drawing(None))
 
-    def _misfit(self) -> float | None:
-        """The error over whole runs of its own measurements, in units of the noise."""
-        if self._data is None:
+    def _misfit(self, data: Data | None = None) -> float | None:
+        """The error over whole runs of measurements (none: its own), in units of the noise."""
+        data = self._data if data is None else data
+        if data is None or self._data is None:
             return None
+        noise = [one.standard_deviation for one in self.noise]
         try:
-            found = self._compared(Judged(self, self._data, self._data, {}), None)
+            found = self._compared(Judged(self, self._data, data, {}), None, noise)
         except LeverrierError:  # too few, or a motion that leaves the finite numbers
             return None
-        return found.horizons[-1].training if found.horizons else None
+        return found.horizons[-1].held_out if found.horizons else None

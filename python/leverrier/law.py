@@ -19,6 +19,7 @@ from .shown import html_table, in_html, text_table, with_error
 from .tables import path_text
 
 if TYPE_CHECKING:
+    from .driven import DrivenField
     from .motion import VectorField
     from .spec import Spec
     from .tables import Data
@@ -43,6 +44,7 @@ class Law(Predicting, Judging):
         self._spec = spec
         self._data = data
         self._field: VectorField | None = None
+        self._driven_field: DrivenField | None = None
         self._of_runs: dict[tuple[str, ...], Law] = {}
         self._model: Record | None = None
         #: What was told when it was made.

@@ -31,6 +31,8 @@ _TOLD = 0.25
 _MEASURED = 2
 #: Noise that is so large a share of the spread of a column leaves nothing that is explained.
 _BURIED = 0.7
+#: Of more runs each by itself is not looked at.
+_RUNS = 50
 #: The range of a coordinate from which on its sine is told from a polynomial.
 _ANGLE = 1.0
 #: A name that may stand in a spec.
@@ -494,3 +496,20 @@ def _look(law: Law, sigmas: list[float] | None) -> None:
             f"over whole runs the law errs by {misfit:.1f} times the noise: something is missing; "
             "law.diagnose() looks for it"
         )
+    elif law._data is not None:
+        law._told += _odd_runs(law, law._data)
+
+
+def _odd_runs(law: Law, data: tables.Data) -> list[str]:
+    """A sentence about runs that the law fails, which the many that it does not would hide."""
+    if not 1 < len(data.runs) <= _RUNS or law.spec.inputs:
+        return []
+    errors = {name: law._misfit(data.only(name)) for name in data.runs}
+    odd = [f"`{name}` by {error:.1f}" for name, error in errors.items() if (error or 0) > _MISFIT]
+    if not odd:
+        return []
+    told = ", ".join(odd[:5])
+    return [
+        f"of {len(errors)} runs the law fails {len(odd)}: it errs over run {told} times the noise; "
+        "law.data.only(...) takes runs apart"
+    ]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from . import _native
+from .driven import DrivenField, inputs_at
 from .errors import InvalidArgumentError
+from .integration import followed
 from .motion import Trajectory, VectorField, of_group
 from .results import Table
 from .tables import _numbers, _seed, inputs_of
@@ -26,6 +28,7 @@ class Predicting:
     _native: _native.Law
     _data: Data | None
     _field: VectorField | None
+    _driven_field: DrivenField | None
     _of_runs: dict[tuple[str, ...], Law]
     _is_fitted: bool
     spec: Spec
@@ -33,19 +36,27 @@ class Predicting:
 
     def predict(
         self, start: Any, times: Any, *, u: Any = None, t_u: Any = None, run: Any = None
-    ) -> Trajectory:
+    ) -> Any:
         """The motion from a start (coordinates, then momenta; or a dictionary of them) at the
-        first of ``times``, to the limit of double precision. ``u`` has the measured inputs that
-        drive it, where the spec names some: a column for each, at the times ``t_u`` (none:
-        ``times``). ``run`` names the run whose numbers it takes, where runs have numbers of their
-        own (``distributions``); where these go by several columns, a dictionary names a group of
-        each.
+        first of ``times``, to the limit of double precision: a :class:`leverrier.Trajectory`. Of
+        many starts, in rows, a list of them. Times that fall lead into the past.
+
+        ``u`` has the measured inputs that drive it, where the spec names some: a column for each,
+        at the times ``t_u`` (none: ``times``). ``run`` names the run whose numbers it takes, where
+        runs have numbers of their own (``distributions``); where these go by several columns, a
+        dictionary names a group of each.
 
         >>> import leverrier
         >>> spec = leverrier.parse("coordinates q; momenta p; T = p^2/2; V = q^2/2")
-        >>> motion = spec.known_law().predict({"q": 1.0, "p": 0.0}, [0.0, 3.141592653589793])
+        >>> law = spec.known_law()
+        >>> motion = law.predict({"q": 1.0, "p": 0.0}, [0.0, 3.141592653589793])
         >>> round(float(motion["q"][-1]), 12)
         -1.0
+        >>> back = law.predict(motion.states[-1], [3.141592653589793, 0.0])
+        >>> round(float(back["q"][-1]), 12)
+        1.0
+        >>> len(law.predict([[1, 0], [0, 1], [1, 1]], [0.0, 0.1]))
+        3
         """
         law = self._for_run(run)
         if u is None:
@@ -59,18 +70,51 @@ class Predicting:
             raise InvalidArgumentError(
                 f"start and times must be numbers ({error})", f"a start has {', '.join(names)}"
             ) from error
-        if state.ndim != 1 or times.ndim != 1:
+        if state.ndim not in (1, 2) or times.ndim != 1:
             raise InvalidArgumentError(
                 f"start has the shape {state.shape}, times {times.shape}",
-                f"give one start ({', '.join(names)}) and a list of times",
+                f"give one start ({', '.join(names)}) or many in rows, and a list of times",
             )
         inputs = None
         if u is not None:
-            at = times if t_u is None else np.asarray(t_u, dtype=np.float64)
-            inputs = (at.tolist(), [one.tolist() for one in inputs_of(self.spec, u, at.size)])
-        t, flat, method, drift = law._native.predict(state.tolist(), times.tolist(), inputs)
+            at, columns = self._driving(times, u, t_u)
+            inputs = (at.tolist(), [one.tolist() for one in columns])
+        if state.ndim == 1:
+            return law._moved(state, times, inputs)
+        return [law._moved(one, times, inputs) for one in state]
+
+    def _driving(self, times: np.ndarray, u: Any, t_u: Any) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Times of the inputs, and their columns."""
+        at = times if t_u is None else _numbers(t_u, "t_u")
+        if at.ndim != 1:
+            raise InvalidArgumentError(f"t_u has the shape {at.shape}", "give a list of times")
+        return at, inputs_of(self.spec, u, at.size)
+
+    def _moved(self, state: np.ndarray, times: np.ndarray, inputs: Any) -> Trajectory:
+        names = self._names
+        if times.size > 1 and np.isfinite(times).all() and (np.diff(times) < 0).all():
+            return self._back(state, times, inputs)
+        t, flat, method, drift = self._native.predict(state.tolist(), times.tolist(), inputs)
         motion = Trajectory(t, flat.reshape(len(t), -1), names)
         motion.method, motion.energy_drift = method, drift
+        return motion
+
+    def _back(self, state: np.ndarray, times: np.ndarray, inputs: Any) -> Trajectory:
+        """The motion into the past, which the library does not follow."""
+        if inputs is not None:
+            raise InvalidArgumentError(
+                "a motion that inputs drive is not followed into the past", "give rising times"
+            )
+        if state.size != len(self._names) or not np.isfinite(state).all():
+            raise InvalidArgumentError(
+                f"the start is {state.tolist()}", f"give finite numbers: {', '.join(self._names)}"
+            )
+        field = self._compiled()
+        states = followed(field, state, times)
+        motion = Trajectory(times, states, self._names)
+        motion.method = "gragg-bulirsch-stoer"
+        energies = [field.energy(t, one) for t, one in zip(times, states)]
+        motion.energy_drift = float(np.max(np.abs(np.subtract(energies, energies[0]))))
         return motion
 
     def simulate(
@@ -116,12 +160,17 @@ class Predicting:
             )
         random = np.random.default_rng(_seed(seed))
         runs, ts, rows = [], [], []
+        driving = None
         for number, start in enumerate(starts, start=1):
             motion = self.predict(start, times, u=u, t_u=t_u, run=run)
             states = motion.states
             half = len(observables) // 2
             if observables != self._names:  # velocities are measured, not momenta
-                rates = [self.rhs(t, state, run=run)[:half] for t, state in zip(motion.t, states)]
+                if u is not None and driving is None:
+                    driving = inputs_at(self.spec, motion.t, *self._driving(motion.t, u, t_u))
+                given = [None] * len(motion.t) if driving is None else driving
+                each = zip(motion.t, states, given)
+                rates = [self.rhs(t, state, u=at, run=run)[:half] for t, state, at in each]
                 states = np.column_stack([states[:, :half], rates])
             runs += [str(number)] * len(motion.t)
             ts.append(motion.t)
@@ -138,7 +187,7 @@ class Predicting:
         """The equations of motion as a function, compiled once. A law whose runs have numbers of
         their own, or that measured inputs drive, has none."""
         self._for_run(None)
-        self._not_driven("u= to `predict`: a function of time and state has no place for them")
+        self._not_driven("u= to `predict` or `rhs`: a function of time and state has no place for it")
         return self._compiled()
 
     def _compiled(self) -> VectorField:
@@ -146,21 +195,31 @@ class Predicting:
             self._field = VectorField(self._native.vector_field(), len(self._names))
         return self._field
 
-    def rhs(self, t: float, z: Any, *, run: Any = None) -> np.ndarray:
-        """dz/dt at a time and a state, for ``scipy.integrate.solve_ivp`` and the like. ``run`` is
-        as in :meth:`predict`; a law that measured inputs drive has none.
+    def rhs(self, t: float, z: Any, *, u: Any = None, run: Any = None) -> np.ndarray:
+        """dz/dt at a time and a state, for ``scipy.integrate.solve_ivp`` and the like. ``u`` has
+        the value of each measured input that drives the law at that time, or is a function of time
+        that gives them; ``run`` is as in :meth:`predict`.
 
         >>> import leverrier
         >>> spec = leverrier.parse("coordinates q; momenta p; T = p^2/2; V = cos(q)")
         >>> spec.known_law().rhs(0.0, [0.0, 2.0])
         array([2., 0.])
         """
-        return self._for_run(run).vector_field(t, z)
+        law = self._for_run(run)
+        return law.vector_field(t, z) if u is None else law._driven()(t, z, u)
 
-    def energy(self, t: float, z: Any, *, run: Any = None) -> Any:
-        """H at a time and a state, or at many states in columns; ``run`` is as in
-        :meth:`predict`."""
-        return self._for_run(run).vector_field.energy(t, z)
+    def energy(self, t: float, z: Any, *, u: Any = None, run: Any = None) -> Any:
+        """H at a time and a state, or at many states in columns; ``u`` and ``run`` are as in
+        :meth:`rhs`."""
+        law = self._for_run(run)
+        return law.vector_field.energy(t, z) if u is None else law._driven().energy(t, z, u)
+
+    def _driven(self) -> DrivenField:
+        if not self.spec.inputs:
+            raise InvalidArgumentError("u is given, and no input drives the law", "leave u= out")
+        if self._driven_field is None:
+            self._driven_field = DrivenField(cast("Law", self))
+        return self._driven_field
 
     def _not_driven(self, hint: str) -> None:
         if self.spec.inputs:

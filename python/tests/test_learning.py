@@ -157,6 +157,17 @@ def test_a_law_that_misses_something_says_so() -> None:
     assert law.diagnose().verdict == "missing"
 
 
+def test_a_run_that_many_others_hide_is_told() -> None:
+    random = np.random.default_rng(0)
+    sizes = np.linspace(0.5, 1.6, 12)
+    runs = [a * np.cos(2 * T) + 0.01 * random.standard_normal(len(T)) for a in sizes]
+    assert leverrier.learn(T, runs).warnings == []
+    runs[3] = sizes[3] * np.cos(2.015 * T) + 0.01 * random.standard_normal(len(T))
+    with pytest.warns(LeverrierWarning, match="of 12 runs the law fails 1: it errs over run `4` by"):
+        law = leverrier.learn(T, runs, degree=2, harmonics=0)
+    assert law.data.only(4).runs == ["4"]
+
+
 def test_noise_that_is_known_is_held_against_what_is_found() -> None:
     swing = pendulum()
     assert leverrier.learn(T, swing[:, 0], v=swing[:, 1], noise=[0.005, 0.005]).warnings == []
