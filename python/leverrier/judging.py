@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from . import _native
 from .catalogue import taken_by
-from .errors import InvalidArgumentError, LeverrierError
+from .errors import DataError, InvalidArgumentError, LeverrierError
+from .plotting import plotted
 from .progress import Progress, finished, shown
 from .questions import Judged, diagnosis_options, listed, placed, range_of, ranges, support
 from .report import Report, written
@@ -317,6 +318,31 @@ class Judging:
         if path is not None:
             page.save(path)
         return page
+
+    def plot(
+        self,
+        coordinate: str | None = None,
+        *,
+        run: Any = None,
+        held_out: float = 0.25,
+        seed: int = 0,
+        threads: int | None = None,
+    ) -> Any:
+        """A figure of matplotlib, where that is installed: the phase portrait of a ``coordinate``
+        (the first, if none is named) with the measurements, the error by length of prediction, the
+        force on it over phase space, and the force that is missing. ``run`` is as in
+        :meth:`predict`, the others as in :meth:`compare`. Notebooks show it;
+        ``law.plot().savefig(path)`` writes it.
+        """
+        try:
+            comparison = self.compare(held_out=held_out, seed=seed, threads=threads)
+        except DataError:
+            comparison = None  # too few, or none at all
+        except InvalidArgumentError:
+            if self._data is not None:
+                raise
+            comparison = None
+        return plotted(self, comparison, coordinate, run)
 
     def _own(self) -> Data:
         # A law from a file has measurements where its spec names them.
