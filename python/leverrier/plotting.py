@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import io
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -53,7 +55,15 @@ def plotted(law: Law, comparison: Comparison | None, coordinate: str | None, run
     _horizons(panels[0, 1], comparison)
     _force(panels[1, 0], of, measured, at, window)
     _missing(panels[1, 1], comparison, coordinates[at])
+    # A notebook shows figures of pyplot by itself, and this one so.
+    figure._repr_png_ = functools.partial(_png, figure)
     return figure
+
+
+def _png(figure: Any) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=80)
+    return buffer.getvalue()
 
 
 def _rates(law: Law, states: np.ndarray) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Plots of laws, where matplotlib is installed."""
 
+import pickle
 import sys
 
 import numpy as np
@@ -38,6 +39,8 @@ def test_a_law_is_plotted(pendulum, tmp_path) -> None:
     (mesh,) = shown["Force on q"].collections
     force = np.asarray(mesh.get_array()).reshape(61, 61)
     assert force[0, 0] == pytest.approx(-force[0, -1], rel=0.2) and force[0, 0] > 0.5
+    assert figure._repr_png_().startswith(b"\x89PNG")
+    assert pickle.loads(pickle.dumps(figure)).get_suptitle() == figure.get_suptitle()
     figure.savefig(tmp_path / "law.png")
     assert (tmp_path / "law.png").stat().st_size > 10_000
 
