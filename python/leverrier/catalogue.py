@@ -45,7 +45,8 @@ def effects(
         told = json.loads(done.stdout or done.stderr)
     except (OSError, subprocess.SubprocessError, ValueError) as error:
         raise NoResultError(
-            f"`{found} effects` lists no effects ({error})", "say program= with the path of leverrier"
+            f"`{found} effects` lists no effects ({error})",
+            "say program= with the path of leverrier",
         ) from error
     if done.returncode != 0:
         raise InvalidArgumentError(told.get("message", "the program failed"), told.get("hint"))

@@ -81,7 +81,9 @@ def between_samples(spec: Spec, name: str) -> str:
     return found.group(1) if found else "linear"
 
 
-def inputs_at(spec: Spec, times: np.ndarray, at: np.ndarray, columns: list[np.ndarray]) -> np.ndarray:
+def inputs_at(
+    spec: Spec, times: np.ndarray, at: np.ndarray, columns: list[np.ndarray]
+) -> np.ndarray:
     """Values of the inputs at the times, a row for each."""
     if np.array_equal(times, at):
         return np.column_stack(columns)

@@ -12,7 +12,6 @@ from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
 from . import tables
 from .errors import LeverrierWarning
-from .law import Law
 from .spec import Spec, parse
 from .spec import open as open_spec
 from .times import Names
@@ -230,7 +229,9 @@ class HamiltonianEstimator(BaseEstimator):
         names = [str(name) for name in found][:columns]
         half = columns // 2
         if self.spec is None:
-            first, second = ({name[:1].lower() for name in part} for part in (names[:half], names[half:]))
+            first, second = (
+                {name[:1].lower() for name in part} for part in (names[:half], names[half:])
+            )
             if "p" in first and "q" in second:
                 raise ValueError(
                     f"the columns of X are {', '.join(names)}: without a spec the coordinates come "
@@ -252,7 +253,9 @@ class HamiltonianEstimator(BaseEstimator):
         if isinstance(self.spec, str):
             return open_spec(self.spec) if self.spec.endswith(".ham") else parse(self.spec)
         if self.spec is not None:
-            raise ValueError(f"spec={self.spec!r} is no spec: give a Spec, its text, or a .ham file")
+            raise ValueError(
+                f"spec={self.spec!r} is no spec: give a Spec, its text, or a .ham file"
+            )
         if columns % 2:
             raise ValueError(
                 f"X has {columns} feature(s), which are no pairs of coordinates and momenta: "

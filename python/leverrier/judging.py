@@ -55,7 +55,9 @@ class Judging:
         >>> law.compare().horizons[-1].held_out > 3
         True
         """
-        return self._compared(self._judged(X, t, run, u, held_out, seed, threads, progress), threads)
+        return self._compared(
+            self._judged(X, t, run, u, held_out, seed, threads, progress), threads
+        )
 
     def diagnose(
         self,

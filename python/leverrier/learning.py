@@ -136,7 +136,9 @@ def learn(
     rest = v if v is not None else p
     blocks = [positions.runs]
     if rest is not None:
-        blocks.append(_alike(_runs(rest, "v" if v is not None else "p"), positions.runs, v is not None))
+        blocks.append(
+            _alike(_runs(rest, "v" if v is not None else "p"), positions.runs, v is not None)
+        )
     count = positions.runs[0].shape[1]
     system = _System(
         _named(named, count), "velocities" if v is not None else "momenta", p is not None,
@@ -179,7 +181,11 @@ def _measured(t: Any, x: Any, run: Any) -> tuple[_Columns, Any, Any]:
     if found is not None:
         index = {name or "t": values for name, values in columns.index_of(x).items()}
         found = index | found
-        t = found.pop(_chosen(found, t, ("t", "time"), "t")) if t is None or isinstance(t, str) else t
+        t = (
+            found.pop(_chosen(found, t, ("t", "time"), "t"))
+            if t is None or isinstance(t, str)
+            else t
+        )
         if isinstance(run, str):
             run = found.pop(_chosen(found, run, (), "run"))
         if not found:
@@ -195,7 +201,9 @@ def _measured(t: Any, x: Any, run: Any) -> tuple[_Columns, Any, Any]:
     for name, given in (("t", t), ("x", x)):
         if isinstance(given, (str, bytes)):
             raise InvalidArgumentError(
-                f"{name} is {given!r}, a text, and x is no table" if name == "t" else f"x is {given!r}, a text",
+                f"{name} is {given!r}, a text, and x is no table"
+                if name == "t"
+                else f"x is {given!r}, a text",
                 "give arrays, or a table (pandas.read_csv reads one); a file is learned from by a "
                 "spec, which `leverrier new` writes",
             )
@@ -328,7 +336,9 @@ def _potential(
     for name, value, least in (("degree", degree, 1), ("harmonics", harmonics, 0)):
         known = value is None or isinstance(value, (int, np.integer)) and least <= value <= 12
         if not known or isinstance(value, bool):
-            raise InvalidArgumentError(f"{name} is {value!r}", f"give a whole number from {least} to 12")
+            raise InvalidArgumentError(
+                f"{name} is {value!r}", f"give a whole number from {least} to 12"
+            )
     count = len(names)
     degree = (4 if count <= 3 else 3 if count <= 5 else 2) if degree is None else int(degree)
     items = [f"poly({', '.join(names)}; {degree})"]
@@ -345,7 +355,12 @@ class _System:
     """What is known of the system before the fit, and the text of its spec."""
 
     def __init__(
-        self, names: list[str], measured: str, momenta: bool, masses: list[float] | None, inputs: int
+        self,
+        names: list[str],
+        measured: str,
+        momenta: bool,
+        masses: list[float] | None,
+        inputs: int,
     ) -> None:
         self.names = names
         self.measured = measured
@@ -368,7 +383,9 @@ class _System:
     def text(self, space: str, drag: bool, fixed: set[str]) -> str:
         """The spec, with the masses of ``fixed`` taken as 1."""
         momenta = [f"p_{name}" for name in self.names]
-        measured = [f"v_{name}" for name in self.names] if self.measured == "velocities" else momenta
+        measured = (
+            [f"v_{name}" for name in self.names] if self.measured == "velocities" else momenta
+        )
         learned = [name for name in self.open_masses if name not in fixed]
         parts = []
         for at, (name, momentum) in enumerate(zip(self.names, momenta)):
@@ -470,7 +487,9 @@ def _look(law: Law, sigmas: list[float] | None) -> None:
     told = {one.name: one for one in law._data.report.columns} if law._data is not None else {}
     seen = [one for one in law.noise if told[one.observable].measured]
     values = sum(told[one.observable].measured for one in seen)
-    unknown = len(law.terms) + len(law.parameters) + 2 * len(law.spec.coordinates) * law.evidence.runs
+    unknown = (
+        len(law.terms) + len(law.parameters) + 2 * len(law.spec.coordinates) * law.evidence.runs
+    )
     if values < _MEASURED * unknown:
         law._told.append(
             f"{values} measured numbers stand against {unknown} unknown ones (starts of runs and "

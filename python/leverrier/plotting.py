@@ -124,7 +124,9 @@ def _window(law: Law, measured: list[Any], at: int) -> tuple[np.ndarray, np.ndar
     degrees = len(law.spec.coordinates)
     axes = []
     for component in (at, degrees + at):
-        values = np.concatenate([states[:, component] for _, states, _ in measured] or [np.zeros(0)])
+        values = np.concatenate(
+            [states[:, component] for _, states, _ in measured] or [np.zeros(0)]
+        )
         values = values[np.isfinite(values)]
         low, high = (values.min(), values.max()) if values.size else (-1.0, 1.0)
         margin = _MARGIN * (high - low) or 1.0
@@ -150,7 +152,7 @@ def _portrait(axes: Any, law: Law, measured: list[Any], at: int, window: Any) ->
                                 arrowsize=0.7)  # fmt: skip
         except LeverrierError:
             pass  # the measurements are shown all the same
-    for number, (t, states, seen) in enumerate(measured):
+    for number, (_, states, seen) in enumerate(measured):
         label = "measured" if seen else "measured (momenta of differences)"
         axes.plot(states[:, at], states[:, degrees + at], ".", color="tab:blue", markersize=2,
                   label=label if number == 0 else None)  # fmt: skip
@@ -208,7 +210,9 @@ def _force(axes: Any, law: Law, measured: list[Any], at: int, window: Any) -> No
     except LeverrierError as error:
         return _said(axes, str(error))
     largest = np.nanmax(np.abs(force), initial=0.0, where=np.isfinite(force)) or 1.0
-    mesh = axes.pcolormesh(*window, force, cmap="RdBu_r", vmin=-largest, vmax=largest, rasterized=True)
+    mesh = axes.pcolormesh(
+        *window, force, cmap="RdBu_r", vmin=-largest, vmax=largest, rasterized=True
+    )
     axes.figure.colorbar(mesh, ax=axes)
     return None
 

@@ -187,7 +187,9 @@ class Predicting:
         """The equations of motion as a function, compiled once. A law whose runs have numbers of
         their own, or that measured inputs drive, has none."""
         self._for_run(None)
-        self._not_driven("u= to `predict` or `rhs`: a function of time and state has no place for it")
+        self._not_driven(
+            "u= to `predict` or `rhs`: a function of time and state has no place for it"
+        )
         return self._compiled()
 
     def _compiled(self) -> VectorField:

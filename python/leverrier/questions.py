@@ -39,7 +39,9 @@ def listed(names: Any) -> list[Any]:
     try:
         return [names] if isinstance(names, str) else list(names)
     except TypeError:
-        raise InvalidArgumentError(f"{names!r} is no list of names", "give a list of texts") from None
+        raise InvalidArgumentError(
+            f"{names!r} is no list of names", "give a list of texts"
+        ) from None
 
 
 def range_of(given: Any, name: str) -> tuple[float, float]:

@@ -287,7 +287,13 @@ class Diagnosis(_Result):
             errors = [one.held_out_error_before, one.held_out_error_after]
             return [one.effect, numbers, f"{one.p_value:.1e}", *(short(error) for error in errors)]
 
-        names = ["effect", "coefficient", "p_value", "held_out_error_before", "held_out_error_after"]
+        names = [
+            "effect",
+            "coefficient",
+            "p_value",
+            "held_out_error_before",
+            "held_out_error_after",
+        ]
         return names, [cells(one) for one in self.ranking]
 
     def __repr__(self) -> str:

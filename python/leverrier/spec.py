@@ -209,13 +209,20 @@ class Spec:
         ['viscous_drag(q)']
         """
         training, unseen = self.data(X, t=t, run=run, u=u).split(held_out, seed)
-        options = (fit_options(), diagnosis_options(correlated_noise, orbits, all_pairs), bool(partial))
+        options = (
+            fit_options(),
+            diagnosis_options(correlated_noise, orbits, all_pairs),
+            bool(partial),
+        )
         threads = threads_of(threads)
 
         def wrapped(found: tuple[str, _native.Law, _native.Spec]) -> Discovery:
             text, law, longer = found
             spec = Spec(longer)
-            fields = {"system": self.system, "split": split_fields(training, unseen, held_out, seed)}
+            fields = {
+                "system": self.system,
+                "split": split_fields(training, unseen, held_out, seed),
+            }
             made = Law(law, spec, training)
             made._before = lambda: self.fit(training, threads=threads, progress=progress)
             return Discovery(fields | json.loads(text), made, spec)
@@ -278,7 +285,9 @@ class Spec:
     def __repr__(self) -> str:
         count = len(self.terms)
         of = ", ".join(self.coordinates)
-        return f"<leverrier.Spec: {self.system!r}, {count} term{'s'[: count != 1]} to learn, of {of}>"
+        return (
+            f"<leverrier.Spec: {self.system!r}, {count} term{'s'[: count != 1]} to learn, of {of}>"
+        )
 
     def _repr_html_(self) -> str:
         return f"<pre>{html.escape(self.text)}</pre>"

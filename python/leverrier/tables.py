@@ -71,7 +71,11 @@ class Data:
         held_out, seed = number(held_out, "held_out"), _seed(seed)
         both = self._native.split(held_out, seed)
         parts = [
-            Data(native, self._spec, None if self._kept is None else ("part", self, held_out, seed, at))
+            Data(
+                native,
+                self._spec,
+                None if self._kept is None else ("part", self, held_out, seed, at),
+            )
             for at, native in enumerate(both)
         ]
         return parts[0], parts[1]

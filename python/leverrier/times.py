@@ -54,7 +54,6 @@ class Names:
                     return name
         return None
 
-
     def is_run(self, name: Any) -> bool:
         """Whether a column names the runs: by the spec, or as `run` where that names none."""
         return name == self.run if self.run is not None else str(name).lower() == "run"

@@ -32,7 +32,8 @@ def coupled(noise: float = 0.002) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     random = np.random.default_rng(0)
     rates = states[:, 2:] / [1.0, 3.0]
     return tuple(
-        one + noise * random.standard_normal(one.shape) for one in (states[:, :2], rates, states[:, 2:])
+        one + noise * random.standard_normal(one.shape)
+        for one in (states[:, :2], rates, states[:, 2:])
     )
 
 
@@ -129,7 +130,14 @@ def test_a_mass_that_nothing_tells_is_the_unit() -> None:
 def test_names_degree_and_harmonics() -> None:
     spec = leverrier.learn(T, np.cos(T), names=["angle"], degree=2, harmonics=2, drag=False).spec
     assert spec.coordinates == ["angle"]
-    assert spec.terms == ["angle", "angle^2", "sin(angle)", "cos(angle)", "sin(2*angle)", "cos(2*angle)"]
+    assert spec.terms == [
+        "angle",
+        "angle^2",
+        "sin(angle)",
+        "cos(angle)",
+        "sin(2*angle)",
+        "cos(2*angle)",
+    ]
     # The sine of what moves little is a polynomial.
     assert leverrier.learn(T, 0.1 * np.cos(T)).spec.terms == ["x", "x^2", "x^3", "x^4", "-rate(x)"]
     assert leverrier.learn(T, np.cos(T), names="t").spec.coordinates == ["t"]
@@ -163,7 +171,9 @@ def test_a_run_that_many_others_hide_is_told() -> None:
     runs = [a * np.cos(2 * T) + 0.01 * random.standard_normal(len(T)) for a in sizes]
     assert leverrier.learn(T, runs).warnings == []
     runs[3] = sizes[3] * np.cos(2.015 * T) + 0.01 * random.standard_normal(len(T))
-    with pytest.warns(LeverrierWarning, match="of 12 runs the law fails 1: it errs over run `4` by"):
+    with pytest.warns(
+        LeverrierWarning, match="of 12 runs the law fails 1: it errs over run `4` by"
+    ):
         law = leverrier.learn(T, runs, degree=2, harmonics=0)
     assert law.data.only(4).runs == ["4"]
 
@@ -263,6 +273,9 @@ def test_ctrl_c_keeps_the_best_so_far() -> None:
         print(law.stop.reason, any("the best so far" in str(one.message) for one in told))
     """
     found = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True, timeout=300
+        [sys.executable, "-c", textwrap.dedent(program)],
+        capture_output=True,
+        text=True,
+        timeout=300,
     )
     assert found.stdout.split() == ["interrupted", "True"], found

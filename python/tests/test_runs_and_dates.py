@@ -43,7 +43,9 @@ def dates() -> dict:
         "zoned index": stamps.tz_localize("Europe/Berlin"),
         "zoned series": pandas.Series(stamps.tz_localize("Europe/Berlin")),
         "datetimes": [start + timedelta(seconds=float(one)) for one in T],
-        "zoned datetimes": [start.replace(tzinfo=zone) + timedelta(seconds=float(one)) for one in T],
+        "zoned datetimes": [
+            start.replace(tzinfo=zone) + timedelta(seconds=float(one)) for one in T
+        ],
         "timedeltas": [timedelta(seconds=float(one)) for one in T],
         "pandas' durations": pandas.to_timedelta(steps),
     }

@@ -106,7 +106,7 @@ def test_a_report_is_a_page(pendulum, tmp_path) -> None:
     for part in ("<math", "0.0024", "Where it fails", "viscous_drag(q)", "data:image/svg", "span{"):
         assert part in text
     # Nothing is loaded from elsewhere.
-    assert "src=\"http" not in text and "href=" not in text
+    assert 'src="http' not in text and "href=" not in text
     assert "What it lacks" not in pendulum.report(diagnose=False).html
     assert "<h2>" in page._repr_html_() and "What it lacks" in repr(page)
     with pytest.raises(leverrier.FileError, match="cannot be written"):
