@@ -178,9 +178,8 @@ class Law(Predicting, Judging):
         return self.terms.to_pandas()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        if self._is_fitted:
-            return _again, (self.spec.text, self._native.model_json())
-        return _again, (self.spec.text, None)
+        model = self._native.model_json() if self._is_fitted else None
+        return _again, (self.spec.text, model), {"_told": self._told}
 
     @property
     def _is_fitted(self) -> bool:

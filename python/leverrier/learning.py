@@ -27,14 +27,19 @@ _MISFIT = 2.0
 _LOUD = 1.5
 #: A mass with a larger error, as a share of itself, is one that the data do not tell.
 _TOLD = 0.25
-#: So many measured numbers for an unknown one are few.
-_MEASURED = 2
+#: So many measured numbers for an unknown one are few, and so many are enough.
+_MEASURED = 3
+_ENOUGH = 10
+#: A coefficient that is so few standard errors from zero is not known.
+_KNOWN = 2.0
 #: Noise that is so large a share of the spread of a column leaves nothing that is explained.
 _BURIED = 0.7
 #: Of more runs each by itself is not looked at.
 _RUNS = 50
-#: The range of a coordinate from which on its sine is told from a polynomial.
+#: The range of a coordinate from which on its sine is told from a polynomial, and the way from one
+#: sample to the next up to which the sine is followed.
 _ANGLE = 1.0
+_TURN = np.pi
 #: A name that may stand in a spec.
 _NAME = re.compile(r"[^\W\d]\w*")
 
@@ -91,7 +96,8 @@ def learn(
         Degree of the polynomial; 4 up to three coordinates, 3 up to five, else 2.
     harmonics : int, optional
         Sines and cosines of so many multiples of each coordinate, 0 for none; 1 of those whose
-        range is over 1 (radian, where they are angles) where nothing is said.
+        range is over 1 (radian, where they are angles), unless half the way of a turn lies between
+        two samples, where nothing is said.
     drag : bool
         Whether there may be a drag.
     noise : float or list of float, optional
@@ -111,6 +117,8 @@ def learn(
     ------
     InvalidArgumentError, DataError
         Shapes that do not go together, names that cannot be used, too few measurements.
+    NoResultError
+        No law of this kind follows the measurements.
 
     Examples
     --------
@@ -153,7 +161,18 @@ def learn(
 
     def fitted(fixed: set[str]) -> Law:
         spec = _parsed(system.text(space, drag, fixed))
-        return _best(spec, spec.data(X, t=t, run=run, u=u), options)
+        data = spec.data(X, t=t, run=run, u=u)
+        try:
+            return _best(spec, data, options)
+        except DataError as error:
+            if error.kind != "InsufficientData" or not _is_enough(spec, data):
+                raise
+            # The library counts what is left where predictions overflow.
+            raise NoResultError(
+                "no law of this kind follows these measurements from sample to sample",
+                "give a spec with other terms to leverrier.parse, or measure more often",
+                kind="NoLaw",
+            ) from error
 
     law, untold = _with_masses(fitted, system)
     if untold:
@@ -343,12 +362,17 @@ def _potential(
     degree = (4 if count <= 3 else 3 if count <= 5 else 2) if degree is None else int(degree)
     items = [f"poly({', '.join(names)}; {degree})"]
     for at, name in enumerate(names):
-        values = np.concatenate([one[:, at] for one in runs])
-        values = values[np.isfinite(values)]
-        wide = values.size > 0 and float(np.ptp(values)) > _ANGLE
-        several = int(wide) if harmonics is None else int(harmonics)
-        items += [f"trig({name}; {several})"] if several else []
+        several = int(_is_wide([one[:, at] for one in runs])) if harmonics is None else harmonics
+        items += [f"trig({name}; {int(several)})"] if several else []
     return ", ".join(items)
+
+
+def _is_wide(runs: list[np.ndarray]) -> bool:
+    """Whether a coordinate may be an angle: it moves far, though not from one sample to the next."""
+    known = [one[np.isfinite(one)] for one in runs]
+    values = np.concatenate(known)
+    steps = np.concatenate([np.abs(np.diff(one)) for one in known])
+    return bool(steps.size) and float(np.ptp(values)) > _ANGLE and float(np.median(steps)) < _TURN
 
 
 class _System:
@@ -439,6 +463,14 @@ def _best(spec: Spec, data: tables.Data, options: dict[str, Any]) -> Law:
     return law
 
 
+def _is_enough(spec: Spec, data: tables.Data) -> bool:
+    """Whether the measurements are many beside all that may be unknown."""
+    unknown = len(spec.terms) + 2 * len(spec.coordinates) * len(data.runs)
+    observed = set(spec.observables)
+    values = sum(one.measured for one in data.report.columns if one.name in observed)
+    return values >= _ENOUGH * unknown
+
+
 def _with_masses(fitted: Any, system: _System) -> tuple[Law, list[str]]:
     """The law with those masses that the data tell, and the names of the others."""
     untold: list[str] = []
@@ -501,6 +533,16 @@ def _look(law: Law, sigmas: list[float] | None) -> None:
                 f"what this law takes for noise of {one.observable} ({one.standard_deviation:.2g}) is "
                 f"as large as its motion ({told[one.observable].spread:.2g}): it explains nothing"
             )
+    vague = [
+        f"`{one.term}`"
+        for one in law.terms
+        if one.standard_error is not None and abs(one.coefficient) < _KNOWN * one.standard_error
+    ]
+    if vague:
+        law._told.append(
+            f"the coefficient of {', '.join(vague)} is not known: its error is as large as itself; "
+            "measure more, or offer fewer terms (degree=, harmonics=)"
+        )
     if sigmas is not None:
         for one, sigma in zip(seen, sigmas):
             if one.standard_deviation > _LOUD * sigma:

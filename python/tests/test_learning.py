@@ -1,6 +1,7 @@
 """The first law in one call, from arrays in memory."""
 
 import os
+import pickle
 import subprocess
 import sys
 import textwrap
@@ -161,7 +162,8 @@ def test_a_law_that_misses_something_says_so() -> None:
     swing = pendulum()
     with pytest.warns(LeverrierWarning, match="over whole runs the law errs by .* times the noise"):
         law = leverrier.learn(T, swing[:, 0], v=swing[:, 1], drag=False)
-    assert "law.diagnose()" in law.warnings[0]
+    assert "law.diagnose()" in law.warnings[0] and law.warnings[0] in repr(law)
+    assert pickle.loads(pickle.dumps(law)).warnings == law.warnings
     assert law.diagnose().verdict == "missing"
 
 
@@ -190,6 +192,29 @@ def test_what_explains_nothing_says_so() -> None:
         leverrier.learn(T, np.random.default_rng(0).standard_normal(len(T)))
     with pytest.warns(LeverrierWarning, match="3 measured numbers stand against 3 unknown"):
         leverrier.learn(0.1, [1.0, 0.9, 0.7])
+
+
+def test_coefficients_that_are_not_known_are_told() -> None:
+    t = np.arange(15) * 0.04
+    x = np.cos(5 * t) + 0.01 * np.random.default_rng(2).standard_normal(15)
+    with pytest.warns(LeverrierWarning) as told:
+        leverrier.learn(t, x)
+    said = " ".join(str(one.message) for one in told)
+    assert "15 measured numbers stand against 9" in said and "`cos(x)`" in said
+    assert "is not known: its error is as large as itself" in said
+
+
+def test_where_no_law_follows_it_says_so() -> None:
+    t = np.arange(200) * 2.8
+    x = np.cos(t) + 0.01 * np.random.default_rng(0).standard_normal(200)
+    with pytest.raises(leverrier.NoResultError, match="no law of this kind follows") as told:
+        leverrier.learn(t, x)
+    assert "leverrier.parse" in told.value.hint and told.value.kind == "NoLaw"
+
+
+def test_lengths_are_no_angles() -> None:
+    # In millimetres a sine would turn between two samples.
+    assert leverrier.learn(T, 1000 * np.cos(T)).spec.terms == ["x", "x^2", "x^3", "x^4", "-rate(x)"]
 
 
 X = np.cos(T)
