@@ -41,7 +41,7 @@ def index_of(X: Any) -> dict[str | None, Any]:
     """The index of a table of pandas, as columns by name; None is that of an index without one,
     unless it only counts."""
     index = getattr(X, "index", None)
-    if not hasattr(X, "iloc") or index is None:
+    if not hasattr(X, "iloc") or not hasattr(index, "nlevels"):
         return {}
     if index.nlevels > 1:
         levels = [(name, index.get_level_values(name)) for name in index.names if name is not None]

@@ -84,7 +84,7 @@ def learn(
     u : array of shape (n,) or (n, k), or a list with one for each run, optional
         Measured inputs that may drive every coordinate.
     run : array of n names, or a name for each run, optional
-        Which run each sample is of; a name alone is a column of a table.
+        Which run each sample is of; a name alone is a column of a table, as ``run`` is in any case.
     names : str or list of str, optional
         Names of the coordinates: ``x``, ``y``, ``z``, or ``x1`` and so on, where none are given.
     masses : float or list of float, optional
@@ -199,20 +199,22 @@ def _measured(t: Any, x: Any, run: Any) -> tuple[_Columns, Any, Any]:
     found = columns.named_columns(x)
     if found is not None:
         index = {name or "t": values for name, values in columns.index_of(x).items()}
+        positions = list(found)
         found = index | found
-        t = (
-            found.pop(_chosen(found, t, ("t", "time"), "t"))
-            if t is None or isinstance(t, str)
-            else t
-        )
+        if t is None or isinstance(t, str):
+            t = found.pop(_chosen(found, t, ("t", "time"), "t"))
+        if run is None:
+            run = next((name for name in found if name.lower() == "run"), None)
         if isinstance(run, str):
             run = found.pop(_chosen(found, run, (), "run"))
+        # An index has times and runs, or numbers of rows, and no positions.
+        found = {name: found[name] for name in positions if name in found}
         if not found:
             raise InvalidArgumentError("the table has no column of positions", "give one for each")
-        array = np.column_stack([tables._numbers(columns.as_numpy(v), k) for k, v in found.items()])
+        array = np.column_stack([_column(values, name) for name, values in found.items()])
         return _Columns([array], False, list(found)), t, run
-    if t is None and hasattr(x, "index") and hasattr(x, "to_numpy"):  # a series of pandas
-        t = x.index
+    if t is None:  # perhaps a series of pandas
+        t = next(iter(columns.index_of(x).values()), None)
     if t is None:
         raise InvalidArgumentError(
             "the times of the samples are missing", "give t as an array, or as the time step"
@@ -240,6 +242,20 @@ def _measured(t: Any, x: Any, run: Any) -> tuple[_Columns, Any, Any]:
     elif several and not apart and np.ndim(t) == 2:
         t = list(np.asarray(t))
     return _Columns(runs, several, None), t, run
+
+
+def _column(values: Any, name: str) -> np.ndarray:
+    """A column of positions."""
+    read = columns.cells(values)
+    if not isinstance(read, np.ndarray):
+        kind = read[0] if isinstance(read, tuple) else "text"
+        raise DataError(
+            f"the column holds {kind}",
+            "give the columns of positions alone; run= names that of the runs, t that of the times",
+            kind="Data",
+            column=name,
+        )
+    return read
 
 
 def _chosen(found: dict[str, Any], given: str | None, usual: Iterable[str], what: str) -> str:

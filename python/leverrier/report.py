@@ -17,8 +17,12 @@ _STYLE = """
 body { font: 16px/1.5 sans-serif; max-width: 60em; margin: 2em auto; padding: 0 1em; }
 table { border-collapse: collapse; } td, th { padding: 0.2em 0.8em; text-align: left; }
 tr:nth-child(even) { background: #f3f3f3; } img { max-width: 100%; }
+mtd { padding: 0.3em 0; }
 pre { background: #f3f3f3; padding: 0.8em; overflow: auto; } figcaption { color: #555; }
 """
+
+#: Kinds of figures in their order; the others follow.
+_ORDER = {name: at for at, name in enumerate(["horizons", "forces", "force-map", "portrait"])}
 
 
 class Report:
@@ -65,7 +69,8 @@ def written(law: Law, comparison: Comparison | None, diagnosis: Diagnosis | None
         equations = f"<pre>{html.escape(str(law))}</pre>"
     sections = [("The law", equations + law._numbers_html())]
     if comparison is not None:
-        figures = "".join(one._repr_html_() for one in comparison.figures)
+        drawn = sorted(comparison.figures, key=lambda one: _ORDER.get(one.plot, len(_ORDER)))
+        figures = "".join(one._repr_html_() for one in drawn)
         sections.append(("Where it fails", comparison._told_html() + figures))
     if diagnosis is not None:
         sections.append(("What it lacks", diagnosis._repr_html_()))

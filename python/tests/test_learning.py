@@ -71,7 +71,12 @@ def test_what_holds_the_positions_does_not_matter() -> None:
         leverrier.learn("t", frame),
         leverrier.learn(None, frame.set_index("t")),
         leverrier.learn(T, frame.drop(columns="t")),
+        leverrier.learn(T, frame.set_index("t")),
+        leverrier.learn(None, frame.rename_axis("row")),
         leverrier.learn(None, {"time": T, "x": x[:, 0], "y": x[:, 1]}),
+        leverrier.learn(
+            None, pandas.DataFrame({"t": T, "x": list(x[:, 0]), "y": x[:, 1]}, dtype=object)
+        ),
         leverrier.learn(list(T), x.tolist()),
         leverrier.learn(T, [x]),
         leverrier.learn(T, x[None]),
@@ -88,6 +93,8 @@ def test_one_coordinate_is_one_axis() -> None:
     for x in (swing[:, None], list(swing), pandas.Series(swing)):
         assert leverrier.learn(T, x).coefficient("cos(x)") == wanted
     assert leverrier.learn(None, pandas.Series(swing, index=T)).coefficient("cos(x)") == wanted
+    with pytest.raises(leverrier.InvalidArgumentError, match="times of the samples are missing"):
+        leverrier.learn(None, pandas.Series(swing))
 
 
 def test_many_runs() -> None:
@@ -237,7 +244,7 @@ X = np.cos(T)
         ({"t": None, "x": {"x": X}}, "no column of the times"),
         ({"t": "clock", "x": {"t": T, "x": X}}, "no column `clock`"),
         ({"x": {"t": T}, "t": "t"}, "no column of positions"),
-        ({"x": {"t": T, "x": ["a"] * 400}, "t": "t"}, "not numbers"),
+        ({"x": {"t": T, "x": ["a"] * 400}, "t": "t"}, "column `x`: the column holds text"),
         ({"v": X, "p": X}, "both given"),
         ({"v": X[:5]}, "give v in the shape of x"),
         ({"p": X[:, None] * [1, 1]}, "give p in the shape of x"),
@@ -272,7 +279,12 @@ def test_what_cannot_be_learned_from_is_told(arguments, said) -> None:
 def test_a_table_names_its_runs() -> None:
     table = {"t": np.r_[T, T], "x": np.r_[X, 0.5 * X], "trial": ["a"] * 400 + ["b"] * 400}
     assert leverrier.learn("t", table, run="trial").data.runs == ["a", "b"]
-    with pytest.raises(DataError, match="trial holds what is not numbers"):
+    named = {"t": table["t"], "x": table["x"], "Run": np.repeat([1, 2], 400)}
+    law = leverrier.learn(None, named)
+    assert law.data.runs == ["1", "2"] and law.spec.coordinates == ["x"]
+    with pytest.raises(DataError, match="time jumps back"):
+        leverrier.learn(None, {"t": table["t"], "x": table["x"], "trial": named["Run"]})
+    with pytest.raises(DataError, match="column `trial`: the column holds text; .* run= names"):
         leverrier.learn("t", table)
 
 
