@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import subprocess
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from .errors import InvalidArgumentError, LeverrierError, NoResultError
 from .results import Record, Rows
@@ -58,10 +58,9 @@ def effects(
 def taken_by(spec: Spec, program: str | os.PathLike[str]) -> Rows:
     """The effects that a spec takes, each once for every place where it may stand."""
     rows: list[Record] = []
-    for one in effects(program=program):
-        for effect in _places(spec, one["name"]):
-            fields = {name: one[name] for name in ("kind", "physics")}
-            rows.append(Record({"effect": effect} | fields))
+    for one in cast("Rows", effects(program=program)):
+        for effect in _places(spec, one.name):
+            rows.append(Record({"effect": effect, "kind": one.kind, "physics": one.physics}))
     return Rows(rows)
 
 

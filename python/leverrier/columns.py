@@ -40,7 +40,7 @@ def named_columns(X: Any) -> dict[str, Any] | None:
 def index_of(X: Any) -> dict[str | None, Any]:
     """The index of a table of pandas, as columns by name; None is that of an index without one,
     unless it only counts."""
-    index = getattr(X, "index", None)
+    index: Any = getattr(X, "index", None)
     if not hasattr(X, "iloc") or not hasattr(index, "nlevels"):
         return {}
     if index.nlevels > 1:

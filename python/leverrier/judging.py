@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from . import _native
 from .catalogue import taken_by
@@ -29,7 +29,17 @@ class Judging:
     _native: _native.Law
     _data: Data | None
     _before: Callable[[], Law] | None
-    spec: Spec
+    noise: Rows
+
+    if TYPE_CHECKING:
+
+        @property
+        def spec(self) -> Spec: ...
+
+    @property
+    def _law(self) -> Law:
+        """The law that this is a part of."""
+        return cast("Law", self)
 
     def compare(
         self,
@@ -215,7 +225,7 @@ class Judging:
         fields = judged.fields | {
             "action": action, "effect": new, "supported": supported, "reason": reason,
         }  # fmt: skip
-        law._before = lambda: self
+        law._before = lambda: self._law
         return Revision(fields, law, before, compared)
 
     def refit(
@@ -231,7 +241,7 @@ class Judging:
         """The same terms with their numbers learned anew, from other measurements."""
         data = self.spec.data(X, t=t, run=run, u=u)
         with shown(progress) as told:
-            return type(self)(self._native.refit(data._native, threads, told), self.spec, data)
+            return type(self._law)(self._native.refit(data._native, threads, told), self.spec, data)
 
     def undo(self) -> Law:
         """The law before the last change: before :meth:`add`, :meth:`remove` or
@@ -283,9 +293,9 @@ class Judging:
         law = finished(
             progress,
             lambda told: start.refit(data._native, threads, told),
-            lambda native: type(self)(native, self.spec, data),
+            lambda native: type(self._law)(native, self.spec, data),
         )
-        law._before = lambda: self
+        law._before = lambda: self._law
         return law
 
     def effects(self, *, program: str | os.PathLike[str] = "leverrier") -> Rows:
@@ -314,9 +324,10 @@ class Judging:
         >>> law.report(diagnose=False)
         <leverrier.Report: pendulum on a bench: The law, Where it fails, The measurements, The spec>
         """
-        options = {"held_out": held_out, "seed": seed, "threads": threads, "progress": progress}
+        options: dict[str, Any] = {"held_out": held_out, "seed": seed, "threads": threads}
+        options["progress"] = progress
         comparison = self.compare(**options)
-        page = written(self, comparison, self.diagnose(**options) if diagnose else None)
+        page = written(self._law, comparison, self.diagnose(**options) if diagnose else None)
         if path is not None:
             page.save(path)
         return page
@@ -344,7 +355,7 @@ class Judging:
             if self._data is not None:
                 raise
             comparison = None
-        return plotted(self, comparison, coordinate, run)
+        return plotted(self._law, comparison, coordinate, run)
 
     def _own(self) -> Data:
         # A law from a file has measurements where its spec names them.
@@ -365,7 +376,7 @@ class Judging:
 
         if X is not None:
             training, unseen = self._own(), self.spec.data(X, t=t, run=run, u=u)
-            law, terms = self, "the law as it is, judged on measurements that were given"
+            law, terms = self._law, "the law as it is, judged on measurements that were given"
             split = {"training": training.runs, "held_out": unseen.runs}
         else:
             if any(one is not None for one in (t, run, u)):
@@ -391,7 +402,7 @@ class Judging:
             return None
         noise = [one.standard_deviation for one in self.noise]
         try:
-            found = self._compared(Judged(self, self._data, data, {}), None, noise)
+            found = self._compared(Judged(self._law, self._data, data, {}), None, noise)
         except LeverrierError:  # too few, or a motion that leaves the finite numbers
             return None
         return found.horizons[-1].held_out if found.horizons else None

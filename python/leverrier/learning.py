@@ -40,6 +40,7 @@ _RUNS = 50
 #: sample to the next up to which the sine is followed.
 _ANGLE = 1.0
 _TURN = np.pi
+_INTERRUPTED = "the search was interrupted: this law is the best so far"
 #: A name that may stand in a spec.
 _NAME = re.compile(r"[^\W\d]\w*")
 
@@ -472,10 +473,10 @@ def _best(spec: Spec, data: tables.Data, options: dict[str, Any]) -> Law:
     try:
         law = spec.fit(data, **options)
     except KeyboardInterrupt as interrupt:
-        law = getattr(interrupt, "best", None)
-        if law is None:
+        if not isinstance(best := getattr(interrupt, "best", None), Law):
             raise
-        law._told.append("the search was interrupted: this law is the best so far")
+        law = best
+        law._told.append(_INTERRUPTED)
     return law
 
 
@@ -505,7 +506,11 @@ def _with_masses(fitted: Any, system: _System) -> tuple[Law, list[str]]:
     units = set() if system.are_momenta else _units(law, system.names) & set(system.open_masses)
     untold = [name for name in _uncertain(law) if name not in units]
     if units or untold:
-        law = fitted(units | set(untold))
+        try:
+            law = fitted(units | set(untold))
+        except KeyboardInterrupt:
+            law._told.append(f"{_INTERRUPTED}, with masses that nothing tells")
+            return law, []
     return law, untold
 
 
@@ -532,7 +537,11 @@ def _uncertain(law: Law) -> list[str]:
 
 def _look(law: Law, sigmas: list[float] | None) -> None:
     """Notes what hides behind a fit that looks good."""
-    told = {one.name: one for one in law._data.report.columns} if law._data is not None else {}
+    data = law._data
+    assert data is not None
+    # Times that are no times, as those of exchanged arguments, would be put in order.
+    law._told += [one for one in data.warnings if "out of order" in one]
+    told = {one.name: one for one in data.report.columns}
     seen = [one for one in law.noise if told[one.observable].measured]
     values = sum(told[one.observable].measured for one in seen)
     unknown = (
@@ -560,7 +569,9 @@ def _look(law: Law, sigmas: list[float] | None) -> None:
             "measure more, or offer fewer terms (degree=, harmonics=)"
         )
     if sigmas is not None:
-        for one, sigma in zip(seen, sigmas):
+        known = dict(zip(law.spec.observables, sigmas))
+        for one in seen:
+            sigma = known[one.observable]
             if one.standard_deviation > _LOUD * sigma:
                 law._told.append(
                     f"the noise of {one.observable} is {one.standard_deviation:.2g} by this law, "
@@ -573,8 +584,8 @@ def _look(law: Law, sigmas: list[float] | None) -> None:
             f"over whole runs the law errs by {misfit:.1f} times the noise: something is missing; "
             "law.diagnose() looks for it"
         )
-    elif law._data is not None:
-        law._told += _odd_runs(law, law._data)
+    else:
+        law._told += _odd_runs(law, data)
 
 
 def _odd_runs(law: Law, data: tables.Data) -> list[str]:

@@ -46,7 +46,7 @@ def plotted(law: Law, comparison: Comparison | None, coordinate: str | None, run
         run = law.data.runs[0]
     of = law._for_run(run)
     measured = [] if law.data is None else _portraits(of, law.data, run if told else None)
-    figure = Figure(figsize=(10, 8), layout="constrained")
+    figure: Any = Figure(figsize=(10, 8), layout="constrained")
     panels = figure.subplots(2, 2)
     title = str(of).strip()
     figure.suptitle(title if len(title) < 300 else law.spec.system)
@@ -77,9 +77,9 @@ def _portraits(law: Law, data: Data, run: Any) -> list[tuple[np.ndarray, np.ndar
     momenta were measured."""
     degrees = len(law.spec.coordinates)
     names = law.spec.observables
+    found: list[tuple[np.ndarray, np.ndarray, bool]] = []
     table = data.table()
     runs = table["run"].astype(str)
-    found = []
     names_of_runs, starts, counts = np.unique(runs, return_index=True, return_counts=True)
     drawn = 0
     for one in np.argsort(-counts, kind="stable"):

@@ -30,16 +30,22 @@ class Predicting:
     _field: VectorField | None
     _driven_field: DrivenField | None
     _of_runs: dict[tuple[str, ...], Law]
-    _is_fitted: bool
-    spec: Spec
-    distributions: Rows
+
+    if TYPE_CHECKING:
+
+        @property
+        def _is_fitted(self) -> bool: ...
+        @property
+        def spec(self) -> Spec: ...
+        @property
+        def distributions(self) -> Rows: ...
 
     def predict(
         self, start: Any, times: Any, *, u: Any = None, t_u: Any = None, run: Any = None
     ) -> Any:
         """The motion from a start (coordinates, then momenta; or a dictionary of them) at the
         first of ``times``, to the limit of double precision: a :class:`leverrier.Trajectory`. Of
-        many starts, in rows, a list of them. Times that fall lead into the past.
+        many starts, in rows (or with arrays in the dictionary), a list of them. Times that fall lead into the past.
 
         ``u`` has the measured inputs that drive it, where the spec names some: a column for each,
         at the times ``t_u`` (none: ``times``). ``run`` names the run whose numbers it takes, where
@@ -70,6 +76,8 @@ class Predicting:
             raise InvalidArgumentError(
                 f"start and times must be numbers ({error})", f"a start has {', '.join(names)}"
             ) from error
+        if isinstance(start, dict) and state.ndim == 2:
+            state = state.T
         if state.ndim not in (1, 2) or times.ndim != 1:
             raise InvalidArgumentError(
                 f"start has the shape {state.shape}, times {times.shape}",
@@ -230,13 +238,14 @@ class Predicting:
 
     def _for_run(self, run: Any) -> Law:
         """The law with the numbers of one run for those that runs have for themselves."""
+        law = cast("Law", self)
         own = [] if not self._is_fitted else self.distributions
         if not own:
             if run is not None:
                 raise InvalidArgumentError(
                     f"run is {run!r}, but no run has numbers of its own", "leave run= out"
                 )
-            return self
+            return law
         chosen = [of_group(one, run) for one in own]
         groups = tuple(one["group"] for one in chosen)
         if groups not in self._of_runs:
@@ -247,7 +256,7 @@ class Predicting:
                         parameter["value"] = value["value"]
             model["distributions"] = []
             native = _native.Law.from_model_json(json.dumps(model), self.spec._native)
-            self._of_runs[groups] = type(self)(native, self.spec, self._data)
+            self._of_runs[groups] = type(law)(native, self.spec, self._data)
         return self._of_runs[groups]
 
     @property

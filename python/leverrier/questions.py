@@ -83,7 +83,7 @@ def _placed(term: str, model: dict[str, Any], places: list[str], spec: Spec) -> 
     size = 1 + len(model["parameters"])
     taken = []
     for place in places:
-        one = {
+        one: dict[str, Any] = {
             "place": place, "term": term, "name": None, "coefficient": 0.0, "standard_error": None,
             "inclusion": None, "unit": None,
         }  # fmt: skip

@@ -243,7 +243,7 @@ def _no_more(t: Any, run: Any, why: str) -> None:
 
 
 def _of_columns(
-    spec: Spec, columns: dict[str, Any], index: dict[str, Any], t: Any, run: Any
+    spec: Spec, columns: dict[str, Any], index: dict[str | None, Any], t: Any, run: Any
 ) -> Data:
     for name, values in columns.items():
         if np.ndim(values) == 0:
@@ -255,9 +255,9 @@ def _of_columns(
             )
     names = Names(spec)
     named = {names.time, names.run, *(one for one in (t, run) if isinstance(one, str))}
-    for name, values in index.items():
+    for given, values in index.items():
         # An index without a name has the times.
-        name = (names.time or "t") if name is None else name
+        name = (names.time or "t") if given is None else given
         if name not in columns and (name in named or names.time_of([name]) or names.is_run(name)):
             columns[name] = values
     rows = len(next(iter(columns.values()), ()))

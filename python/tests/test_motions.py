@@ -64,6 +64,8 @@ def test_many_starts_are_a_list_of_motions() -> None:
         assert len(motions) == 3
         for start, motion in zip(starts, motions):
             assert np.array_equal(motion.states, law.predict(start, times).states)
+    named = law.predict({"p": starts[:, 1], "q": starts[:, 0]}, T)
+    assert [motion.states[0].tolist() for motion in named] == starts.tolist()
     assert law.predict(np.zeros((0, 2)), T) == []
 
 
