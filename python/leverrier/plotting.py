@@ -95,6 +95,8 @@ def _portraits(law: Law, data: Data, run: Any) -> list[tuple[np.ndarray, np.ndar
         are_momenta = names[degrees : 2 * degrees] == law.spec.momenta
         if not seen and len(t) > 1:
             rest = np.gradient(q, t, axis=0)
+        thin = slice(None, None, 1 + count // _SAMPLES)
+        t, q, rest = t[thin], q[thin], rest[thin]
         states = np.hstack([q, rest])
         if not seen or not are_momenta:
             states[:, degrees:] = _momenta(law, q, rest)

@@ -293,6 +293,22 @@ def test_a_table_names_its_runs() -> None:
         leverrier.learn("t", table)
 
 
+def test_an_interrupt_of_the_second_search_keeps_what_the_first_found(monkeypatch) -> None:
+    fit, called = leverrier.Spec.fit, []
+
+    def once(self, *arguments, **options):
+        called.append(self)
+        if len(called) > 1:
+            raise KeyboardInterrupt
+        return fit(self, *arguments, **options)
+
+    monkeypatch.setattr(leverrier.Spec, "fit", once)
+    x = np.column_stack([np.cos(T), 0.5 * np.cos(1.7 * T)])
+    with pytest.warns(LeverrierWarning, match="the best so far, with masses that nothing tells"):
+        law = leverrier.learn(T, x)
+    assert [term.term for term in law.terms] == ["x^2", "y^2"] and len(called) == 2
+
+
 @pytest.mark.skipif(os.name == "nt", reason="signals of Windows are others")
 def test_ctrl_c_keeps_the_best_so_far() -> None:
     program = """
