@@ -45,7 +45,8 @@ class Predicting:
     ) -> Any:
         """The motion from a start (coordinates, then momenta; or a dictionary of them) at the
         first of ``times``, to the limit of double precision: a :class:`leverrier.Trajectory`. Of
-        many starts, in rows (or with arrays in the dictionary), a list of them. Times that fall lead into the past.
+        many starts, in rows (or with arrays in the dictionary), a list of them. Times that fall
+        lead into the past.
 
         ``u`` has the measured inputs that drive it, where the spec names some: a column for each,
         at the times ``t_u`` (none: ``times``). ``run`` names the run whose numbers it takes, where
