@@ -4,7 +4,14 @@ Give measurements of positions and momenta (or velocities) over time, and say in
 terms the energy might have: a sparse Hamiltonian comes back, with an uncertainty on every
 coefficient, and the name of what it lacks.
 
+>>> import numpy as np
 >>> import leverrier
+>>> t = np.arange(200) * 0.1
+>>> print(leverrier.learn(t, np.cos(t)))
+H = p_x^2/2 + x^2/2
+
+What is known of a system, and what may be, is said in a spec:
+
 >>> spec = leverrier.open("examples/damped-pendulum/fit.ham")
 >>> law = spec.fit()
 >>> law.diagnose().missing
@@ -19,18 +26,22 @@ True
 from __future__ import annotations
 
 from ._native import __version__
+from .catalogue import effects
 from .errors import (
     DataError,
     Diagnostic,
     FileError,
     InvalidArgumentError,
     LeverrierError,
+    LeverrierWarning,
     ModelError,
     NoResultError,
     SpecError,
 )
 from .law import Law
+from .learning import learn
 from .motion import Trajectory, VectorField
+from .report import Report
 from .results import (
     Comparison,
     Design,
@@ -58,9 +69,11 @@ __all__ = [
     "InvalidArgumentError",
     "Law",
     "LeverrierError",
+    "LeverrierWarning",
     "ModelError",
     "NoResultError",
     "Record",
+    "Report",
     "Revision",
     "Spec",
     "SpecError",
@@ -68,6 +81,8 @@ __all__ = [
     "Trajectory",
     "VectorField",
     "__version__",
+    "effects",
+    "learn",
     "open",
     "parse",
 ]

@@ -164,7 +164,8 @@ def fit(
     asked = _Asked(found, spec.text, threads_of(worker_threads))
 
     def wrapped(native: tuple[_native.Law, _native.Data]) -> Law:
-        return Law(native[0], spec, Data(native[1]))
+        sample = Data(native[1], spec, ("file",) if tables._is_kept(spec) else None)
+        return Law(native[0], spec, sample)
 
     def work(told: Progress | None) -> tuple[_native.Law, _native.Data]:
         return _native.fit_parts(spec._native, asked, options, threads_of(threads), told)

@@ -22,6 +22,7 @@ __all__ = [
     "FileError",
     "InvalidArgumentError",
     "LeverrierError",
+    "LeverrierWarning",
     "ModelError",
     "NoResultError",
     "SpecError",
@@ -103,6 +104,10 @@ def _again(cls: type[LeverrierError], fields: dict[str, Any]) -> LeverrierError:
     error = cls(fields["message"])
     error.__dict__.update(fields)
     return error
+
+
+class LeverrierWarning(UserWarning):
+    """What deserves a look: a result that is not what it seems, or that was taken for granted."""
 
 
 class SpecError(LeverrierError, ValueError):

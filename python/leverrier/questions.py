@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
@@ -9,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _native
-from .errors import InvalidArgumentError
+from .errors import InvalidArgumentError, LeverrierError
 from .results import Comparison
 from .tables import number
 
 if TYPE_CHECKING:
     from .law import Law
+    from .spec import Spec
     from .tables import Data
 
 #: A coefficient that is so many standard errors from zero supports its effect.
@@ -34,7 +36,12 @@ def diagnosis_options(correlated_noise: Any, orbits: Any, all_pairs: Any) -> dic
 
 def listed(names: Any) -> list[Any]:
     """Names; one alone is none of a list of letters."""
-    return [names] if isinstance(names, str) else list(names)
+    try:
+        return [names] if isinstance(names, str) else list(names)
+    except TypeError:
+        raise InvalidArgumentError(
+            f"{names!r} is no list of names", "give a list of texts"
+        ) from None
 
 
 def range_of(given: Any, name: str) -> tuple[float, float]:
@@ -53,6 +60,45 @@ def ranges(given: Any, name: str) -> list[tuple[str, tuple[float, float]]]:
         hint = 'give a dictionary, as {"q": (-1, 1)}'
         raise InvalidArgumentError(f"{name} is {given!r}", hint)
     return [(str(key), range_of(ends, f"{name}[{key!r}]")) for key, ends in given.items()]
+
+
+def placed(terms: list[str], model: dict[str, Any], spec: Spec) -> list[dict[str, Any]]:
+    """Terms of a spec as a model file has them: each with the place where it stands."""
+    if not terms:
+        raise InvalidArgumentError("no term is named", f"name some of {', '.join(spec.terms)}")
+    for at, term in enumerate(terms):
+        if term in terms[:at]:
+            raise InvalidArgumentError(f"`{term}` is named twice", "name each term once")
+        if term not in spec.terms:
+            raise InvalidArgumentError(
+                f"the spec has no term `{term}`", f"it has {', '.join(spec.terms)}"
+            )
+    known = {one["term"]: one for one in model["terms"]}
+    places = ["T", "V", "H", "L", *(f"force {name}" for name in spec.coordinates)]
+    return [known[term] if term in known else _placed(term, model, places, spec) for term in terms]
+
+
+def _placed(term: str, model: dict[str, Any], places: list[str], spec: Spec) -> dict[str, Any]:
+    """The term at the place where the spec takes it."""
+    size = 1 + len(model["parameters"])
+    taken = []
+    for place in places:
+        one: dict[str, Any] = {
+            "place": place, "term": term, "name": None, "coefficient": 0.0, "standard_error": None,
+            "inclusion": None, "unit": None,
+        }  # fmt: skip
+        tried = model | {"terms": [one], "covariance": [[0.0] * size for _ in range(size)]}
+        try:
+            _native.Law.from_model_json(json.dumps(tried), spec._native)
+        except LeverrierError:
+            continue
+        taken.append(one)
+    if len(taken) != 1:
+        where = ", ".join(one["place"] for one in taken) or "no place that is known"
+        raise InvalidArgumentError(
+            f"`{term}` stands in {where}", "write a spec with the terms that are wanted, and fit it"
+        )
+    return taken[0]
 
 
 class Judged:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import LeverrierError
+from .shown import html_table, short, text_table, with_error
 
 if TYPE_CHECKING:
     from .law import Law
@@ -77,10 +78,18 @@ class Record(Mapping[str, Any]):
         return self._fields
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({', '.join(self._fields)})"
+        def shown(value: Any) -> str:
+            if isinstance(value, Mapping):
+                return f"Record({', '.join(value)})"
+            if isinstance(value, list):
+                return f"[{len(value)} entries]" if value else "[]"
+            return repr(value) if isinstance(value, str) else short(value) or "None"
+
+        fields = ", ".join(f"{name}={shown(self[name])}" for name in self)
+        return f"{type(self).__name__}({fields})"
 
     def _repr_html_(self) -> str:
-        return _html_table(["field", "value"], [[name, _short(self[name])] for name in self])
+        return html_table(["field", "value"], [[name, short(self[name])] for name in self])
 
 
 class Rows(list[Record]):
@@ -92,9 +101,13 @@ class Rows(list[Record]):
 
         return pandas.DataFrame([one.to_dict() for one in self])
 
+    def __repr__(self) -> str:
+        names = list(self[0]) if self else []
+        return text_table(names, [[short(one.get(name)) for name in names] for one in self], 60)
+
     def _repr_html_(self) -> str:
         names = list(self[0]) if self else []
-        return _html_table(names, [[_short(one.get(name)) for name in names] for one in self])
+        return html_table(names, [[short(one.get(name)) for name in names] for one in self])
 
 
 class Table:
@@ -128,13 +141,15 @@ class Table:
         return pandas.DataFrame(self.columns)
 
     def __repr__(self) -> str:
-        return f"<leverrier.Table: {len(self)} rows of {', '.join(self.columns)}>"
+        rows = [[short(x) for x in row] for row in zip(*self.head(10).columns.values())]
+        more = f"\n{len(self)} rows" if len(self) > len(rows) else ""
+        return text_table(list(self.columns), rows) + more
 
     def _repr_html_(self) -> str:
         head = self.head(10)
-        rows = [[_short(x) for x in row] for row in zip(*head.columns.values())]
+        rows = [[short(x) for x in row] for row in zip(*head.columns.values())]
         more = f"<p>{len(self)} rows</p>" if len(self) > len(head) else ""
-        return _html_table(list(self.columns), rows) + more
+        return html_table(list(self.columns), rows) + more
 
 
 class _Result(Record):
@@ -219,12 +234,17 @@ class Comparison(_Result):
         return self.horizons.to_pandas()
 
     def __repr__(self) -> str:
-        return "<leverrier.Comparison: " + "; ".join(self.findings) + ">"
+        names = ["samples", "duration", "training", "held_out"]
+        rows = [[short(one[name]) for name in names] for one in self.horizons]
+        head = "\n".join(f"- {one}" for one in self.findings)
+        return f"{head}\nerror in units of the noise, by length of prediction\n{text_table(names, rows)}"
 
     def _repr_html_(self) -> str:
+        return self._told_html() + self._drawn("horizons", "predictions", "forces", "force-map")
+
+    def _told_html(self) -> str:
         items = "".join(f"<li>{html.escape(one)}</li>" for one in self.findings)
-        drawn = self._drawn("horizons", "predictions", "forces", "force-map")
-        return f"<ul>{items}</ul>{self.horizons._repr_html_()}{drawn}"
+        return f"<ul>{items}</ul>{self.horizons._repr_html_()}"
 
 
 def unfinished(fields: dict[str, Any]) -> dict[str, Any]:
@@ -258,14 +278,33 @@ class Diagnosis(_Result):
         """The ranking."""
         return Rows(self.ranking).to_pandas()
 
+    def _ranked(self) -> tuple[list[str], list[list[str]]]:
+        """The ranking: names of columns, and cells."""
+
+        def cells(one: Record) -> list[str]:
+            pairs = [with_error(*both) for both in zip(one.coefficient, one.standard_error)]
+            numbers = ", ".join(f"{value} ± {error}" if error else value for value, error in pairs)
+            errors = [one.held_out_error_before, one.held_out_error_after]
+            return [one.effect, numbers, f"{one.p_value:.1e}", *(short(error) for error in errors)]
+
+        names = [
+            "effect",
+            "coefficient",
+            "p_value",
+            "held_out_error_before",
+            "held_out_error_after",
+        ]
+        return names, [cells(one) for one in self.ranking]
+
     def __repr__(self) -> str:
-        return f"<leverrier.Diagnosis: {self.verdict}: {self.reason}>"
+        names, rows = self._ranked()
+        table = "\n" + text_table(names, rows, most=8) if rows else ""
+        return f"{self.verdict}: {self.reason}{table}"
 
     def _repr_html_(self) -> str:
-        names = ["effect", "p_value", "held_out_error_before", "held_out_error_after"]
-        rows = [[_short(one[name]) for name in names] for one in self.ranking]
+        names, rows = self._ranked()
         head = f"<p><b>{html.escape(self.verdict)}</b>: {html.escape(self.reason)}</p>"
-        return head + (_html_table(names, rows) if rows else "") + self._drawn("ranking", "forces")
+        return head + (html_table(names, rows) if rows else "") + self._drawn("ranking", "forces")
 
 
 class Design(_Result):
@@ -300,8 +339,7 @@ class Design(_Result):
         return Rows(row(run) for run in runs)
 
     def __repr__(self) -> str:
-        start = ", ".join(f"{name}={_short(value)}" for name, value in self.start.items())
-        return f"<leverrier.Design: {self.why} Start at {start}>"
+        return f"{self.why}\n{self._rows()!r}"
 
     def _repr_html_(self) -> str:
         return f"<p>{html.escape(self.why)}</p>{self._rows()._repr_html_()}"
@@ -329,7 +367,7 @@ class Discovery(_Result):
 
     def __repr__(self) -> str:
         steps = ", ".join(step.effect for step in self.steps) or "nothing"
-        return f"<leverrier.Discovery: added {steps}; {self.stop}>"
+        return f"added {steps}: {self.stop}\n{self.law!r}"
 
     def _repr_html_(self) -> str:
         return f"<p>{html.escape(self.stop)}</p>" + Rows(self.steps)._repr_html_()
@@ -365,30 +403,8 @@ class Revision(Record):
         return self._after
 
     def __repr__(self) -> str:
-        return f"<leverrier.Revision: {self.action}: {self.reason}>"
+        return f"{self.action}: {self.reason}\n{self.law!r}"
 
     def _repr_html_(self) -> str:
         head = f"<p>{html.escape(self.action)}: {html.escape(self.reason)}</p>"
         return head + Rows(self.effect)._repr_html_() + (self.law._repr_html_() or "")
-
-
-def _short(value: Any) -> str:
-    if isinstance(value, bool) or value is None:
-        return "" if value is None else str(value).lower()
-    if isinstance(value, (float, np.floating)):
-        return f"{value:.6g}"
-    if isinstance(value, (list, tuple)) and value and len(value) <= 6:
-        return ", ".join(_short(one) for one in value)
-    if isinstance(value, (list, tuple)):
-        return f"{len(value)} entries"
-    text = repr(value) if isinstance(value, Record) else str(value)
-    return text if len(text) <= 120 else text[:117] + "..."
-
-
-def _html_table(names: list[str], rows: list[list[str]]) -> str:
-    head = "".join(f"<th>{html.escape(name)}</th>" for name in names)
-    body = "".join(
-        "<tr>" + "".join(f"<td>{html.escape(str(cell))}</td>" for cell in row) + "</tr>"
-        for row in rows
-    )
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

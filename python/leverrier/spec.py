@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import builtins
 import html
 import json
 import os
@@ -9,7 +10,7 @@ from numbers import Integral
 from typing import Any
 
 from . import _native, tables
-from .errors import InvalidArgumentError
+from .errors import FileError, InvalidArgumentError
 from .law import Law
 from .progress import Progress, finished
 from .questions import diagnosis_options
@@ -106,17 +107,28 @@ class Spec:
         ``X`` is a file name (none: the file that the spec names); a table with named columns
         (pandas, polars, pyarrow, a dictionary, a structured array, whatever has
         ``__arrow_c_stream__``), whose columns are found as those of a file are; an array of
-        samples by coordinates, or by coordinates and momenta, in the spec's units; or a list of
-        such arrays, one for each run. ``t`` has the time of every sample (or is the time step),
-        ``run`` the run of every sample; with a table they may be names of columns. ``u`` has the
-        measured inputs beside an array, a column for each that the spec names; a table has them
-        among its own. NaN is a missing value. Rows of a run may stand in any order of time.
+        samples by coordinates, or by coordinates and momenta, in the spec's units; or many runs:
+        a list of such arrays (of one coordinate they may have one axis), or an array of three
+        axes, runs by samples by columns.
+
+        ``t`` has the time of every sample, or is the time step; dates and durations are turned
+        into the spec's unit of time (seconds, where it has none), dates from the first of them
+        on. For many runs it is a list with the times of each, or times that they have in common.
+        ``run`` has the run of every sample, or a name for each run. With a table both may be names
+        of columns; without, the columns are those that the spec names, else ``t`` or ``time`` and
+        ``run``, and an index of pandas counts as a column (as the times, if it has no name and
+        does not just number the rows). ``u`` has the measured inputs beside an array, a column for
+        each that the spec names; a table has them among its own. NaN is a missing value. Rows of a
+        run may stand in any order of time.
 
         >>> import leverrier, numpy as np
         >>> spec = leverrier.parse("coordinates q; momenta p; T = p^2/2; V = span{ q^2 }")
         >>> t = np.arange(60) * 0.1
         >>> spec.data(np.column_stack([np.cos(t), -np.sin(t)]), t=t)
         <leverrier.Data: 60 samples of q, p in 1 run>
+        column  measured  missing    minimum   maximum         mean    spread
+        q             60        0  -0.999135         1   -0.0461985  0.690097
+        p             60        0  -0.999574  0.999923  -0.00896122  0.722185
         """
         return tables.data(self, X, t, run, u)
 
@@ -197,14 +209,23 @@ class Spec:
         ['viscous_drag(q)']
         """
         training, unseen = self.data(X, t=t, run=run, u=u).split(held_out, seed)
-        options = (fit_options(), diagnosis_options(correlated_noise, orbits, all_pairs), bool(partial))
+        options = (
+            fit_options(),
+            diagnosis_options(correlated_noise, orbits, all_pairs),
+            bool(partial),
+        )
         threads = threads_of(threads)
 
         def wrapped(found: tuple[str, _native.Law, _native.Spec]) -> Discovery:
             text, law, longer = found
             spec = Spec(longer)
-            fields = {"system": self.system, "split": split_fields(training, unseen, held_out, seed)}
-            return Discovery(fields | json.loads(text), Law(law, spec, training), spec)
+            fields = {
+                "system": self.system,
+                "split": split_fields(training, unseen, held_out, seed),
+            }
+            made = Law(law, spec, training)
+            made._before = lambda: self.fit(training, threads=threads, progress=progress)
+            return Discovery(fields | json.loads(text), made, spec)
 
         both = (training._native, unseen._native)
         return finished(
@@ -239,6 +260,19 @@ class Spec:
         """The spec without an effect, or without a term that has a name."""
         return Spec(self._native.without(_text(effect, "an effect")))
 
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes its text, for :func:`leverrier.open` and the program, which need a ``data`` line
+        in it to know of measurements."""
+        name = tables.path_text(path)
+        try:
+            with builtins.open(name, "w", encoding="utf-8") as file:
+                file.write(self.text)
+        except (OSError, ValueError) as error:
+            raise FileError(
+                f"{name!r} cannot be written ({error})", "name a file in a folder that is there",
+                kind="File", file=name,
+            ) from error  # fmt: skip
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Spec) and self.text == other.text
 
@@ -251,7 +285,9 @@ class Spec:
     def __repr__(self) -> str:
         count = len(self.terms)
         of = ", ".join(self.coordinates)
-        return f"<leverrier.Spec: {self.system!r}, {count} term{'s'[: count != 1]} to learn, of {of}>"
+        return (
+            f"<leverrier.Spec: {self.system!r}, {count} term{'s'[: count != 1]} to learn, of {of}>"
+        )
 
     def _repr_html_(self) -> str:
         return f"<pre>{html.escape(self.text)}</pre>"

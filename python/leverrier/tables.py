@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import _native
+from .columns import as_numpy, cells, index_of, named_columns
 from .errors import DataError, InvalidArgumentError
 from .results import Record, Table, record
+from .shown import html_table, short, text_table
+from .times import Names, numbers_of
 
 if TYPE_CHECKING:
     from .spec import Spec
-
-#: A column on its way to the library: numbers, text, or a kind that is not read and a count.
-Cells = Any
 
 
 class Data:
@@ -31,8 +33,12 @@ class Data:
     (968, 8, ['q', 'p'])
     """
 
-    def __init__(self, native: _native.Data) -> None:
+    def __init__(self, native: _native.Data, spec: Spec, kept: Any = None) -> None:
         self._native = native
+        self._spec = spec
+        # What it was made of, where the library does not give it back.
+        self._kept = kept
+        self._warnings: list[str] | None = None
 
     @property
     def samples(self) -> int:
@@ -52,7 +58,7 @@ class Data:
     @property
     def warnings(self) -> list[str]:
         """What deserves a look before a fit, and what was put right, as sentences."""
-        return self._native.warnings
+        return self._native.warnings if self._warnings is None else self._warnings
 
     @property
     def report(self) -> Record:
@@ -62,8 +68,17 @@ class Data:
     def split(self, held_out: float = 0.25, seed: int = 0) -> tuple[Data, Data]:
         """Training and held-out measurements: whole runs where there are several, else stretches
         of one. The same seed makes the same choice."""
-        training, unseen = self._native.split(number(held_out, "held_out"), _seed(seed))
-        return Data(training), Data(unseen)
+        held_out, seed = number(held_out, "held_out"), _seed(seed)
+        both = self._native.split(held_out, seed)
+        parts = [
+            Data(
+                native,
+                self._spec,
+                None if self._kept is None else ("part", self, held_out, seed, at),
+            )
+            for at, native in enumerate(both)
+        ]
+        return parts[0], parts[1]
 
     def to_pandas(self) -> Any:
         """One row a sample: run, time and observables."""
@@ -79,13 +94,63 @@ class Data:
             columns[name] = np.concatenate([native.values(run, name) for run in count])
         return Table(columns)
 
+    def only(self, *runs: Any) -> Data:
+        """The measurements of these runs alone, by name.
+
+        >>> import leverrier
+        >>> data = leverrier.open("examples/damped-pendulum/fit.ham").data()
+        >>> data.only(3, 5).runs
+        ['3', '5']
+        """
+        names = [str(run) for run in runs]
+        unknown = [name for name in names if name not in self.runs]
+        if unknown or not names:
+            told = f"there is no run {', '.join(unknown)}" if unknown else "no run is named"
+            raise InvalidArgumentError(told, f"the runs are {', '.join(self.runs[:30])}")
+        if self._kept is not None:
+            raise InvalidArgumentError(
+                "runs of measurements with inputs or groups are not taken apart",
+                "give the measurements of these runs to spec.data",
+            )
+        return self._rebuilt(names)
+
+    def _rebuilt(self, runs: list[str] | None = None) -> Data:
+        """The same from its values: those of some runs, or of all."""
+        table = self.table()
+        mask = np.isin(table["run"], self.runs if runs is None else runs)
+        columns = [np.ascontiguousarray(table[name][mask]) for name in self.observables]
+        names = [str(one) for one in table["run"][mask]]
+        native = _native.Data.from_samples(self._spec._native, table["t"][mask], names, columns)
+        return Data(native, self._spec)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self._kept is None:
+            table = self.table()
+            columns = [table[name] for name in self.observables]
+            kept: Any = ("samples", table["t"], [str(one) for one in table["run"]], columns)
+        elif self._kept[0] == "file":
+            raise InvalidArgumentError(
+                "measurements of a file with inputs or groups are not pickled",
+                "pickle the name of the file, or give spec.data a table (pandas.read_csv reads one)",
+            )
+        else:
+            kept = self._kept
+        return _again, (self._spec, kept, self._kept is not None, self.warnings)
+
     def __repr__(self) -> str:
         runs = len(self.runs)
         of = ", ".join(self.observables)
-        return f"<leverrier.Data: {self.samples} samples of {of} in {runs} run{'s'[: runs != 1]}>"
+        head = f"<leverrier.Data: {self.samples} samples of {of} in {runs} run{'s'[: runs != 1]}>"
+        return "\n".join([head, text_table(*self._columns()), *self.warnings])
 
     def _repr_html_(self) -> str:
-        return self.table().head(10)._repr_html_()
+        return html_table(*self._columns()) + self.table().head(10)._repr_html_()
+
+    def _columns(self) -> tuple[list[str], list[list[str]]]:
+        """What the columns hold: names, and cells."""
+        names = ["measured", "missing", "minimum", "maximum", "mean", "spread"]
+        rows = [[one.name, *(short(one[name]) for name in names)] for one in self.report.columns]
+        return ["column", *names], rows
 
 
 def number(value: Any, name: str) -> float:
@@ -128,15 +193,35 @@ def data(spec: Spec, X: Any, t: Any, run: Any, u: Any = None) -> Data:
         return X
     if X is None or isinstance(X, (str, os.PathLike)):
         _no_more(t, run, "the spec's `data` line names the columns of a file")
-        return Data(_native.Data.open(native, None if X is None else path_text(X)))
+        file = _native.Data.open(native, None if X is None else path_text(X))
+        return Data(file, spec, ("file",) if _is_kept(spec) else None)
     columns = named_columns(X)
     if columns is not None:
-        return _of_columns(spec, columns, t, run)
-    if _is_list_of_runs(X):
-        if u is not None:
-            u = np.concatenate([np.asarray(one) for one in u])
-        X, t, run = _joined(X, t, run)
+        return _of_columns(spec, columns, index_of(X), t, run)
+    if _is_list_of_runs(X, len(spec.observables)):
+        X, t, run, u = _joined(list(X), t, run, u)
     return _of_array(spec, X, t, run, u)
+
+
+def _is_kept(spec: Spec) -> bool:
+    """Whether measurements have columns that the library does not give back."""
+    groups = re.search(r"\bper\s+(?!run\b)\w", re.sub(r"#[^\n]*", "", spec.text))
+    return bool(spec.inputs) or groups is not None
+
+
+def _again(spec: Spec, kept: tuple[Any, ...], keep: bool, warnings: list[str]) -> Data:
+    """Measurements from what was pickled."""
+    kind, *rest = kept
+    if kind == "part":
+        whole, held_out, seed, at = rest
+        made = whole.split(held_out, seed)[at]
+    elif kind == "columns":
+        made = Data(_native.Data.from_columns(spec._native, *rest), spec, kept)
+    else:
+        made = Data(_native.Data.from_samples(spec._native, *rest), spec, kept if keep else None)
+    # What was put right before is told still.
+    made._warnings = warnings
+    return made
 
 
 def inputs_of(spec: Spec, u: Any, rows: int) -> list[np.ndarray]:
@@ -157,7 +242,9 @@ def _no_more(t: Any, run: Any, why: str) -> None:
         raise InvalidArgumentError(f"t and run do not go with these data: {why}", "leave them out")
 
 
-def _of_columns(spec: Spec, columns: dict[str, Any], t: Any, run: Any) -> Data:
+def _of_columns(
+    spec: Spec, columns: dict[str, Any], index: dict[str | None, Any], t: Any, run: Any
+) -> Data:
     for name, values in columns.items():
         if np.ndim(values) == 0:
             raise DataError(
@@ -166,14 +253,50 @@ def _of_columns(spec: Spec, columns: dict[str, Any], t: Any, run: Any) -> Data:
                 kind="Data",
                 column=name,
             )
+    names = Names(spec)
+    named = {names.time, names.run, *(one for one in (t, run) if isinstance(one, str))}
+    for given, values in index.items():
+        # An index without a name has the times.
+        name = (names.time or "t") if given is None else given
+        if name not in columns and (name in named or names.time_of([name]) or names.is_run(name)):
+            columns[name] = values
     rows = len(next(iter(columns.values()), ()))
-    time_name = _column(columns, t, "t", rows)
+    # Without a word of it in the spec.
+    by_name = run is None and names.run is None
+    time_name = _column(columns, t, "t", rows, names.table_unit)
     run_name = _column(columns, run, "run", rows)
+    when = time_name or names.time_of(columns)
+    if by_name and run_name is None and when is not None:
+        free = (name for name in columns if name not in spec.observables)
+        run_name = next((name for name in free if names.is_run(name)), None)
+    if when is not None:
+        dates = numbers_of(columns[when], names.table_unit)
+        columns[when] = columns[when] if dates is None else dates
     read = [(name, cells(values)) for name, values in columns.items()]
-    return Data(_native.Data.from_columns(spec._native, read, time_name, run_name))
+    with _hinted(t is None or run is None):
+        native = _native.Data.from_columns(spec._native, read, time_name, run_name)
+    kept = ("columns", [(name, _copied(one)) for name, one in read], time_name, run_name)
+    return Data(native, spec, kept if _is_kept(spec) else None)
 
 
-def _column(columns: dict[str, Any], given: Any, name: str, rows: int) -> str | None:
+def _copied(values: Any) -> Any:
+    return values.copy() if isinstance(values, np.ndarray) else values
+
+
+@contextmanager
+def _hinted(wanted: bool) -> Iterator[None]:
+    """Says how the arguments help where the library speaks of the spec's `data` line."""
+    try:
+        yield
+    except DataError as error:
+        if wanted and error.hint and "data" in error.hint:
+            error.hint += "; or give t= and run= as names of columns or as arrays"
+        raise
+
+
+def _column(
+    columns: dict[str, Any], given: Any, name: str, rows: int, unit: str = ""
+) -> str | None:
     """The name of the column that is given by its name or by its values."""
     if given is None:
         return None
@@ -189,7 +312,7 @@ def _column(columns: dict[str, Any], given: Any, name: str, rows: int) -> str | 
         return given
     while name in columns:
         name += "_"
-    columns[name] = _times(given, rows, None) if name.startswith("t") else np.asarray(given)
+    columns[name] = _times(given, rows, None, unit) if name.startswith("t") else np.asarray(given)
     return name
 
 
@@ -210,7 +333,7 @@ def _of_array(spec: Spec, X: Any, t: Any, run: Any, u: Any) -> Data:
             "the times of the samples are missing", "give t= as an array, or as the time step"
         )
     runs = None if run is None else cells(_one_dimensional(run, array.shape[0], "run"))
-    times = _times(t, array.shape[0], run)
+    times = _times(t, array.shape[0], run, Names(spec).unit)
     columns = [array[:, at] for at in range(array.shape[1])]
     if u is None and spec.inputs:
         raise InvalidArgumentError(
@@ -218,7 +341,10 @@ def _of_array(spec: Spec, X: Any, t: Any, run: Any, u: Any) -> Data:
             "give u= with a column for each",
         )
     columns += [] if u is None else inputs_of(spec, u, array.shape[0])
-    return Data(_native.Data.from_samples(spec._native, times, runs, columns))
+    with _hinted(run is None):
+        native = _native.Data.from_samples(spec._native, times, runs, columns)
+    kept = ("samples", times.copy(), _copied(runs), [one.copy() for one in columns])
+    return Data(native, spec, kept if _is_kept(spec) else None)
 
 
 def _numbers(values: Any, name: str) -> np.ndarray:
@@ -265,15 +391,9 @@ def _one_dimensional(values: Any, rows: int, name: str) -> np.ndarray:
     return array
 
 
-def _times(t: Any, rows: int, run: Any) -> np.ndarray:
-    array = np.asarray(t)
-    if array.dtype.kind in "mM":
-        raise DataError(
-            "the times are dates" if array.dtype.kind == "M" else "the times are durations",
-            "give numbers: (t - t[0]) / np.timedelta64(1, 's') are seconds since the start",
-            kind="Data",
-            column="t",
-        )
+def _times(t: Any, rows: int, run: Any, unit: str = "") -> np.ndarray:
+    dates = numbers_of(t, unit)
+    t = t if dates is None else dates
     times = _numbers(t, "t")
     if times.ndim == 0:
         step = float(times)
@@ -307,11 +427,21 @@ def _position_in_run(rows: int, run: Any) -> np.ndarray:
     return position
 
 
-def _is_list_of_runs(X: Any) -> bool:
-    return isinstance(X, Sequence) and bool(X) and all(getattr(one, "ndim", 0) == 2 for one in X)
+def _is_list_of_runs(X: Any, observables: int) -> bool:
+    """Whether it holds an array for each run: a list of them, or an array of three axes."""
+    if isinstance(X, np.ndarray):
+        return X.ndim == 3
+    if not isinstance(X, Sequence) or not X:
+        return False
+    # Arrays of one axis are runs of one coordinate, or as many numbers as a state has.
+    if all(getattr(one, "ndim", 0) == 1 for one in X):
+        return observables == 2 and any(one.shape[0] > 2 for one in X)
+    return all(getattr(one, "ndim", 0) == 2 for one in X)
 
 
-def _joined(X: Any, t: Any, run: Any) -> tuple[Any, Any, Any]:
+def _joined(X: list[Any], t: Any, run: Any, u: Any) -> tuple[Any, Any, Any, Any]:
+    """Runs as one array, with the run of every row."""
+    X = [np.asarray(one)[:, None] if one.ndim == 1 else one for one in X]
     if len({one.shape[1] for one in X}) != 1:
         shapes = ", ".join(str(one.shape) for one in X[:5])
         raise InvalidArgumentError(
@@ -324,108 +454,29 @@ def _joined(X: Any, t: Any, run: Any) -> tuple[Any, Any, Any]:
             f"{len(names)} names for {len(X)} runs", "give one for each, or leave run= out"
         )
     runs = np.repeat(np.asarray([str(name) for name in names]), lengths)
-    if t is not None and np.ndim(t) != 0 or isinstance(t, Sequence):
-        if len(t) != len(X):
-            raise InvalidArgumentError(
-                f"times of {len(t)} runs for {len(X)} runs",
-                "give t= as a list with the times of each run, or as the time step",
-            )
-        for at, (times, length) in enumerate(zip(t, lengths)):
-            if np.shape(times) != (length,):
-                raise InvalidArgumentError(
-                    f"run {at + 1} has {length} samples and times of shape {np.shape(times)}",
-                    "give one time for each sample",
-                )
-        t = np.concatenate([np.asarray(times) for times in t])
-    return np.concatenate(X), t, runs
+    if t is not None and (isinstance(t, Sequence) or np.ndim(t) != 0):
+        if len(t) == lengths[0] and len(set(lengths)) == 1 and np.ndim(t[0]) == 0:
+            t = [t] * len(X)  # times that all runs have in common
+        t = np.concatenate([as_numpy(one) for one in _by_run(t, "times", "t", lengths)])
+    if u is not None:
+        u = np.concatenate([as_numpy(one) for one in _by_run(u, "inputs", "u", lengths)])
+    return np.concatenate(X), t, runs, u
 
 
-def named_columns(X: Any) -> dict[str, Any] | None:
-    """The columns of a table by name; None for what has no names."""
-    if isinstance(X, Mapping):
-        return {str(name): values for name, values in X.items()}
-    if isinstance(X, np.ndarray):
-        return {name: X[name] for name in X.dtype.names} if X.dtype.names else None
-    if hasattr(type(X), "collect_schema") and not hasattr(type(X), "get_column"):  # lazy, of polars
-        return named_columns(X.collect())
-    if hasattr(X, "column_names") and hasattr(X, "column"):  # a table of pyarrow
-        return {str(name): X.column(at) for at, name in enumerate(X.column_names)}
-    if hasattr(X, "columns") and hasattr(X, "iloc"):  # pandas
-        if X.columns.nlevels > 1 or not X.columns.is_unique:
-            raise InvalidArgumentError(
-                "the columns of the table have no names of their own",
-                "rename them: every column needs one name that no other has",
-            )
-        return {str(name): X[name] for name in X.columns}
-    if hasattr(X, "columns") and hasattr(X, "get_column"):  # polars
-        return {str(name): X.get_column(name) for name in X.columns}
-    if hasattr(X, "__arrow_c_stream__") and not hasattr(X, "__array__"):
-        return named_columns(_imported(X))
-    return None
-
-
-def _imported(stream: Any) -> Any:
-    """A table of whatever speaks the Arrow PyCapsule interface, through whoever is installed."""
-    try:
-        import pyarrow
-
-        return pyarrow.table(stream)
-    except ImportError:
-        pass
-    try:
-        import polars
-
-        return polars.DataFrame(stream)
-    except ImportError:
+def _by_run(values: Any, what: str, name: str, lengths: list[int]) -> list[Any]:
+    """What stands beside every run, of the same length."""
+    values = list(values)
+    if len(values) != len(lengths):
         raise InvalidArgumentError(
-            f"a {type(stream).__name__} is read through pyarrow or polars, and neither is installed",
-            "install one of them, or give a dictionary of NumPy arrays",
-        ) from None
-
-
-def cells(values: Any) -> Cells:
-    """A column as the library takes it: NumPy's own memory where it holds doubles."""
-    array = _as_numpy(values)
-    if array.ndim != 1:
-        return ("lists", len(array))
-    kind = array.dtype.kind
-    if kind in "fiub":
-        return np.asarray(array, dtype=np.float64)
-    if kind in "mMc":
-        return ({"m": "durations", "M": "dates", "c": "complex"}[kind], len(array))
-    if kind in "US":
-        return [str(value) for value in array.astype(str)]
-    return _of_objects(array)
-
-
-def _as_numpy(values: Any) -> np.ndarray:
-    dtype = getattr(values, "dtype", None)
-    # Numbers of pandas that may be missing would become objects.
-    if getattr(dtype, "_is_numeric", False) and hasattr(values, "to_numpy"):
-        return values.to_numpy(dtype=np.float64, na_value=np.nan)
-    if hasattr(values, "combine_chunks"):  # pyarrow
-        return values.to_numpy()
-    if np.ma.isMaskedArray(values) and values.dtype.kind in "fiub":
-        return np.ma.filled(values.astype(np.float64), np.nan)
-    return values.to_numpy() if hasattr(values, "to_numpy") else np.asarray(values)
-
-
-def _of_objects(array: np.ndarray) -> Cells:
-    missing = [_is_missing(value) for value in array]
-    known = [value for value, absent in zip(array, missing) if not absent]
-    if all(isinstance(value, str) for value in known):
-        return ["" if absent else value for value, absent in zip(array, missing)]
-    if all(isinstance(value, (int, float, np.number)) for value in known):
-        filled = [np.nan if absent else value for value, absent in zip(array, missing)]
-        return np.asarray(filled, dtype=np.float64)
-    return ("objects", len(array))
-
-
-def _is_missing(value: Any) -> bool:
-    """Whether it is None, NaN, or the NA of pandas, which is neither equal nor unequal."""
-    try:
-        return value is None or bool(value != value)
-    except TypeError:
-        return True
-    except ValueError:
-        return False
+            f"{what} of {len(values)} runs for {len(lengths)} runs",
+            f"give {name}= as a list with the {what} of each run"
+            + (", or as the time step" if name == "t" else ""),
+        )
+    for at, (one, length) in enumerate(zip(values, lengths)):
+        shape = np.shape(one)
+        if shape[:1] != (length,) or (name == "t" and len(shape) != 1):
+            raise InvalidArgumentError(
+                f"run {at + 1} has {length} samples and {what} of shape {shape}",
+                f"give one of {name} for each sample",
+            )
+    return values

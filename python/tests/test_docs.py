@@ -34,13 +34,29 @@ def test_there_are_examples() -> None:
     assert len(examples) > 20
 
 
-def test_the_readme_runs() -> None:
-    text = (ROOT / "python/README.md").read_text(encoding="utf-8")
-    blocks = [block.split("```")[0] for block in text.split("```python\n")[1:]]
+READMES = ["README.md", "python/README.md"]
+
+
+def blocks(page: str, language: str) -> list[str]:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    return [block.split("```")[0] for block in text.split(f"```{language}\n")[1:]]
+
+
+@pytest.mark.parametrize("page", READMES)
+def test_a_readme_runs(page) -> None:
+    found = blocks(page, "python")
     if not importlib.util.find_spec("distributed"):
-        blocks = [block for block in blocks if "from distributed" not in block]
-    assert len(blocks) >= 2
+        found = [block for block in found if "from distributed" not in block]
+    assert found
     names: dict[str, object] = {}
-    for block in blocks:
-        exec(compile(block, "python/README.md", "exec"), names)
-    assert names["law"].coefficient("-p") > 0.04
+    for block in found:
+        exec(compile(block, page, "exec"), names)
+    assert names["law" if "python" in page else "better"].coefficient("-p") > 0.04
+
+
+@pytest.mark.parametrize("page", READMES)
+def test_a_readme_shows_what_comes(page) -> None:
+    sessions = "\n".join(blocks(page, "pycon"))
+    assert "leverrier.learn(t, x)" in sessions
+    test = doctest.DocTestParser().get_doctest(sessions, {}, page, page, 0)
+    assert doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(test).failed == 0

@@ -2,6 +2,7 @@
 
 import pickle
 
+import numpy as np
 import pytest
 
 import leverrier
@@ -56,7 +57,13 @@ WRONG = {
     "data of another spec": lambda spec, law, X: law.compare(spec.with_effect("bias(q)"), t=0.1),
     "no times": lambda spec, law, X: law.predict([1, 0], []),
     "times that are none": lambda spec, law, X: law.predict([1, 0], [0, float("nan")]),
-    "falling times": lambda spec, law, X: law.predict([1, 0], [1, 0]),
+    "times that turn": lambda spec, law, X: law.predict([1, 0], [1, 0, 1]),
+    "a time twice": lambda spec, law, X: law.predict([1, 0], [1, 0, 0]),
+    "half a start in the past": lambda spec, law, X: law.predict([1], [1, 0]),
+    "a start that is none in the past": lambda spec, law, X: law.predict([1, np.nan], [1, 0]),
+    "starts of three axes": lambda spec, law, X: law.predict(np.zeros((2, 2, 2)), [0, 1]),
+    "starts that are short": lambda spec, law, X: law.predict(np.zeros((2, 1)), [0, 1]),
+    "inputs that are none": lambda spec, law, X: law.rhs(0.0, [1, 0], u=1.0),
     "no start": lambda spec, law, X: law.predict(None, [0, 1]),
     "half a start": lambda spec, law, X: law.predict({"q": 1}, [0, 1]),
     "a state of objects": lambda spec, law, X: law.rhs(0.0, [object(), 1]),
