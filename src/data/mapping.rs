@@ -9,6 +9,11 @@ use crate::error::{Error, Result};
 pub struct Mapping {
     /// The time column; without one, the usual names are tried ([`TIME_NAMES`]).
     pub time: Option<ColumnMap>,
+    /// Time from one sample of a run to the next, where no column holds the time; [`count_times`]
+    /// then makes one, from zero in each run.
+    ///
+    /// [`count_times`]: super::count_times
+    pub every: Option<f64>,
     /// The column that names the run of each row; without one, the file is one run.
     pub run: Option<String>,
     /// What is observed, coordinates first.
@@ -104,7 +109,8 @@ pub(super) fn time_column<'a>(
         table.reading.header_line(),
         None,
         format!("no column holds the time; there are {}", listed(table)),
-        "name it in the spec, as in `data \"file.csv\" { time t [s] }`",
+        "name it in the spec, as in `data \"file.csv\" { time t [s] }`, or say how far apart the \
+         samples are, as in `{ every 10 [ms] }`",
     ))
 }
 

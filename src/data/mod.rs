@@ -14,6 +14,7 @@ mod blocks;
 mod cell;
 mod cells;
 mod clock;
+mod counted;
 mod delimiter;
 mod driving;
 mod files;
@@ -48,6 +49,7 @@ mod stream;
 mod survey;
 mod table;
 mod text;
+mod told_rate;
 mod unit_words;
 mod write;
 
@@ -55,6 +57,7 @@ pub(crate) use beside::{can_remove, is_at};
 pub use cell::{Cell, format_number, parse_cell, short};
 pub use cells::Cells;
 pub use clock::Clock;
+pub use counted::count_times;
 pub use delimiter::Delimiter;
 pub use files::Kind;
 pub use folder::write_folder;
@@ -74,7 +77,9 @@ pub use source::{Chunk, InMemory, Pass, Piece, RunName, Source};
 pub use split::{Split, concatenate};
 pub use stream::{FileSource, head, memory_needed};
 pub use survey::{Survey, survey, survey_file};
-pub use table::{Column, ParquetReading, Reading, StoredReading, Table, TextReading, column_of};
+pub use table::{
+    Column, CountedRows, ParquetReading, Reading, StoredReading, Table, TextReading, column_of,
+};
 pub use text::{Encoding, is_invisible, visible};
 pub use unit_words::{is_time_unit, known_unit};
 pub use write::{Layout, to_csv, write_atomically, write_csv};

@@ -9,11 +9,12 @@ use super::cell::{Cell, parse_cell};
 use super::cells::Cells;
 use super::header::{counted, split_unit};
 use super::layout;
-use super::lines::{LOOKED_AT, LaidOut, builder, laid_out, numbered};
+use super::lines::{LOOKED_AT, LaidOut, Line, builder, laid_out, numbered};
 use super::mapping::TIME_NAMES;
 use super::moment::{Order, moment, seconds_of};
-use super::table::{Column, Reading, Table, TextReading, column_of, wrong};
+use super::table::{Column, CountedRows, Reading, Table, TextReading, column_of, wrong};
 use super::text::decode;
+use super::told_rate::seconds_between;
 use super::unit_words::known_unit;
 use crate::error::Result;
 
@@ -45,7 +46,9 @@ pub(super) fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Table> {
     notes.extend(columns.iter_mut().filter_map(clocks_to_seconds));
     notes.extend(columns.iter_mut().filter_map(without_marked));
     notes.extend(columns.iter_mut().filter_map(without_tails));
-    if let Some(count) = count_of_rows(&columns, rows.len(), decimal_comma) {
+    let count = count_of_rows(&columns, rows.len(), decimal_comma);
+    let counted = count.is_some().then(|| CountedRows::told(&lines, rows.first().copied()));
+    if let Some(count) = count {
         columns.push(count);
         notes.push("no column rises as a time does: `sample` counts the rows.".to_string());
     }
@@ -58,6 +61,7 @@ pub(super) fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Table> {
             header_line,
             headless: laid_out.headless,
             runs,
+            counted,
             notes,
         }),
         columns,
@@ -112,6 +116,20 @@ fn count_of_rows(columns: &[Column], rows: usize, decimal_comma: bool) -> Option
         return None;
     }
     Some(column_of(NAME, (0..rows).map(|row| row.to_string()).collect()))
+}
+
+impl CountedRows {
+    /// With what the lines above the first row say.
+    fn told(lines: &[Line], first: Option<u64>) -> CountedRows {
+        let above = lines.iter().take_while(|line| first.is_none_or(|first| line.number < first));
+        let told = above.filter_map(|line| Some((line.text.trim(), seconds_between(line.text)?)));
+        match told.last() {
+            Some((text, seconds)) => {
+                CountedRows { every: Some(seconds), told_by: Some(super::visible(text)) }
+            }
+            None => CountedRows { every: None, told_by: None },
+        }
+    }
 }
 
 /// Readings that the instrument marked as doubtful (`1.2*`) are left out; says so.

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 
 use super::cells::entry;
 use super::clock::{Clock, Since, is_far};
+use super::counted;
 use super::driving;
 use super::grouping;
 use super::header::counted;
@@ -101,6 +102,7 @@ pub fn dataset(table: &Table, mapping: &Mapping) -> Result<(Dataset, DataReport)
     sentences.extend(notes.sentences(table.reading.noun()));
     sentences.extend(driving::about_gaps(&data, table));
     sentences.extend(without_column(table, mapping)?);
+    sentences.extend(counted::note(table, mapping)?);
     let report = DataReport::of_file(&data, table, sources, sentences);
     Ok((data, report))
 }

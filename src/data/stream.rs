@@ -6,6 +6,7 @@ use super::MeasuredInput;
 use super::blocks::Blocks;
 use super::cells::entry;
 use super::clock::{Clock, Since, is_far};
+use super::counted::{self, Counter};
 use super::mapping::{
     InputMap, Mapping, converted, missing_column, observable_column, time_column, without_column,
 };
@@ -60,8 +61,8 @@ pub struct FileSource {
     wanted: Vec<String>,
     /// Headers of the observables.
     headers: Vec<Option<String>>,
-    /// What is worth knowing about the choice of columns, in a sentence.
-    note: Option<String>,
+    /// What is worth knowing about the choice of columns, in sentences.
+    notes: Vec<String>,
     reading: Reading,
     samples: usize,
 }
@@ -72,8 +73,10 @@ impl FileSource {
     /// # Errors
     /// The file cannot be read, or a column is missing.
     pub fn new(path: &Path, mapping: &Mapping, pairs: bool) -> Result<FileSource> {
-        let head = head(path, 1)?;
-        let mut wanted = vec![time_column(&head, mapping)?.0.header.clone()];
+        let mut head = head(path, 1)?;
+        let mut mapping = mapping.clone();
+        counted::count_times(&mut head, &mut mapping, pairs)?;
+        let mut wanted = vec![time_column(&head, &mapping)?.0.header.clone()];
         if let Some(run) = &mapping.run {
             match head.find(run)? {
                 Some(column) => wanted.push(column.header.clone()),
@@ -91,15 +94,16 @@ impl FileSource {
         }
         let inputs: Vec<MeasuredInput> = mapping.inputs.iter().map(InputMap::measured).collect();
         let columns = mapping.observables.len() + MeasuredInput::places(&inputs).1 + 1;
+        let notes = [without_column(&head, &mapping)?, counted::note(&head, &mapping)?];
         Ok(FileSource {
+            notes: notes.into_iter().flatten().collect(),
             path: path.to_path_buf(),
             observables: mapping.observables.iter().map(|o| o.name.clone()).collect(),
             inputs,
-            mapping: mapping.clone(),
+            mapping,
             pairs,
             wanted,
             headers,
-            note: without_column(&head, mapping)?,
             reading: head.reading,
             samples: (CHUNK / (8 * columns)).max(LEAST),
         })
@@ -116,9 +120,9 @@ impl FileSource {
         &self.headers
     }
 
-    /// What is worth knowing about the choice of columns, in a sentence.
-    pub fn note(&self) -> Option<&str> {
-        self.note.as_deref()
+    /// What is worth knowing about the choice of columns, in sentences.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
     }
 
     /// The file.
@@ -145,6 +149,7 @@ impl Source for FileSource {
         let mut blocks = Blocks::open(&self.path)?;
         blocks.only(&self.wanted);
         Ok(Box::new(FilePass {
+            counter: Counter::of(&self.mapping, self.pairs, true),
             source: self,
             blocks,
             chunk: self.empty(),
@@ -183,6 +188,8 @@ impl FileSource {
 
 struct FilePass<'a> {
     source: &'a FileSource,
+    /// Of times that no column holds.
+    counter: Option<Counter>,
     blocks: Blocks,
     /// What was read; its last piece may go on.
     chunk: Chunk,
@@ -201,7 +208,12 @@ impl Pass for FilePass<'_> {
         let most = self.source.samples;
         while !self.ended && self.chunk.times.len() < most {
             match self.blocks.next(most - self.chunk.times.len())? {
-                Some(table) => self.take(&table)?,
+                Some(mut table) => {
+                    if let Some(counter) = &mut self.counter {
+                        counter.add(&mut table, self.source.mapping.run.as_deref())?;
+                    }
+                    self.take(&table)?;
+                }
                 None => self.end()?,
             }
         }

@@ -99,7 +99,7 @@ pub fn survey_file(
     for (column, header) in found.report.columns.iter_mut().zip(source.headers()) {
         column.header.clone_from(header);
     }
-    found.report.warnings.extend(source.note().map(str::to_string));
+    found.report.warnings.extend(source.notes().iter().cloned());
     found.report.source = Some(FileReport {
         file: source.path().to_path_buf(),
         sha256: super::format::hash_file(source.path())?,

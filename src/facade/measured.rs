@@ -57,9 +57,13 @@ fn of_table(
         mapping.time = Some(ColumnMap { scale, ..ColumnMap::plain(column) });
     }
     mapping.run = run.map(str::to_string).or(mapping.run);
+    if time.is_some() {
+        mapping.every = None;
+    }
     if pairs(compiled) {
         mapping.run = Some(number_pairs(&mut table, mapping.run.as_deref())?);
     }
+    data::count_times(&mut table, &mut mapping, pairs(compiled))?;
     let (dataset, mut report) = data::dataset(&table, &mapping)?;
     look_at_measures(&compiled.system, &dataset, &mut report);
     Ok((dataset, report))
@@ -163,6 +167,7 @@ pub(crate) fn of_samples(
     let mut table = in_memory(columns.into_iter())?;
     let mut mapping = Mapping {
         time: Some(ColumnMap::plain(time)),
+        every: None,
         run: runs.map(|_| run),
         observables: observables.iter().map(ObservableMap::plain).collect(),
         inputs: Vec::new(),
@@ -252,7 +257,7 @@ pub(crate) fn source(compiled: &Compiled, path: &Path) -> Result<FileSource> {
 /// # Errors
 /// As [`read`].
 pub(crate) fn read_inputs(compiled: &Compiled, path: &Path) -> Result<Dataset> {
-    let table = data::read(path).map_err(|error| not_there(error, path))?;
+    let mut table = data::read(path).map_err(|error| not_there(error, path))?;
     let mut mapping = mapping(compiled, &table)?;
     mapping.observables.clear();
     // A file of inputs alone is one run, unless it has the column.
@@ -261,6 +266,7 @@ pub(crate) fn read_inputs(compiled: &Compiled, path: &Path) -> Result<Dataset> {
     {
         mapping.run = None;
     }
+    data::count_times(&mut table, &mut mapping, false)?;
     Ok(data::dataset(&table, &mapping)?.0)
 }
 
@@ -282,6 +288,7 @@ fn mapping(compiled: &Compiled, table: &Table) -> Result<Mapping> {
             scale: time.scale,
             offset: 0.0,
         }),
+        every: columns.and_then(|c| c.every),
         run: columns.and_then(|c| c.run.clone()).or_else(|| runs_of_file(compiled, table)),
         observables: Vec::new(),
         inputs: Vec::new(),

@@ -14,6 +14,7 @@ fn mapping(run: Option<&str>, observables: &[&str]) -> Mapping {
         groups: Vec::new(),
         inputs: Vec::new(),
         time: None,
+        every: None,
         run: run.map(str::to_string),
         observables: observables.iter().map(|name| ObservableMap::plain(*name)).collect(),
     }
@@ -100,6 +101,7 @@ fn runs_are_collected_converted_and_put_in_order() {
         groups: Vec::new(),
         inputs: Vec::new(),
         time: Some(ColumnMap { scale: 1e-3, ..ColumnMap::plain("t") }),
+        every: None,
         run: Some("run".into()),
         observables: vec![
             ObservableMap {

@@ -102,6 +102,7 @@ fn one_part_gives_the_bits_of_a_streamed_fit() {
         groups: Vec::new(),
         inputs: Vec::new(),
         time: None,
+        every: None,
         run: Some("run".to_string()),
         observables: spec.observables().iter().map(ObservableMap::plain).collect(),
     };

@@ -433,7 +433,7 @@ const HABITS: &[Habit] = &[
         "no time at all",
         "x,v\n",
         |at| format!("{:.5},{:.5}", place(5 * at), speed(5 * at)),
-        &["time sample", "how many of it are a second?", "velocities  v"],
+        &["time sample", "How far apart are two samples?", "velocities  v"],
     ),
     habit(
         "columns of blanks",

@@ -170,7 +170,11 @@ pub(super) fn spec(
     }
 
     let time = reference(&roles.time, table);
-    let mut items = format!("time {}{}", quoted(&time), bracketed(time_unit.as_ref()));
+    let unit = bracketed(time_unit.as_ref());
+    let mut items = match &roles.every {
+        Some((seconds, _)) => format!("every {}{unit}", data::format_number(*seconds)),
+        None => format!("time {}{unit}", quoted(&time)),
+    };
     if let Some(run) = roles.run {
         items.push_str(&format!("  run {}", quoted(&run.name)));
     }
@@ -251,7 +255,7 @@ pub(super) fn spec(
         seconds = list(&seconds),
         stated_inputs = stated_inputs(&inputs),
         path = file.replace('"', "'"),
-        time_question = time_question(roles),
+        time_question = time_question(roles, table),
         left = left_out(roles, style),
         kinetic = kinetic.join(" + "),
         space = space.join(", "),
@@ -272,10 +276,17 @@ fn with_group(named: &Named, roles: &ColumnRoles) -> String {
 }
 
 fn assumed(roles: &ColumnRoles, style: Style) -> Vec<String> {
-    let mut assumed = vec![match roles.time_is {
-        TimeIs::Named => format!("time is `{}`", roles.time.column.header),
-        TimeIs::Counted => format!("time is counted in steps of `{}`", roles.time.column.header),
-        TimeIs::Rising => format!("time is `{}`, because it rises", roles.time.column.header),
+    let mut assumed = vec![match (&roles.every, roles.time_is) {
+        (Some((seconds, _)), _) => {
+            format!("samples are {} s apart", data::format_number(*seconds))
+        }
+        (None, TimeIs::Named) => format!("time is `{}`", roles.time.column.header),
+        (None, TimeIs::Counted) => {
+            format!("time is counted in steps of `{}`", roles.time.column.header)
+        }
+        (None, TimeIs::Rising) => {
+            format!("time is `{}`, because it rises", roles.time.column.header)
+        }
     }];
     match roles.run {
         Some(run) => assumed.push(format!("`{}` tells the runs apart", run.header)),
@@ -309,8 +320,17 @@ fn comments<'a>(lines: impl Iterator<Item = &'a str>) -> String {
 }
 
 /// What is asked about the time.
-fn time_question(roles: &ColumnRoles) -> String {
+fn time_question(roles: &ColumnRoles, table: &Table) -> String {
     let header = data::visible(&roles.time.column.header);
+    if let Some((_, line)) = &roles.every {
+        return format!("# How far apart samples are is told by the line `{line}`. Is that so?\n");
+    }
+    if roles.is_counted(table) {
+        return format!(
+            "# No column holds the time. How far apart are two samples? Write it in the place of\n\
+             # `time {header}`, as in `every 10 [ms]`; until then the unit of time is one step.\n"
+        );
+    }
     match (roles.time_is, &roles.time.unit) {
         (_, Some(unit)) if roles.unit_guessed => format!(
             "# `{header}` has no unit; its numbers are as large as dates are in [{unit}]. Is that so?\n"
