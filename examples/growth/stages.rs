@@ -109,6 +109,7 @@ pub(crate) fn measure(file: &Path, threads: usize) -> Stages {
         inputs: Vec::new(),
         time: None,
         every: None,
+        file: None,
         run: Some("run".to_string()),
         observables: ["q1", "q2", "p1", "p2"].map(ObservableMap::plain).to_vec(),
     };

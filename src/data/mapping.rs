@@ -16,6 +16,9 @@ pub struct Mapping {
     pub every: Option<f64>,
     /// The column that names the run of each row; without one, the file is one run.
     pub run: Option<String>,
+    /// What the runs are called after where this is one of several files: the run of a file that
+    /// is one bears this name, others theirs behind it, as in `swing_1/3`.
+    pub file: Option<String>,
     /// What is observed, coordinates first.
     pub observables: Vec<ObservableMap>,
     /// What drives the motion.
@@ -23,6 +26,17 @@ pub struct Mapping {
     /// Columns that tell apart groups of runs with numbers of their own: the same cell in all rows
     /// of a run; `None` where every run is a group.
     pub groups: Vec<Option<String>>,
+}
+
+impl Mapping {
+    /// The name of a run, by the cell that names it in its file; `None` where the file is one run.
+    pub(super) fn run_name(&self, within: Option<&str>) -> String {
+        match (&self.file, within) {
+            (Some(file), Some(within)) => format!("{file}/{within}"),
+            (Some(file), None) => file.clone(),
+            (None, within) => within.unwrap_or("1").to_string(),
+        }
+    }
 }
 
 /// An input, the column that holds it, and what it does between its samples.

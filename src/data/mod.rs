@@ -23,12 +23,14 @@ mod format;
 mod grouping;
 #[cfg(any(feature = "arrow", feature = "files", feature = "parquet"))]
 mod guard;
+mod gzip;
 mod header;
 mod input;
 mod layout;
 mod lines;
 mod mapping;
 mod moment;
+mod named;
 mod order;
 mod packed;
 #[cfg(feature = "parquet")]
@@ -43,6 +45,7 @@ mod record;
 mod report;
 mod sealed;
 mod select;
+mod several;
 mod source;
 mod split;
 mod stream;
@@ -64,6 +67,7 @@ pub use folder::write_folder;
 pub use format::{Format, file_of, read, read_bytes, to_bytes};
 pub use input::Interpolation;
 pub use mapping::{ColumnMap, InputMap, Mapping, ObservableMap, TIME_NAMES, listed};
+pub use named::{NamedFile, files_of, name_apart, stem};
 pub use packed::{Packed, typical_step};
 #[cfg(feature = "parquet")]
 pub use parquet::{ParquetWriter, to_parquet};
@@ -73,9 +77,10 @@ pub use record::Record;
 pub use report::{ColumnReport, DataReport, FileReport, Gap, RunReport, Sampling, Streamed};
 pub use sealed::{MOST, Sealed, sum};
 pub use select::dataset;
+pub use several::{TakenColumns, together};
 pub use source::{Chunk, InMemory, Pass, Piece, RunName, Source};
 pub use split::{Split, concatenate};
-pub use stream::{FileSource, head, memory_needed};
+pub use stream::{FilePart, FileSource, head, memory_needed};
 pub use survey::{Survey, survey, survey_file};
 pub use table::{
     Column, CountedRows, ParquetReading, Reading, StoredReading, Table, TextReading, column_of,

@@ -97,8 +97,21 @@ impl System {
     }
 }
 
-pub(super) fn resolve(lowering: &mut Lowering, system: &System) -> Option<DataColumns> {
-    let (file, items) = lowering.resolved.data?;
+/// Of every `data` statement, in the order of the text.
+pub(super) fn resolve(lowering: &mut Lowering, system: &System) -> Vec<DataColumns> {
+    let statements = lowering.resolved.data.clone();
+    statements
+        .into_iter()
+        .map(|(file, items)| of_statement(lowering, system, file, items))
+        .collect()
+}
+
+fn of_statement(
+    lowering: &mut Lowering,
+    system: &System,
+    file: &Word,
+    items: &[DataItem],
+) -> DataColumns {
     let mut out = DataColumns {
         file: file.text.clone(),
         time: None,
@@ -199,7 +212,7 @@ pub(super) fn resolve(lowering: &mut Lowering, system: &System) -> Option<DataCo
             );
         }
     }
-    Some(out)
+    out
 }
 
 /// A column and a period, or one of them twice.

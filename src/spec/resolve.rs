@@ -154,7 +154,8 @@ pub(crate) struct Resolved<'a> {
     pub inputs: Vec<Input<'a>>,
     /// Coordinates that nobody measures, behind those that are, in the order of the text.
     pub hidden: Vec<Hidden<'a>>,
-    pub data: Option<(&'a Word, &'a [DataItem])>,
+    /// File and columns of every `data` statement.
+    pub data: Vec<(&'a Word, &'a [DataItem])>,
     pub constants: Vec<Constant<'a>>,
     /// For each of them what it stands for, where that is no number.
     pub definitions: Vec<Option<Definition>>,
@@ -274,8 +275,7 @@ impl<'a> Resolver<'a, '_> {
             // They come behind all that is measured.
             StatementKind::Hidden(..) | StatementKind::State { .. } => {}
             StatementKind::Data { file, items } => {
-                self.once("data", span, seen);
-                self.out.data = Some((file, items));
+                self.out.data.push((file, items));
             }
             StatementKind::Constant { name, value, by_let } => {
                 let meaning = Meaning::Constant(self.out.constants.len());
@@ -533,8 +533,8 @@ impl<'a> Resolver<'a, '_> {
         if self.out.time.is_some() {
             return;
         }
-        let items = self.out.data.map_or(&[][..], |(_, items)| items);
-        let told = items.iter().find_map(|item| match &item.kind {
+        let mut items = self.out.data.iter().flat_map(|(_, items)| items.iter());
+        let told = items.find_map(|item| match &item.kind {
             DataItemKind::Time { column, unit } => {
                 Some((column.text.as_str(), unit.as_ref(), column.site.0))
             }

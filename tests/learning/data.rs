@@ -15,6 +15,7 @@ fn mapping(run: Option<&str>, observables: &[&str]) -> Mapping {
         inputs: Vec::new(),
         time: None,
         every: None,
+        file: None,
         run: run.map(str::to_string),
         observables: observables.iter().map(|name| ObservableMap::plain(*name)).collect(),
     }
@@ -102,6 +103,7 @@ fn runs_are_collected_converted_and_put_in_order() {
         inputs: Vec::new(),
         time: Some(ColumnMap { scale: 1e-3, ..ColumnMap::plain("t") }),
         every: None,
+        file: None,
         run: Some("run".into()),
         observables: vec![
             ObservableMap {

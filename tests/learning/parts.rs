@@ -103,6 +103,7 @@ fn one_part_gives_the_bits_of_a_streamed_fit() {
         inputs: Vec::new(),
         time: None,
         every: None,
+        file: None,
         run: Some("run".to_string()),
         observables: spec.observables().iter().map(ObservableMap::plain).collect(),
     };

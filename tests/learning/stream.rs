@@ -227,6 +227,7 @@ fn asked(observables: &[&str]) -> Mapping {
         inputs: Vec::new(),
         time: None,
         every: None,
+        file: None,
         run: Some("run".to_string()),
         observables: observables.iter().map(|name| ObservableMap::plain(*name)).collect(),
     }

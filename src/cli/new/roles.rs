@@ -130,6 +130,8 @@ pub(super) struct ColumnRoles<'a> {
     /// Whether the size of its numbers tells the unit of the time.
     pub unit_guessed: bool,
     pub run: Option<&'a Column>,
+    /// How many files there are, where a name means several: each is a run, or has runs of its own.
+    pub files: usize,
     /// Coordinate and its partner.
     pub pairs: Vec<(Named<'a>, Option<Named<'a>>)>,
     pub role: Partner,
@@ -305,6 +307,7 @@ pub(super) fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
         unit_guessed,
         time_is,
         run,
+        files: 0,
         pairs,
         role,
         guessed,
@@ -335,11 +338,12 @@ pub(super) fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
         table.columns.iter().enumerate().map(|(at, c)| (c.header.as_str(), at)).collect();
     left.sort_by_key(|(named, _)| place.get(named.column.header.as_str()).copied());
     roles.left = left;
-    // A wrong cell is told now, not by the first fit.
-    let wrong = roles
-        .used()
-        .chain([&roles.time])
-        .filter_map(|named| table.numbers(named.column).err().map(|error| error.to_string()));
+    // A wrong cell is refused by `check` and by every fit, in these words; the spec stands until
+    // then.
+    let wrong = roles.used().chain([&roles.time]).chain(&roles.inputs).filter_map(|named| {
+        let error = table.numbers(named.column).err()?;
+        Some(format!("Before the first fit, put this right: {error}."))
+    });
     roles.wrong = wrong.collect();
     Ok(roles)
 }
