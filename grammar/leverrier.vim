@@ -5,7 +5,7 @@ if exists("b:current_syntax")
 endif
 
 syn keyword leverrierStatement system coordinates momenta velocities time input hidden state data constant let param force sensor measure body effect candidates constrain hold linear spline band_limited wrapped
-syn keyword leverrierWord for in where and alike span sum terms of per run pairs
+syn keyword leverrierWord for in where and alike span sum terms of per run every pairs
 syn keyword leverrierFamily poly tensor pairs trig
 syn keyword leverrierFunction sin cos tan asin acos atan sinh cosh tanh exp log sqrt abs sign asinh arcsin arccos arctan ln sgn signum arsinh atan2 rate delayed
 syn keyword leverrierConstant pi

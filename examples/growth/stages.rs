@@ -108,6 +108,8 @@ pub(crate) fn measure(file: &Path, threads: usize) -> Stages {
         groups: Vec::new(),
         inputs: Vec::new(),
         time: None,
+        every: None,
+        file: None,
         run: Some("run".to_string()),
         observables: ["q1", "q2", "p1", "p2"].map(ObservableMap::plain).to_vec(),
     };

@@ -33,7 +33,7 @@ pub(super) struct Arguments {
 /// Runs the command.
 pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let spec = Spec::open(&arguments.spec)?;
-    let named = spec.compiled().data.is_some() || arguments.data.is_some();
+    let named = !spec.compiled().data.is_empty() || arguments.data.is_some();
     let data = (named && !arguments.no_data).then(|| spec.measurements(arguments.data.as_deref()));
     let space = FunctionSpace::new(spec.compiled());
     let width = console.width().unwrap_or(WIDTH as u16).max(40);

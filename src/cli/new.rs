@@ -4,7 +4,7 @@ mod roles;
 mod text;
 mod words;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::json;
@@ -14,7 +14,7 @@ use self::text::{Style, spec};
 use super::console::Console;
 use super::console::usage;
 use super::project::refuse_overwrite;
-use crate::data::{self, Table, write_atomically};
+use crate::data::{self, NamedFile, Table, write_atomically};
 use crate::error::Result;
 use crate::expr::{self, FunctionSpace};
 
@@ -28,13 +28,15 @@ use crate::expr::{self, FunctionSpace};
     leverrier new swings.csv                 writes swings.ham\n  \
     leverrier new swings.csv -o bench.ham\n  \
     leverrier new swings.parquet\n  \
-    leverrier new rig.mat#swings             a variable of several, or a sheet\n\n\
+    leverrier new rig.mat#swings             a variable of several, or a sheet\n  \
+    leverrier new \"swing_*.csv\"             every file is a run\n\n\
     Column names that are understood: t, time; run, trial, id; theta with omega; x with v (x1 \
     with\nv1, x with x_dot or vx); q with p; theta, x, q and the like alone. Units are taken from \
     headers such\nas `theta [rad]`.")]
 pub(super) struct Arguments {
-    /// The file of measurements.
-    pub data: PathBuf,
+    /// The file of measurements, or a pattern in quotation marks that stands for several.
+    #[arg(required = true)]
+    pub data: Vec<PathBuf>,
     /// The spec to write; by default the data's name with the ending .ham.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
@@ -45,14 +47,22 @@ pub(super) struct Arguments {
 
 /// Runs the command.
 pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
-    let table = data::read(&arguments.data)?;
-    let path = arguments.output.clone();
-    let path = path.unwrap_or_else(|| data::file_of(&arguments.data).with_extension("ham"));
-    if path == arguments.data {
+    let [data] = arguments.data.as_slice() else {
+        return Err(usage(
+            "this is more than one file, which a spec names by a pattern",
+            "write the pattern between quotation marks, as in `leverrier new \"swing_*.csv\"`",
+        ));
+    };
+    let files = data::files_of(data)?;
+    let Some((first, rest)) = files.split_first() else { return Ok(()) };
+    let table = data::read(&first.path)?;
+    let path = arguments.output.clone().unwrap_or_else(|| spec_beside(data));
+    if path == *data {
         return Err(usage("the spec would take the place of the data", "name it with -o"));
     }
     refuse_overwrite(&path, arguments.force)?;
-    let roles = guess(&table)?;
+    let mut roles = guess(&table)?;
+    roles.files = if first.name.is_some() { files.len() } else { 0 };
     // What is written must be a spec that can be fitted: what cannot stand in it is left to say.
     let mut made = None;
     let styles = [
@@ -62,7 +72,7 @@ pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         Style { units: false, inputs: false },
     ];
     for style in styles {
-        let (text, assumed) = spec(&roles, &table, &arguments.data, &path, style);
+        let (text, assumed) = spec(&roles, &table, data, &path, style);
         match (expr::build(&path.display().to_string(), &text), made.take()) {
             (Ok(compiled), _) => {
                 made = Some(Ok((text, assumed, compiled)));
@@ -77,6 +87,7 @@ pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let (text, assumed, compiled) = made?;
     let mut warnings = constant_columns(&table, &roles);
     warnings.extend(roles.wrong.iter().cloned());
+    warnings.extend(unlike(&table, rest));
     write_atomically(&path, text.as_bytes())?;
     for warning in &warnings {
         console.warning(warning);
@@ -93,6 +104,38 @@ pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     lines.extend(assumed.iter().map(|line| format!("  {line}")));
     lines.push(format!("Edit it, then run `leverrier fit {}`.", path.display()));
     console.result(&lines.join("\n"), &object)
+}
+
+/// The spec of data that are called so: `swings.ham` of `swings.csv.gz`, `swing.ham` of
+/// `swing_*.csv`.
+fn spec_beside(data: &Path) -> PathBuf {
+    let file = data::file_of(data);
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let plain = data::stem(&name).replace(['*', '?'], "");
+    let plain = match plain.trim_matches(['_', '-', '.', ' ']) {
+        "" => "data",
+        plain => plain,
+    };
+    file.with_file_name(format!("{plain}.ham"))
+}
+
+/// Files that have other columns than the first of them, each in a sentence.
+fn unlike(table: &Table, rest: &[NamedFile]) -> Vec<String> {
+    let headers = |table: &Table| -> Vec<(String, Option<String>)> {
+        table.columns.iter().map(|column| (column.header.clone(), column.unit.clone())).collect()
+    };
+    let of = |file: &NamedFile| match data::head(&file.path, 1) {
+        Ok(other) if headers(&other) == headers(table) => None,
+        Ok(other) => Some(format!(
+            "{} has the columns {}, and {} {}: they are no files of one kind.",
+            file.path.display(),
+            data::listed(&other),
+            table.path.display(),
+            data::listed(table)
+        )),
+        Err(error) => Some(error.to_string()),
+    };
+    rest.iter().filter_map(of).collect()
 }
 
 /// A name in small letters, and the index behind it: `q[1]` and `q_1` are `q` and `1`.

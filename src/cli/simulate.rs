@@ -193,9 +193,9 @@ pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         ));
     }
     let path = arguments.output.clone().unwrap_or_else(|| "standard output".into());
-    let (mut written, mut layout) = in_columns(&data, system, spec.compiled().data.as_ref());
+    let (mut written, mut layout) = in_columns(&data, system, spec.compiled().data.first());
     if !records.is_empty() {
-        inputs_in_columns(&mut written, &mut layout, system, spec.compiled().data.as_ref());
+        inputs_in_columns(&mut written, &mut layout, system, spec.compiled().data.first());
     }
     match &arguments.output {
         Some(_) => {

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest, Sha256};
 
 use super::files::{self, Kind};
+use super::gzip;
 use super::parquet;
 use super::table::Table;
 use super::write::{Layout, to_csv};
@@ -19,6 +20,8 @@ pub enum Format {
     Text,
     /// Parquet.
     Parquet,
+    /// One of the others, compressed with gzip.
+    Gzip,
     /// Another, which is read whole.
     Stored(&'static Kind),
 }
@@ -30,6 +33,9 @@ impl Format {
     /// By the name that a file has or will have.
     pub fn of_name(path: &Path) -> Format {
         let (path, _) = files::parted(path);
+        if gzip::unpacked_name(&path).is_some() {
+            return Format::Gzip;
+        }
         let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
         match ending {
             Some(ending) if PARQUET.contains(&ending.as_str()) => Format::Parquet,
@@ -41,8 +47,10 @@ impl Format {
     pub fn of_bytes(path: &Path, start: &[u8]) -> Format {
         match Kind::of_bytes(start) {
             _ if start.starts_with(parquet::MAGIC) => Format::Parquet,
+            _ if gzip::is_gzip(start) => Format::Gzip,
             Some(kind) => Format::Stored(kind),
-            None => Format::of_name(path),
+            // Somebody else may have unpacked it.
+            None => Format::of_name(gzip::unpacked_name(path).as_deref().unwrap_or(path)),
         }
     }
 
@@ -60,7 +68,8 @@ impl Format {
 }
 
 /// Reads a file of measurements: text as in CSV, Parquet, or a file of MATLAB, HDF5, NumPy, Excel
-/// or Arrow; of one with several tables the part that is named behind a # (`rig.mat#swings`).
+/// or Arrow, each of which may be compressed with gzip; of one with several tables the part that is
+/// named behind a # (`rig.mat#swings`).
 ///
 /// Text has cells between commas, tabs, semicolons, bars or blanks under a header. Comment
 /// lines (`#`, `%`) and blank lines are skipped; a header that is itself a comment, as NumPy
@@ -92,7 +101,25 @@ pub fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Table> {
         Format::Text => text::read_bytes(path, bytes),
         Format::Parquet => parquet::read_bytes(path, bytes),
         Format::Stored(kind) => kind.read(path, bytes),
+        Format::Gzip => {
+            let inner = gzip::unpacked(path, bytes)?;
+            if gzip::is_gzip(&inner) {
+                return Err(files::damaged(path, "it is compressed twice"));
+            }
+            let mut table = read_bytes(path, &inner)?;
+            table.sha256 = files::digest(bytes);
+            Ok(table)
+        }
     }
+}
+
+/// Whether a name is one of a table that can be read: CSV, Parquet and the like.
+pub(super) fn is_table(path: &Path) -> bool {
+    const TEXT: &[&str] = &["csv", "tsv"];
+    let path = gzip::unpacked_name(path).unwrap_or_else(|| path.to_path_buf());
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+    let text = ending.is_some_and(|ending| TEXT.contains(&ending.as_str()));
+    text || Format::of_name(&path) != Format::Text
 }
 
 /// The file itself, where a part of it may be named behind a #.
@@ -131,5 +158,9 @@ pub fn to_bytes(path: &Path, data: &Dataset, layout: &Layout) -> Result<Vec<u8>>
             "choose a name that ends in .csv or .parquet",
         )),
         Format::Parquet => parquet::to_parquet(path, data, layout),
+        Format::Gzip => {
+            let inner = gzip::unpacked_name(path).unwrap_or_default();
+            gzip::packed(path, &to_bytes(&inner, data, layout)?)
+        }
     }
 }

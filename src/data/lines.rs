@@ -14,9 +14,9 @@ use crate::error::Result;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Line<'a> {
     /// Its number in the file.
-    number: u64,
+    pub number: u64,
     /// Without the mark of a comment.
-    text: &'a str,
+    pub text: &'a str,
     comment: bool,
 }
 

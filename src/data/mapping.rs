@@ -9,8 +9,16 @@ use crate::error::{Error, Result};
 pub struct Mapping {
     /// The time column; without one, the usual names are tried ([`TIME_NAMES`]).
     pub time: Option<ColumnMap>,
+    /// Time from one sample of a run to the next, where no column holds the time; [`count_times`]
+    /// then makes one, from zero in each run.
+    ///
+    /// [`count_times`]: super::count_times
+    pub every: Option<f64>,
     /// The column that names the run of each row; without one, the file is one run.
     pub run: Option<String>,
+    /// What the runs are called after where this is one of several files: the run of a file that
+    /// is one bears this name, others theirs behind it, as in `swing_1/3`.
+    pub file: Option<String>,
     /// What is observed, coordinates first.
     pub observables: Vec<ObservableMap>,
     /// What drives the motion.
@@ -18,6 +26,17 @@ pub struct Mapping {
     /// Columns that tell apart groups of runs with numbers of their own: the same cell in all rows
     /// of a run; `None` where every run is a group.
     pub groups: Vec<Option<String>>,
+}
+
+impl Mapping {
+    /// The name of a run, by the cell that names it in its file; `None` where the file is one run.
+    pub(super) fn run_name(&self, within: Option<&str>) -> String {
+        match (&self.file, within) {
+            (Some(file), Some(within)) => format!("{file}/{within}"),
+            (Some(file), None) => file.clone(),
+            (None, within) => within.unwrap_or("1").to_string(),
+        }
+    }
 }
 
 /// An input, the column that holds it, and what it does between its samples.
@@ -104,7 +123,8 @@ pub(super) fn time_column<'a>(
         table.reading.header_line(),
         None,
         format!("no column holds the time; there are {}", listed(table)),
-        "name it in the spec, as in `data \"file.csv\" { time t [s] }`",
+        "name it in the spec, as in `data \"file.csv\" { time t [s] }`, or say how far apart the \
+         samples are, as in `{ every 10 [ms] }`",
     ))
 }
 

@@ -213,8 +213,8 @@ impl PartSurvey {
     /// The same with what the file itself tells.
     pub(crate) fn of_file(mut self, source: &FileSource) -> PartSurvey {
         self.headers = source.headers().to_vec();
-        if let (Some(part), Some(note)) = (self.parts.first_mut(), source.note()) {
-            part.notes.push(note.to_string());
+        if let Some(part) = self.parts.first_mut() {
+            part.notes.extend_from_slice(source.notes());
         }
         self
     }

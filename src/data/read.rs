@@ -9,11 +9,12 @@ use super::cell::{Cell, parse_cell};
 use super::cells::Cells;
 use super::header::{counted, split_unit};
 use super::layout;
-use super::lines::{LOOKED_AT, LaidOut, builder, laid_out, numbered};
+use super::lines::{LOOKED_AT, LaidOut, Line, builder, laid_out, numbered};
 use super::mapping::TIME_NAMES;
 use super::moment::{Order, moment, seconds_of};
-use super::table::{Column, Reading, Table, TextReading, column_of, wrong};
+use super::table::{Column, CountedRows, Reading, Table, TextReading, column_of, wrong};
 use super::text::decode;
+use super::told_rate::seconds_between;
 use super::unit_words::known_unit;
 use crate::error::Result;
 
@@ -39,13 +40,16 @@ pub(super) fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Table> {
     let (builder, again) = TableBuilder::parse(path, &laid_out)?;
     let (header_line, mut columns, rows) = builder.finish(path)?;
     let runs = (!again.is_empty()).then(|| run_column(&mut columns, &rows, &again));
+    let mut notes = std::mem::take(&mut laid_out.notes);
+    notes.extend(without_thousands(&mut columns));
     // Before clocks are read: their digits are written with points.
     let decimal_comma = has_decimal_comma(&columns);
-    let mut notes = std::mem::take(&mut laid_out.notes);
     notes.extend(columns.iter_mut().filter_map(clocks_to_seconds));
     notes.extend(columns.iter_mut().filter_map(without_marked));
     notes.extend(columns.iter_mut().filter_map(without_tails));
-    if let Some(count) = count_of_rows(&columns, rows.len(), decimal_comma) {
+    let count = count_of_rows(&columns, rows.len(), decimal_comma);
+    let counted = count.is_some().then(|| CountedRows::told(&lines, rows.first().copied()));
+    if let Some(count) = count {
         columns.push(count);
         notes.push("no column rises as a time does: `sample` counts the rows.".to_string());
     }
@@ -58,6 +62,7 @@ pub(super) fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Table> {
             header_line,
             headless: laid_out.headless,
             runs,
+            counted,
             notes,
         }),
         columns,
@@ -91,9 +96,11 @@ fn clocks_to_seconds(column: &mut Column) -> Option<String> {
     Some(format!("`{}` read as seconds {since}.", column.header))
 }
 
+/// What the column is called that counts the rows.
+pub(super) const SAMPLE: &str = "sample";
+
 /// A column that counts the rows, where no other is a time, by its name or because it rises.
 fn count_of_rows(columns: &[Column], rows: usize, decimal_comma: bool) -> Option<Column> {
-    const NAME: &str = "sample";
     let is_time = |column: &Column| {
         let name = column.name.to_lowercase();
         let cells = column.cells.len().min(LOOKED_AT);
@@ -106,12 +113,26 @@ fn count_of_rows(columns: &[Column], rows: usize, decimal_comma: bool) -> Option
             last = Some(number);
         }
         // Where every few rows are a run of their own, time falls often.
-        name == NAME || TIME_NAMES.contains(&name.as_str()) || 5 * up > 3 * steps
+        name == SAMPLE || TIME_NAMES.contains(&name.as_str()) || 5 * up > 3 * steps
     };
     if rows < 3 || columns.iter().any(is_time) {
         return None;
     }
-    Some(column_of(NAME, (0..rows).map(|row| row.to_string()).collect()))
+    Some(column_of(SAMPLE, (0..rows).map(|row| row.to_string()).collect()))
+}
+
+impl CountedRows {
+    /// With what the lines above the first row say.
+    fn told(lines: &[Line], first: Option<u64>) -> CountedRows {
+        let above = lines.iter().take_while(|line| first.is_none_or(|first| line.number < first));
+        let told = above.filter_map(|line| Some((line.text.trim(), seconds_between(line.text)?)));
+        match told.last() {
+            Some((text, seconds)) => {
+                CountedRows { every: Some(seconds), told_by: Some(super::visible(text)) }
+            }
+            None => CountedRows { every: None, told_by: None },
+        }
+    }
 }
 
 /// Readings that the instrument marked as doubtful (`1.2*`) are left out; says so.
@@ -310,7 +331,12 @@ impl TableBuilder {
             let hint = if record.iter().any(|cell| cell.contains('\n')) {
                 "close the quotation mark that is open there".to_string()
             } else if record.len() == expected + 1 && self.lines.is_empty() {
-                "name every column in the header, or remove the cell that is too many".to_string()
+                format!(
+                    "name every column in the header, or remove the cell that is too many; if the \
+                     first cells number the rows, begin the header with a name for them: `row`, \
+                     then `{}`",
+                    self.columns.first().map_or("", |column| column.header.as_str())
+                )
             } else {
                 "write one cell per column, and leave a cell empty where nothing was measured"
                     .to_string()
@@ -362,6 +388,41 @@ impl TableBuilder {
         }
         Ok((self.header_line, self.columns, self.lines))
     }
+}
+
+/// Points between thousands are taken out, where some number has a decimal comma behind them
+/// (`1.234,5`); says so.
+fn without_thousands(columns: &mut [Column]) -> Option<String> {
+    let shows = |cell: &str| cell.contains(',') && is_grouped(cell);
+    let shown = columns.iter().flat_map(|column| column.cells.iter()).find(|cell| shows(cell))?;
+    let note =
+        format!("points between thousands (such as `{}`) taken out.", super::visible(&shown));
+    for column in columns {
+        if column.cells.iter().any(|cell| is_grouped(&cell)) {
+            let plain = |cell: std::borrow::Cow<'_, str>| match is_grouped(&cell) {
+                true => cell.replace('.', ""),
+                false => cell.into_owned(),
+            };
+            let cells: Cells = column.cells.iter().map(plain).collect();
+            column.cells = cells;
+        }
+    }
+    Some(note)
+}
+
+/// Whether a number has points between its thousands: `1.234` or `-12.345.678,9`.
+fn is_grouped(cell: &str) -> bool {
+    let digits = |text: &str| text.bytes().all(|b| b.is_ascii_digit());
+    let unsigned = cell.trim_start_matches(['+', '-', '−']);
+    let (whole, behind) = unsigned.split_once(',').unwrap_or((unsigned, ""));
+    let mut groups = whole.split('.');
+    let first = groups.next().unwrap_or_default();
+    let rest: Vec<&str> = groups.collect();
+    (1..=3).contains(&first.len())
+        && digits(first)
+        && digits(behind)
+        && !rest.is_empty()
+        && rest.iter().all(|group| group.len() == 3 && digits(group))
 }
 
 /// Whether numbers have a decimal comma: some only make sense with one, and none has a

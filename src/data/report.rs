@@ -41,7 +41,9 @@ pub struct FileReport {
     pub sha256: String,
     /// How many rows it has below the header.
     pub rows: usize,
-    /// How it was understood.
+    /// How many files it stands for, where a name means several.
+    pub files: usize,
+    /// How it was understood; of several files the first.
     #[serde(flatten)]
     pub reading: Reading,
 }
@@ -162,6 +164,7 @@ impl DataReport {
             file: table.path.clone(),
             sha256: table.sha256.clone(),
             rows: table.rows(),
+            files: 1,
             reading: table.reading.clone(),
         });
         report

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 
 use super::cells::entry;
 use super::clock::{Clock, Since, is_far};
+use super::counted as times;
 use super::driving;
 use super::grouping;
 use super::header::counted;
@@ -53,7 +54,13 @@ pub fn dataset(table: &Table, mapping: &Mapping) -> Result<(Dataset, DataReport)
     }
     let rows = ConvertedColumns { table, mapping, time: time.0, scale: time.1, times, values };
     let mut notes = Notes::default();
-    let groups = rows.grouped(&mut notes)?;
+    let groups: Vec<(String, Vec<usize>)> = rows
+        .grouped(&mut notes)?
+        .into_iter()
+        .map(|(name, members)| {
+            (mapping.run_name(mapping.run.as_ref().map(|_| name.as_str())), members)
+        })
+        .collect();
     let falling = rows.falling(&groups);
     let mut runs = Vec::with_capacity(groups.len());
     for (name, members) in groups {
@@ -73,7 +80,7 @@ pub fn dataset(table: &Table, mapping: &Mapping) -> Result<(Dataset, DataReport)
         }
         keep
     });
-    leave_copies_out(&mut runs, &mut notes);
+    let copies = without_copies(&mut runs);
     if runs.is_empty() {
         let (message, hint) = match notes.single.len() {
             0 => (
@@ -99,8 +106,10 @@ pub fn dataset(table: &Table, mapping: &Mapping) -> Result<(Dataset, DataReport)
     grouping::take_groups(&mut data, table, mapping)?;
     let mut sentences = table.reading.notes().to_vec();
     sentences.extend(notes.sentences(table.reading.noun()));
+    sentences.extend(copies);
     sentences.extend(driving::about_gaps(&data, table));
     sentences.extend(without_column(table, mapping)?);
+    sentences.extend(times::note(table, mapping)?);
     let report = DataReport::of_file(&data, table, sources, sentences);
     Ok((data, report))
 }
@@ -112,8 +121,6 @@ struct Notes {
     late: Vec<(String, u64, usize)>,
     doubled: Vec<(u64, u64)>,
     single: Vec<(String, u64)>,
-    /// Names of runs that are copies, with the names of what they are copies of.
-    copies: Vec<(String, String)>,
 }
 
 impl Notes {
@@ -143,13 +150,6 @@ impl Notes {
                 counted(self.single.len(), "run")
             ));
         }
-        if let Some((copy, of)) = self.copies.first() {
-            sentences.push(format!(
-                "{} with the very samples of another counted once; the first is run {copy}, a \
-                 copy of run {of}.",
-                counted(self.copies.len(), "run")
-            ));
-        }
         sentences
     }
 }
@@ -159,10 +159,12 @@ impl Notes {
 const TELLING: usize = 8;
 
 /// Leaves out every run with the very samples of an earlier one: the same measurement listed twice
-/// is no second measurement, and would make results seem more certain than they are.
+/// is no second measurement, and would make results seem more certain than they are. Says so.
 ///
 /// Runs in which nothing moves stay: they are alike without being copies.
-fn leave_copies_out(runs: &mut Vec<Run>, notes: &mut Notes) {
+pub(super) fn without_copies(runs: &mut Vec<Run>) -> Option<String> {
+    // Names of runs that are copies, with the names of what they are copies of.
+    let mut copies: Vec<(String, String)> = Vec::new();
     let mut first: HashMap<Vec<u64>, Vec<usize>> = HashMap::new();
     let mut kept: Vec<Run> = Vec::with_capacity(runs.len());
     for run in runs.drain(..) {
@@ -177,7 +179,7 @@ fn leave_copies_out(runs: &mut Vec<Run>, notes: &mut Notes) {
         let key = ends.concat().into_iter().map(|x| x.to_bits()).collect();
         let alike = first.entry(key).or_default();
         match alike.iter().filter_map(|&at| kept.get(at)).find(|other| is_copy(&run, other)) {
-            Some(other) => notes.copies.push((run.name, other.name.clone())),
+            Some(other) => copies.push((run.name, other.name.clone())),
             None => {
                 alike.push(kept.len());
                 kept.push(run);
@@ -185,6 +187,13 @@ fn leave_copies_out(runs: &mut Vec<Run>, notes: &mut Notes) {
         }
     }
     *runs = kept;
+    copies.first().map(|(copy, of)| {
+        format!(
+            "{} with the very samples of another counted once; the first is run {copy}, a copy of \
+             run {of}.",
+            counted(copies.len(), "run")
+        )
+    })
 }
 
 /// Whether two runs have the same values, to the bit, at the same times from their starts.

@@ -6,9 +6,12 @@ use super::MeasuredInput;
 use super::blocks::Blocks;
 use super::cells::entry;
 use super::clock::{Clock, Since, is_far};
+use super::counted::{self, Counter};
 use super::mapping::{
     InputMap, Mapping, converted, missing_column, observable_column, time_column, without_column,
 };
+use super::report::FileReport;
+use super::several;
 use super::source::{Chunk, Pass, Piece, RunName, Source};
 use super::table::{Column, Reading, Table};
 use crate::error::Result;
@@ -35,35 +38,59 @@ pub fn head(path: &Path, rows: usize) -> Result<Table> {
 /// # Errors
 /// As [`head`].
 pub fn memory_needed(path: &Path) -> Result<u64> {
-    let (rows, columns, text) = Blocks::open(path)?.extent()?;
+    let mut blocks = Blocks::open(path)?;
+    let (rows, columns, text) = blocks.extent()?;
+    let size = blocks.text_bytes();
     // The table; its columns converted; the runs, of which there may be one for every two rows;
     // initial states, the best ones and those that are tried.
     let table = 8 * (columns + 1) + if text { 8 * columns } else { 0 };
     let row = table + 8 * columns + 8 * (columns + 1) + 24 * (columns + 3) + 12 * (columns + 5);
-    let size = std::fs::metadata(super::file_of(path)).map_or(0, |about| about.len());
     // What the allocator wastes on many small runs, as measured.
     let row = row * 7 / 4;
-    Ok(rows.saturating_mul(row) + if text { 2 * size } else { 0 })
+    Ok(rows.saturating_mul(row).saturating_add(2 * size))
 }
 
-/// A file that is read anew in every pass.
+/// Files that are read anew in every pass, one after the other.
 ///
 /// Rows of a run must stand together, in the order of time: nothing is sorted. Whatever else
 /// [`dataset`](super::dataset) says about rows holds here too.
 pub struct FileSource {
     path: PathBuf,
-    mapping: Mapping,
-    pairs: bool,
+    files: Vec<OneFile>,
     observables: Vec<String>,
     inputs: Vec<MeasuredInput>,
-    /// Headers of the columns that are read.
-    wanted: Vec<String>,
     /// Headers of the observables.
     headers: Vec<Option<String>>,
-    /// What is worth knowing about the choice of columns, in a sentence.
-    note: Option<String>,
+    /// What is worth knowing about the choice of columns, in sentences.
+    notes: Vec<String>,
     reading: Reading,
     samples: usize,
+}
+
+/// A file among several, and which of its columns hold what.
+#[derive(Debug, Clone)]
+pub struct FilePart {
+    /// Its path.
+    pub path: PathBuf,
+    /// Its columns.
+    pub mapping: Mapping,
+    /// Whether every two rows are one run.
+    pub pairs: bool,
+}
+
+/// A file as it is read in a pass.
+struct OneFile {
+    part: FilePart,
+    /// Headers of the columns that are read.
+    wanted: Vec<String>,
+}
+
+/// What the head of a file tells.
+struct Opened {
+    file: OneFile,
+    headers: Vec<Option<String>>,
+    notes: Vec<String>,
+    reading: Reading,
 }
 
 impl FileSource {
@@ -72,7 +99,96 @@ impl FileSource {
     /// # Errors
     /// The file cannot be read, or a column is missing.
     pub fn new(path: &Path, mapping: &Mapping, pairs: bool) -> Result<FileSource> {
-        let head = head(path, 1)?;
+        let part = FilePart { path: path.to_path_buf(), mapping: mapping.clone(), pairs };
+        FileSource::of_parts(path, vec![part])
+    }
+
+    /// Several files, which `path` stands for.
+    ///
+    /// # Errors
+    /// As [`FileSource::new`], and there is no file.
+    pub fn of_parts(path: &Path, parts: Vec<FilePart>) -> Result<FileSource> {
+        let Some(first) = parts.first().map(|part| part.mapping.clone()) else {
+            let hint = "name a file that exists";
+            return Err(super::table::wrong(path, None, None, "this is no file", hint));
+        };
+        let opened: Vec<Opened> = parts.into_iter().map(Opened::of).collect::<Result<_>>()?;
+        let inputs: Vec<MeasuredInput> = first.inputs.iter().map(InputMap::measured).collect();
+        let columns = first.observables.len() + MeasuredInput::places(&inputs).1 + 1;
+        let mut headers = vec![None; first.observables.len()];
+        let mut notes: Vec<String> = Vec::new();
+        let mut files = Vec::with_capacity(opened.len());
+        let mut reading = None;
+        for one in opened {
+            for (header, own) in headers.iter_mut().zip(one.headers) {
+                *header = header.take().or(own);
+            }
+            notes.extend(
+                one.notes.into_iter().filter(|note| !notes.contains(note)).collect::<Vec<_>>(),
+            );
+            reading.get_or_insert(one.reading);
+            files.push(one.file);
+        }
+        Ok(FileSource {
+            path: path.to_path_buf(),
+            files,
+            observables: first.observables.iter().map(|o| o.name.clone()).collect(),
+            inputs,
+            headers,
+            notes,
+            reading: reading.unwrap_or(Reading::Memory),
+            samples: (CHUNK / (8 * columns)).max(LEAST),
+        })
+    }
+
+    /// The same with chunks of about so many samples.
+    pub fn with_chunks(mut self, samples: usize) -> FileSource {
+        self.samples = samples.max(4);
+        self
+    }
+
+    /// Headers of the columns that the observables are read from.
+    pub fn headers(&self) -> &[Option<String>] {
+        &self.headers
+    }
+
+    /// What is worth knowing about the choice of columns, in sentences.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// The file, or what stands for all of them.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The report on the files, which have so many rows in all.
+    ///
+    /// # Errors
+    /// One of them cannot be read any more.
+    pub(super) fn report(&self, rows: usize) -> Result<Option<FileReport>> {
+        let of = |(at, file): (usize, &OneFile)| {
+            let path = &file.part.path;
+            Ok(FileReport {
+                file: path.clone(),
+                sha256: super::format::hash_file(path)?,
+                rows: if at == 0 { rows } else { 0 },
+                files: 1,
+                reading: self.reading.clone(),
+            })
+        };
+        let mut reports: Vec<FileReport> =
+            self.files.iter().enumerate().map(of).collect::<Result<_>>()?;
+        let named = self.files.first().is_some_and(|file| file.part.mapping.file.is_some());
+        Ok(if named { several::of_all(&self.path, &reports) } else { reports.pop() })
+    }
+}
+
+impl Opened {
+    fn of(mut part: FilePart) -> Result<Opened> {
+        let mut head = head(&part.path, 1)?;
+        let mapping = &mut part.mapping;
+        counted::count_times(&mut head, mapping, part.pairs)?;
         let mut wanted = vec![time_column(&head, mapping)?.0.header.clone()];
         if let Some(run) = &mapping.run {
             match head.find(run)? {
@@ -89,46 +205,22 @@ impl FileSource {
             whole_run_needed(&head, input)?;
             wanted.extend(observable_column(&head, &input.column)?.map(|c| c.header.clone()));
         }
-        let inputs: Vec<MeasuredInput> = mapping.inputs.iter().map(InputMap::measured).collect();
-        let columns = mapping.observables.len() + MeasuredInput::places(&inputs).1 + 1;
-        Ok(FileSource {
-            path: path.to_path_buf(),
-            observables: mapping.observables.iter().map(|o| o.name.clone()).collect(),
-            inputs,
-            mapping: mapping.clone(),
-            pairs,
-            wanted,
-            headers,
-            note: without_column(&head, mapping)?,
-            reading: head.reading,
-            samples: (CHUNK / (8 * columns)).max(LEAST),
-        })
+        let notes = [without_column(&head, mapping)?, counted::note(&head, mapping)?];
+        let notes = notes.into_iter().flatten().collect();
+        Ok(Opened { file: OneFile { part, wanted }, headers, notes, reading: head.reading })
+    }
+}
+
+impl OneFile {
+    fn blocks(&self) -> Result<Blocks> {
+        let mut blocks = Blocks::open(&self.part.path)?;
+        blocks.only(&self.wanted);
+        Ok(blocks)
     }
 
-    /// The same with chunks of about so many samples.
-    pub fn with_chunks(mut self, samples: usize) -> FileSource {
-        self.samples = samples.max(4);
-        self
-    }
-
-    /// Headers of the columns that the observables are read from.
-    pub fn headers(&self) -> &[Option<String>] {
-        &self.headers
-    }
-
-    /// What is worth knowing about the choice of columns, in a sentence.
-    pub fn note(&self) -> Option<&str> {
-        self.note.as_deref()
-    }
-
-    /// The file.
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// How the file was understood.
-    pub fn reading(&self) -> &Reading {
-        &self.reading
+    /// Of times that no column holds.
+    fn counter(&self) -> Option<Counter> {
+        Counter::of(&self.part.mapping, self.part.pairs, true)
     }
 }
 
@@ -142,14 +234,19 @@ impl Source for FileSource {
     }
 
     fn pass(&self) -> Result<Box<dyn Pass + '_>> {
-        let mut blocks = Blocks::open(&self.path)?;
-        blocks.only(&self.wanted);
+        let Some((file, rest)) = self.files.split_first() else {
+            return Err(super::table::wrong(&self.path, None, None, "this is no file", "name one"));
+        };
         Ok(Box::new(FilePass {
             source: self,
-            blocks,
+            file,
+            rest,
+            blocks: file.blocks()?,
+            counter: file.counter(),
             chunk: self.empty(),
             runs: 0,
             rows: 0,
+            open: None,
             since: None,
             last: f64::NAN,
             ended: false,
@@ -183,12 +280,19 @@ impl FileSource {
 
 struct FilePass<'a> {
     source: &'a FileSource,
+    /// The file that is being read, and those that come after it.
+    file: &'a OneFile,
+    rest: &'a [OneFile],
     blocks: Blocks,
+    /// Of times that no column holds.
+    counter: Option<Counter>,
     /// What was read; its last piece may go on.
     chunk: Chunk,
     runs: u64,
-    /// Rows that were read.
+    /// Rows that were read of this file.
     rows: u64,
+    /// The open run as its file names it; none where the next row begins one.
+    open: Option<RunName>,
     /// Times of the open run since its start, should that be far from zero.
     since: Option<Since>,
     /// The time of the last sample on the clock of the file.
@@ -201,8 +305,13 @@ impl Pass for FilePass<'_> {
         let most = self.source.samples;
         while !self.ended && self.chunk.times.len() < most {
             match self.blocks.next(most - self.chunk.times.len())? {
-                Some(table) => self.take(&table)?,
-                None => self.end()?,
+                Some(mut table) => {
+                    if let Some(counter) = &mut self.counter {
+                        counter.add(&mut table, self.file.part.mapping.run.as_deref())?;
+                    }
+                    self.take(&table)?;
+                }
+                None => self.end_of_file()?,
             }
         }
         let rest = if self.ended { self.source.empty() } else { self.part() };
@@ -211,19 +320,18 @@ impl Pass for FilePass<'_> {
     }
 
     fn fraction(&self) -> f64 {
-        self.blocks.fraction()
+        let files = self.source.files.len().max(1) as f64;
+        let read = files - 1.0 - self.rest.len() as f64;
+        (read + self.blocks.fraction()) / files
     }
 }
 
-impl FilePass<'_> {
-    fn end(&mut self) -> Result<()> {
-        self.ended = true;
-        if let Some(last) = self.chunk.pieces.last_mut() {
-            last.ends = true;
-        }
-        if self.source.pairs && self.rows % 2 == 1 {
+impl<'a> FilePass<'a> {
+    /// Goes on with the next file, if there is one.
+    fn end_of_file(&mut self) -> Result<()> {
+        if self.file.part.pairs && self.rows % 2 == 1 {
             let mut error = super::table::wrong(
-                &self.source.path,
+                &self.file.part.path,
                 None,
                 None,
                 format!("there are {} rows, but pairs need an even number", self.rows),
@@ -233,6 +341,19 @@ impl FilePass<'_> {
                 data.line = None;
             }
             return Err(error);
+        }
+        match self.rest.split_first() {
+            Some((file, rest)) => {
+                (self.file, self.rest) = (file, rest);
+                (self.blocks, self.counter) = (file.blocks()?, file.counter());
+                (self.rows, self.open) = (0, None);
+            }
+            None => {
+                self.ended = true;
+                if let Some(last) = self.chunk.pieces.last_mut() {
+                    last.ends = true;
+                }
+            }
         }
         Ok(())
     }
@@ -261,7 +382,8 @@ impl FilePass<'_> {
     }
 
     fn take(&mut self, table: &Table) -> Result<()> {
-        let mapping = &self.source.mapping;
+        let file: &'a OneFile = self.file;
+        let (mapping, pairs) = (&file.part.mapping, file.part.pairs);
         let (column, scale, offset) = time_column(table, mapping)?;
         let header = column.header.as_str();
         let times = converted(table, column, scale, offset)?;
@@ -285,7 +407,7 @@ impl FilePass<'_> {
             values.push(driving);
         }
         let run = match &mapping.run {
-            Some(name) if !self.source.pairs => table.find(name)?,
+            Some(name) if !pairs => table.find(name)?,
             _ => None,
         };
         if let Some((column, what)) = run.and_then(|c| c.cells.unread().map(|what| (c, what))) {
@@ -308,8 +430,7 @@ impl FilePass<'_> {
                 ));
             }
             let pair = self.rows.div_ceil(2);
-            let last = self.chunk.pieces.last();
-            let same = match (last.map(|piece| &piece.name), run) {
+            let same = match (&self.open, run) {
                 (None, _) => false,
                 (Some(RunName::Pair(number)), _) => *number == pair,
                 (Some(_), None) => true,
@@ -321,7 +442,7 @@ impl FilePass<'_> {
             };
             if !same {
                 let name = match run {
-                    None if self.source.pairs => RunName::Pair(pair),
+                    None if pairs => RunName::Pair(pair),
                     None => RunName::Number(1.0),
                     Some(column) => {
                         match column.cells.as_numbers().map(|numbers| entry(numbers, row)) {
@@ -337,7 +458,14 @@ impl FilePass<'_> {
                     let hint = "give the name of its run";
                     return Err(table.error(Some(line), Some(&column.header), message, hint));
                 }
-                self.begin(name, line);
+                let within = run.is_some() || pairs;
+                let shown = match (&mapping.file, within) {
+                    (None, _) => name.clone(),
+                    (_, true) => RunName::Text(mapping.run_name(Some(&name.to_string()))),
+                    (_, false) => RunName::Text(mapping.run_name(None)),
+                };
+                self.open = Some(name);
+                self.begin(shown, line);
                 self.since = Some(Since::new(table, column, row, time, scale));
             } else if !self.chunk.times.is_empty() {
                 let before = self.last;
@@ -405,7 +533,8 @@ impl FilePass<'_> {
         before: f64,
         time: f64,
     ) -> crate::error::Error {
-        let hint = if self.source.mapping.run.is_none() && !self.source.pairs {
+        let part = &self.file.part;
+        let hint = if part.mapping.run.is_none() && !part.pairs {
             "a file that is read part by part is not sorted: sort its rows by time, or name the \
              column that names the recording (`run` in the spec's `data` line)"
         } else {

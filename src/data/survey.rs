@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::report::{ColumnReport, DataReport, FileReport, Streamed};
+use super::report::{ColumnReport, DataReport, Streamed};
 use super::source::{Chunk, Piece, Source};
 use super::stream::FileSource;
 use super::{Dataset, Run};
@@ -99,13 +99,8 @@ pub fn survey_file(
     for (column, header) in found.report.columns.iter_mut().zip(source.headers()) {
         column.header.clone_from(header);
     }
-    found.report.warnings.extend(source.note().map(str::to_string));
-    found.report.source = Some(FileReport {
-        file: source.path().to_path_buf(),
-        sha256: super::format::hash_file(source.path())?,
-        rows: found.report.samples,
-        reading: source.reading().clone(),
-    });
+    found.report.warnings.extend(source.notes().iter().cloned());
+    found.report.source = source.report(found.report.samples)?;
     Ok(found)
 }
 

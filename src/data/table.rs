@@ -27,7 +27,7 @@ pub struct Table {
 }
 
 /// How a file was understood.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Reading {
     /// A text file.
@@ -41,7 +41,7 @@ pub enum Reading {
 }
 
 /// How a text file was understood.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TextReading {
     /// How its text is stored.
     pub encoding: Encoding,
@@ -55,8 +55,19 @@ pub struct TextReading {
     pub headless: bool,
     /// The column that was made to tell runs apart, where the header stands again before each.
     pub runs: Option<String>,
+    /// Set where no column is a time, and a column `sample` was made that counts the rows.
+    pub counted: Option<CountedRows>,
     /// What of the file was left out or read in another way, in sentences.
     pub notes: Vec<String>,
+}
+
+/// Rows that have no time, and what the file says of the time between them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CountedRows {
+    /// Seconds from one to the next.
+    pub every: Option<f64>,
+    /// The line that says so.
+    pub told_by: Option<String>,
 }
 
 /// How a Parquet file was understood.
@@ -88,6 +99,14 @@ impl Reading {
         match self {
             Reading::Stored(stored) => stored.runs.as_deref(),
             Reading::Text(text) => text.runs.as_deref(),
+            _ => None,
+        }
+    }
+
+    /// Set where the rows have no time, and `sample` counts them.
+    pub fn counted(&self) -> Option<&CountedRows> {
+        match self {
+            Reading::Text(text) => text.counted.as_ref(),
             _ => None,
         }
     }

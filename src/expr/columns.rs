@@ -3,8 +3,9 @@
 use super::lower::Lowering;
 use super::system::{InputVariable, Parameter, System};
 use super::unit::Unit;
-use crate::diagnostic::Diagnostic;
-use crate::spec::ast::{DataItemKind, Expression, ExpressionKind, UnitText, Word};
+use crate::data::format_number;
+use crate::diagnostic::{Diagnostic, Span};
+use crate::spec::ast::{DataItem, DataItemKind, Expression, ExpressionKind, UnitText, Word};
 
 /// A column and the number its cells are multiplied with to be in the spec's unit.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,6 +35,8 @@ pub struct DataColumns {
     pub file: String,
     /// `None`: the spec does not say which column is time.
     pub time: Option<ColumnScale>,
+    /// Time from one sample to the next, in the spec's unit, where no column holds the time.
+    pub every: Option<f64>,
     /// The column that tells runs apart, if the spec names one.
     pub run: Option<String>,
     /// Every two rows are one transition.
@@ -94,11 +97,25 @@ impl System {
     }
 }
 
-pub(super) fn resolve(lowering: &mut Lowering, system: &System) -> Option<DataColumns> {
-    let (file, items) = lowering.resolved.data?;
+/// Of every `data` statement, in the order of the text.
+pub(super) fn resolve(lowering: &mut Lowering, system: &System) -> Vec<DataColumns> {
+    let statements = lowering.resolved.data.clone();
+    statements
+        .into_iter()
+        .map(|(file, items)| of_statement(lowering, system, file, items))
+        .collect()
+}
+
+fn of_statement(
+    lowering: &mut Lowering,
+    system: &System,
+    file: &Word,
+    items: &[DataItem],
+) -> DataColumns {
     let mut out = DataColumns {
         file: file.text.clone(),
         time: None,
+        every: None,
         run: None,
         pairs: false,
         observables: system.observed_columns(),
@@ -106,12 +123,26 @@ pub(super) fn resolve(lowering: &mut Lowering, system: &System) -> Option<DataCo
     };
     let mut mapped = vec![false; out.observables.len()];
     let mut driven = vec![false; out.inputs.len()];
+    // Where the time is said to be known from.
+    let mut told_time: Option<Span> = None;
     for item in items {
+        if matches!(item.kind, DataItemKind::Time { .. } | DataItemKind::Every(_)) {
+            let both = out.time.is_some() || out.every.is_some();
+            if let Some(first) = told_time.filter(|_| both) {
+                lowering.report(time_told_twice(item, first, out.every.is_some()));
+                continue;
+            }
+            told_time = Some(item.site.0);
+        }
         let twice = match &item.kind {
             DataItemKind::Time { column, unit } => {
                 let scale = scale(lowering, unit.as_ref(), system.time.unit, column);
                 let column = column.text.clone();
                 out.time.replace(ColumnScale { column, scale }).is_some()
+            }
+            DataItemKind::Every(period) => {
+                out.every = self::period(lowering, period, system.time.unit).or(out.every);
+                false
             }
             DataItemKind::Run(column) => out.run.replace(column.text.clone()).is_some(),
             DataItemKind::Pairs => std::mem::replace(&mut out.pairs, true),
@@ -181,7 +212,56 @@ pub(super) fn resolve(lowering: &mut Lowering, system: &System) -> Option<DataCo
             );
         }
     }
-    Some(out)
+    out
+}
+
+/// A column and a period, or one of them twice.
+fn time_told_twice(item: &DataItem, first: Span, by_every: bool) -> Diagnostic {
+    let counted = matches!(item.kind, DataItemKind::Every(_));
+    let (message, hint) = if counted == by_every {
+        ("the data statement says this twice", "keep one of them")
+    } else {
+        (
+            "the time is in a column, or counted, but not both",
+            "keep `time` if a column holds the time, and `every` if none does",
+        )
+    };
+    Diagnostic::error(item.site.0, message)
+        .label("said again here")
+        .hint(hint)
+        .related(first, "first said here")
+}
+
+/// The time from one sample to the next in the spec's unit; `None` after a diagnostic.
+fn period(lowering: &mut Lowering, period: &Expression, own: Option<Unit>) -> Option<f64> {
+    let (value, unit, span) = lowering.number(period)?;
+    let unit = unit.filter(|unit| !unit.is_number());
+    let second = Unit::parse("s").ok()?;
+    if let Some(unit) = unit.filter(|unit| !unit.same_kind(second)) {
+        let rate = Unit::ONE.over(unit).filter(|each| each.same_kind(second));
+        let hint = match rate {
+            Some(each) if value > 0.0 => format!(
+                "write the time from one sample to the next: `every {} [s]`",
+                format_number(each.scale / second.scale / value)
+            ),
+            _ => "write for example `every 10 [ms]`".to_string(),
+        };
+        lowering.report(
+            Diagnostic::error(span, format!("[{unit}] is no unit of time"))
+                .label("this should be the time from one sample to the next")
+                .hint(hint),
+        );
+        return None;
+    }
+    if value <= 0.0 {
+        lowering.report(
+            Diagnostic::error(span, "the time from one sample to the next has to be above zero")
+                .label(format!("this is {}", format_number(value)))
+                .hint("write for example `every 10 [ms]`"),
+        );
+        return None;
+    }
+    Some(unit.zip(own).map_or(value, |(unit, own)| value * (unit.scale / own.scale)))
 }
 
 /// The number of the input that a variable names.

@@ -231,7 +231,7 @@ impl FunctionSpace {
             terms: system.terms.iter().zip(&names.coefficients).map(term).collect(),
             parameters: system.parameters.iter().zip(&compiled.starts).map(parameter).collect(),
             couplings: couplings::sentences(system),
-            cannot_be_learned: gauge(system, compiled.data.as_ref(), &names),
+            cannot_be_learned: gauge(system, &compiled.data, &names),
             warnings: compiled.warnings.clone(),
         }
     }
@@ -242,7 +242,7 @@ fn join(parts: impl Iterator<Item = String>) -> String {
 }
 
 /// What no measurement can tell, as sentences.
-fn gauge(system: &System, columns: Option<&DataColumns>, names: &Names) -> Vec<String> {
+fn gauge(system: &System, columns: &[DataColumns], names: &Names) -> Vec<String> {
     let mut out = vec![
         "A constant in H: only derivatives of H move anything, so energies are known up to a constant."
             .to_string(),

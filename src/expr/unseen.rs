@@ -7,10 +7,10 @@ use super::system::{Place, System};
 /// A sentence for everything that acts on nothing that is measured, whatever the learned
 /// coefficients: nothing can be learned of it. Where there are measures, coordinates without a
 /// column of their own are those that the spec says to have none.
-pub(super) fn without_influence(system: &System, columns: Option<&DataColumns>) -> Vec<String> {
+pub(super) fn without_influence(system: &System, columns: &[DataColumns]) -> Vec<String> {
     let no_column = |i: usize| {
-        let of = columns.and_then(|columns| columns.observables.get(i));
-        of.is_some_and(|observed| observed.candidates.is_empty())
+        let mut of = columns.iter().filter_map(|columns| columns.observables.get(i));
+        !columns.is_empty() && of.all(|observed| observed.candidates.is_empty())
     };
     if system.hidden.is_empty() && !(0..2 * system.degrees()).any(no_column) {
         return Vec::new();

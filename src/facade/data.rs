@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::Spec;
 use super::json::json_text;
-use super::measured::{self, Values};
+use super::measured::{self, Named, Values};
 use crate::data::{Clock, DataReport, Dataset, MeasuredInput, Run};
 use crate::error::{Error, ErrorKind, Result};
 use crate::simulate::InputRecord;
@@ -49,7 +49,11 @@ impl Data {
     /// # Ok::<(), leverrier::Error>(())
     /// ```
     pub fn open(path: impl AsRef<Path>, spec: &Spec) -> Result<Data> {
-        let (dataset, report) = measured::read(spec.compiled(), path.as_ref())?;
+        Data::of_names(spec, &spec.named(Some(path.as_ref()))?)
+    }
+
+    pub(super) fn of_names(spec: &Spec, names: &[Named]) -> Result<Data> {
+        let (dataset, report) = measured::read(spec.compiled(), names)?;
         Ok(Data { dataset, report })
     }
 

@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use crate::data::{
-    self, Cells, Column, ColumnMap, DataReport, Dataset, FileSource, InputMap, Mapping,
-    ObservableMap, Reading, Suspicion, SuspicionKind, Table,
+    self, Cells, Column, ColumnMap, DataReport, Dataset, FilePart, FileSource, InputMap, Mapping,
+    NamedFile, ObservableMap, Reading, Suspicion, SuspicionKind, Table, TakenColumns,
 };
 use crate::error::{Error, ErrorKind, Result};
-use crate::expr::{Compiled, ObservedColumn, System, unseen};
+use crate::expr::{Compiled, DataColumns, ObservedColumn, System, unseen};
 
 /// Rows that show what the columns of a large file hold.
 const HEAD: usize = 10_000;
@@ -35,34 +35,98 @@ pub(crate) fn spec_text(path: &Path) -> Result<String> {
     })
 }
 
-/// All measurements of a file, in memory.
-///
-/// # Errors
-/// The file cannot be read, or has not the columns that the spec asks for.
-pub(crate) fn read(compiled: &Compiled, path: &Path) -> Result<(Dataset, DataReport)> {
-    let table = data::read(path).map_err(|error| not_there(error, path))?;
-    of_table(compiled, table, None, None)
+/// What a name stands for: files, and the columns that a `data` statement says they have.
+pub(crate) struct Named<'a> {
+    pub path: PathBuf,
+    pub columns: Option<&'a DataColumns>,
 }
 
-/// `time` and `run` are columns to take in place of those that the spec names.
-fn of_table(
+/// What a file is read with: its table, or the first rows of it, and which column holds what.
+struct Mapped<'a> {
+    file: NamedFile,
+    table: Table,
+    mapping: Mapping,
+    columns: Option<&'a DataColumns>,
+}
+
+/// The files of all names, each with its columns; `read` reads them, whole or their first rows.
+///
+/// # Errors
+/// A file cannot be read, or those of one name have different columns.
+fn each<'a, T>(
     compiled: &Compiled,
-    mut table: Table,
-    time: Option<&str>,
-    run: Option<&str>,
-) -> Result<(Dataset, DataReport)> {
-    let mut mapping = mapping(compiled, &table)?;
-    if let Some(column) = time {
-        let scale = mapping.time.map_or(1.0, |time| time.scale);
-        mapping.time = Some(ColumnMap { scale, ..ColumnMap::plain(column) });
+    names: &[Named<'a>],
+    read: impl Fn(&Path) -> Result<Table>,
+    mut take: impl FnMut(Mapped<'a>) -> Result<T>,
+) -> Result<Vec<T>> {
+    let mut groups = Vec::with_capacity(names.len());
+    for name in names {
+        groups.push(data::files_of(&name.path)?);
     }
-    mapping.run = run.map(str::to_string).or(mapping.run);
-    if pairs(compiled) {
-        mapping.run = Some(number_pairs(&mut table, mapping.run.as_deref())?);
+    // One file alone has its runs by their own names; of several each lends them its own.
+    if groups.len() > 1 {
+        let mut all: Vec<NamedFile> = groups.concat();
+        data::name_apart(&mut all);
+        let mut named = all.into_iter();
+        groups.iter_mut().flatten().zip(&mut named).for_each(|(file, named)| *file = named);
     }
-    let (dataset, mut report) = data::dataset(&table, &mapping)?;
+    let mut out = Vec::new();
+    for (name, files) in names.iter().zip(groups) {
+        let mut first: Option<TakenColumns> = None;
+        for file in files {
+            let table = read(&file.path).map_err(|error| not_there(error, &file.path))?;
+            let mut mapping = mapping(compiled, name.columns, &table)?;
+            mapping.file.clone_from(&file.name);
+            let taken = TakenColumns::of(&table, &mapping);
+            match &first {
+                Some(first) => first.agrees(&taken)?,
+                None => first = Some(taken),
+            }
+            out.push(take(Mapped { file, table, mapping, columns: name.columns })?);
+        }
+    }
+    Ok(out)
+}
+
+/// What stands for all names: the only one, or all of them in a row.
+fn in_a_row(names: &[Named]) -> PathBuf {
+    let mut names = names.iter();
+    let first = names.next().map_or_else(PathBuf::new, |name| name.path.clone());
+    let rest = names.map(|name| {
+        let file = name.path.file_name().unwrap_or_default();
+        format!(", {}", file.to_string_lossy())
+    });
+    let rest: String = rest.collect();
+    if rest.is_empty() { first } else { PathBuf::from(format!("{}{rest}", first.display())) }
+}
+
+/// All measurements of some files, in memory.
+///
+/// # Errors
+/// A file cannot be read, or has not the columns that the spec asks for.
+pub(crate) fn read(compiled: &Compiled, names: &[Named]) -> Result<(Dataset, DataReport)> {
+    let mut named = false;
+    let mut parts = each(compiled, names, data::read, |mapped| {
+        named |= mapped.file.name.is_some();
+        of_table(mapped.table, mapped.mapping, pairs(mapped.columns))
+    })?;
+    let (dataset, mut report) = match parts.pop() {
+        Some(only) if parts.is_empty() && !named => only,
+        last => {
+            parts.extend(last);
+            data::together(&in_a_row(names), parts)
+        }
+    };
     look_at_measures(&compiled.system, &dataset, &mut report);
     Ok((dataset, report))
+}
+
+fn of_table(mut table: Table, mut mapping: Mapping, pairs: bool) -> Result<(Dataset, DataReport)> {
+    if pairs {
+        mapping.run = Some(number_pairs(&mut table, mapping.run.as_deref())?);
+    }
+    data::count_times(&mut table, &mut mapping, pairs)?;
+    data::dataset(&table, &mapping)
 }
 
 /// What measures show needs no column of its own; what nothing shows is said.
@@ -92,7 +156,8 @@ fn look_at_measures(system: &System, dataset: &Dataset, report: &mut DataReport)
     }
 }
 
-/// Measurements in columns that have names, found as those of a file are.
+/// Measurements in columns that have names, found as those of a file are; `time` and `run` are
+/// columns to take in place of those that the spec names.
 ///
 /// # Errors
 /// A column that the spec asks for is missing, or is not as long as the first.
@@ -103,7 +168,18 @@ pub(crate) fn of_columns(
     run: Option<&str>,
 ) -> Result<(Dataset, DataReport)> {
     let named = columns.iter().map(|(name, values)| (name.to_string(), *values));
-    of_table(compiled, in_memory(named)?, time, run)
+    let table = in_memory(named)?;
+    let said = compiled.data.first();
+    let mut mapping = mapping(compiled, said, &table)?;
+    if let Some(column) = time {
+        let scale = mapping.time.map_or(1.0, |time| time.scale);
+        mapping.time = Some(ColumnMap { scale, ..ColumnMap::plain(column) });
+        mapping.every = None;
+    }
+    mapping.run = run.map(str::to_string).or(mapping.run);
+    let (dataset, mut report) = of_table(table, mapping, pairs(said))?;
+    look_at_measures(&compiled.system, &dataset, &mut report);
+    Ok((dataset, report))
 }
 
 /// Measurements in the order and the units of a spec's observables, of which the momenta may go
@@ -163,7 +239,9 @@ pub(crate) fn of_samples(
     let mut table = in_memory(columns.into_iter())?;
     let mut mapping = Mapping {
         time: Some(ColumnMap::plain(time)),
+        every: None,
         run: runs.map(|_| run),
+        file: None,
         observables: observables.iter().map(ObservableMap::plain).collect(),
         inputs: Vec::new(),
         groups: compiled.system.groupings(),
@@ -176,7 +254,7 @@ pub(crate) fn of_samples(
             (absent.required, absent.columns) = (false, Vec::new());
         }
     }
-    if pairs(compiled) && runs.is_none() {
+    if pairs(compiled.data.first()) && runs.is_none() {
         mapping.run = Some(number_pairs(&mut table, None)?);
     }
     data::dataset(&table, &mapping)
@@ -238,13 +316,21 @@ fn in_memory<'a>(columns: impl Iterator<Item = (String, Values<'a>)>) -> Result<
     })
 }
 
-/// The measurements of a file as a source that is read anew in every pass.
+/// The measurements of some files as a source that is read anew in every pass.
 ///
 /// # Errors
 /// As [`read`].
-pub(crate) fn source(compiled: &Compiled, path: &Path) -> Result<FileSource> {
-    let head = data::head(path, HEAD).map_err(|error| not_there(error, path))?;
-    FileSource::new(path, &mapping(compiled, &head)?, pairs(compiled))
+pub(crate) fn source(compiled: &Compiled, names: &[Named]) -> Result<FileSource> {
+    let parts = each(
+        compiled,
+        names,
+        |path| data::head(path, HEAD),
+        |mapped| {
+            let pairs = pairs(mapped.columns);
+            Ok(FilePart { path: mapped.file.path, mapping: mapped.mapping, pairs })
+        },
+    )?;
+    FileSource::of_parts(&in_a_row(names), parts)
 }
 
 /// The inputs alone of a file, run by run.
@@ -252,8 +338,8 @@ pub(crate) fn source(compiled: &Compiled, path: &Path) -> Result<FileSource> {
 /// # Errors
 /// As [`read`].
 pub(crate) fn read_inputs(compiled: &Compiled, path: &Path) -> Result<Dataset> {
-    let table = data::read(path).map_err(|error| not_there(error, path))?;
-    let mut mapping = mapping(compiled, &table)?;
+    let mut table = data::read(path).map_err(|error| not_there(error, path))?;
+    let mut mapping = mapping(compiled, compiled.data.first(), &table)?;
     mapping.observables.clear();
     // A file of inputs alone is one run, unless it has the column.
     if let Some(run) = &mapping.run
@@ -261,28 +347,31 @@ pub(crate) fn read_inputs(compiled: &Compiled, path: &Path) -> Result<Dataset> {
     {
         mapping.run = None;
     }
+    data::count_times(&mut table, &mut mapping, false)?;
     Ok(data::dataset(&table, &mapping)?.0)
 }
 
 /// Whether every two rows are one run.
-fn pairs(compiled: &Compiled) -> bool {
-    compiled.data.as_ref().is_some_and(|columns| columns.pairs)
+fn pairs(columns: Option<&DataColumns>) -> bool {
+    columns.is_some_and(|columns| columns.pairs)
 }
 
 /// The column that a file which keeps its runs apart has for them.
-fn runs_of_file(compiled: &Compiled, table: &Table) -> Option<String> {
-    table.reading.runs().filter(|_| !pairs(compiled)).map(str::to_string)
+fn runs_of_file(columns: Option<&DataColumns>, table: &Table) -> Option<String> {
+    table.reading.runs().filter(|_| !pairs(columns)).map(str::to_string)
 }
 
-fn mapping(compiled: &Compiled, table: &Table) -> Result<Mapping> {
-    let (system, columns) = (&compiled.system, compiled.data.as_ref());
+fn mapping(compiled: &Compiled, columns: Option<&DataColumns>, table: &Table) -> Result<Mapping> {
+    let system = &compiled.system;
     let mut mapping = Mapping {
         time: columns.and_then(|c| c.time.as_ref()).map(|time| ColumnMap {
             column: time.column.clone(),
             scale: time.scale,
             offset: 0.0,
         }),
-        run: columns.and_then(|c| c.run.clone()).or_else(|| runs_of_file(compiled, table)),
+        every: columns.and_then(|c| c.every),
+        run: columns.and_then(|c| c.run.clone()).or_else(|| runs_of_file(columns, table)),
+        file: None,
         observables: Vec::new(),
         inputs: Vec::new(),
         groups: system.groupings(),

@@ -85,7 +85,9 @@ impl Part {
 
     fn opened(&self, spec: &Spec) -> Result<Opened<'_>> {
         Ok(match self {
-            Part::File(path) => Opened::File(Box::new(measured::source(spec.compiled(), path)?)),
+            Part::File(path) => {
+                Opened::File(Box::new(measured::source(spec.compiled(), &spec.named(Some(path))?)?))
+            }
             Part::Data(data) => {
                 data.require(spec)?;
                 Opened::Data(InMemory::new(data.dataset(), CHUNK))

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::effect::NamedEffect;
+use super::measured::Named;
 use super::{Data, Law, measured};
+use crate::data::files_of;
 use crate::diagnostic::Diagnostic;
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::{self, Compiled, System};
@@ -178,7 +180,7 @@ impl Spec {
     /// # Ok::<(), leverrier::Error>(())
     /// ```
     pub fn data(&self) -> Result<Data> {
-        Data::open(self.data_path(None)?, self)
+        Data::of_names(self, &self.named(None)?)
     }
 
     /// Learns which terms the law has, and their coefficients: [`Spec::fit_with`] with
@@ -350,20 +352,35 @@ impl Spec {
         self.0.path.as_deref().unwrap_or(Path::new(&self.0.name))
     }
 
-    /// The file of measurements: the one asked for, or the one that it names.
-    pub(crate) fn data_path(&self, asked: Option<&Path>) -> Result<PathBuf> {
+    /// Where the measurements are, and in which columns: in what is asked for, or in all that the
+    /// spec names.
+    pub(crate) fn named(&self, asked: Option<&Path>) -> Result<Vec<Named<'_>>> {
+        let said = &self.0.compiled.data;
         if let Some(path) = asked {
-            return Ok(path.to_path_buf());
+            return Ok(vec![Named { path: path.to_path_buf(), columns: said.first() }]);
         }
-        let Some(data) = &self.0.compiled.data else {
+        if said.is_empty() {
             return Err(Error::new(
                 ErrorKind::DataNotNamed,
                 format!("{} does not name its data", self.0.name),
                 "write `data \"file.csv\" { time t }` in it, or give a file",
             ));
-        };
+        }
         let folder = self.0.path.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
-        Ok(folder.join(&data.file))
+        let paths = said.iter().map(|columns| (folder.join(&columns.file), columns));
+        Ok(paths.map(|(path, columns)| Named { path, columns: Some(columns) }).collect())
+    }
+
+    /// The files of measurements: those asked for, or those that it names.
+    ///
+    /// # Errors
+    /// It names none, or there is none of such a name.
+    pub(crate) fn data_files(&self, asked: Option<&Path>) -> Result<Vec<PathBuf>> {
+        let mut files = Vec::new();
+        for name in self.named(asked)? {
+            files.extend(files_of(&name.path)?.into_iter().map(|file| file.path));
+        }
+        Ok(files)
     }
 }
 

@@ -91,12 +91,22 @@ impl Measurements {
 
 /// What the data would take in memory, if that is more than allowed.
 fn too_large(spec: &Spec, asked: Option<&Path>, allowed: u64) -> Result<Option<u64>> {
-    let path = spec.data_path(asked)?;
-    match std::fs::metadata(data::file_of(&path)) {
-        Ok(about) if about.is_file() && about.len() > SMALL => {}
-        _ => return Ok(None),
+    let mut sizes = Vec::new();
+    for path in spec.data_files(asked)? {
+        match std::fs::metadata(data::file_of(&path)) {
+            Ok(about) if about.is_file() => sizes.push((path, about.len())),
+            // What is no file can be read only once.
+            _ => return Ok(None),
+        }
     }
-    let needed = data::memory_needed(&path)?;
+    if sizes.iter().map(|(_, size)| size).sum::<u64>() <= SMALL {
+        return Ok(None);
+    }
+    // The largest tells for all: they are of one kind.
+    let Some((largest, size)) = sizes.iter().max_by_key(|(_, size)| size) else { return Ok(None) };
+    let needed = data::memory_needed(largest)? as f64;
+    let all = sizes.iter().map(|(_, size)| *size as f64).sum::<f64>();
+    let needed = (needed * all / (*size).max(1) as f64) as u64;
     Ok((needed > allowed).then_some(needed))
 }
 

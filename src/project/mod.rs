@@ -48,12 +48,12 @@ impl Spec {
 
     /// All measurements as the spec says.
     pub(crate) fn read(&self, asked: Option<&Path>) -> Result<(Dataset, DataReport)> {
-        measured::read(self.compiled(), &self.data_path(asked)?)
+        measured::read(self.compiled(), &self.named(asked)?)
     }
 
     /// The measurements as a source that is read anew in every pass.
     pub(crate) fn source(&self, asked: Option<&Path>) -> Result<FileSource> {
-        measured::source(self.compiled(), &self.data_path(asked)?)
+        measured::source(self.compiled(), &self.named(asked)?)
     }
 
     /// The fitted model beside the spec, or the spec's own numbers when it is fully known.

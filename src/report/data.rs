@@ -10,8 +10,12 @@ impl DataReport {
     pub fn to_text(&self) -> String {
         let mut lines = Vec::new();
         if let Some(source) = &self.source {
+            let files = match source.files {
+                1 => String::new(),
+                files => format!("{}, ", counted(files, "file")),
+            };
             lines.push(format!(
-                "{}: {}, {}",
+                "{}: {files}{}, {}",
                 source.file.display(),
                 counted(source.rows, "row"),
                 source.reading.sentence()

@@ -197,6 +197,8 @@ pub struct DataItem {
 pub enum DataItemKind {
     /// `time t [s]`
     Time { column: Word, unit: Option<UnitText> },
+    /// `every 10 [ms]`: no column holds the time, and samples follow each other so.
+    Every(Expression),
     /// `run trial`
     Run(Word),
     /// `pairs`: every two rows are one transition.

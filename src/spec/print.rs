@@ -194,6 +194,7 @@ impl Display for DataItem {
                 write!(f, "time {}", ColumnName(column))?;
                 bracket(f, unit)
             }
+            DataItemKind::Every(period) => write!(f, "every {period}"),
             DataItemKind::Run(column) => write!(f, "run {}", ColumnName(column)),
             DataItemKind::Pairs => f.write_str("pairs"),
             DataItemKind::Column { variable, column, unit } => {

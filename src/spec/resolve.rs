@@ -149,11 +149,13 @@ pub(crate) struct Resolved<'a> {
     pub velocities: Vec<Declared>,
     /// Momenta that are not written but implied by velocities.
     pub implied_momenta: bool,
-    pub time: Option<(&'a Word, Option<&'a UnitText>)>,
+    /// Its name and its unit.
+    pub time: Option<(&'a str, Option<&'a UnitText>)>,
     pub inputs: Vec<Input<'a>>,
     /// Coordinates that nobody measures, behind those that are, in the order of the text.
     pub hidden: Vec<Hidden<'a>>,
-    pub data: Option<(&'a Word, &'a [DataItem])>,
+    /// File and columns of every `data` statement.
+    pub data: Vec<(&'a Word, &'a [DataItem])>,
     pub constants: Vec<Constant<'a>>,
     /// For each of them what it stands for, where that is no number.
     pub definitions: Vec<Option<Definition>>,
@@ -262,7 +264,7 @@ impl<'a> Resolver<'a, '_> {
             }
             StatementKind::Time { name, unit } => {
                 self.once("time", span, seen);
-                self.out.time = Some((name, unit.as_ref()));
+                self.out.time = Some((&name.text, unit.as_ref()));
                 self.name(&name.text, Meaning::Time, name.site.0);
             }
             StatementKind::Input { name, unit, between } => {
@@ -273,8 +275,7 @@ impl<'a> Resolver<'a, '_> {
             // They come behind all that is measured.
             StatementKind::Hidden(..) | StatementKind::State { .. } => {}
             StatementKind::Data { file, items } => {
-                self.once("data", span, seen);
-                self.out.data = Some((file, items));
+                self.out.data.push((file, items));
             }
             StatementKind::Constant { name, value, by_let } => {
                 let meaning = Meaning::Constant(self.out.constants.len());
@@ -526,21 +527,26 @@ impl<'a> Resolver<'a, '_> {
         }
     }
 
-    /// Without a `time` statement, time is called as its column is, or t.
+    /// Without a `time` statement, time is called as its column is, or t; its unit is that of the
+    /// column, or of the time between samples.
     fn name_time(&mut self) {
         if self.out.time.is_some() {
             return;
         }
-        let column = self.out.data.and_then(|(_, items)| {
-            items.iter().find_map(|item| match &item.kind {
-                DataItemKind::Time { column, unit } => Some((column, unit.as_ref())),
+        let mut items = self.out.data.iter().flat_map(|(_, items)| items.iter());
+        let told = items.find_map(|item| match &item.kind {
+            DataItemKind::Time { column, unit } => {
+                Some((column.text.as_str(), unit.as_ref(), column.site.0))
+            }
+            DataItemKind::Every(period) => match &period.kind {
+                ExpressionKind::Quantity(_, unit) => Some(("t", Some(unit), unit.site.0)),
                 _ => None,
-            })
+            },
+            _ => None,
         });
-        self.out.time = column;
-        let name = column.map_or("t", |(column, _)| column.text.as_str());
+        let (name, unit, span) = told.unwrap_or(("t", None, Span::default()));
+        self.out.time = told.map(|_| (name, unit));
         let name = if may_name(name) { name } else { "t" };
-        let span = column.map_or(Span::default(), |(column, _)| column.site.0);
         self.out.names.entry(name.to_string()).or_insert((Meaning::Time, span));
     }
 

@@ -1,5 +1,6 @@
 //! What the studio does with a spec: the commands' own functions, with news for the page.
 
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -130,14 +131,17 @@ impl Engine {
 
     fn stamp(&mut self) {
         let path = &self.studio.path;
-        let data = self.studio.held().and_then(|held| held.workspace.spec.data_path(None).ok());
-        self.stamps = FileStamps::of(path, data.as_deref());
+        self.stamps = FileStamps::of(path, &self.data_files());
     }
 
     /// Whether somebody else wrote the files since.
     pub(super) fn changed(&self) -> bool {
-        let data = self.studio.held().and_then(|held| held.workspace.spec.data_path(None).ok());
-        self.stamps != FileStamps::of(&self.studio.path, data.as_deref())
+        self.stamps != FileStamps::of(&self.studio.path, &self.data_files())
+    }
+
+    fn data_files(&self) -> Vec<PathBuf> {
+        let files = self.studio.held().and_then(|held| held.workspace.spec.data_files(None).ok());
+        files.unwrap_or_default()
     }
 
     /// The spec with its data, if these may be read.

@@ -32,15 +32,15 @@ pub(super) struct FileStamps(Vec<Option<(SystemTime, u64)>>);
 
 impl FileStamps {
     /// Of a spec, its model, its ledger and its data.
-    pub(super) fn of(spec: &Path, data: Option<&Path>) -> FileStamps {
+    pub(super) fn of(spec: &Path, data: &[PathBuf]) -> FileStamps {
         let stamp = |path: &Path| {
             let about = std::fs::metadata(path).ok()?;
             Some((about.modified().ok()?, about.len()))
         };
         let beside = ["model.json", "ledger.json"].map(|end| spec.with_extension(end));
-        let data = data.map(file_of);
-        let paths = [Some(spec), Some(&beside[0]), Some(&beside[1]), data.as_deref()];
-        FileStamps(paths.into_iter().map(|path| path.and_then(stamp)).collect())
+        let data = data.iter().map(|path| file_of(path));
+        let own = [spec.to_path_buf()].into_iter().chain(beside);
+        FileStamps(own.chain(data).map(|path| stamp(&path)).collect())
     }
 }
 
@@ -48,7 +48,7 @@ impl FileStamps {
 /// its folder. A text that is typed into a page gets no farther.
 pub(super) struct AllowedFolder {
     folder: PathBuf,
-    first: Option<PathBuf>,
+    first: Vec<PathBuf>,
 }
 
 impl AllowedFolder {
@@ -57,26 +57,22 @@ impl AllowedFolder {
             Some(parent) if !parent.as_os_str().is_empty() => parent,
             _ => Path::new("."),
         };
-        let first = Spec::open(spec).and_then(|spec| spec.data_path(None)).ok();
-        let first = first.map(|path| file_of(&path));
+        let first = Spec::open(spec).and_then(|spec| spec.data_files(None)).unwrap_or_default();
         AllowedFolder {
             folder: folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf()),
-            first: first.and_then(|path| path.canonicalize().ok()),
+            first: first.iter().filter_map(|path| file_of(path).canonicalize().ok()).collect(),
         }
     }
 
     /// # Errors
     /// The data lie elsewhere.
     pub(super) fn check(&self, spec: &Spec) -> Result<()> {
-        let Ok(path) = spec.data_path(None) else { return Ok(()) };
-        let path = file_of(&path);
-        // A file that is not there is for the reader to complain about, if it were inside.
-        let real = path.canonicalize().or_else(|_| match (path.parent(), path.file_name()) {
-            (Some(parent), Some(name)) => parent.canonicalize().map(|parent| parent.join(name)),
-            _ => Ok(path.clone()),
-        });
-        let inside = real.as_ref().is_ok_and(|path| path.starts_with(&self.folder));
-        if inside || real.is_ok() && real.ok() == self.first {
+        // A name for which there is no file, or a file that is not there, is for the reader to
+        // complain about, if it were inside.
+        let names = spec.named(None).unwrap_or_default();
+        let paths = spec.data_files(None);
+        let paths = paths.unwrap_or_else(|_| names.into_iter().map(|name| name.path).collect());
+        if paths.iter().all(|path| self.holds(&file_of(path))) {
             return Ok(());
         }
         Err(Error::new(
@@ -84,6 +80,14 @@ impl AllowedFolder {
             "the data lie outside the spec's folder, where the studio does not read",
             "copy them beside the spec, or start the studio anew with the spec as it is",
         ))
+    }
+
+    fn holds(&self, path: &Path) -> bool {
+        let real = path.canonicalize().or_else(|_| match (path.parent(), path.file_name()) {
+            (Some(parent), Some(name)) => parent.canonicalize().map(|parent| parent.join(name)),
+            _ => Ok(path.to_path_buf()),
+        });
+        real.is_ok_and(|path| path.starts_with(&self.folder) || self.first.contains(&path))
     }
 }
 

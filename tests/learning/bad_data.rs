@@ -12,6 +12,8 @@ fn mapping(run: Option<&str>, observables: &[&str]) -> Mapping {
         groups: Vec::new(),
         inputs: Vec::new(),
         time: None,
+        every: None,
+        file: None,
         run: run.map(str::to_string),
         observables: observables.iter().map(|name| ObservableMap::plain(*name)).collect(),
     }

@@ -14,6 +14,8 @@ fn mapping(run: Option<&str>, observables: &[&str]) -> Mapping {
         groups: Vec::new(),
         inputs: Vec::new(),
         time: None,
+        every: None,
+        file: None,
         run: run.map(str::to_string),
         observables: observables.iter().map(|name| ObservableMap::plain(*name)).collect(),
     }
@@ -100,6 +102,8 @@ fn runs_are_collected_converted_and_put_in_order() {
         groups: Vec::new(),
         inputs: Vec::new(),
         time: Some(ColumnMap { scale: 1e-3, ..ColumnMap::plain("t") }),
+        every: None,
+        file: None,
         run: Some("run".into()),
         observables: vec![
             ObservableMap {

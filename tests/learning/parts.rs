@@ -102,6 +102,8 @@ fn one_part_gives_the_bits_of_a_streamed_fit() {
         groups: Vec::new(),
         inputs: Vec::new(),
         time: None,
+        every: None,
+        file: None,
         run: Some("run".to_string()),
         observables: spec.observables().iter().map(ObservableMap::plain).collect(),
     };

@@ -226,6 +226,8 @@ fn asked(observables: &[&str]) -> Mapping {
         groups: Vec::new(),
         inputs: Vec::new(),
         time: None,
+        every: None,
+        file: None,
         run: Some("run".to_string()),
         observables: observables.iter().map(|name| ObservableMap::plain(*name)).collect(),
     }

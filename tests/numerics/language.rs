@@ -202,6 +202,7 @@ fn statement() -> impl Strategy<Value = Statement> {
     let data_item = prop_oneof![
         (column(), prop::option::of(unit_text()))
             .prop_map(|(column, unit)| DataItemKind::Time { column, unit }),
+        expression().prop_map(DataItemKind::Every),
         column().prop_map(DataItemKind::Run),
         Just(DataItemKind::Pairs),
         variable().prop_map(DataItemKind::NotMeasured),

@@ -79,7 +79,7 @@ fn columns_are_found_and_converted() {
          T = p_theta^2/2; V = span{ cos(theta), poly(q; 2) }",
     );
     assert_eq!(compiled.system.observed, Observed::Velocities);
-    let data = compiled.data.unwrap_or_else(|| panic!("a data statement"));
+    let data = compiled.data.into_iter().next().unwrap_or_else(|| panic!("a data statement"));
     assert_eq!(
         (data.file.as_str(), data.run.as_deref(), data.pairs),
         ("runs.csv", Some("trial"), true)

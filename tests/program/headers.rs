@@ -407,6 +407,21 @@ const HABITS: &[Habit] = &[
         commas,
         &["time Time [s]", "Position [m]"],
     ),
+    habit(
+        "a length and an angle",
+        "t [s],r [m],θ [rad]\n",
+        three,
+        &["coordinates r [m], θ [rad]", "p_θ [m^2/rad^2*rad/s]", "p_θ^2/(2 [m^2/rad^2])"],
+    ),
+    habit(
+        "points between thousands",
+        "t;x\n",
+        |at| {
+            let time = format!("{:.1}", time(at)).replace('.', ",");
+            format!("{time};1.{:03},{}", 100 + 5 * at, at % 10)
+        },
+        &["points between thousands (such as `1.100,0`) taken out", "coordinates x"],
+    ),
     habit("quoted names", "\"t\";\"x\";\"v\"\n", german, &["velocities  v"]),
     habit(
         "a phone",
@@ -433,7 +448,7 @@ const HABITS: &[Habit] = &[
         "no time at all",
         "x,v\n",
         |at| format!("{:.5},{:.5}", place(5 * at), speed(5 * at)),
-        &["time sample", "how many of it are a second?", "velocities  v"],
+        &["time sample", "How far apart are two samples?", "velocities  v"],
     ),
     habit(
         "columns of blanks",

@@ -21,6 +21,7 @@ mod measurements;
 mod measures;
 mod readme;
 mod real;
+mod records;
 mod report;
 mod side_by_side;
 mod situations;

@@ -116,14 +116,22 @@ pub(super) enum Why {
     Unknown,
 }
 
+/// The column that is made where no column is a time.
+const COUNT: &str = "sample";
+
 /// What the columns were taken for.
 pub(super) struct ColumnRoles<'a> {
     pub time: Named<'a>,
     /// Whether the time is a count of samples or pictures, or only rises as a time does.
     pub time_is: TimeIs,
+    /// Seconds from one sample to the next, and the line of the file that says so, where no column
+    /// holds the time.
+    pub every: Option<(f64, String)>,
     /// Whether the size of its numbers tells the unit of the time.
     pub unit_guessed: bool,
     pub run: Option<&'a Column>,
+    /// How many files there are, where a name means several: each is a run, or has runs of its own.
+    pub files: usize,
     /// Coordinate and its partner.
     pub pairs: Vec<(Named<'a>, Option<Named<'a>>)>,
     pub role: Partner,
@@ -144,6 +152,11 @@ pub(super) enum TimeIs {
 }
 
 impl<'a> ColumnRoles<'a> {
+    /// Whether no column holds the time, and rows are counted.
+    pub(super) fn is_counted(&self, table: &Table) -> bool {
+        table.reading.counted().is_some() && self.time.column.name == COUNT
+    }
+
     /// All columns of coordinates and of what goes with them.
     pub(super) fn used(&self) -> impl Iterator<Item = &Named<'a>> {
         self.pairs.iter().flat_map(|(q, v)| [Some(q), v.as_ref()]).flatten()
@@ -283,11 +296,18 @@ pub(super) fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
         time.unit = unit_of_date(table, time.column).map(str::to_string);
         unit_guessed = time.unit.is_some();
     }
+    let counted = table.reading.counted().filter(|_| time.column.name == COUNT);
+    let every = counted.and_then(|counted| counted.every.zip(counted.told_by.clone()));
+    if every.is_some() {
+        time.unit = Some("s".to_string());
+    }
     let mut roles = ColumnRoles {
         time,
+        every,
         unit_guessed,
         time_is,
         run,
+        files: 0,
         pairs,
         role,
         guessed,
@@ -318,11 +338,12 @@ pub(super) fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
         table.columns.iter().enumerate().map(|(at, c)| (c.header.as_str(), at)).collect();
     left.sort_by_key(|(named, _)| place.get(named.column.header.as_str()).copied());
     roles.left = left;
-    // A wrong cell is told now, not by the first fit.
-    let wrong = roles
-        .used()
-        .chain([&roles.time])
-        .filter_map(|named| table.numbers(named.column).err().map(|error| error.to_string()));
+    // A wrong cell is refused by `check` and by every fit, in these words; the spec stands until
+    // then.
+    let wrong = roles.used().chain([&roles.time]).chain(&roles.inputs).filter_map(|named| {
+        let error = table.numbers(named.column).err()?;
+        Some(format!("Before the first fit, put this right: {error}."))
+    });
     roles.wrong = wrong.collect();
     Ok(roles)
 }

@@ -104,6 +104,20 @@ fn unit_of(named: &Named) -> Option<String> {
     named.unit.as_deref().map(|unit| unit.replace("deg", "rad"))
 }
 
+/// The unit of the inertia of a coordinate, so that its energy is in the unit of that of the first:
+/// none where both are in one unit, or where a unit is too long to be squared.
+fn inertia(first: &str, own: &str) -> Option<String> {
+    let simple = |unit: &str| unit == "1" || unit.chars().all(char::is_alphabetic);
+    if first == own || !simple(first) || !simple(own) {
+        return None;
+    }
+    let squared = |unit: &str| if unit == "1" { unit.to_string() } else { format!("{unit}^2") };
+    Some(match own {
+        "1" => squared(first),
+        own => format!("{}/{own}^2", squared(first)),
+    })
+}
+
 /// The unit of time of the spec: the second where parts of it are in the file.
 fn unit_of_time(unit: &str) -> String {
     match unit {
@@ -130,8 +144,14 @@ pub(super) fn spec(
     taken.insert("t".to_string());
     let mut coordinates: Vec<Variable> = Vec::new();
     let mut seconds: Vec<Variable> = Vec::new();
+    let first_unit = roles.pairs.first().and_then(|(q, _)| unit_of(q)).filter(|_| all);
+    // Of each coordinate, where it is in another unit than the first.
+    let mut inertias: Vec<Option<String>> = Vec::new();
     for (q, v) in &roles.pairs {
         let unit = unit_of(q).filter(|_| all);
+        let other = first_unit.as_deref().zip(unit.as_deref());
+        let inertia = other.and_then(|(first, own)| inertia(first, own));
+        inertias.push(inertia.clone());
         let in_file = q.unit.clone().filter(|_| all);
         let name = word(&with_group(q, roles), &mut taken);
         let rate = unit.as_ref().zip(spec_time.as_ref()).map(|(q, t)| match q.as_str() {
@@ -152,7 +172,12 @@ pub(super) fn spec(
             // That of a velocity: the mass is a plain 1.
             None => {
                 let name = word(&format!("p_{name}"), &mut taken);
-                Variable { named: None, name, unit: rate, in_file: None }
+                // Times a moment of inertia, where that has a unit.
+                let unit = match inertia {
+                    Some(inertia) => rate.map(|rate| format!("{inertia}*{rate}")),
+                    None => rate,
+                };
+                Variable { named: None, name, unit, in_file: None }
             }
         };
         coordinates.push(Variable { named: Some(q), name, unit, in_file });
@@ -170,7 +195,11 @@ pub(super) fn spec(
     }
 
     let time = reference(&roles.time, table);
-    let mut items = format!("time {}{}", quoted(&time), bracketed(time_unit.as_ref()));
+    let unit = bracketed(time_unit.as_ref());
+    let mut items = match &roles.every {
+        Some((seconds, _)) => format!("every {}{unit}", data::format_number(*seconds)),
+        None => format!("time {}{unit}", quoted(&time)),
+    };
     if let Some(run) = roles.run {
         items.push_str(&format!("  run {}", quoted(&run.name)));
     }
@@ -193,7 +222,14 @@ pub(super) fn spec(
             _ => v.name.clone(),
         })
         .collect();
-    let kinetic: Vec<String> = momenta.iter().map(|p| format!("{p}^2/2")).collect();
+    let kinetic: Vec<String> = momenta
+        .iter()
+        .zip(&inertias)
+        .map(|(p, inertia)| match inertia {
+            Some(unit) if roles.role != Partner::Momentum => format!("{p}^2/(2 [{unit}])"),
+            _ => format!("{p}^2/2"),
+        })
+        .collect();
     let names: Vec<String> = coordinates.iter().map(|q| q.name.clone()).collect();
     let mut space = vec![format!("poly({}; 4)", names.join(", "))];
     for q in &coordinates {
@@ -251,7 +287,7 @@ pub(super) fn spec(
         seconds = list(&seconds),
         stated_inputs = stated_inputs(&inputs),
         path = file.replace('"', "'"),
-        time_question = time_question(roles),
+        time_question = time_question(roles, table),
         left = left_out(roles, style),
         kinetic = kinetic.join(" + "),
         space = space.join(", "),
@@ -272,13 +308,21 @@ fn with_group(named: &Named, roles: &ColumnRoles) -> String {
 }
 
 fn assumed(roles: &ColumnRoles, style: Style) -> Vec<String> {
-    let mut assumed = vec![match roles.time_is {
-        TimeIs::Named => format!("time is `{}`", roles.time.column.header),
-        TimeIs::Counted => format!("time is counted in steps of `{}`", roles.time.column.header),
-        TimeIs::Rising => format!("time is `{}`, because it rises", roles.time.column.header),
+    let mut assumed = vec![match (&roles.every, roles.time_is) {
+        (Some((seconds, _)), _) => {
+            format!("samples are {} s apart", data::format_number(*seconds))
+        }
+        (None, TimeIs::Named) => format!("time is `{}`", roles.time.column.header),
+        (None, TimeIs::Counted) => {
+            format!("time is counted in steps of `{}`", roles.time.column.header)
+        }
+        (None, TimeIs::Rising) => {
+            format!("time is `{}`, because it rises", roles.time.column.header)
+        }
     }];
     match roles.run {
         Some(run) => assumed.push(format!("`{}` tells the runs apart", run.header)),
+        None if roles.files > 0 => assumed.push(format!("{} files are a run each", roles.files)),
         None => assumed.push("all rows are one run".to_string()),
     }
     for (q, v) in &roles.pairs {
@@ -309,8 +353,17 @@ fn comments<'a>(lines: impl Iterator<Item = &'a str>) -> String {
 }
 
 /// What is asked about the time.
-fn time_question(roles: &ColumnRoles) -> String {
+fn time_question(roles: &ColumnRoles, table: &Table) -> String {
     let header = data::visible(&roles.time.column.header);
+    if let Some((_, line)) = &roles.every {
+        return format!("# How far apart samples are is told by the line `{line}`. Is that so?\n");
+    }
+    if roles.is_counted(table) {
+        return format!(
+            "# No column holds the time. How far apart are two samples? Write it in the place of\n\
+             # `time {header}`, as in `every 10 [ms]`; until then the unit of time is one step.\n"
+        );
+    }
     match (roles.time_is, &roles.time.unit) {
         (_, Some(unit)) if roles.unit_guessed => format!(
             "# `{header}` has no unit; its numbers are as large as dates are in [{unit}]. Is that so?\n"

@@ -162,17 +162,17 @@ pub(super) fn parted(path: &Path) -> (PathBuf, Option<String>) {
 /// Bytes that a file may hold once it is decompressed, at most: measurements shrink to a twentieth
 /// at best, columns that never change to a thousandth. More is a file that was made to fill the
 /// memory.
-fn most_inflated(bytes: &[u8]) -> u64 {
+pub(super) fn most_inflated(bytes: &[u8]) -> u64 {
     const FREELY: u64 = 64 << 20;
     const TIMES: u64 = 100;
     FREELY + TIMES * bytes.len() as u64
 }
 
 /// It holds more than that.
-const INFLATED: &str = "it holds over a hundred times more than its size";
+pub(super) const INFLATED: &str = "it holds over a hundred times more than its size";
 
 /// SHA-256 of a file's bytes, in hexadecimal digits.
-fn digest(bytes: &[u8]) -> String {
+pub(super) fn digest(bytes: &[u8]) -> String {
     format!("{:x}", Sha256::digest(bytes))
 }
 
@@ -182,12 +182,12 @@ fn contains(bytes: &[u8], what: &[u8]) -> bool {
 }
 
 /// The file ends before it should.
-fn cut_off(path: &Path) -> Error {
+pub(super) fn cut_off(path: &Path) -> Error {
     let hint = "copy it again, or close the program that writes it";
     wrong(path, None, None, "the file is cut off: it ends in the middle of the measurements", hint)
 }
 
-fn damaged(path: &Path, what: &str) -> Error {
+pub(super) fn damaged(path: &Path, what: &str) -> Error {
     let hint = "copy it again, or export the measurements again";
     wrong(path, None, None, format!("the file is damaged ({what})"), hint)
 }

@@ -55,8 +55,8 @@ pub struct Compiled {
     pub energy_unit: Option<Unit>,
     /// Unit of time, where it is known.
     pub time_unit: Option<Unit>,
-    /// Where the measurements are, if the spec says so.
-    pub data: Option<DataColumns>,
+    /// Where the measurements are: what each `data` statement says.
+    pub data: Vec<DataColumns>,
     /// The user's own effects, which are no part of the system until they are added.
     pub candidates: Vec<candidates::DeclaredCandidate>,
     /// Warnings and notes, in the order of the text.

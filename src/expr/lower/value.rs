@@ -17,7 +17,10 @@ pub(super) struct Value {
 
 impl Lowering<'_> {
     /// A number, its unit and its place; `None` after a diagnostic.
-    pub(super) fn number(&mut self, expression: &Expression) -> Option<(f64, Option<Unit>, Span)> {
+    pub(in crate::expr) fn number(
+        &mut self,
+        expression: &Expression,
+    ) -> Option<(f64, Option<Unit>, Span)> {
         let context = std::mem::replace(&mut self.context, Context::Number);
         let value = self.value(expression);
         self.context = context;

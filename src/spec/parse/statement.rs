@@ -238,17 +238,22 @@ fn data(input: Tokens) -> Parsed<StatementKind> {
     }
 }
 
-/// data_item = "time" , column , [ unit ] | "run" , column | "pairs"
+/// data_item = "time" , column , [ unit ] | "every" , expression | "run" , column | "pairs"
 ///           | variable , ( "=" , column , [ unit ] | "not" , "measured" ) ;
 fn data_item(input: Tokens) -> Parsed<DataItem> {
     let word = input.first().map_or("", |token| token.text);
     // A column may be called `"="`, in quotes.
     let assigned =
         input.rest.get(1).is_some_and(|token| token.kind == TokenKind::Mark && token.text == "=");
+    let unmeasured = input.rest.get(1).is_some_and(|token| token.text == "not");
     let (rest, kind) = match word {
         "time" if !assigned => {
             let (rest, ((), column, unit)) = (keyword("time"), column, opt(unit)).parse(input)?;
             (rest, DataItemKind::Time { column, unit })
+        }
+        "every" if !assigned && !unmeasured => {
+            let (rest, period) = preceded(keyword("every"), cut(expression)).parse(input)?;
+            (rest, DataItemKind::Every(period))
         }
         "run" if !assigned => {
             let (rest, column) = preceded(keyword("run"), column).parse(input)?;

@@ -1,7 +1,7 @@
 // The spec's text with numbers of lines, colours and what is wrong with it, in place.
 "use strict";
 globalThis.leverrierEditor = (() => {
-  const WORDS = "system|coordinates|momenta|velocities|time|data|param|body|effect|force|sensor|constrain|candidates|constant|for|in|span|pairs|run|noise";
+  const WORDS = "system|coordinates|momenta|velocities|time|data|param|body|effect|force|sensor|constrain|candidates|constant|for|in|span|pairs|run|every|noise";
   const TOKENS = new RegExp([
     "(?<comment>#.*)", "(?<string>\"[^\"\\n]*\"?)", "(?<unit>\\[[a-zA-Z][^\\]\\n]*\\])",
     `(?<keyword>\\b(?:${WORDS})\\b|\\b[TVH](?=\\s*=))`,
