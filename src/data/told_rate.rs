@@ -64,7 +64,7 @@ pub(super) fn seconds_between(line: &str) -> Option<f64> {
         let part = |c: char| !(c.is_alphanumeric() || matches!(c, '.' | '+' | '-'));
         let mut number = None;
         let mut unit = None;
-        for piece in rest.replace(',', ".").split(part).filter(|piece| !piece.is_empty()) {
+        for piece in decimal_points(rest).split(part).filter(|piece| !piece.is_empty()) {
             let digits = piece.trim_end_matches(char::is_alphabetic);
             number = number.or_else(|| piece.parse().or_else(|_| digits.parse::<f64>()).ok());
             let behind = piece.get(digits.len()..).unwrap_or_default();
@@ -75,6 +75,19 @@ pub(super) fn seconds_between(line: &str) -> Option<f64> {
         let seconds = if told == Told::Rate { 1.0 / value } else { value };
         (seconds.is_finite() && seconds > 0.0).then_some(seconds)
     })
+}
+
+/// A text with a point for each comma between two digits; any other comma separates.
+fn decimal_points(text: &str) -> String {
+    let characters: Vec<char> = text.chars().collect();
+    let digit =
+        |at: Option<usize>| at.and_then(|at| characters.get(at)).is_some_and(char::is_ascii_digit);
+    let of = |(at, &c): (usize, &char)| match c {
+        ',' if digit(at.checked_sub(1)) && digit(Some(at + 1)) => '.',
+        ',' => ' ',
+        c => c,
+    };
+    characters.iter().enumerate().map(of).collect()
 }
 
 #[cfg(test)]
@@ -90,6 +103,7 @@ mod tests {
             ("Abtastrate\t50,0 Hz", Some(0.02)),
             ("dt=0.25", Some(0.25)),
             ("SampleRate [Hz],100", Some(0.01)),
+            ("Sample rate,100,Hz", Some(0.01)),
             ("delta_t: 5e-3 s", Some(0.005)),
             ("video at 25 fps", None),
             ("width 3", None),
