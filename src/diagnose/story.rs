@@ -209,10 +209,14 @@ impl<'a> Story<'a> {
     }
 
     /// Holds a story of several changes that were found together against longer and longer segments
-    /// as long as it leaves noise.
+    /// as long as it leaves noise. Of stories that follow whole runs that is told which leaves
+    /// least: none may be behind for having been fitted to shorter segments.
     pub(super) fn hold_together(&mut self, question: &Question<'a, '_>) {
         self.measure_noise(question);
         self.grow(question);
+        if self.explains {
+            self.refit();
+        }
         let law = self.model.law.clone();
         self.take_numbers(&law);
     }
