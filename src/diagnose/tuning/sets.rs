@@ -26,6 +26,10 @@ pub struct Sets {
     /// Points between two of a grid of one number: a drive that is off by the distance of two is
     /// out of step at the end of a run, which looks like something that drifts.
     pub between: usize,
+    /// Times that the members of the best set are moved between the points of their grids,
+    pub sharpened: usize,
+    /// and how often the distance of these is divided then.
+    pub divisions: usize,
     /// Sets that each move of the search goes on from.
     pub beam: usize,
     /// Moves that follow one another, at most.

@@ -119,6 +119,8 @@ const TUNING: Tuning = Tuning {
         named: 800,
         points: 30,
         between: 3,
+        sharpened: 2,
+        divisions: 3,
         beam: 12,
         rounds: 14,
         kept: 400,

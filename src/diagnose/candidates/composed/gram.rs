@@ -31,7 +31,9 @@ pub(super) type Known = (DVector<f64>, f64);
 /// Columns that sets are made of.
 pub(super) struct Pool<'a> {
     members: Vec<PoolMember>,
-    /// Inner products of all columns, each brought to length 1.
+    /// All columns, each brought to length 1.
+    design: DMatrix<f64>,
+    /// Their inner products.
     gram: DMatrix<f64>,
     /// Their inner products with what is to be explained.
     heights: DVector<f64>,
@@ -65,26 +67,54 @@ impl<'a> Pool<'a> {
         rows: usize,
         tuning: &'a tuning::Sets,
     ) -> Pool<'a> {
-        let mut list = Vec::with_capacity(members.len());
+        let nothing = Pool {
+            members: Vec::new(),
+            design: DMatrix::zeros(target.len(), 0),
+            gram: DMatrix::zeros(0, 0),
+            heights: DVector::zeros(0),
+            norms: Vec::new(),
+            limits: Vec::new(),
+            squares: target.norm_squared(),
+            rows,
+            tuning,
+        };
+        nothing.with(members, target)
+    }
+
+    /// The same with more members, which come last.
+    pub(super) fn with(
+        mut self,
+        members: Vec<(usize, f64, Vec<Known>)>,
+        target: &DVector<f64>,
+    ) -> Pool<'a> {
+        let before = self.norms.len();
         let mut columns: Vec<DVector<f64>> = Vec::new();
-        let (mut norms, mut limits) = (Vec::new(), Vec::new());
         for (kind, price, own) in members {
-            list.push(PoolMember { first: columns.len(), count: own.len(), price, kind });
+            let first = before + columns.len();
+            self.members.push(PoolMember { first, count: own.len(), price, kind });
             for (column, limit) in own {
                 let norm = column.norm();
-                norms.push(norm);
-                limits.push(limit * norm);
+                self.norms.push(norm);
+                self.limits.push(limit * norm);
                 columns.push(if norm > 0.0 { column / norm } else { column });
             }
         }
-        let (gram, heights) = if columns.is_empty() {
-            (DMatrix::zeros(0, 0), DVector::zeros(0))
-        } else {
-            let design = DMatrix::from_columns(&columns);
-            (design.transpose() * &design, design.tr_mul(target))
-        };
-        let squares = target.norm_squared();
-        Pool { members: list, gram, heights, norms, limits, squares, rows, tuning }
+        if columns.is_empty() {
+            return self;
+        }
+        let (count, all) = (columns.len(), before + columns.len());
+        let added = DMatrix::from_columns(&columns);
+        let own = added.tr_mul(&added);
+        let crossed = self.design.tr_mul(&added);
+        let mut gram = self.gram.resize(all, all, 0.0);
+        gram.view_mut((before, before), (count, count)).copy_from(&own);
+        gram.view_mut((0, before), (before, count)).copy_from(&crossed);
+        gram.view_mut((before, 0), (count, before)).copy_from(&crossed.transpose());
+        let mut heights = self.heights.resize_vertically(all, 0.0);
+        heights.rows_mut(before, count).copy_from(&added.tr_mul(target));
+        let mut design = self.design.resize_horizontally(all, 0.0);
+        design.columns_mut(before, count).copy_from(&added);
+        Pool { design, gram, heights, ..self }
     }
 
     fn columns(&self, set: &[usize]) -> Vec<usize> {
@@ -328,7 +358,8 @@ mod tests {
         all
     }
 
-    fn found(truth: &[(usize, f64)], noise: f64, seed: u64) -> (FoundSet, Vec<f64>) {
+    /// All columns with what is made of some of them, each times a number, and noise.
+    fn drawn(truth: &[(usize, f64)], noise: f64, seed: u64) -> (Vec<DVector<f64>>, DVector<f64>) {
         let mut generator = Pcg64::seed_from_u64(seed);
         let all = columns(60, &mut generator);
         let mut target: DVector<f64> =
@@ -337,10 +368,19 @@ mod tests {
         for &(at, coefficient) in truth {
             target.axpy(coefficient, &all[at], 1.0);
         }
-        let members =
-            all.into_iter().enumerate().map(|(kind, one)| (kind, 10.0, vec![(one, f64::INFINITY)]));
+        (all, target)
+    }
+
+    /// Columns as members, known up to a coefficient.
+    fn members(all: &[DVector<f64>], limit: f64) -> Vec<(usize, f64, Vec<Known>)> {
+        let member = |(kind, one): (usize, &DVector<f64>)| (kind, 10.0, vec![(one.clone(), limit)]);
+        all.iter().enumerate().map(member).collect()
+    }
+
+    fn found(truth: &[(usize, f64)], noise: f64, seed: u64) -> (FoundSet, Vec<f64>) {
+        let (all, target) = drawn(truth, noise, seed);
         let tuning = Tuning::default();
-        let pool = Pool::of(members.collect(), &target, ROWS, &tuning.sets);
+        let pool = Pool::of(members(&all, f64::INFINITY), &target, ROWS, &tuning.sets);
         let best = pool.search(&[]).swap_remove(0);
         let values = pool.coefficients(&best.members).expect("columns that stand apart");
         (best, values.into_iter().flatten().collect())
@@ -371,5 +411,41 @@ mod tests {
         for seed in 0..20 {
             assert!(found(&[], 1.0, seed).0.members.is_empty(), "seed {seed}");
         }
+    }
+
+    #[test]
+    fn the_search_may_begin_with_any_set() {
+        let tuning = Tuning::default();
+        for seed in 0..4 {
+            let (all, target) = drawn(&[(3, 2.0), (17, -1.0), (40, 0.5)], 0.3, seed);
+            let pool = Pool::of(members(&all, f64::INFINITY), &target, ROWS, &tuning.sets);
+            for standing in [vec![50, 17, 2], vec![61], vec![40, 3]] {
+                let best = pool.search(&standing).swap_remove(0);
+                assert_eq!(best.members, [3, 17, 40], "seed {seed} from {standing:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn no_coefficient_is_larger_than_its_column_is_known_for() {
+        let tuning = Tuning::default();
+        let (all, target) = drawn(&[(3, 2.0), (17, -1.0)], 0.3, 1);
+        let pool = Pool::of(members(&all, 1.5), &target, ROWS, &tuning.sets);
+        for one in pool.search(&[]) {
+            let values = pool.coefficients(&one.members).expect("columns that stand apart");
+            assert!(values.iter().flatten().all(|value| value.abs() <= 1.5), "{values:?}");
+        }
+    }
+
+    #[test]
+    fn members_may_be_added_to_a_pool() {
+        let tuning = Tuning::default();
+        let (all, target) = drawn(&[(3, 2.0), (17, -1.0)], 0.3, 1);
+        let mut first = members(&all, f64::INFINITY);
+        let second = first.split_off(25);
+        let whole = Pool::of(members(&all, f64::INFINITY), &target, ROWS, &tuning.sets);
+        let parts = Pool::of(first, &target, ROWS, &tuning.sets).with(second, &target);
+        assert!((whole.gram - parts.gram).amax() < 1e-12);
+        assert!((whole.heights - parts.heights).amax() < 1e-9);
     }
 }

@@ -8,8 +8,8 @@
 //!    the order of their description length; each distinct one is scored.
 //! 4. `refine`: the inner numbers of the leaders.
 //! 5. `front`: one or two terms, price against what is left;
-//! 6. `sets`: composed terms beside named candidates (`named`), any number of them chosen together
-//!    on one Gram matrix (`gram`).
+//! 6. `sets`: composed terms beside named candidates (`named`, `entries`), any number of them
+//!    chosen together on one Gram matrix (`gram`).
 //!
 //! The scores are of first order, and a large misfit is not linear in what causes it. So leaders
 //! are first fitted in full, together, until the model follows the data; around that motion, what
@@ -19,8 +19,10 @@
 mod actions;
 mod around;
 mod course;
+mod entries;
 mod enumerate;
 mod expression;
+mod first_order;
 mod front;
 mod gram;
 mod leaves;

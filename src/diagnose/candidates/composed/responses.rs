@@ -73,12 +73,6 @@ pub(super) struct Response {
     pub(super) heights: DVector<f64>,
 }
 
-impl Response {
-    pub(super) fn parts(self) -> (DVector<f64>, DVector<f64>) {
-        (self.column, self.heights)
-    }
-}
-
 /// Points from sample to sample, at least: Simpson's rule takes them in twos.
 const PANEL: usize = 2;
 

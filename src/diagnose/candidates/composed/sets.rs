@@ -4,17 +4,16 @@
 //! stand side by side in one `Pool`, and sets of them are chosen there. The best are handed on
 //! to be fitted in full; around the motion of the best of these, all is asked again.
 
-use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
-
-use super::actions::{Action, Channels};
+use super::actions::Action;
 use super::around::linear;
+use super::entries::{Change, Entry, Motion};
 use super::enumerate::enumerate;
 use super::expression::Composed;
+use super::first_order::{first_order, unknowns};
 use super::gram::{FoundSet, Pool};
 use super::leaves::Leaves;
 use super::library::Library;
-use super::named::{NamedAction, at_all_points, finer};
+use super::named::at_all_points;
 use super::refine::refined_leaders;
 use super::responses::Responses;
 use super::search::Search;
@@ -25,7 +24,7 @@ use crate::diagnose::law_on_data::LawOnData;
 use crate::diagnose::settling::{Settled, settle};
 use crate::diagnose::tuning::{self, Tuning};
 use crate::error::Result;
-use crate::expr::{ParameterId, Scope, System, TermId};
+use crate::expr::{Scope, System};
 use crate::fit::column::Column;
 use crate::fit::{Law, Monitor};
 
@@ -50,15 +49,6 @@ pub struct ProposedSet {
     pub members: Vec<Proposed>,
     /// The model as it is, with the numbers that it has beside them to first order.
     pub law: Law,
-}
-
-/// What a member of a set is.
-#[derive(Clone, PartialEq)]
-enum Change {
-    /// A candidate, by its place in the list.
-    Named(usize),
-    /// A composed term.
-    Composed(Composed),
 }
 
 /// A motion that candidates are judged around.
@@ -188,13 +178,35 @@ impl<'a, 'b> SetSearch<'a, 'b> {
                 Change::Composed(term) => terms.push(term.with_numbers(inner)),
             }
         }
-        let mut entries = self.named(&search, &law, &fitted);
-        entries.extend(self.composed(&search, &terms));
-        let pool = self.pool(&search.responses, &entries);
+        let motion = Motion {
+            search: &search,
+            law: &law,
+            candidates: self.candidates,
+            spreads: &self.spreads,
+            tuning: &self.tuning.sets,
+        };
+        let mut entries = motion.named(&fitted);
+        entries.extend(motion.composed(&terms));
         let changes = around.iter().flat_map(|around| &around.changes);
         let standing: Vec<usize> =
             changes.filter_map(|change| self.nearest(change, &entries)).collect();
-        let found = pool.search(&standing);
+        let mut pool = motion.pool(&entries);
+        let mut found = pool.search(&standing);
+        for _ in 0..self.tuning.sets.sharpened {
+            let Some(best) = found.first() else { break };
+            let sharp = motion.sharpened(&entries, &best.members);
+            if sharp.is_empty() {
+                break;
+            }
+            let in_place = |&at: &usize| {
+                let same = sharp.iter().position(|one| one.kind == entries[at].kind);
+                same.map_or(at, |place| entries.len() + place)
+            };
+            let standing: Vec<usize> = best.members.iter().map(in_place).collect();
+            pool = motion.pool_with(pool, &sharp);
+            entries.extend(sharp);
+            found = pool.search(&standing);
+        }
         let mut sets = Vec::new();
         for one in found.iter().filter(|one| !one.members.is_empty()) {
             let Some(members) = self.written(scope, &pool, &entries, one)? else { continue };
@@ -310,110 +322,6 @@ impl<'a, 'b> SetSearch<'a, 'b> {
         all
     }
 
-    /// Named candidates with their columns: the best points of their grids, and those `fitted`.
-    fn named(&self, search: &Search, law: &Law, fitted: &[(usize, Vec<f64>)]) -> Vec<Entry> {
-        let tuning = &self.tuning.sets;
-        let responses = &search.responses;
-        let (points, channels) = (&responses.points, responses.channels);
-        let rows = (responses.rows.max(2) as f64).ln();
-        let target = responses.target();
-        let of = |(place, candidate): (usize, &Candidate)| {
-            let mut grid = finer(&candidate.grid, tuning.between);
-            grid.extend(fitted.iter().filter(|(at, _)| *at == place).map(|(_, own)| own.clone()));
-            let found = at_all_points(candidate, &grid, law, points, channels);
-            let choices = (candidate.grid.len().max(1) as f64).ln();
-            let entry = |one: NamedAction| {
-                let (columns, heights): (Vec<DVector<f64>>, Vec<DVector<f64>>) =
-                    one.actions.iter().map(|action| responses.response(action).parts()).unzip();
-                let unknowns = match candidate.number() {
-                    Some(_) => 1.0,
-                    None => (columns.len() + one.values.len()) as f64,
-                };
-                let limits = match candidate.number() {
-                    Some(number) => vec![tuning.linear * number.value.abs()],
-                    None => one.actions.iter().map(|action| self.limit(action, channels)).collect(),
-                };
-                Entry {
-                    kind: place,
-                    limits,
-                    price: candidate.choice + choices + 0.5 * unknowns * rows,
-                    fall: fall(&columns, &target),
-                    columns,
-                    heights,
-                    change: Change::Named(place),
-                    values: one.values,
-                }
-            };
-            let mut own: Vec<Entry> =
-                found.into_iter().map(entry).filter(|one| one.fall > 0.0).collect();
-            own.sort_by(|a, b| b.fall.total_cmp(&a.fall));
-            own.truncate(tuning.points);
-            own.into_iter().enumerate().collect::<Vec<_>>()
-        };
-        let mut all: Vec<(usize, Entry)> =
-            self.candidates.par_iter().enumerate().flat_map_iter(of).collect();
-        // The best point of each comes first.
-        all.sort_by(|(a, one), (b, other)| {
-            (*a > 0).cmp(&(*b > 0)).then(other.fall.total_cmp(&one.fall))
-        });
-        all.truncate(tuning.named);
-        all.into_iter().map(|(_, entry)| entry).collect()
-    }
-
-    /// Composed terms with their columns.
-    fn composed(&self, search: &Search, terms: &[Composed]) -> Vec<Entry> {
-        let responses = &search.responses;
-        let rows = (responses.rows.max(2) as f64).ln();
-        let target = responses.target();
-        let of = |(place, term): (usize, &Composed)| {
-            let action = term.action(&search.jets.nodes, responses.channels);
-            let (column, heights) = responses.response(&action).parts();
-            let (columns, heights) = (vec![column], vec![heights]);
-            let unknowns = 1.0 + term.inner().len() as f64;
-            // Forms that differ in their numbers alone are of one kind.
-            let form = terms[..place].iter().position(|other| other.has_form_of(term));
-            Entry {
-                limits: vec![self.limit(&action, responses.channels)],
-                kind: self.candidates.len() + form.unwrap_or(place),
-                price: term.price + 0.5 * unknowns * rows,
-                fall: fall(&columns, &target),
-                columns,
-                heights,
-                change: Change::Composed(term.clone()),
-                values: term.numbers(),
-            }
-        };
-        let all = terms.par_iter().enumerate().map(of);
-        all.filter(|entry| entry.fall > 0.0).collect()
-    }
-
-    /// The largest coefficient with which an action says what it does: what a sensor shows beside
-    /// the truth bends the motion that follows from it, unless it is small beside that motion.
-    fn limit(&self, action: &Action, channels: Channels) -> f64 {
-        let of = |channel: &usize| channels.sensed(*channel);
-        let Some(observables) = action.channels.iter().map(of).collect::<Option<Vec<usize>>>()
-        else {
-            return f64::INFINITY;
-        };
-        let count = (action.values.len() / observables.len().max(1)).max(1);
-        let ratios =
-            observables.iter().zip(action.values.chunks(count)).map(|(&observable, shown)| {
-                let mean = shown.iter().sum::<f64>() / count as f64;
-                let squares: f64 = shown.iter().map(|x| (x - mean).powi(2)).sum();
-                let spread = self.spreads.get(observable).copied().unwrap_or(f64::INFINITY);
-                spread / (squares / count as f64).sqrt()
-            });
-        self.tuning.sets.linear * ratios.fold(f64::INFINITY, f64::min)
-    }
-
-    fn pool(&self, responses: &Responses, entries: &[Entry]) -> Pool<'a> {
-        let members = entries.iter().map(|one| {
-            let columns = one.columns.iter().cloned().zip(one.limits.iter().copied());
-            (one.kind, one.price, columns.collect())
-        });
-        Pool::of(members.collect(), &responses.target(), responses.rows, &self.tuning.sets)
-    }
-
     /// A set as changes to a spec, each in the scope of those before it; `None` where the language
     /// does not take a term beside the others, or where they nearly span one another.
     fn written(
@@ -469,92 +377,6 @@ impl<'a, 'b> SetSearch<'a, 'b> {
             all.push(Proposed { effect, inner, price, named, change });
         }
         Ok(Some(all))
-    }
-}
-
-/// Something that a set may have.
-struct Entry {
-    kind: usize,
-    price: f64,
-    columns: Vec<DVector<f64>>,
-    /// What the model's unknowns would have to take over of each.
-    heights: Vec<DVector<f64>>,
-    /// The largest coefficients of these to which first order says anything.
-    limits: Vec<f64>,
-    /// By how much the squares fall with it alone.
-    fall: f64,
-    change: Change,
-    /// Its inner numbers.
-    values: Vec<f64>,
-}
-
-/// One of the unknowns of a law.
-#[derive(Clone, Copy)]
-enum Unknown {
-    Coefficient(TermId),
-    Inner(ParameterId),
-}
-
-/// The unknowns of a law at some columns.
-fn unknowns(law: &Law, columns: &[Column]) -> Vec<Unknown> {
-    let dynamics = law.dynamics();
-    let terms = dynamics.active().iter().map(|&id| Unknown::Coefficient(id));
-    let inner = dynamics.parameters().iter().map(|&id| Unknown::Inner(id));
-    let all: Vec<Unknown> = terms.chain(inner).collect();
-    columns.iter().filter_map(|column| all.get(column.position()).copied()).collect()
-}
-
-/// A law with the numbers that its `unknowns` have to first order beside a set.
-fn first_order(
-    responses: &Responses,
-    pool: &Pool,
-    entries: &[Entry],
-    set: &FoundSet,
-    law: &Law,
-    unknowns: &[Unknown],
-) -> Result<Law> {
-    let coefficients = pool.coefficients(&set.members).unwrap_or_default();
-    let mut added = responses.no_heights();
-    for (&at, own) in set.members.iter().zip(coefficients) {
-        for (coefficient, heights) in own.iter().zip(&entries[at].heights) {
-            added.axpy(*coefficient, heights, 1.0);
-        }
-    }
-    let mut moved = law.clone();
-    for (place, change) in responses.unknowns_beside(&added) {
-        match unknowns.get(place) {
-            Some(&Unknown::Coefficient(id)) => {
-                let value = law.coefficient(id).unwrap_or(0.0);
-                moved = moved.with_term(id, value + change)?;
-            }
-            Some(&Unknown::Inner(id)) => {
-                let bounds = law.system().parameter(id).map(|parameter| parameter.bounds);
-                let value = law.parameter(id).zip(bounds);
-                let value = value.map(|(value, bounds)| (id, bounds.clamp(value + change)));
-                moved = moved.with_parameters(value);
-            }
-            None => {}
-        }
-    }
-    Ok(moved)
-}
-
-/// By how much the squares fall with some columns; 0 where they span one another.
-fn fall(columns: &[DVector<f64>], target: &DVector<f64>) -> f64 {
-    let norms: Vec<f64> = columns.iter().map(|column| column.norm()).collect();
-    if norms.iter().any(|norm| !(*norm > 0.0 && norm.is_finite())) {
-        return 0.0;
-    }
-    match columns {
-        [one] => (one.dot(target) / norms[0]).powi(2),
-        _ => {
-            let count = columns.len();
-            let gram = DMatrix::from_fn(count, count, |i, j| {
-                columns[i].dot(&columns[j]) / norms[i] / norms[j]
-            });
-            let heights = DVector::from_fn(count, |i, _| columns[i].dot(target) / norms[i]);
-            gram.cholesky().map_or(0.0, |factor| factor.solve(&heights).dot(&heights))
-        }
     }
 }
 

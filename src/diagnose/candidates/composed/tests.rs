@@ -121,3 +121,28 @@ fn what_terms_do_is_explained_again_where_it_is_restored() {
     assert!(left(&quartic) < 1e-3, "{}", left(&quartic));
     assert!(left(&term(Place::Potential, &[(0, "{x}^6", 0.0)])) > 1e-2);
 }
+
+#[test]
+fn the_numbers_of_the_model_move_to_first_order_with_a_term() {
+    let text = "coordinates q\nmomenta p\nT = p^2/2\nV = span{ q^2, q^4 }\n";
+    let truth = "coordinates q\nmomenta p\nT = p^2/2\nV = 0.502*q^2 + 0.253*q^4 + 0.002*q^6\n";
+    let data = measured(truth);
+    let system = build("model", text).expect("a spec").system;
+    let ids = system.term_ids();
+    let terms = vec![(ids[0], 0.5), (ids[1], 0.25)];
+    let known = Law::known(build("model", PENDULUM).expect("a spec").system).expect("a law");
+    let how = (known.stepping(), 16);
+    let law = Law::new(system, terms, Vec::new(), vec![1e-3; 2], how).expect("a law");
+    let options = Options::default();
+    let settled = settle(LawOnData::of(law, &data, &options));
+    let leaves = Leaves::of(settled.model.system(), &options.tuning.composed);
+    let search = Search::of(&settled, &leaves, &Column::all(2).collect::<Vec<_>>(), 0.06, &[]);
+    let responses = &search.responses;
+    let sixth = term(Place::Potential, &[(0, "{x}^6", 0.0)]);
+    let response = responses.response(&sixth.action(&search.jets.nodes, responses.channels));
+    let size = response.column.dot(&responses.target()) / response.column.norm_squared();
+    assert!((size / 0.002 - 1.0).abs() < 0.05, "{size}");
+    let changes = responses.unknowns_beside(&(size * response.heights));
+    let [(0, square), (1, fourth)] = changes[..] else { panic!("{changes:?}") };
+    assert!((square - 0.002).abs() < 2e-4 && (fourth - 0.003).abs() < 3e-4, "{changes:?}");
+}
