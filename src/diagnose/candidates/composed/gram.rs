@@ -104,8 +104,9 @@ impl<'a> Pool<'a> {
         }
         let (count, all) = (columns.len(), before + columns.len());
         let added = DMatrix::from_columns(&columns);
-        let own = added.tr_mul(&added);
-        let crossed = self.design.tr_mul(&added);
+        // `tr_mul` takes one inner product after another; a product of matrices is blocked.
+        let own = added.transpose() * &added;
+        let crossed = self.design.transpose() * &added;
         let mut gram = self.gram.resize(all, all, 0.0);
         gram.view_mut((before, before), (count, count)).copy_from(&own);
         gram.view_mut((0, before), (before, count)).copy_from(&crossed);

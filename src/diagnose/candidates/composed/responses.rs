@@ -205,13 +205,13 @@ impl Responses {
             let nodes = segment.nodes;
             segment.target -= &segment.base * &heights;
             segment.gain = segment.design.tr_mul(&segment.target);
-            segment.shadow = segment.design.tr_mul(&segment.base);
+            segment.shadow = segment.design.transpose() * &segment.base;
             let moving = segment.design.columns(0, channels.moving() * nodes);
-            segment.information = moving.tr_mul(&moving);
+            segment.information = moving.transpose() * moving;
             let of = |observable: usize| {
                 let first = channels.sensor(observable) * nodes;
                 let columns = segment.design.columns(first, nodes);
-                columns.tr_mul(&columns)
+                columns.transpose() * columns
             };
             segment.of_sensors = (0..2 * channels.degrees).map(of).collect();
         });
