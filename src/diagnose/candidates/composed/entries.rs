@@ -52,15 +52,18 @@ pub(super) struct Motion<'s, 't> {
 }
 
 impl<'t> Motion<'_, 't> {
-    /// Named candidates: the best points of their grids, and those `fitted`.
+    /// Named candidates: those `fitted`, and the best points of their grids. What was fitted beside
+    /// others need not explain much alone.
     pub(super) fn named(&self, fitted: &[(usize, Vec<f64>)]) -> Vec<Entry> {
         let of = |place: usize| {
-            let mut grid = finer(&self.candidates[place].grid, self.tuning.between);
-            grid.extend(fitted.iter().filter(|(at, _)| *at == place).map(|(_, own)| own.clone()));
-            let mut own = self.at_points(place, &grid);
+            let stand = fitted.iter().filter(|(at, own)| *at == place && !own.is_empty());
+            let stand: Vec<Vec<f64>> = stand.map(|(_, own)| own.clone()).collect();
+            let stand = self.at_points(place, &stand).into_iter().map(|entry| (0, entry));
+            let mut own =
+                self.at_points(place, &finer(&self.candidates[place].grid, self.tuning.between));
             own.sort_by(|a, b| b.fall.total_cmp(&a.fall));
             own.truncate(self.tuning.points);
-            own.into_iter().enumerate().collect::<Vec<_>>()
+            stand.chain(own.into_iter().enumerate()).collect::<Vec<_>>()
         };
         let places = (0..self.candidates.len()).into_par_iter();
         let mut all: Vec<(usize, Entry)> = places.flat_map_iter(of).collect();

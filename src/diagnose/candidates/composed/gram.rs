@@ -163,6 +163,12 @@ impl<'a> Pool<'a> {
         kinds
     }
 
+    /// Whether a set has all members of another, but for their inner numbers.
+    pub(super) fn holds(&self, set: &FoundSet, other: &FoundSet) -> bool {
+        let kinds = self.kinds(&set.members);
+        self.kinds(&other.members).iter().all(|kind| kinds.contains(kind))
+    }
+
     /// The sets one move away: a member added, dropped, exchanged, one exchanged for two or
     /// two for one.
     fn moves(&self, set: &[usize]) -> Vec<FoundSet> {
@@ -436,6 +442,20 @@ mod tests {
             let values = pool.coefficients(&one.members).expect("columns that stand apart");
             assert!(values.iter().flatten().all(|value| value.abs() <= 1.5), "{values:?}");
         }
+    }
+
+    #[test]
+    fn a_set_holds_those_of_fewer_kinds_of_members() {
+        let tuning = Tuning::default();
+        let (all, target) = drawn(&[(3, 2.0)], 0.3, 1);
+        let mut own = members(&all, f64::INFINITY);
+        // The second and the fourth differ in their inner numbers alone.
+        own[3].0 = own[1].0;
+        let pool = Pool::of(own, &target, ROWS, &tuning.sets);
+        let set = |members: &[usize]| FoundSet { members: members.to_vec(), cost: 0.0 };
+        assert!(pool.holds(&set(&[0, 3, 5]), &set(&[0, 1])));
+        assert!(!pool.holds(&set(&[0, 1]), &set(&[0, 3, 5])));
+        assert!(!pool.holds(&set(&[0, 2, 5]), &set(&[0, 1])));
     }
 
     #[test]

@@ -208,10 +208,16 @@ impl<'a, 'b> SetSearch<'a, 'b> {
             found = pool.search(&standing);
         }
         let mut sets = Vec::new();
+        let mut taken: Vec<&FoundSet> = Vec::new();
         for one in found.iter().filter(|one| !one.members.is_empty()) {
+            // What holds a better set says nothing else: its other members come later, if at all.
+            if taken.iter().any(|better| pool.holds(one, better)) {
+                continue;
+            }
             let Some(members) = self.written(scope, &pool, &entries, one)? else { continue };
             let law = first_order(&search.responses, &pool, &entries, one, &law, &unknowns)?;
             sets.push(ProposedSet { members, law });
+            taken.push(one);
             if sets.len() == self.tuning.sets.proposed {
                 break;
             }

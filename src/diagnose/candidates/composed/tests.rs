@@ -1,10 +1,12 @@
 //! Scores without a pass are those of a pass, and what is the same is asked once.
 
+use super::entries::{Change, Motion};
 use super::expression::{Composed, Factor};
 use super::leaves::Leaves;
 use super::search::Search;
 use super::shapes::SHAPES;
 use crate::data::Dataset;
+use crate::diagnose::candidates::candidates;
 use crate::diagnose::law_on_data::LawOnData;
 use crate::diagnose::options::Options;
 use crate::diagnose::settling::{Settled, settle};
@@ -145,4 +147,34 @@ fn the_numbers_of_the_model_move_to_first_order_with_a_term() {
     let changes = responses.unknowns_beside(&(size * response.heights));
     let [(0, square), (1, fourth)] = changes[..] else { panic!("{changes:?}") };
     assert!((square - 0.002).abs() < 2e-4 && (fourth - 0.003).abs() < 3e-4, "{changes:?}");
+}
+
+#[test]
+fn what_was_fitted_stands_beside_the_best_points_of_the_grids() {
+    let data = measured("coordinates q\nmomenta p\nT = p^2/2\nV = -cos(q) + 0.05*q^4\n");
+    let mut options = Options::default();
+    options.tuning.sets.points = 1;
+    let settled = settled(PENDULUM, &data, &options);
+    let leaves = Leaves::of(settled.model.system(), &options.tuning.composed);
+    let search = Search::of(&settled, &leaves, &[], 0.12, &[]);
+    let mut scope = Scope::of(&build("model", PENDULUM).expect("a spec"));
+    let all = candidates(&mut scope, &data, &options.tuning.candidates);
+    let place = all.iter().position(|one| one.label == "harmonic_drive(q)").expect("a drive");
+    let motion = Motion {
+        search: &search,
+        law: &settled.model.law,
+        candidates: &all,
+        spreads: &settled.model.spreads(),
+        tuning: &options.tuning.sets,
+    };
+    let drives = |fitted: &[(usize, Vec<f64>)]| -> Vec<Vec<f64>> {
+        let entries = motion.named(fitted).into_iter();
+        entries.filter(|one| one.change == Change::Named(place)).map(|one| one.values).collect()
+    };
+    let best = drives(&[]);
+    assert_eq!(best.len(), 1);
+    // Far from all that this motion knows, it explains nothing alone.
+    let both = drives(&[(place, vec![0.01234])]);
+    assert_eq!(both.len(), 2);
+    assert!(both.contains(&vec![0.01234]) && both.contains(&best[0]), "{both:?}");
 }
