@@ -44,7 +44,8 @@ pub struct Diagnosis {
     pub reason: String,
     /// Leaders, the best first.
     pub ranking: Vec<RankedEffect>,
-    /// Labels of leaders that these data cannot tell from the first; empty when it stands alone.
+    /// What these data cannot distinguish from the first leader, or from a story of several
+    /// members: labels, those of one story joined; empty when it stands alone.
     pub indistinguishable: Vec<String>,
     /// The changes that together explain the data over whole runs; empty where none do.
     pub story: Vec<RankedEffect>,

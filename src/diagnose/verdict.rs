@@ -218,6 +218,10 @@ fn tell(diagnosis: &mut Diagnosis, told: Vec<(Story, Unseen)>, before: &Unseen, 
         story.members.iter().map(|member| member.effect.coefficient.len()).sum()
     };
     let own = story.labels();
+    // What stands beside one effect alone is none of several.
+    if own.len() > 1 {
+        diagnosis.indistinguishable.clear();
+    }
     for (length, (other, _)) in lengths.iter().zip(&told) {
         let simple = !other.members.is_empty()
             && other.members.len() <= story.members.len()

@@ -222,7 +222,8 @@ impl Diagnosis {
         &self.effects
     }
 
-    /// Effects that these data cannot distinguish from the first; empty when it stands alone.
+    /// What these data cannot distinguish from the first effect, or from an explanation of
+    /// several, the members of each joined by `and`; empty when it stands alone.
     ///
     /// ```
     /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;

@@ -241,14 +241,12 @@ pub fn diagnosis_text(
             times(leader.held_out_error_after),
         ]
     });
-    if let Some(first) = diagnosis.ranking.first() {
+    if !diagnosis.ranking.is_empty() {
         let header = ["effect", "coefficient", "p-value", "held-out error before", "after"];
         sections.push(table(&header, rows.collect(), &[1, 2, 3, 4], width));
-        if !diagnosis.indistinguishable.is_empty() {
-            let others = diagnosis.indistinguishable.join(", ");
-            let sentence = format!("These data cannot distinguish {} from {others}.", first.effect);
-            sections.push(wrapped(&sentence, width, 2));
-        }
+    }
+    if let Some(sentence) = present::indistinguishable(diagnosis) {
+        sections.push(wrapped(&sentence, width, 2));
     }
     let numbers: Vec<String> = diagnosis.story.iter().filter_map(number_text).collect();
     if !numbers.is_empty() {

@@ -11,6 +11,7 @@ use super::html::{Page, RenderedPage};
 use crate::diagnose::diagnosis::Diagnosis;
 use crate::export::escape;
 use crate::report::plots::{Figure, escaped_id};
+use crate::report::present;
 
 /// How every document begins: by this it is known as one that may be written over.
 pub const FIRST_LINE: &str = "% A report of Leverrier";
@@ -116,12 +117,8 @@ fn missing(out: &mut String, diagnosis: &Diagnosis, ranking: &[&Figure], folder:
     pictures(out, ranking, folder);
     table(out, &tables::leaders(diagnosis));
     if let Some(first) = diagnosis.ranking.first() {
-        if !diagnosis.indistinguishable.is_empty() {
-            let others = diagnosis.indistinguishable.join(", ");
-            paragraph(
-                out,
-                &format!("These data cannot distinguish {} from {others}.", first.effect),
-            );
+        if let Some(sentence) = present::indistinguishable(diagnosis) {
+            paragraph(out, &sentence);
         }
         paragraph(out, "To add it, write into the spec:");
         verbatim(out, &first.snippet);

@@ -18,6 +18,18 @@ pub fn tested(diagnosis: &Diagnosis) -> String {
     )
 }
 
+/// Which other explanations the data allow; `None` where the one that is told stands alone.
+pub fn indistinguishable(diagnosis: &Diagnosis) -> Option<String> {
+    let first = diagnosis.ranking.first()?;
+    if diagnosis.indistinguishable.is_empty() {
+        return None;
+    }
+    let story: Vec<&str> = diagnosis.story.iter().map(|member| member.effect.as_str()).collect();
+    let own = if story.is_empty() { first.effect.clone() } else { story.join(" and ") };
+    let others = diagnosis.indistinguishable.join(", or from ");
+    Some(format!("These data cannot distinguish {own} from {others}."))
+}
+
 /// How often a term is chosen when the data are resampled.
 pub(crate) fn included(term: &LearnedTerm) -> String {
     term.inclusion.map_or("-".to_string(), |part| format!("{:.0} %", 100.0 * part))

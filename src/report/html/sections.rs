@@ -251,15 +251,8 @@ fn missing(page: &Page, figures: &Drawn) -> String {
         let (plot, table) = (drawn(figures, "ranking"), tables::leaders(diagnosis).html());
         let _ = writeln!(out, "<div class=\"beside\">{plot}{table}</div>");
     }
-    if let Some(first) = diagnosis.ranking.first()
-        && !diagnosis.indistinguishable.is_empty()
-    {
-        let _ = writeln!(
-            out,
-            "<p>These data cannot distinguish {} from {}.</p>",
-            escaped(&first.effect),
-            escaped(&diagnosis.indistinguishable.join(", "))
-        );
+    if let Some(sentence) = present::indistinguishable(diagnosis) {
+        let _ = writeln!(out, "<p>{}</p>", escaped(&sentence));
     }
     if !diagnosis.story.is_empty() {
         let snippets: Vec<&str> =

@@ -28,12 +28,8 @@ fn ranking(diagnosis: &Diagnosis) -> Option<Figure> {
          after, in units of the noise. {}",
         present::tested(diagnosis)
     );
-    if !diagnosis.indistinguishable.is_empty() {
-        caption += &format!(
-            " These data cannot distinguish {} from {}.",
-            first.effect,
-            diagnosis.indistinguishable.join(", ")
-        );
+    if let Some(sentence) = present::indistinguishable(diagnosis) {
+        caption += &format!(" {sentence}");
     }
     let mut figure = Figure::new("ranking", "Effects that could be missing".into(), caption);
     figure.height = 122.0 + 30.0 * ranking.len() as f64;

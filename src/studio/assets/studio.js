@@ -322,9 +322,7 @@
     }
     const box = make("div", `verdict ${missing.verdict}`);
     box.append(make("strong", "", VERDICTS[missing.verdict] ?? missing.verdict), make("span", "", `${missing.reason}.`));
-    if (missing.indistinguishable.length && missing.leaders.length) {
-      box.append(make("p", "", `These data cannot distinguish ${missing.leaders[0].effect} from ${missing.indistinguishable.join(", ")}.`));
-    }
+    if (missing.indistinguishable) box.append(make("p", "", missing.indistinguishable));
     if (missing.further.length) box.append(make("p", "", `It explains the runs together with ${missing.further.join(" and ")}.`));
     if (missing.partial.length) box.append(make("p", "", `A part of it may be ${missing.partial.join(" with ")}; more is missing.`));
     verdict.replaceChildren(box);
