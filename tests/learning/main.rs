@@ -8,6 +8,7 @@
 )]
 
 mod bad_data;
+mod boards;
 mod changes;
 mod clock;
 mod clothes;

@@ -1,0 +1,97 @@
+//! How the example `boards` judges: whether a law has the terms of the truth.
+
+#[allow(dead_code, reason = "the example uses the rest")]
+#[path = "../../examples/boards/expression.rs"]
+mod expression;
+#[allow(dead_code, reason = "the example uses the rest")]
+#[path = "../../examples/boards/motion.rs"]
+mod motion;
+#[allow(dead_code, reason = "the example uses the rest")]
+#[path = "../../examples/boards/terms.rs"]
+mod terms;
+
+use std::collections::HashMap;
+
+use expression::Expression;
+use leverrier::Spec;
+use terms::{compared, judged, learned};
+
+fn read(text: &str) -> Expression {
+    Expression::parse(text, &HashMap::new()).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// How many terms are missing, and how many are beside.
+fn counts(truth: &str, law: &str) -> (usize, usize) {
+    let terms = |text| terms::terms(&read(text)).expect("few terms");
+    let found = compared(&terms(truth), &terms(law)).expect("few terms");
+    (found.missing.len(), found.beside.len())
+}
+
+#[test]
+fn laws_written_otherwise_have_the_same_terms() {
+    for (truth, law) in [
+        ("-0.7*v*(1 - x^2) - 1.4*x", "0.3*x*x*v - 2*v + 5*x"),
+        ("(cos(x) - 0.93)*sin(x)", "sin(x)*cos(x)/2 - 3*sin(x)"),
+        ("-x*(0.05*t + 1) - x", "-2*x - 0.1*t*x"),
+        ("-x**3 + sin(t)", "-(x^3) + 0.9*sin(1.002*t) + 0.01*cos(1.002*t)"),
+        ("-abs(v)^0.333333333333333", "-0.5*abs(v)^0.34"),
+        ("-x*exp(-abs(x))", "-1.1*x*exp(-abs(x)/1.01)"),
+        ("v - v^3 + v^3 - 2e-3*v", "v"),
+    ] {
+        assert_eq!(counts(truth, law), (0, 0), "{truth} and {law}");
+    }
+}
+
+#[test]
+fn other_functions_are_other_terms() {
+    for (truth, law) in [
+        ("-sin(v)", "-v"),
+        ("-sin(v)", "-tanh(0.9*v)"),
+        ("-log(abs(v) + 1)", "-0.69*abs(v)^0.65"),
+        ("-exp(-abs(x))", "-exp(-x^2/1.1)"),
+        ("sin(t)", "sin(t) + cos(t)"),
+        ("-abs(v)^0.333333333333333", "-sign(v)*abs(v)^0.34"),
+    ] {
+        assert_eq!(counts(truth, law), (1, 1), "{truth} and {law}");
+    }
+    assert_eq!(counts("-x - v", "-x"), (1, 0));
+    assert_eq!(counts("-x", "-x - 0.01*v"), (0, 1));
+}
+
+#[test]
+fn a_learned_potential_is_compared_by_its_force() {
+    let truth = read("-4*x^3 - 0.5*x");
+    let spec = Spec::parse("coordinates x; momenta v; time t\nT = v^2/2\nV = span{ poly(x; 4) }")
+        .expect("a sound spec");
+    let times = motion::times(10.0, 200);
+    let run = motion::motion(&truth, [1.0, 0.0], &times).expect("a bounded motion");
+    let column = |i: usize| run.iter().map(|state| state[i]).collect::<Vec<f64>>();
+    let data = leverrier::Data::from_slices(&spec, &times, &[&column(0), &column(1)]);
+    let law = spec.fit(&data.expect("columns of one length")).expect("a law");
+    let same = |truth: &str| judged(&read(truth), &learned(&law, None)).expect("few terms");
+    let found = same("-4*x^3 - 0.5*x");
+    assert!(found.missing.is_empty() && found.beside.is_empty(), "{found:?}");
+    assert_eq!(same("-4*x^3 - 0.5*x - v").missing, ["-1 v"]);
+    assert_eq!(same("-4*x^3").beside.len(), 1);
+    let off = motion::error(&law, &[run], &times).expect("a motion of x and v");
+    assert!(off < 1e-8, "{off}");
+}
+
+#[test]
+fn motions_are_exact_and_end_where_they_leave_every_bound() {
+    let times = motion::times(20.0, 300);
+    let run = motion::motion(&read("-x"), [1.0, 0.0], &times).expect("a bounded motion");
+    for (time, state) in times.iter().zip(&run) {
+        assert!((state[0] - time.cos()).abs() < 1e-9, "{time}: {state:?}");
+    }
+    assert_eq!(motion::motion(&read("x^3"), [1.0, 1.0], &times), None);
+}
+
+#[test]
+fn what_is_no_law_is_refused_in_a_sentence() {
+    let deep = "(".repeat(4000);
+    for text in ["", "x +", "(x", "x)", "foo(x)", "y", "1e", "x ? 2", "-", "sin", "é", &deep] {
+        let error = Expression::parse(text, &HashMap::new()).expect_err(text);
+        assert!(error.contains(' '), "{error}");
+    }
+}
