@@ -31,6 +31,9 @@ use crate::data::Packed;
 use crate::dynamics::{Dynamics, KeptScratch, Method, Scratch};
 use crate::expr::{Observed, Parameter};
 
+/// Steps from one sample to the next, at most: a second of work.
+const MOST_STEPS: f64 = 1e7;
+
 /// How trajectories are integrated between samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stepping {
@@ -41,10 +44,12 @@ pub struct Stepping {
 }
 
 impl Stepping {
-    /// Steps that the longest of some spans takes, one at least.
+    /// Steps that the longest of some spans takes, one at least. What would take more than
+    /// [`MOST_STEPS`] is crossed in longer ones, which follow no motion.
     pub fn steps(&self, spans: &[f64]) -> usize {
         let longest = spans.iter().fold(0.0f64, |most, span| most.max(span.abs()));
-        (longest / self.longest * (1.0 - WHOLE_STEPS)).ceil().max(1.0) as usize
+        let steps = (longest / self.longest * (1.0 - WHOLE_STEPS)).ceil();
+        steps.clamp(1.0, MOST_STEPS) as usize
     }
 }
 

@@ -23,7 +23,7 @@ use super::options::Options;
 use super::own_values::is_said;
 use super::pass::{Linearised, Problem, Sums, settle_and_linearise};
 use super::per_run::medians;
-use super::scales::{fewest_samples, scales, spreads};
+use super::scales::{fewest_samples, measurable, nothing_left, scales, spreads};
 use super::segments::{Segment, Segments, cut, packed};
 use super::states::States;
 use super::stepping::{self, Accuracy, Choice};
@@ -132,6 +132,7 @@ impl<'a> Training<'a> {
                 "name the columns of the coordinates in the spec's data block",
             ));
         }
+        measurable(&measured, &system.observables(), typical)?;
         let longest = measured.longest_run();
         let mut shortest = fewest_samples(&scales, 2 * degrees, measured.samples()).min(longest);
         if !system.hidden.is_empty() {
@@ -294,11 +295,7 @@ impl<'a> Training<'a> {
         };
         self.states = states;
         if sums.rows == 0 {
-            return Err(Error::new(
-                ErrorKind::InsufficientData,
-                "the measurements do not outnumber the unknown initial states",
-                "measure momenta or velocities too, or longer runs",
-            ));
+            return Err(nothing_left(sums.diverged));
         }
         let columns = self.columns(&whole);
         let criterion = Criterion { floor: self.floor() };
