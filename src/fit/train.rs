@@ -18,7 +18,7 @@ use super::gauge;
 use super::gauss_newton::{LeastGain, Refit, StopReason, invisible, refit};
 use super::law::Law;
 use super::masses::first_masses;
-use super::monitor::Monitor;
+use super::monitor::{Monitor, Silent};
 use super::options::Options;
 use super::own_values::is_said;
 use super::pass::{Linearised, Problem, Sums, settle_and_linearise};
@@ -255,6 +255,7 @@ impl<'a> Training<'a> {
             parameters: &self.system().parameters,
             own: OwnInputs::default(),
             tuning: &self.options.tuning,
+            halt: &Silent,
         }
     }
 
@@ -288,14 +289,15 @@ impl<'a> Training<'a> {
         let noise = self.law.noise().to_vec();
         let weights = self.weights();
         let (folds, sums) = {
-            let problem = self.problem(&weights);
+            let problem = Problem { halt: monitor, ..self.problem(&weights) };
             let (present, whole) = ((&*present, &*present_theta), (&*whole, &*theta));
             let linearised = settle_and_linearise(&problem, present, whole, &mut states);
             (linearised.folds, linearised.sums)
         };
         self.states = states;
         if sums.rows == 0 {
-            return Err(nothing_left(sums.diverged));
+            let halted = monitor.halted();
+            return Err(if halted { Error::Interrupted } else { nothing_left(sums.diverged) });
         }
         let columns = self.columns(&whole);
         let criterion = Criterion { floor: self.floor() };
@@ -518,10 +520,17 @@ impl<'a> Training<'a> {
     pub fn rounds(&mut self, monitor: &dyn Monitor) -> Result<Round> {
         let tuning = &self.options.tuning.rounds;
         let mut seen: Vec<Vec<TermId>> = Vec::new();
+        let mut last: Option<Round> = None;
         loop {
             let before = self.law.support().to_vec();
             let stepping = self.law.stepping();
-            let mut round = self.round(monitor)?;
+            let mut round = match (self.round(monitor), last.take()) {
+                (Err(Error::Interrupted), Some(mut last)) => {
+                    last.refit.stop = StopReason::Interrupted;
+                    return Ok(last);
+                }
+                (round, _) => round?,
+            };
             let same = self.law.support() == before;
             let known = same || round.predicted;
             let steady = |(a, b): (&f64, &f64)| (a / b).ln().abs() < tuning.noise_steady.ln();
@@ -550,6 +559,7 @@ impl<'a> Training<'a> {
                 return Ok(round);
             }
             seen.push(self.law.support().to_vec());
+            last = Some(round);
         }
     }
 
