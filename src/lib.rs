@@ -89,7 +89,7 @@ mod report;
 #[cfg(feature = "export")]
 mod simplify;
 mod simulate;
-#[deny(clippy::indexing_slicing)]
+#[deny(clippy::indexing_slicing, clippy::string_slice)]
 mod spec;
 #[cfg(feature = "studio")]
 #[deny(clippy::indexing_slicing)]

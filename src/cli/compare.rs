@@ -34,6 +34,7 @@ pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let workspace = Workspace::open(&arguments.spec, &arguments.splitting.asked()?, console)?;
     let progress = Progress::new();
     let (model, terms) = workspace.model(&progress)?;
+    progress.nothing_to_keep()?;
     let (law, options) = (workspace.spec.learned(&model)?, Options::default());
     let (training, held_out) = (&workspace.split.training, workspace.held_out());
     let compared = Compared::new(law, training, held_out, &options, None)?;

@@ -20,7 +20,7 @@ use crate::diagnose::discover::{Discovery, discover};
 use crate::diagnose::sufficiency;
 use crate::error::Result;
 use crate::facade::DiscoveryOptions;
-use crate::fit::{Options, Silent};
+use crate::fit::{Monitor as _, Options, Silent};
 use crate::report::discovery_text;
 use crate::report::layout::{WIDTH, wrapped};
 
@@ -112,7 +112,11 @@ fn too_little(workspace: &Workspace, why: &str, console: &Console) -> Result<()>
 fn keep(workspace: &Workspace, found: &Discovery, progress: &Progress) -> Result<()> {
     let old = &workspace.spec;
     let spec = old.edited(found.text.clone())?;
-    let whole = workspace.refit(&spec, &found.model, &workspace.dataset, progress)?;
+    // Who is in a hurry gets the numbers of the training part.
+    let whole = match progress.halted() {
+        true => found.model.clone(),
+        false => workspace.refit(&spec, &found.model, &workspace.dataset, progress)?,
+    };
     let mut ledger = Ledger::open(old.file())?;
     ledger.know(old.text());
     let mut text = old.text().to_string();

@@ -9,16 +9,23 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use crate::error::{Error, Result};
 use crate::fit::Monitor;
 
 /// Set by the first Ctrl-C; the second ends the process.
 static STOPPED: AtomicBool = AtomicBool::new(false);
+/// Set some time later, where the command has not ended by then.
+static HALTED: AtomicBool = AtomicBool::new(false);
+/// Whether what goes on has nothing to keep before its end.
+static AT_ONCE: AtomicBool = AtomicBool::new(false);
 static HANDLER: OnceLock<()> = OnceLock::new();
 /// The bar that a message must not be written into.
 static BAR: Mutex<Option<ProgressBar>> = Mutex::new(None);
 
 /// Exit code after a second Ctrl-C: 128 and the number of the signal.
 const INTERRUPTED: i32 = 130;
+/// What is nearly done when the signal comes is brought to its end within this time.
+const GRACE: Duration = Duration::from_millis(700);
 /// Shorter work shows no bar.
 const PATIENCE: Duration = Duration::from_secs(1);
 const STEPS: u64 = 1000;
@@ -35,9 +42,14 @@ impl Progress {
         HANDLER.get_or_init(|| {
             // Without a handler Ctrl-C ends the process at once, as it would anyway.
             let _ = ctrlc::set_handler(|| {
-                if STOPPED.swap(true, Ordering::Relaxed) {
+                let again = STOPPED.swap(true, Ordering::Relaxed);
+                if again || AT_ONCE.load(Ordering::Relaxed) {
                     std::process::exit(INTERRUPTED);
                 }
+                std::thread::spawn(|| {
+                    std::thread::sleep(GRACE);
+                    HALTED.store(true, Ordering::Relaxed);
+                });
                 let say =
                     || eprintln!("\nStopping with the best so far; Ctrl-C again ends at once.");
                 match BAR.lock().ok().and_then(|bar| bar.clone()) {
@@ -68,6 +80,18 @@ impl Progress {
     }
 }
 
+impl Progress {
+    /// What follows has nothing to keep before its end: the next Ctrl-C ends the process.
+    ///
+    /// # Errors
+    ///
+    /// There was one already.
+    pub(super) fn nothing_to_keep(&self) -> Result<()> {
+        AT_ONCE.store(true, Ordering::Relaxed);
+        if self.stopped() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+}
+
 impl Monitor for Progress {
     fn stage(&self, what: &str, fraction: f64) {
         self.bar.set_message(what.to_string());
@@ -76,6 +100,10 @@ impl Monitor for Progress {
 
     fn stopped(&self) -> bool {
         STOPPED.load(Ordering::Relaxed)
+    }
+
+    fn halted(&self) -> bool {
+        HALTED.load(Ordering::Relaxed)
     }
 }
 
@@ -88,6 +116,7 @@ impl Drop for Progress {
         if let Ok(mut shown) = BAR.lock() {
             *shown = None;
         }
+        AT_ONCE.store(false, Ordering::Relaxed);
         self.bar.finish_and_clear();
     }
 }

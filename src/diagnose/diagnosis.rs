@@ -85,6 +85,8 @@ pub enum Verdict {
     Unexplained,
     /// The data do not suffice to say.
     TooLittleData,
+    /// It was interrupted before everything was looked at.
+    Interrupted,
 }
 
 impl Diagnosis {
@@ -128,6 +130,22 @@ impl Diagnosis {
         }
     }
 
+    /// What was found before an interruption: the best candidates, and no verdict on them.
+    fn interrupted(self) -> Diagnosis {
+        let reason = match self.ranking.first() {
+            Some(first) => format!(
+                "interrupted before everything was looked at; the best candidate so far was {}{}",
+                first.effect,
+                first.gain()
+            ),
+            None => format!(
+                "interrupted before any candidate was fitted; {} tests had been made",
+                self.tests
+            ),
+        };
+        Diagnosis { verdict: Verdict::Interrupted, reason, ..self }
+    }
+
     /// Nothing can be said, for this reason.
     pub fn too_little(reason: String) -> Diagnosis {
         Diagnosis {
@@ -167,6 +185,25 @@ pub fn diagnose(
     options: &Options,
     monitor: &dyn Monitor,
 ) -> Result<Diagnosis> {
+    let mut so_far = None;
+    let answer = asked(spec, law, (training, held_out), options, monitor, &mut so_far);
+    if !monitor.stopped() {
+        return answer;
+    }
+    // Where passes ended early, an answer or an error says nothing but that.
+    let found = if monitor.halted() { so_far } else { Some(answer?) };
+    Ok(found.unwrap_or_else(|| Diagnosis::too_little(String::new())).interrupted())
+}
+
+/// The same, to its end; `so_far` is what had been found at the end of every phase.
+fn asked(
+    spec: &Compiled,
+    law: &Law,
+    (training, held_out): (&Dataset, &Dataset),
+    options: &Options,
+    monitor: &dyn Monitor,
+    so_far: &mut Option<Diagnosis>,
+) -> Result<Diagnosis> {
     options.check()?;
     spec.system.positions(law.support())?;
     let tuning = &options.tuning;
@@ -186,6 +223,10 @@ pub fn diagnose(
     let all = candidates(&mut scope, training, &tuning.candidates);
     let first = ranking(&model, &held_out, &all, tuning.ranking.first_refits, monitor)?;
     let mut diagnosis = Diagnosis::of(&first, all.len(), model.law.noise());
+    *so_far = Some(diagnosis.clone());
+    if monitor.halted() {
+        return Ok(diagnosis);
+    }
     let question = Question { scope: &scope, model: &model, held_out: &held_out, monitor };
     let bare = Story::bare(&question);
     let beginnings = beginnings(&question, &bare, &first)?;
@@ -193,6 +234,9 @@ pub fn diagnose(
         return Ok(diagnosis);
     }
     let stories = stories(&question, &bare, beginnings)?;
+    if monitor.halted() {
+        return Ok(diagnosis);
+    }
     let best = judge(&question, &mut diagnosis, stories)?;
     if diagnosis.verdict == Verdict::Unexplained && !monitor.stopped() {
         look_for_states(&question, best.as_ref(), &mut diagnosis)?;

@@ -112,7 +112,7 @@ pub fn discover(
         // An interrupted diagnosis did not look everywhere: its verdict says nothing.
         if monitor.stopped() {
             interrupted = true;
-            break interruption(&diagnosis, round);
+            break (interruption(&diagnosis, round), Verdict::Interrupted);
         }
         let story = match diagnosis.verdict {
             Verdict::Missing => &diagnosis.story,
@@ -131,9 +131,12 @@ pub fn discover(
         }
         let mut beside = diagnosis.beside_story.iter();
         let begun = beside.try_fold(law, |law, &(id, value)| law.with_term(id, value))?;
-        let Some((longer, next, fitted)) =
-            with_story(name, &text, &begun, story, training, &options.fit, monitor)?
-        else {
+        let with = with_story(name, &text, &begun, story, training, &options.fit, monitor)?;
+        if monitor.halted() {
+            interrupted = true;
+            break (interruption(&diagnosis, round), Verdict::Interrupted);
+        }
+        let Some((longer, next, fitted)) = with else {
             let names: Vec<&str> = story.iter().map(|member| member.effect.as_str()).collect();
             let sentence =
                 format!("{} looked missing, but a full fit does not select it", names.join(", "));
@@ -152,7 +155,7 @@ pub fn discover(
         let noise = last.noise_on(&compiled.system, 1.0);
         let law = model.law_of(&compiled.system)?.with_noise(noise);
         let held_out = held_out.with_observables(compiled.system.observables());
-        let model = LawOnData::of(law, &held_out, &options.diagnosis);
+        let model = LawOnData::of(law, &held_out, &options.diagnosis).heeding(monitor);
         Ok(error(&model, longest(&model)).0)
     };
     let before = if start == text {
@@ -173,24 +176,17 @@ pub fn discover(
 }
 
 /// What an interrupted diagnosis had found, and how far it had come.
-fn interruption(diagnosis: &Diagnosis, round: usize) -> (String, Verdict) {
+fn interruption(diagnosis: &Diagnosis, round: usize) -> String {
     match diagnosis.ranking.first() {
-        Some(first) => (
-            format!(
-                "interrupted in round {round}, before anything was added in it; the best candidate \
-                 so far was {}, which takes the error on held-out runs from {:.2} to {:.2} times \
-                 the noise",
-                first.effect, first.held_out_error_before, first.held_out_error_after
-            ),
-            Verdict::Missing,
+        Some(first) => format!(
+            "interrupted in round {round}, before anything was added in it; the best candidate so \
+             far was {}{}",
+            first.effect,
+            first.gain()
         ),
-        None => (
-            format!(
-                "interrupted in round {round}, while its candidates were scored; none of the {} \
-                 scored so far was significant",
-                diagnosis.tests
-            ),
-            Verdict::TooLittleData,
+        None => format!(
+            "interrupted in round {round}, before any candidate was fitted; {} tests had been made",
+            diagnosis.tests
         ),
     }
 }

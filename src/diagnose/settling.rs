@@ -57,6 +57,7 @@ pub(super) fn problem<'b>(
         parameters: &model.system().parameters,
         own: OwnInputs::default(),
         tuning: &model.options.fit,
+        halt: model.monitor,
     }
 }
 

@@ -12,6 +12,8 @@ mod holonomic;
 mod identity;
 mod independence;
 mod inverse;
+// What users write is lowered without an index that their text could miss.
+#[deny(clippy::indexing_slicing, clippy::string_slice)]
 mod lower;
 mod print;
 mod space;

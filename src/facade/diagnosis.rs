@@ -58,6 +58,8 @@ pub enum Verdict {
     Unexplained,
     /// The data do not suffice to say.
     InsufficientData,
+    /// The monitor stopped it before everything was looked at.
+    Interrupted,
 }
 
 /// An effect that was fitted together with the law.
@@ -98,6 +100,7 @@ impl Verdict {
             diagnosis::Verdict::NothingMissing => Verdict::NothingMissing,
             diagnosis::Verdict::Unexplained => Verdict::Unexplained,
             diagnosis::Verdict::TooLittleData => Verdict::InsufficientData,
+            diagnosis::Verdict::Interrupted => Verdict::Interrupted,
         }
     }
 }

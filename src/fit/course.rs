@@ -9,7 +9,7 @@ use super::train::{Extent, Round, Training};
 use std::sync::Arc;
 
 use crate::data::Dataset;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::expr::{ParameterId, System};
 
 /// Trains from the spec's start, or from the best of several starts, on growing segments.
@@ -104,7 +104,13 @@ fn grow<'a>(
         monitor.stage(&format!("segments of {window} samples"), fraction);
         let mut longer = training.clone();
         longer.recut(window)?;
-        let next = longer.rounds(monitor)?;
+        let next = match longer.rounds(monitor) {
+            Err(Error::Interrupted) => {
+                round.refit.stop = StopReason::Interrupted;
+                break;
+            }
+            next => next?,
+        };
         let follows = (longer.law().noise().iter())
             .zip(training.law().noise().iter().zip(&longer.accuracy.resolution))
             .all(|(new, (old, floor))| {

@@ -94,7 +94,9 @@ pub fn refit(
     monitor: &dyn Monitor,
 ) -> Refit {
     let tuning = &problem.tuning.refit;
-    let minimisation = Minimisation { problem, dynamics };
+    // A step that is not looked at to its end is not taken, and the point before it stays.
+    let halting = Problem { halt: monitor, ..*problem };
+    let minimisation = Minimisation { problem, halting: &halting, dynamics };
     let theta: Vec<f64> = start.iter().zip(bounds).map(|(&x, bound)| bound.clamp(x)).collect();
     let mut here = minimisation.first(theta, states);
     let coefficients = dynamics.active().len();
@@ -177,16 +179,19 @@ impl Point {
 
 struct Minimisation<'a> {
     problem: &'a Problem<'a>,
+    /// The same, whose passes may end early.
+    halting: &'a Problem<'a>,
     dynamics: &'a Dynamics,
 }
 
 impl Minimisation<'_> {
     fn first(&self, theta: Vec<f64>, states: States) -> Point {
-        self.at(theta, states, None, true)
+        self.at(self.problem, theta, states, None, true)
     }
 
     fn at(
         &self,
+        problem: &Problem,
         theta: Vec<f64>,
         mut states: States,
         extrapolated: Option<&States>,
@@ -194,23 +199,30 @@ impl Minimisation<'_> {
     ) -> Point {
         let law = (self.dynamics, &theta[..]);
         let linearised =
-            settle_linearise_and_respond(self.problem, law, &mut states, extrapolated, nearly);
+            settle_linearise_and_respond(problem, law, &mut states, extrapolated, nearly);
         Point { theta, states, linearised }
     }
 
     /// Theta moved by a step, and the states with it.
     fn moved(&self, from: &Point, change: &[f64]) -> Point {
         let theta: Vec<f64> = from.theta.iter().zip(change).map(|(x, d)| x + d).collect();
-        self.extrapolated(from, theta, change, true)
+        self.extrapolated(self.halting, from, theta, change, true)
     }
 
     /// The same theta, its states settled to the last.
     fn settled(&self, rough: Point) -> Point {
-        self.extrapolated(&rough, rough.theta.clone(), &[], false)
+        self.extrapolated(self.problem, &rough, rough.theta.clone(), &[], false)
     }
 
     /// The states extrapolated to where they are expected to be best after a change of theta.
-    fn extrapolated(&self, from: &Point, theta: Vec<f64>, change: &[f64], nearly: bool) -> Point {
+    fn extrapolated(
+        &self,
+        problem: &Problem,
+        from: &Point,
+        theta: Vec<f64>,
+        change: &[f64],
+        nearly: bool,
+    ) -> Point {
         let extrapolated = from.linearised.responses.as_ref().map(|responses| {
             let mut states = from.states.clone();
             responses.follow(&mut states, change);
@@ -218,7 +230,7 @@ impl Minimisation<'_> {
         });
         let mut states = from.states.clone();
         per_run::follow(self.problem, &from.linearised, &mut states, change);
-        self.at(theta, states, extrapolated.as_ref(), nearly)
+        self.at(problem, theta, states, extrapolated.as_ref(), nearly)
     }
 
     fn end(&self, here: Point, iterations: usize, stop: StopReason) -> Refit {

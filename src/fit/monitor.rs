@@ -31,6 +31,13 @@ pub trait Monitor: Sync {
     fn stopped(&self) -> bool {
         false
     }
+
+    /// Whether to stop at once: passes over the data end where they are, and what they would have
+    /// said is not looked at. Only where [`stopped`](Monitor::stopped) is true, too, and from then
+    /// on for good.
+    fn halted(&self) -> bool {
+        false
+    }
 }
 
 /// Reports nothing and never stops.

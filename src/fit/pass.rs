@@ -7,6 +7,7 @@
 //! Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973, in Kaufman's form).
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -18,6 +19,7 @@ use super::driving::OwnInputs;
 use super::factor::Factor;
 use super::gathered::Gathered;
 use super::loss::Loss;
+use super::monitor::Monitor;
 use super::motion::{Equations, Propagation};
 use super::per_run::{self, Eliminated};
 use super::rounding::{ABSORBED, WHOLE_STEPS};
@@ -31,6 +33,9 @@ use crate::data::Packed;
 use crate::dynamics::{Dynamics, KeptScratch, Method, Scratch};
 use crate::expr::{Observed, Parameter};
 
+/// Steps from one sample to the next, at most: a second of work.
+const MOST_STEPS: f64 = 1e7;
+
 /// How trajectories are integrated between samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stepping {
@@ -41,10 +46,12 @@ pub struct Stepping {
 }
 
 impl Stepping {
-    /// Steps that the longest of some spans takes, one at least.
+    /// Steps that the longest of some spans takes, one at least. What would take more than
+    /// [`MOST_STEPS`] is crossed in longer ones, which follow no motion.
     pub fn steps(&self, spans: &[f64]) -> usize {
         let longest = spans.iter().fold(0.0f64, |most, span| most.max(span.abs()));
-        (longest / self.longest * (1.0 - WHOLE_STEPS)).ceil().max(1.0) as usize
+        let steps = (longest / self.longest * (1.0 - WHOLE_STEPS)).ceil();
+        steps.clamp(1.0, MOST_STEPS) as usize
     }
 }
 
@@ -75,6 +82,8 @@ pub struct Problem<'a> {
     pub own: OwnInputs<'a>,
     /// The numbers that passes go by.
     pub tuning: &'a Tuning,
+    /// Who may end a pass before it has seen all segments: nothing is known of its sums then.
+    pub halt: &'a dyn Monitor,
 }
 
 /// Sums over all segments at the best states for a theta.
@@ -99,6 +108,11 @@ pub struct Sums {
 impl Sums {
     pub(super) fn new(observables: usize) -> Sums {
         Sums { squares: vec![0.0; observables], freedom: vec![0.0; observables], ..Sums::default() }
+    }
+
+    /// Of segments that were not looked at.
+    fn unfinished(observables: usize, segments: usize) -> Sums {
+        Sums { loss: f64::INFINITY, diverged: segments, ..Sums::new(observables) }
     }
 
     pub(super) fn add(&mut self, other: &Sums) {
@@ -136,6 +150,9 @@ pub fn settle(problem: &Problem, dynamics: &Dynamics, theta: &[f64], states: &mu
         .zip(states.all_mut().par_chunks_mut((width * 2 * dynamics.degrees()).max(1)))
         .with_max_len(1)
         .map_init(KeptScratch::new, |scratch, (segments, states)| {
+            if problem.halt.halted() {
+                return Sums::unfinished(problem.weights.len(), segments.len());
+            }
             let block = Block::gather(problem, segments);
             let (rows, taken) = settled(problem, (dynamics, theta), None, &block, states, scratch);
             let mut sums = Sums::new(problem.weights.len());
@@ -169,6 +186,11 @@ pub fn residuals(
         .into_par_iter()
         .map_init(KeptScratch::new, |scratch, range| {
             let segments = &problem.segments.list[range.clone()];
+            if problem.halt.halted() {
+                let observables = problem.weights.len();
+                let nothing = |one: &Segment| vec![vec![f64::NAN; one.samples()]; observables];
+                return segments.iter().map(nothing).collect::<Vec<_>>();
+            }
             let block = Block::gather(problem, segments);
             let propagation = Propagation { present: (dynamics, theta), by: None };
             let rows =
@@ -385,6 +407,7 @@ impl Parts {
         starts: Vec<S>,
         take: impl Fn(&mut FoldPass, &[Segment], &mut S, Range<usize>, &mut Scratch) + Sync,
     ) -> Linearised {
+        let halted = AtomicBool::new(false);
         let done: Vec<(usize, FoldResult)> = self
             .parts
             .par_iter()
@@ -394,12 +417,19 @@ impl Parts {
                 let segments = &problem.segments.list[part.clone()];
                 let mut pass = nothing.clone();
                 for range in blocks(0..segments.len(), self.width) {
+                    if problem.halt.halted() {
+                        halted.store(true, Ordering::Relaxed);
+                        break;
+                    }
                     let own = range.start * self.size..range.end * self.size;
                     take(&mut pass, &segments[range], &mut starts, own, scratch);
                 }
                 (*fold, pass.finish())
             })
             .collect();
+        if halted.load(Ordering::Relaxed) {
+            return Linearised::nothing(nothing.touched.len(), problem.weights.len());
+        }
         let folds = problem.segments.folds.len();
         let mut parts: Vec<Vec<FoldResult>> = (0..folds).map(|_| Vec::new()).collect();
         done.into_iter().for_each(|(fold, left)| parts[fold].push(left));

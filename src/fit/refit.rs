@@ -12,7 +12,7 @@ use super::states::States;
 use super::train::Training;
 use super::tuning::Tuning;
 use crate::data::Packed;
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// How the numbers of a law are fitted again.
 #[derive(Clone, Copy)]
@@ -54,8 +54,12 @@ pub struct Refitted {
 ///
 /// # Errors
 ///
-/// When no coordinate is measured, or no two samples are near enough in time.
+/// When no coordinate is measured, or no two samples are near enough in time; when it is to stop at
+/// once.
 pub fn refitted(law: &Law, measured: &Arc<Packed>, how: Refitting) -> Result<Refitted> {
+    if how.monitor.halted() {
+        return Err(Error::Interrupted);
+    }
     let tuning = how.tuning.clone();
     let options = Options { window: Some(law.window()), tuning, ..Options::default() };
     let mut training = Training::from_law(law, measured.clone(), &options)?;

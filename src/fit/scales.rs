@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::states::States;
 use crate::data::Packed;
+use crate::error::{Error, ErrorKind, Result};
 
 /// One observable over all runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,6 +48,48 @@ fn rounding_of_time(measured: &Packed, row: usize) -> f64 {
         }
     }
     most
+}
+
+/// Numbers beyond this, and below its inverse, have squares and products that are no numbers.
+const LARGEST: f64 = 1e100;
+
+/// Says what cannot be computed with: values that are too large, or times that are too close or too
+/// far apart. Nobody measures that, but damaged files hold it, and files read as another type.
+///
+/// # Errors
+///
+/// Where a column reaches beyond [`LARGEST`].
+pub fn measurable(measured: &Packed, names: &[String], typical: f64) -> Result<()> {
+    let hint = "look whether the file is damaged, or was written with another type of number; if \
+                not, give the column a larger or a smaller unit";
+    let refused = |message| Err(Error::new(ErrorKind::Data, message, hint));
+    for (row, name) in names.iter().enumerate() {
+        let largest = over(measured.column(row), f64::abs, f64::max);
+        if largest > LARGEST {
+            return refused(format!("`{name}` reaches {largest:.2e}: its squares are no numbers"));
+        }
+    }
+    let sizes = LARGEST.recip()..LARGEST;
+    if typical > 0.0 && !sizes.contains(&typical) {
+        return refused(format!("one sample follows {typical:.2e} after another"));
+    }
+    Ok(())
+}
+
+/// Why nothing is left to learn from, of a pass that lost so many segments.
+pub fn nothing_left(diverged: usize) -> Error {
+    let (message, hint) = match diverged {
+        0 => (
+            "the measurements do not outnumber the unknown initial states",
+            "measure momenta or velocities too, or longer runs",
+        ),
+        _ => (
+            "every predicted motion leaves the finite numbers before the next samples",
+            "look at what is known of T, V and forces, at units, and at the starts of parameters; \
+             `leverrier check` shows them beside the size of the data",
+        ),
+    };
+    Error::new(ErrorKind::InsufficientData, message, hint)
 }
 
 /// The spread of each observable. What was not measured is as large as its guess at the start of
@@ -104,6 +147,23 @@ fn over(
 mod tests {
     use super::*;
     use crate::data::Packed;
+
+    #[test]
+    fn what_has_no_square_is_refused() {
+        let names = ["q".to_string(), "p".to_string()];
+        let of = |value: f64, step: f64| {
+            let times = (0..3).map(|at| step * f64::from(at)).collect();
+            let columns = vec![vec![0.0, f64::NAN, 1.0], vec![1.0, value, 0.0]];
+            measurable(&Packed::run_of(times, columns), &names, step)
+        };
+        for (value, step) in [(1e53, 0.1), (-1e-300, 1e-12), (f64::NAN, 3e7)] {
+            assert!(of(value, step).is_ok(), "{value} {step}");
+        }
+        for (value, step) in [(6.2e276, 0.1), (-1e150, 0.1), (1.0, 2.7e-290), (1.0, 1e204)] {
+            let error = of(value, step).expect_err("no square").to_string();
+            assert!(error.contains("damaged"), "{error}");
+        }
+    }
 
     #[test]
     fn gaps_do_not_count() {

@@ -109,6 +109,10 @@ impl Segments {
 /// Samples of the shortest segment: one transition.
 pub const SHORTEST: usize = 2;
 
+/// No two samples are bridged that are further apart than so many typical intervals: integrating
+/// takes time in proportion, and damaged times may be anything.
+const FAR: f64 = 1000.0;
+
 /// A data set as it is worked on: runs of one fold lie next to each other.
 pub fn packed(dataset: &Dataset, tuning: &SegmentTuning) -> Packed {
     Packed::of(dataset, tuning.folds)
@@ -150,7 +154,7 @@ pub fn cut(measured: &Packed, window: usize, tuning: &SegmentTuning) -> Segments
 
 /// Cuts one run: `take(first, last)` for each segment. Gives the sample that the next segment
 /// starts from, which is the end unless more samples of the run may come (`complete` is false).
-/// A `pair` is never cut, however far apart its samples are.
+/// A `pair` is not cut for a hole, unless its samples are [`FAR`] apart.
 pub(super) fn cut_run(
     times: &[f64],
     (window, typical, tuning): (usize, f64, &SegmentTuning),
@@ -167,7 +171,8 @@ pub(super) fn cut_run(
         while last + 1 < times.len() && last + 1 - first < window {
             let hole = times[last + 1] - times[last] > tuning.hole * typical;
             let long = last > first && times[last + 1] - times[first] > longest;
-            if (hole || long) && !pair {
+            let far = times[last + 1] - times[last] > FAR * typical;
+            if (hole || long) && !pair || far {
                 break;
             }
             last += 1;
@@ -245,6 +250,15 @@ mod tests {
         let all = cut(&packed(&data, &tuning), 16, &tuning).list;
         assert_eq!(all.len(), 2);
         assert!(all.iter().all(|s| s.samples() == 2));
+    }
+
+    #[test]
+    fn no_pair_bridges_what_no_integrator_would_come_across() {
+        let data = dataset(vec![run(&[0.0, 0.1]), run(&[0.0, 0.2]), run(&[0.0, 1e204])]);
+        let tuning = SegmentTuning::default();
+        let all = cut(&packed(&data, &tuning), 16, &tuning).list;
+        assert_eq!(all.len(), 2);
+        assert!(all.iter().all(|segment| segment.run < 2));
     }
 
     #[test]

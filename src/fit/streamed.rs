@@ -97,4 +97,8 @@ impl Monitor for Guard<'_> {
     fn stopped(&self) -> bool {
         self.monitor.stopped() || self.stream.failed()
     }
+
+    fn halted(&self) -> bool {
+        self.monitor.halted()
+    }
 }

@@ -18,12 +18,12 @@ use super::gauge;
 use super::gauss_newton::{LeastGain, Refit, StopReason, invisible, refit};
 use super::law::Law;
 use super::masses::first_masses;
-use super::monitor::Monitor;
+use super::monitor::{Monitor, Silent};
 use super::options::Options;
 use super::own_values::is_said;
 use super::pass::{Linearised, Problem, Sums, settle_and_linearise};
 use super::per_run::medians;
-use super::scales::{fewest_samples, scales, spreads};
+use super::scales::{fewest_samples, measurable, nothing_left, scales, spreads};
 use super::segments::{Segment, Segments, cut, packed};
 use super::states::States;
 use super::stepping::{self, Accuracy, Choice};
@@ -132,6 +132,7 @@ impl<'a> Training<'a> {
                 "name the columns of the coordinates in the spec's data block",
             ));
         }
+        measurable(&measured, &system.observables(), typical)?;
         let longest = measured.longest_run();
         let mut shortest = fewest_samples(&scales, 2 * degrees, measured.samples()).min(longest);
         if !system.hidden.is_empty() {
@@ -254,6 +255,7 @@ impl<'a> Training<'a> {
             parameters: &self.system().parameters,
             own: OwnInputs::default(),
             tuning: &self.options.tuning,
+            halt: &Silent,
         }
     }
 
@@ -287,18 +289,15 @@ impl<'a> Training<'a> {
         let noise = self.law.noise().to_vec();
         let weights = self.weights();
         let (folds, sums) = {
-            let problem = self.problem(&weights);
+            let problem = Problem { halt: monitor, ..self.problem(&weights) };
             let (present, whole) = ((&*present, &*present_theta), (&*whole, &*theta));
             let linearised = settle_and_linearise(&problem, present, whole, &mut states);
             (linearised.folds, linearised.sums)
         };
         self.states = states;
         if sums.rows == 0 {
-            return Err(Error::new(
-                ErrorKind::InsufficientData,
-                "the measurements do not outnumber the unknown initial states",
-                "measure momenta or velocities too, or longer runs",
-            ));
+            let halted = monitor.halted();
+            return Err(if halted { Error::Interrupted } else { nothing_left(sums.diverged) });
         }
         let columns = self.columns(&whole);
         let criterion = Criterion { floor: self.floor() };
@@ -521,10 +520,17 @@ impl<'a> Training<'a> {
     pub fn rounds(&mut self, monitor: &dyn Monitor) -> Result<Round> {
         let tuning = &self.options.tuning.rounds;
         let mut seen: Vec<Vec<TermId>> = Vec::new();
+        let mut last: Option<Round> = None;
         loop {
             let before = self.law.support().to_vec();
             let stepping = self.law.stepping();
-            let mut round = self.round(monitor)?;
+            let mut round = match (self.round(monitor), last.take()) {
+                (Err(Error::Interrupted), Some(mut last)) => {
+                    last.refit.stop = StopReason::Interrupted;
+                    return Ok(last);
+                }
+                (round, _) => round?,
+            };
             let same = self.law.support() == before;
             let known = same || round.predicted;
             let steady = |(a, b): (&f64, &f64)| (a / b).ln().abs() < tuning.noise_steady.ln();
@@ -553,6 +559,7 @@ impl<'a> Training<'a> {
                 return Ok(round);
             }
             seen.push(self.law.support().to_vec());
+            last = Some(round);
         }
     }
 

@@ -139,7 +139,13 @@ fn bar(force: f64, error: f64, most: f64) -> String {
 
 /// An error in units of the noise.
 fn times(error: f64) -> String {
-    if error.abs() < 100.0 { format!("{error:.2}") } else { significant(error, 3) }
+    if error.is_nan() {
+        "unknown".to_string()
+    } else if error.abs() < 100.0 {
+        format!("{error:.2}")
+    } else {
+        significant(error, 3)
+    }
 }
 
 /// A p-value.
@@ -225,6 +231,7 @@ pub fn diagnosis_text(
         Verdict::NothingMissing => "Nothing is missing",
         Verdict::Unexplained => "Something is missing that the catalogue does not have",
         Verdict::TooLittleData => "Too little data to say",
+        Verdict::Interrupted => "Interrupted",
     };
     let mut sections = vec![
         wrapped(&format!("{word}: {}.", diagnosis.reason.trim_end_matches('.')), width, 2),

@@ -36,13 +36,10 @@ pub fn remove(text: &str, span: Span) -> String {
     let (Some(before), Some(after)) = (text.get(..span.start), text.get(span.end..)) else {
         return text.to_string();
     };
-    let line_start = before.rfind('\n').map_or(0, |at| at + 1);
-    let head = &before[line_start..];
-    let line_end = after.find('\n').unwrap_or(after.len());
-    let tail = &after[..line_end];
+    let (lines, head) = last_line(before);
+    let (tail, rest) = after.split_once('\n').unwrap_or((after, ""));
     if head.trim().is_empty() && tail.trim().is_empty() {
-        let rest = after.get(line_end + 1..).unwrap_or("");
-        return format!("{}{rest}", &before[..line_start]);
+        return format!("{lines}{rest}");
     }
     let rest = after.trim_start_matches([' ', '\t']);
     if let Some(rest) = rest.strip_prefix(';') {
@@ -136,6 +133,11 @@ fn spans_of<'a>(value: &'a Expression, out: &mut Vec<&'a [Item]>) {
     }
 }
 
+/// A text cut before its last line, which may be empty.
+fn last_line(text: &str) -> (&str, &str) {
+    text.split_at(text.rfind('\n').map_or(0, |at| at + 1))
+}
+
 /// Takes an item of a list away, and the comma that parted it from its neighbour.
 fn remove_item(text: &str, span: Span) -> String {
     let (Some(before), Some(after)) = (text.get(..span.start), text.get(span.end..)) else {
@@ -147,11 +149,12 @@ fn remove_item(text: &str, span: Span) -> String {
         // The last of the list: the comma stands before it, unless a comment comes between.
         None => (before.trim_end().strip_suffix(',').unwrap_or(before), after),
     };
-    let line_start = before.rfind('\n').map_or(0, |at| at + 1);
-    let line_end = after.find('\n').unwrap_or(after.len());
-    let (head, tail) = (&before[line_start..], &after[..line_end]);
-    if head.trim().is_empty() && tail.trim().is_empty() && line_end < after.len() {
-        return format!("{}{}", &before[..line_start], &after[line_end + 1..]);
+    let (lines, head) = last_line(before);
+    if let Some((tail, rest)) = after.split_once('\n')
+        && head.trim().is_empty()
+        && tail.trim().is_empty()
+    {
+        return format!("{lines}{rest}");
     }
     // One of the two blanks around it.
     let blank = before.ends_with([' ', '\t']);

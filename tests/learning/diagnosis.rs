@@ -235,5 +235,5 @@ fn an_interrupted_search_says_what_it_had_found_and_how_far_it_had_come() {
     for part in ["interrupted in round 1", "viscous_drag(q)", "times the noise"] {
         assert!(found.stop.contains(part), "{}", found.stop);
     }
-    assert_eq!(found.verdict, Verdict::Missing);
+    assert_eq!(found.verdict, Verdict::Interrupted);
 }

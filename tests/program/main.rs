@@ -15,6 +15,7 @@ mod driven;
 mod examples;
 mod headers;
 mod hostile_files;
+mod interrupts;
 mod large_data;
 #[path = "../learning/measurements.rs"]
 mod measurements;

@@ -191,3 +191,14 @@ fn the_two_commands_are_the_documented_ones() {
     let check = fs::read_to_string(root().join(".ci/run")).expect("the check");
     assert!(check.lines().any(|line| line.trim() == "part tests cargo test"));
 }
+
+#[test]
+fn the_readme_counts_the_effects() {
+    let output = Command::new(env!("CARGO_BIN_EXE_leverrier"))
+        .args(["effects", "--format", "json"])
+        .output()
+        .expect("the program runs");
+    let listed: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let count = listed["effects"].as_array().map_or(0, Vec::len);
+    assert!(count > 0 && page().contains(&format!("The {count} effects ")), "{count}");
+}

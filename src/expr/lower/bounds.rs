@@ -87,18 +87,20 @@ impl<'a> Lowering<'a> {
         let at = if operands.len() == 3 {
             1
         } else {
-            usize::from(!self.is_target(operands[0]) && self.is_target(operands[1]))
+            let is = |at: usize| operands.get(at).is_some_and(|one| self.is_target(one));
+            usize::from(!is(0) && is(1))
         };
-        let Some(target) = self.target(operands[at], terms, parameters) else { return };
+        let target = operands.get(at).and_then(|one| self.target(one, terms, parameters));
+        let Some(target) = target else { return };
         let mut bounds = Bounds::FREE;
         for (i, (relation, _)) in rest.iter().enumerate() {
             // Each relation stands between operand i and i + 1; one of them is the target.
             let (other, flipped) = if i + 1 == at || (middle == 1 && i == 0) {
-                (operands[i], true)
+                (operands.get(i), true)
             } else {
-                (operands[i + 1], false)
+                (operands.get(i + 1), false)
             };
-            let Operand::Value(value) = other else {
+            let Some(Operand::Value(value)) = other else {
                 self.report(
                     Diagnostic::error(span, "a constraint compares with numbers")
                         .label("two unknowns are compared here")
@@ -134,12 +136,15 @@ impl<'a> Lowering<'a> {
             empty |= old.lower > old.upper;
         };
         match target {
-            Bounded::Terms(list) => list.into_iter().for_each(|k| narrow(&mut terms[k].bounds)),
+            Bounded::Terms(list) => {
+                let all = terms.iter_mut().enumerate();
+                all.filter(|(k, _)| list.contains(k)).for_each(|(_, one)| narrow(&mut one.bounds));
+            }
             Bounded::Parameter(i) => {
-                narrow(&mut parameters[i].0.bounds);
+                let Some((parameter, starts)) = parameters.get_mut(i) else { return };
+                narrow(&mut parameter.bounds);
                 if !empty {
-                    let bounds = parameters[i].0.bounds;
-                    let (parameter, starts) = &mut parameters[i];
+                    let bounds = parameter.bounds;
                     starts.iter_mut().for_each(|start| *start = bounds.clamp(*start));
                     parameter.start = bounds.clamp(parameter.start);
                 }
@@ -190,8 +195,8 @@ impl<'a> Lowering<'a> {
                         Place::Force(self.coordinate(coordinate)?)
                     }
                 };
-                let all = (0..terms.len()).filter(|&k| terms[k].part(place).is_some());
-                return Some(Bounded::Terms(all.collect()));
+                let all = terms.iter().enumerate().filter(|(_, one)| one.part(place).is_some());
+                return Some(Bounded::Terms(all.map(|(k, _)| k).collect()));
             }
         };
         let (name, wanted) = match &value.kind {
@@ -216,14 +221,14 @@ impl<'a> Lowering<'a> {
             return Some(Bounded::Parameter(i));
         }
         let family = format!("{name}[");
-        let of_name: Vec<usize> = (0..terms.len())
-            .filter(|&k| {
-                terms[k].name.as_ref().is_some_and(|own| match &wanted {
-                    Some(wanted) => own == wanted,
-                    None => own == name || own.starts_with(&family),
-                })
+        let named = |term: &Term| {
+            term.name.as_ref().is_some_and(|own| match &wanted {
+                Some(wanted) => own == wanted,
+                None => own == name || own.starts_with(&family),
             })
-            .collect();
+        };
+        let all = terms.iter().enumerate().filter(|(_, term)| named(term));
+        let of_name: Vec<usize> = all.map(|(k, _)| k).collect();
         if !of_name.is_empty() {
             return Some(Bounded::Terms(of_name));
         }

@@ -68,7 +68,7 @@ pub(super) fn check(spec: &SyntaxTree) -> Vec<Diagnostic> {
             let mut alone =
                 SyntaxTree { statements: declarations.clone(), lost: spec.lost.clone() };
             alone.statements.extend(candidate.statements.iter().cloned());
-            for statement in &mut alone.statements[declarations.len()..] {
+            for statement in alone.statements.iter_mut().skip(declarations.len()) {
                 if let StatementKind::Energy { adds, .. } = &mut statement.kind {
                     *adds = true;
                 }

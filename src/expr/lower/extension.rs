@@ -301,20 +301,21 @@ impl Scope {
         let new = lowering.define_parameters(from.parameters);
         lowering.find_shared();
         lowering.share_standing(&self.standing.shared);
-        let energies = &resolved.energies[from.energies..];
+        let energies = beyond(&resolved.energies, from.energies);
         let stood = (lowering.known_energy(), lowering.drafts.len());
         lowering.motion(energies, &[]);
         if lowering.changes_velocities(stood.0, stood.1) {
-            let forces = &resolved.forces[..self.lowered.forces];
+            let forces = first(&resolved.forces, self.lowered.forces);
             let of_force = |place: Place| matches!(place, Place::Force(_));
             lower_again(lowering, of_force, |lowering| lowering.motion(&[], forces));
         }
-        lowering.motion(&[], &resolved.forces[from.forces..]);
+        lowering.motion(&[], beyond(&resolved.forces, from.forces));
         let is = |&(place, value, _): &(Place, Value, Span)| (place, value.expr);
         let moves = lowering.known.iter().map(is).ne(self.standing.known.iter().map(is))
             || lowering.drafts != self.standing.drafts;
         if moves && (lowering.flow.is_some() || !resolved.hidden.is_empty()) {
-            let (hidden, sensors) = (&resolved.hidden, &resolved.sensors[..self.lowered.sensors]);
+            let (hidden, sensors) =
+                (&resolved.hidden, first(&resolved.sensors, self.lowered.sensors));
             lowering.flow = None;
             lower_again(lowering, Place::follows_motion, |lowering| {
                 lowering.flow();
@@ -323,7 +324,7 @@ impl Scope {
                 lowering.instruments(sensors);
             });
         }
-        lowering.instruments(&resolved.sensors[from.sensors..]);
+        lowering.instruments(beyond(&resolved.sensors, from.sensors));
         let canonical = lowering.canonical_unit();
         let energy = lowering.energy_unit(canonical);
         lowering.check_known(energy, canonical.is_some());
@@ -407,8 +408,20 @@ fn lower_again(
     lowering.index.values_mut().for_each(moved);
     lowering.shared.values_mut().flatten().for_each(moved);
     for (&k, draft) in places.iter().zip(drafts) {
-        lowering.drafts[k] = draft;
+        if let Some(standing) = lowering.drafts.get_mut(k) {
+            *standing = draft;
+        }
     }
+}
+
+/// What a scope lowered of a list, which has more behind it.
+fn first<T>(all: &[T], count: usize) -> &[T] {
+    all.get(..count).unwrap_or(all)
+}
+
+/// What stands in a list behind what a scope lowered.
+fn beyond<T>(all: &[T], count: usize) -> &[T] {
+    all.get(count..).unwrap_or_default()
 }
 
 impl Counts {

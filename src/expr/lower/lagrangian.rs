@@ -196,7 +196,8 @@ impl Lowering<'_> {
                 Symbol::Parameter(j) => self.starts.get(j).copied().unwrap_or(1.0),
                 _ => 0.7,
             };
-            let mut at = DMatrix::from_fn(n, n, |i, j| self.graph.value(mass[i][j], &of));
+            let masses = mass.iter().flatten().map(|&entry| self.graph.value(entry, &of));
+            let mut at = DMatrix::from_row_iterator(n, n, masses);
             if at.iter().any(|x| !x.is_finite()) {
                 continue;
             }
@@ -205,7 +206,9 @@ impl Lowering<'_> {
             let sizes: Vec<f64> = at.row_iter().map(|row| row.amax().sqrt()).collect();
             for (i, row) in sizes.iter().enumerate() {
                 for (j, column) in sizes.iter().enumerate() {
-                    at[(i, j)] /= (row * column).max(f64::MIN_POSITIVE);
+                    if let Some(entry) = at.get_mut((i, j)) {
+                        *entry /= (row * column).max(f64::MIN_POSITIVE);
+                    }
                 }
             }
             let values = at.singular_values();

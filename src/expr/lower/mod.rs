@@ -247,9 +247,9 @@ impl<'a> Lowering<'a> {
         lowering.velocities = lowering.units_of(&resolved.velocities);
         lowering.inputs = resolved.inputs.iter().map(|input| lowering.unit(input.unit)).collect();
         if let (Some(energy), Some(time)) = (energy, lowering.time) {
-            for i in 0..lowering.momenta.len() {
-                let unit = lowering.coordinates[i].and_then(|q| energy.times(time)?.over(q));
-                lowering.momenta[i] = lowering.momenta[i].or(unit);
+            for (momentum, coordinate) in lowering.momenta.iter_mut().zip(&lowering.coordinates) {
+                let unit = coordinate.and_then(|q| energy.times(time)?.over(q));
+                *momentum = momentum.or(unit);
             }
         }
         lowering
@@ -444,8 +444,8 @@ impl<'a> Lowering<'a> {
                 .filter_map(|(unit, span)| unit.map(|unit| (unit, span)))
                 .filter(|(unit, _)| *unit != Unit::ONE)
                 .collect();
-            if let Some(&(unit, at)) = written.first() {
-                for &(other, span) in &written[1..] {
+            if let Some((&(unit, at), others)) = written.split_first() {
+                for &(other, span) in others {
                     if !unit.agrees(other) {
                         self.clash((unit, at), (other, span), "one parameter has one unit");
                     }

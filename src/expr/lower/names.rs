@@ -3,6 +3,7 @@
 use super::super::graph::Symbol;
 use super::super::system::{InputVariable, Variable};
 use super::super::unit::Unit;
+use super::units::at;
 use super::value::Value;
 use super::{Context, Lowering, Named};
 use crate::diagnostic::{Diagnostic, Span};
@@ -214,7 +215,7 @@ impl Lowering<'_> {
                 "write numbers and constants only",
             )),
             (_, Role::Velocities) => {
-                let momentum = &self.resolved.momenta[i].name;
+                let momentum = self.resolved.momenta.get(i).map_or("p", |own| own.name.as_str());
                 let label = format!("the state holds its momentum `{momentum}`");
                 let hint = format!("write it with `{momentum}`; the velocity follows as dH/dp");
                 Some(misplaced(
@@ -245,8 +246,8 @@ impl Lowering<'_> {
             return None;
         }
         let (symbol, unit) = match role {
-            Role::Coordinates => (Symbol::Coordinate(i), self.coordinates[i]),
-            _ => (Symbol::Momentum(i), self.momenta[i]),
+            Role::Coordinates => (Symbol::Coordinate(i), at(&self.coordinates, i)),
+            _ => (Symbol::Momentum(i), at(&self.momenta, i)),
         };
         Some(Value { expr: self.graph.symbol(symbol), unit })
     }

@@ -203,7 +203,8 @@ impl Scope {
             for value in values_of(kind) {
                 // What an instrument adds may be any power of a velocity.
                 let sensor = matches!(kind, StatementKind::Sensor { .. });
-                let momenta = &momenta[..if sensor { of_momenta } else { momenta.len() }];
+                let own = momenta.get(..of_momenta).filter(|_| sensor);
+                let momenta = own.unwrap_or(&momenta);
                 numbers_in(value, &Surroundings { kinetic, momenta }, &mut add);
             }
         }
@@ -266,7 +267,7 @@ impl Scope {
             }
         }
         let mut terms = Vec::new();
-        for (k, term) in system.terms.iter().enumerate() {
+        for (k, (term, standing)) in system.terms.iter().zip(&base.terms).enumerate() {
             let parts: Vec<_> = term.parts().collect();
             let mut moves = false;
             for (place, expr) in parts {
@@ -280,7 +281,7 @@ impl Scope {
             if moves {
                 // It stays the term that it was: only what is in it has changed.
                 let (expr, also) = (term.expr, term.also.clone());
-                terms.push((k, Term { expr, also, ..base.terms[k].clone() }));
+                terms.push((k, Term { expr, also, ..standing.clone() }));
             }
         }
         let mut parts =

@@ -115,10 +115,10 @@ impl Lowering<'_> {
                         format!("`{expression}` is not a coordinate"),
                     )
                     .label("a force acts on a coordinate")
-                    .hint(format!(
-                        "write for example `force {} += ...`",
-                        self.resolved.coordinates[0].name
-                    )),
+                    .hint(match self.resolved.coordinates.first() {
+                        Some(first) => format!("write for example `force {} += ...`", first.name),
+                        None => "declare it: `coordinates x`".to_string(),
+                    }),
                 );
                 None
             }
@@ -144,7 +144,7 @@ impl Lowering<'_> {
         }
         let family = match &item.body.kind {
             ExpressionKind::Call { name, arguments, order } => {
-                families::by_name(name).map(|row| (row, &arguments[..], order.as_deref()))
+                families::by_name(name).map(|row| (row, arguments.as_slice(), order.as_deref()))
             }
             _ => None,
         };
@@ -337,15 +337,15 @@ impl Lowering<'_> {
         let mut seen: Vec<(Expr, Span)> =
             out.iter().map(|(value, span)| (value.expr, *span)).collect();
         seen.sort_by_key(|&(expr, span)| (expr, span));
-        for pair in seen.windows(2) {
-            if pair[0].0 == pair[1].0 {
+        for (&(one, span), &(next, again)) in seen.iter().zip(seen.iter().skip(1)) {
+            if one == next {
                 sound = false;
-                let text = self.graph.text(pair[0].0, &self.symbol_names());
+                let text = self.graph.text(one, &self.symbol_names());
                 self.report(
-                    Diagnostic::error(pair[1].1, format!("the variable `{text}` is given twice"))
+                    Diagnostic::error(again, format!("the variable `{text}` is given twice"))
                         .label("given again here")
                         .hint("name each variable of a family once")
-                        .related(pair[0].1, "first given here"),
+                        .related(span, "first given here"),
                 );
             }
         }
@@ -358,7 +358,7 @@ impl Lowering<'_> {
                 let mut unit = Some(Unit::ONE);
                 let mut parts = Vec::with_capacity(powers.len());
                 for &(i, exponent) in powers {
-                    let value = variables[i].0;
+                    let Some(&(value, _)) = variables.get(i) else { continue };
                     parts.push((value.expr, f64::from(exponent)));
                     let exponent =
                         i32::try_from(exponent).ok().map(num_rational::Ratio::from_integer);
@@ -370,7 +370,9 @@ impl Lowering<'_> {
                 Value { expr: self.graph.product(1.0, &parts), unit }
             }
             Member::Harmonic { wave, variable, harmonic } => {
-                let argument = self.graph.scale(f64::from(*harmonic), variables[*variable].0.expr);
+                let variable = variables.get(*variable);
+                let variable = variable.map_or_else(|| self.graph.number(0.0), |(own, _)| own.expr);
+                let argument = self.graph.scale(f64::from(*harmonic), variable);
                 let function = match wave {
                     Wave::Sine => Function::SIN,
                     Wave::Cosine => Function::COS,
@@ -430,12 +432,12 @@ impl Lowering<'_> {
             self.drafts.push(draft);
             return;
         }
-        let Some(&at) = self.index.get(&key) else {
+        let standing = self.index.get(&key).copied();
+        let Some(first) = standing.and_then(|at| self.drafts.get_mut(at)) else {
             self.index.insert(key, self.drafts.len());
             self.drafts.push(draft);
             return;
         };
-        let first = &self.drafts[at];
         if first.explicit && explicit {
             let first_span = first.span;
             let label = self.graph.text(value.expr, &self.symbol_names());
@@ -455,16 +457,17 @@ impl Lowering<'_> {
         repeated.count += 1;
         repeated.first = repeated.first.or(Some(value.expr));
         if explicit {
-            self.drafts[at] = draft;
+            *first = draft;
         }
     }
 
     /// The expression without a number in front of it.
     fn direction(&self, expr: Expr) -> Expr {
         match self.graph.node(expr) {
-            Node::Sum { constant, terms } if constant.value() == 0.0 && terms.len() == 1 => {
-                terms[0].0
-            }
+            Node::Sum { constant, terms } if constant.value() == 0.0 => match &**terms {
+                [(only, _)] => *only,
+                _ => expr,
+            },
             _ => expr,
         }
     }
@@ -492,11 +495,12 @@ impl Lowering<'_> {
                 _ => 0,
             };
             let of_children = self.graph.children(node);
-            let of_children = of_children.iter().map(|child| self.dependence[child.0 as usize]);
+            let of_children =
+                of_children.iter().filter_map(|child| self.dependence.get(child.0 as usize));
             let all = of_children.fold(own, |all, one| all | one);
             self.dependence.push(all);
         }
-        self.dependence[expr.0 as usize]
+        self.dependence.get(expr.0 as usize).copied().unwrap_or(BROKEN)
     }
 
     /// Names of the symbols, without those of coefficients.

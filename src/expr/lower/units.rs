@@ -6,19 +6,28 @@ use super::Lowering;
 use crate::diagnostic::{Diagnostic, Span};
 use crate::spec::resolve::Declared;
 
+/// The unit of a variable, where it is known and where there is such a variable.
+pub(super) fn at(units: &[Option<Unit>], i: usize) -> Option<Unit> {
+    units.get(i).copied().flatten()
+}
+
 impl Lowering<'_> {
     /// [q] [p] / [t], which is the unit of H, and where it comes from.
     pub(super) fn canonical_unit(&mut self) -> Option<(Unit, Span)> {
         let time = self.time?;
         let mut first: Option<(Unit, Span)> = None;
-        for i in 0..self.coordinates.len() {
-            let (Some(q), Some(p)) = (self.coordinates[i], self.momenta[i]) else { continue };
+        let resolved = self.resolved;
+        let pairs = resolved.coordinates.iter().zip(&resolved.momenta);
+        for (i, (coordinate, momentum)) in pairs.enumerate() {
+            let (Some(q), Some(p)) = (at(&self.coordinates, i), at(&self.momenta, i)) else {
+                continue;
+            };
             let Some(unit) = q.times(p).and_then(|action| action.over(time)) else { continue };
-            let span = self.resolved.momenta[i].span;
+            let span = momentum.span;
             match first {
                 None => first = Some((unit, span)),
-                Some((energy, at)) if !energy.agrees(unit) => {
-                    let name = &self.resolved.coordinates[i].name;
+                Some((energy, from)) if !energy.agrees(unit) => {
+                    let name = &coordinate.name;
                     let message = format!(
                         "units clash: [{energy}] and [{unit}] cannot both be the unit of H"
                     );
@@ -29,7 +38,7 @@ impl Lowering<'_> {
                         Diagnostic::error(span, message)
                             .label(format!("makes H a quantity in [{unit}]"))
                             .hint(hint)
-                            .related(at, format!("makes H a quantity in [{energy}]")),
+                            .related(from, format!("makes H a quantity in [{energy}]")),
                     );
                 }
                 Some(_) => {}
@@ -41,16 +50,17 @@ impl Lowering<'_> {
     /// A velocity is measured in units of its coordinate over time.
     pub(super) fn check_velocities(&mut self) {
         let Some(time) = self.time else { return };
+        let resolved = self.resolved;
         // One too many of either is an error of its own.
-        let both = self.coordinates.len().min(self.velocities.len());
-        for i in 0..both {
-            let (Some(q), Some(v)) = (self.coordinates[i], self.velocities[i]) else { continue };
+        let pairs = resolved.coordinates.iter().zip(&resolved.velocities);
+        for (i, (coordinate, declared)) in pairs.enumerate() {
+            let (Some(q), Some(v)) = (at(&self.coordinates, i), at(&self.velocities, i)) else {
+                continue;
+            };
             let Some(expected) = q.over(time) else { continue };
             if !expected.agrees(v) {
-                let declared = &self.resolved.velocities[i];
                 let message = format!("units clash: [{v}] is not a velocity in [{expected}]");
                 let label = format!("`{}` is in [{v}]", declared.name);
-                let coordinate = &self.resolved.coordinates[i];
                 let diagnostic = Diagnostic::error(declared.span, message)
                     .label(label)
                     .hint("a velocity has the unit of its coordinate over that of time")
@@ -68,7 +78,7 @@ impl Lowering<'_> {
                 (&resolved.coordinates, self.coordinates.clone()),
                 (&resolved.momenta, self.momenta.clone()),
             ] {
-                let known = |&at: &usize| Some((units.get(at).copied()??, declared.get(at)?));
+                let known = |&i: &usize| Some((at(&units, i)?, declared.get(i)?));
                 let known: Vec<(Unit, &Declared)> =
                     body.coordinates.iter().filter_map(known).collect();
                 let Some(&(first, from)) = known.first() else { continue };
@@ -111,7 +121,7 @@ impl Lowering<'_> {
         for (place, value, span) in parts {
             let Some(unit) = value.unit else { continue };
             let (expected, what) = match place {
-                Place::Force(i) => match self.coordinates.get(i).copied().flatten() {
+                Place::Force(i) => match at(&self.coordinates, i) {
                     Some(q) => (energy.over(q), "a force here"),
                     None => continue,
                 },

@@ -8,6 +8,7 @@ use super::super::driving::OwnInputs;
 use super::super::gauge;
 use super::super::loss::Loss;
 use super::super::model::fingerprint;
+use super::super::monitor::Silent;
 use super::super::pass::{Problem, Stepping};
 use super::super::segments::Segments;
 use super::super::stream::Asked;
@@ -232,6 +233,7 @@ impl PassRequest {
             parameters: &system.parameters,
             own: OwnInputs::default(),
             tuning: &tuning,
+            halt: &Silent,
         };
         pass(&Asked {
             system: &system,

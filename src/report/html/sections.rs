@@ -80,6 +80,7 @@ pub(crate) fn cards(page: &Page) -> String {
                 card("unnamed", "something is missing that the catalogue lacks")
             }
             Verdict::TooLittleData => card("too little", "data to say whether anything is missing"),
+            Verdict::Interrupted => card("interrupted", "before it was known what is missing"),
         }
     }
     card(
@@ -192,6 +193,7 @@ fn verdict(verdict: Verdict) -> &'static str {
         Verdict::NothingMissing => "Nothing is missing",
         Verdict::Unexplained => "Something is missing that the catalogue does not have",
         Verdict::TooLittleData => "Too little data to say what is missing",
+        Verdict::Interrupted => "The diagnosis was interrupted",
     }
 }
 
@@ -240,7 +242,7 @@ fn missing(page: &Page, figures: &Drawn) -> String {
     let class = match diagnosis.verdict {
         Verdict::Missing => "missing",
         Verdict::Unexplained => "unexplained",
-        Verdict::NothingMissing | Verdict::TooLittleData => "quiet",
+        Verdict::NothingMissing | Verdict::TooLittleData | Verdict::Interrupted => "quiet",
     };
     let mut out = format!(
         "<p class=\"verdict {class}\"><strong>{}</strong>: {}.</p>\n",

@@ -72,7 +72,7 @@ fn number(input: &str) -> IResult<&str, &str> {
 fn mark(input: &str) -> IResult<&str, &str> {
     for mark in MARKS {
         if let Some(rest) = input.strip_prefix(mark) {
-            return Ok((rest, &input[..mark.len()]));
+            return Ok((rest, mark));
         }
     }
     recognize(anychar).parse(input)
@@ -107,7 +107,7 @@ fn next<'a>(
     diagnostics: &mut Vec<Diagnostic>,
 ) -> (TokenKind, &'a str, &'a str) {
     if let Some(after) = rest.strip_prefix('\n') {
-        return (TokenKind::Newline, &rest[..1], after);
+        return (TokenKind::Newline, "\n", after);
     }
     if let Some(after) = rest.strip_prefix('"') {
         let end = after.find(['"', '\n']).unwrap_or(after.len());

@@ -252,7 +252,7 @@
   const VERDICTS = {
     missing: "Something is missing", nothing_missing: "Nothing is missing",
     unexplained: "Something is missing that has no name here",
-    too_little_data: "Too little data to say",
+    too_little_data: "Too little data to say", interrupted: "Interrupted",
   };
   const STATES = {
     pending: "The diagnosis comes after the plots.", running: "Every effect of the catalogue is being tested.",

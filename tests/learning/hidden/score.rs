@@ -289,6 +289,7 @@ pub(crate) fn scored(plan: &Plan, patience: f64) -> Record {
         Verdict::NothingMissing => "nothing missing",
         Verdict::Unexplained => "unexplained",
         Verdict::TooLittleData => "too little data",
+        Verdict::Interrupted => "interrupted",
     }
     .to_string();
     record.reason.clone_from(&told.reason);
