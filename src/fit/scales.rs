@@ -58,7 +58,7 @@ const LARGEST: f64 = 1e100;
 ///
 /// # Errors
 ///
-/// Where a column reaches beyond [`LARGEST`].
+/// Where a column reaches beyond 1e100, or the typical interval does.
 pub fn measurable(measured: &Packed, names: &[String], typical: f64) -> Result<()> {
     let hint = "look whether the file is damaged, or was written with another type of number; if \
                 not, give the column a larger or a smaller unit";
