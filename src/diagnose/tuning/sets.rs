@@ -36,7 +36,9 @@ pub struct Sets {
     pub rounds: usize,
     /// Sets that are remembered.
     pub kept: usize,
-    /// Members that are tried beside a set,
+    /// Pairs that the search knows at its beginning, at most, for each of their members.
+    pub paired: usize,
+    /// Members that are tried beside a set, apart from each other,
     pub added: usize,
     /// in the place of one member,
     pub exchanged: usize,
@@ -44,6 +46,8 @@ pub struct Sets {
     pub merged: usize,
     /// and in the place of one, two of them after one another.
     pub split: usize,
+    /// Columns are alike that have more than this part of their squares in common.
+    pub alike: f64,
     /// Part of its squares that a column keeps beside the others of a set, at least.
     pub apart: f64,
     /// Part of a known number, or of what a sensor shows, up to which what a change of it does is

@@ -128,8 +128,15 @@ impl<'a> Pool<'a> {
 
     /// The best sets, the shortest description first, and one alone of those that differ in inner
     /// numbers. The search begins with no member and with those of `standing`, which need not be in
-    /// order.
+    /// order; all pairs are looked at, as two that tell little alone may explain all together.
     pub(super) fn search(&self, standing: &[usize]) -> Vec<FoundSet> {
+        let all = 0..self.members.len();
+        let pairs = all.into_par_iter().flat_map_iter(|at| self.added(&[at], self.tuning.paired));
+        self.search_from(standing, pairs.collect())
+    }
+
+    /// The same from those of `standing` and the sets that were `found` before.
+    pub(super) fn search_from(&self, standing: &[usize], found: Vec<FoundSet>) -> Vec<FoundSet> {
         let tuning = self.tuning;
         let mut standing = standing.to_vec();
         standing.sort_unstable();
@@ -138,6 +145,7 @@ impl<'a> Pool<'a> {
         pool.dedup_by(|a, b| a.members == b.members);
         let mut seen: FxHashSet<Set> = pool.iter().map(|one| one.members.clone()).collect();
         let mut front = pool.clone();
+        pool.extend(found.into_iter().filter(|one| seen.insert(one.members.clone())));
         for _ in 0..tuning.rounds {
             let moves: Vec<FoundSet> =
                 front.par_iter().flat_map_iter(|one| self.moves(&one.members)).collect();
@@ -175,14 +183,14 @@ impl<'a> Pool<'a> {
         let tuning = self.tuning;
         let mut found = Vec::new();
         if set.len() < tuning.members {
-            found.extend(self.added(set, tuning.added));
+            found.extend(self.added_apart(set, tuning.added));
         }
         for (at, _) in set.iter().enumerate() {
             let rest = without(set, &[at]);
             found.extend(self.found(rest.clone()).filter(|one| self.is_within(&one.members)));
             found.extend(self.added(&rest, tuning.exchanged));
             if set.len() < tuning.members {
-                for one in self.added(&rest, tuning.split) {
+                for one in self.added_apart(&rest, tuning.split) {
                     found.extend(self.added(&one.members, tuning.split));
                 }
             }
@@ -200,28 +208,83 @@ impl<'a> Pool<'a> {
 
     /// The set with each of the members that it is best with.
     fn added(&self, set: &[usize], most: usize) -> Vec<FoundSet> {
-        let own = self.columns(set);
-        let Some((rest, shadows)) = self.beside(&own) else { return Vec::new() };
-        let explained = self.explained(&own).unwrap_or(0.0);
-        let left = (self.squares - explained).max(0.0);
+        let Some(beside) = self.beside(set) else { return Vec::new() };
+        let mut all = self.costs(set, &beside);
+        let within = |one: &(f64, usize)| {
+            let set = with(set, one);
+            self.is_within(&set.members).then_some(set)
+        };
+        let mut found: Vec<FoundSet> = Vec::with_capacity(most);
+        let mut rest = &mut all[..];
+        // Most are never looked at: only the cheapest are brought into order.
+        while found.len() < most && !rest.is_empty() {
+            let (first, then) = cheapest(rest, 4 * most);
+            found.extend(first.iter().filter_map(within).take(most - found.len()));
+            rest = then;
+        }
+        found
+    }
+
+    /// The same with members that do different things beside the set, the cheapest of each: many
+    /// may do nearly the same, and one that tells little alone is not to be crowded out by them.
+    fn added_apart(&self, set: &[usize], most: usize) -> Vec<FoundSet> {
+        let Some(beside) = self.beside(set) else { return Vec::new() };
+        let mut all = self.costs(set, &beside);
+        let mut taken: Vec<usize> = Vec::with_capacity(most);
+        let mut found: Vec<FoundSet> = Vec::with_capacity(most);
+        let mut rest = &mut all[..];
+        while found.len() < most && !rest.is_empty() {
+            let (first, then) = cheapest(rest, 4 * most);
+            for one in first.iter() {
+                if taken.iter().any(|&other| self.is_alike(one.1, other, &beside)) {
+                    continue;
+                }
+                let set = with(set, one);
+                if self.is_within(&set.members) {
+                    found.push(set);
+                    taken.push(one.1);
+                }
+                if found.len() == most {
+                    break;
+                }
+            }
+            rest = then;
+        }
+        found
+    }
+
+    /// What a set costs with each member of another kind.
+    fn costs(&self, set: &[usize], beside: &Beside) -> Vec<(f64, usize)> {
+        let left = (self.squares - beside.explained).max(0.0);
         let kinds = self.kinds(set);
         let base: f64 = set.iter().map(|&at| self.members[at].price).sum();
-        let mut all: Vec<(f64, usize)> = Vec::new();
-        for (at, member) in self.members.iter().enumerate() {
-            if kinds.contains(&member.kind) {
-                continue;
-            }
-            let Some(fall) = self.fall(member, &rest, &shadows) else { continue };
-            all.push((self.cost_of(left - fall, base + member.price), at));
+        let others = self.members.iter().enumerate();
+        let others = others.filter(|(_, member)| !kinds.contains(&member.kind));
+        others
+            .filter_map(|(at, member)| {
+                let fall = self.fall(member, beside)?;
+                Some((self.cost_of(left - fall, base + member.price), at))
+            })
+            .collect()
+    }
+
+    /// Whether two members do nearly the same beside a set.
+    fn is_alike(&self, one: usize, other: usize, beside: &Beside) -> bool {
+        let (one, other) = (&self.members[one], &self.members[other]);
+        if one.kind == other.kind {
+            return true;
         }
-        all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let with = |&(cost, at): &(f64, usize)| {
-            let mut members = set.to_vec();
-            members.push(at);
-            members.sort_unstable();
-            FoundSet { members, cost }
-        };
-        all.iter().map(with).filter(|one| self.is_within(&one.members)).take(most).collect()
+        if one.count > 1 || other.count > 1 {
+            return false;
+        }
+        let own = |i: usize, j: usize| self.left_of_product(i, j, beside);
+        let (i, j) = (one.first, other.first);
+        own(i, j).powi(2) > self.tuning.alike * own(i, i) * own(j, j)
+    }
+
+    /// The inner product of what a set leaves of two columns.
+    fn left_of_product(&self, i: usize, j: usize, beside: &Beside) -> f64 {
+        self.gram[(i, j)] - beside.shadows.column(i).dot(&beside.shadows.column(j))
     }
 
     /// Whether no coefficient of a set is larger than its column is known for.
@@ -236,21 +299,14 @@ impl<'a> Pool<'a> {
 
     /// By how much the squares fall with a member beside a set; `None` where the set nearly spans
     /// one of its columns.
-    fn fall(
-        &self,
-        member: &PoolMember,
-        rest: &DVector<f64>,
-        shadows: &DMatrix<f64>,
-    ) -> Option<f64> {
+    fn fall(&self, member: &PoolMember, beside: &Beside) -> Option<f64> {
         let count = member.count;
-        let own = |i: usize, j: usize| {
-            let (i, j) = (member.first + i, member.first + j);
-            self.gram[(i, j)] - shadows.column(i).dot(&shadows.column(j))
-        };
+        let own =
+            |i: usize, j: usize| self.left_of_product(member.first + i, member.first + j, beside);
         if (0..count).any(|i| own(i, i) <= self.tuning.apart) {
             return None;
         }
-        let heights = DVector::from_fn(count, |i, _| rest[member.first + i]);
+        let heights = DVector::from_fn(count, |i, _| beside.heights[member.first + i]);
         if count == 1 {
             return Some(heights[0].powi(2) / own(0, 0));
         }
@@ -260,19 +316,21 @@ impl<'a> Pool<'a> {
         apart.then(|| factor.solve(&heights).dot(&heights))
     }
 
-    /// Inner products of all columns with what a set's columns leave, and their shadows on an
-    /// orthonormal basis of these: `[basis][column]`.
-    fn beside(&self, own: &[usize]) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    /// All columns beside those of a set; `None` where these nearly span one another.
+    fn beside(&self, set: &[usize]) -> Option<Beside> {
+        let own = self.columns(set);
         let all = self.gram.ncols();
         if own.is_empty() {
-            return Some((self.heights.clone(), DMatrix::zeros(0, all)));
+            let (heights, shadows) = (self.heights.clone(), DMatrix::zeros(0, all));
+            return Some(Beside { heights, shadows, explained: 0.0 });
         }
-        let lower = self.factor(own)?;
+        let lower = self.factor(&own)?;
         let crossed = DMatrix::from_fn(own.len(), all, |i, j| self.gram[(own[i], j)]);
         let shadows = lower.solve_lower_triangular(&crossed)?;
         let heights = DVector::from_fn(own.len(), |i, _| self.heights[own[i]]);
         let heights = lower.solve_lower_triangular(&heights)?;
-        Some((&self.heights - shadows.tr_mul(&heights), shadows))
+        let explained = heights.norm_squared();
+        Some(Beside { heights: &self.heights - shadows.tr_mul(&heights), shadows, explained })
     }
 
     fn factor(&self, own: &[usize]) -> Option<DMatrix<f64>> {
@@ -337,6 +395,36 @@ impl<'a> Pool<'a> {
         let floor = self.tuning.floor * self.squares / rows;
         rows * (left / rows).max(floor).max(f64::MIN_POSITIVE).ln() + 2.0 * price
     }
+}
+
+/// All columns beside those of a set.
+struct Beside {
+    /// Their inner products with what the set leaves.
+    heights: DVector<f64>,
+    /// Their shadows on an orthonormal basis of the set's columns: `[basis][column]`.
+    shadows: DMatrix<f64>,
+    /// Squares that the set explains.
+    explained: f64,
+}
+
+/// A set with one more member, at a cost.
+fn with(set: &[usize], &(cost, at): &(f64, usize)) -> FoundSet {
+    let mut members = set.to_vec();
+    members.push(at);
+    members.sort_unstable();
+    FoundSet { members, cost }
+}
+
+/// The cheapest so many in their order, and the others in none.
+fn cheapest(all: &mut [(f64, usize)], most: usize) -> (&mut [(f64, usize)], &mut [(f64, usize)]) {
+    let order = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+    let count = most.min(all.len());
+    if count < all.len() {
+        all.select_nth_unstable_by(count, order);
+    }
+    let (first, then) = all.split_at_mut(count);
+    first.sort_unstable_by(order);
+    (first, then)
 }
 
 /// A set without the members at some of its places.
@@ -441,6 +529,25 @@ mod tests {
         for one in pool.search(&[]) {
             let values = pool.coefficients(&one.members).expect("columns that stand apart");
             assert!(values.iter().flatten().all(|value| value.abs() <= 1.5), "{values:?}");
+        }
+    }
+
+    #[test]
+    fn two_that_tell_little_alone_are_found_among_many_alike() {
+        let tuning = Tuning::default();
+        for seed in 0..4 {
+            let mut generator = Pcg64::seed_from_u64(seed);
+            let mut draw = || DVector::from_fn(ROWS, |_, _| StandardNormal.sample(&mut generator));
+            let (large, small, noise): (DVector<f64>, DVector<f64>, DVector<f64>) =
+                (draw(), draw(), draw());
+            // Two columns explain the target with opposite signs, and hardly anything alone;
+            // sixty others explain a third of it, each by itself.
+            let target = &small + 0.01 * noise;
+            let mut all = vec![8.0 * &large + &small, 8.0 * &large - &small];
+            all.extend((0..60).map(|_| &small + 1.4 * draw()));
+            let pool = Pool::of(members(&all, f64::INFINITY), &target, ROWS, &tuning.sets);
+            let best = pool.search(&[]).swap_remove(0);
+            assert_eq!(best.members, [0, 1], "seed {seed}");
         }
     }
 

@@ -205,11 +205,17 @@ impl<'a, 'b> SetSearch<'a, 'b> {
             let standing: Vec<usize> = best.members.iter().map(in_place).collect();
             pool = motion.pool_with(pool, &sharp);
             entries.extend(sharp);
-            found = pool.search(&standing);
+            found = pool.search_from(&standing, found);
         }
         let mut sets = Vec::new();
         let mut taken: Vec<&FoundSet> = Vec::new();
+        let least = found.first().map_or(0.0, |best| best.cost);
         for one in found.iter().filter(|one| !one.members.is_empty()) {
+            // Around a motion that leaves noise, first order says what a set is worth.
+            let close = self.tuning.ranking.indistinguishable;
+            if around.is_some_and(|one| one.explains) && one.cost - least > close {
+                break;
+            }
             // What holds a better set says nothing else: its other members come later, if at all.
             if taken.iter().any(|better| pool.holds(one, better)) {
                 continue;
