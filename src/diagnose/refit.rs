@@ -214,9 +214,10 @@ pub struct Fitted {
 }
 
 impl Fitted {
-    /// How much larger than all together the largest of some groups of terms is, in what they do to
-    /// predictions; 1 for a single group. Groups that cancel each other stand in for something
-    /// else.
+    /// What it costs that groups of terms do more to predictions than all together, as those do
+    /// that cancel each other: twice the nats. Before the data an effect is expected to be about as
+    /// large as what is missing; one that is `c` times as large takes a range of numbers `c` times
+    /// as wide.
     pub fn cancellation(&self, groups: &[Vec<TermId>]) -> f64 {
         let design = self.factor.design();
         let does = |group: &Vec<TermId>| {
@@ -228,8 +229,8 @@ impl Fitted {
         };
         let each: Vec<DVector<f64>> = groups.iter().map(does).collect();
         let together: DVector<f64> = each.iter().fold(DVector::zeros(design.nrows()), |a, b| a + b);
-        let largest = each.iter().map(|one| one.norm()).fold(0.0, f64::max);
-        if largest > 0.0 { largest / together.norm().max(f64::MIN_POSITIVE) } else { 1.0 }
+        let least = together.norm().max(f64::MIN_POSITIVE);
+        each.iter().map(|one| 2.0 * (one.norm() / least).max(1.0).ln()).sum()
     }
 }
 

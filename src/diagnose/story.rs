@@ -109,9 +109,9 @@ pub(super) struct Story<'a> {
     pub sums: Sums,
     /// Whether that is noise, over whole runs.
     pub explains: bool,
-    /// How much larger than all members together the largest of them is, in what they do to
-    /// predictions; known when the story is concluded.
-    pub cancellation: f64,
+    /// What it costs that members do more to predictions than all of them together: twice the
+    /// nats; known when the story is concluded.
+    cancellation: f64,
     /// Squares for each residual that are nothing beside what the model without a change leaves.
     pub negligible: f64,
     /// How well the runs that it was fitted to determine its numbers; known when the story is
@@ -132,7 +132,7 @@ impl<'a> Story<'a> {
             model,
             sums,
             explains: false,
-            cancellation: 1.0,
+            cancellation: 0.0,
             negligible,
             determined: None,
         }
@@ -486,7 +486,7 @@ impl<'a> Story<'a> {
 
     /// What all its unknowns and choices cost: twice the nats.
     pub(super) fn price(&self) -> f64 {
-        self.members.iter().map(|member| member.price).sum()
+        self.members.iter().map(|member| member.price).sum::<f64>() + self.cancellation
     }
 
     /// Squares that are left over segments of `window` samples before such a noise, and independent

@@ -442,9 +442,6 @@ pub struct Verdict {
     /// Numbers that members with numbers inside may have in all, where several bend one force by
     /// one variable: two contacts and a spring have five, and six bend to any curve.
     pub curve: usize,
-    /// What a member does to predictions is at most this many times what all of them do: effects
-    /// that cancel each other are an expansion of something else.
-    pub cancellation: f64,
     /// Standard errors of the noise's variance that a model at the noise may be above it.
     pub at_noise: f64,
     /// A story that holds brings the error on held-out runs to less than this times the noise.

@@ -153,8 +153,6 @@ fn fault_of(
         Some("not all of its coefficients are clearly different from zero")
     } else if story.is_patchwork() {
         Some("its members are pieces of one curve, which fit any")
-    } else if story.cancellation > tuning.verdict.cancellation {
-        Some("its members nearly cancel each other, as expansions of something else do")
     } else if enough.is_some_and(|bare| !pays(story, bare, tuning)) {
         Some("the model explains the data as well without it")
     } else {

@@ -170,7 +170,6 @@ const TUNING: Tuning = Tuning {
         unnamed_branches: 6,
         standard_errors: 4.0,
         curve: 5,
-        cancellation: 4.0,
         at_noise: 4.0,
         reaches: 1.1,
         negligible: 1e-12,
