@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::candidates::NumberChange;
+use super::times::times;
 use crate::error::Result;
 use crate::expr::Scope;
 use crate::spec::edit;
@@ -56,9 +57,8 @@ impl RankedEffect {
         if !(before.is_finite() && after.is_finite()) {
             return String::new();
         }
-        format!(
-            ", which takes the error on held-out runs from {before:.2} to {after:.2} times the noise"
-        )
+        let (before, after) = (times(before), times(after));
+        format!(", which takes the error on held-out runs from {before} to {after} times the noise")
     }
 
     /// The text of a spec with it: its statement, or the number changed. A number must have been

@@ -73,6 +73,7 @@ impl<'a> LawOnData<'a> {
             Some((of_runs, dataset)) => (of_runs, data.with(dataset, options), Some(Arc::new(law))),
             None => (law, data.clone(), None),
         };
+        let law = resolving(law, &data.packed, options.tuning.noise_floor.levels);
         LawOnData { law, data, options, autocorrelation_time: 1.0, monitor: &Silent, before }
     }
 
@@ -144,4 +145,20 @@ impl<'a> LawOnData<'a> {
         let data = Measurements { most, ..self.data.clone() };
         LawOnData { data, ..self.clone() }
     }
+}
+
+/// A law whose residuals mean nothing below a step between so many levels of each column's range.
+fn resolving(law: Law, measured: &Packed, levels: f64) -> Law {
+    let step = |column: &[f64]| {
+        let values = || column.iter().copied().filter(|x| x.is_finite());
+        let range =
+            values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min);
+        range.max(0.0) / levels
+    };
+    let known = law.resolution().iter().enumerate();
+    let resolution: Vec<f64> =
+        known.map(|(row, known)| known.max(step(measured.column(row)))).collect();
+    let noise = law.noise().iter().zip(&resolution).map(|(noise, least)| noise.max(*least));
+    let noise = noise.collect();
+    law.with_resolution(resolution).with_noise(noise)
 }

@@ -31,6 +31,7 @@ mod search;
 pub mod settling;
 mod story;
 pub mod sufficiency;
+pub mod times;
 mod together;
 pub mod tuning;
 mod tuning_check;

@@ -39,6 +39,7 @@ impl Options {
         ];
         let sizes = [
             ("noise_floor.strays", tuning.noise_floor.strays),
+            ("noise_floor.levels", tuning.noise_floor.levels),
             ("autocorrelation.peak", tuning.autocorrelation.peak),
             ("autocorrelation.largest", tuning.autocorrelation.largest),
             ("states.strays", tuning.states.strays),

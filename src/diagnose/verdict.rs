@@ -12,6 +12,7 @@ use super::misfit::{error_of, excess};
 use super::rounding::is_feigned;
 use super::settling::settle;
 use super::story::{Member, Question, Story, holds};
+use super::times::times;
 use super::tuning::Tuning;
 use super::window::longest;
 use crate::error::Result;
@@ -252,10 +253,10 @@ fn told_of(
     } else {
         let names: Vec<&str> = members.iter().map(|member| member.effect.as_str()).collect();
         format!(
-            "together {} take the error on held-out runs from {:.2} to {:.2} times the noise",
+            "together {} take the error on held-out runs from {} to {} times the noise",
             names.join(", "),
-            before.error,
-            after.error
+            times(before.error),
+            times(after.error)
         )
     };
     if after.error > tuning.verdict.reaches {
@@ -269,11 +270,14 @@ fn told_of(
 /// What each member of a story does to the error, those before it being in the model.
 fn one_after_another(first: &RankedEffect, then: &[RankedEffect]) -> String {
     let mut reason = format!(
-        "{} takes the error on held-out runs from {:.2} to {:.2} times the noise",
-        first.effect, first.held_out_error_before, first.held_out_error_after
+        "{} takes the error on held-out runs from {} to {} times the noise",
+        first.effect,
+        times(first.held_out_error_before),
+        times(first.held_out_error_after)
     );
     for next in then {
-        let _ = write!(reason, ", {} after it to {:.2}", next.effect, next.held_out_error_after);
+        let _ =
+            write!(reason, ", {} after it to {}", next.effect, times(next.held_out_error_after));
     }
     reason
 }
@@ -304,19 +308,19 @@ fn unexplained(
     diagnosis.reason = match (stories.first(), fault, &diagnosis.shape) {
         (Some(best), Some((fault, after)), _) => format!(
             "the best explanation that was found is none ({}, which takes the error of held-out \
-             runs over their whole length from {:.2} to {:.2} times the noise): {fault}",
+             runs over their whole length from {} to {} times the noise): {fault}",
             best.labels().join(", "),
-            before.error,
-            after.error
+            times(before.error),
+            times(after.error)
         ),
         (_, _, Some(shape)) => format!(
             "the force on {} depends on {} in a way that no effect of the catalogue has",
             shape.on, shape.against
         ),
         _ => format!(
-            "over whole runs the error is {:.2} times the noise, and nothing that was tried takes \
-             it away",
-            before.error
+            "over whole runs the error is {} times the noise, and nothing that was tried takes it \
+             away",
+            times(before.error)
         ),
     };
     Ok(())

@@ -8,6 +8,7 @@ use crate::data::write_atomically;
 use crate::diagnose::comparison::windows;
 use crate::diagnose::hidden::start_of;
 use crate::diagnose::noise_floor::{no_less_than_rough, noise_floor};
+use crate::diagnose::times::times;
 use crate::diagnose::{LawOnData, Measurements, Options};
 use crate::diagnostic::Diagnostic;
 use crate::error::{Error, ErrorKind, Result};
@@ -327,12 +328,16 @@ fn added(
     let Some((was, is)) = was.held_out_error.zip(is.held_out_error) else {
         return (None, NO_JUDGE.to_string());
     };
+    let said = (times(was), times(is));
     let clear = effect.iter().map(|(_, x, s)| (x / s).abs()).fold(0.0, f64::max);
     let undetermined = effect.iter().all(|(_, _, error)| !error.is_finite());
     let how = if is < was {
-        format!("the held-out error falls from {was:.2} to {is:.2} times the noise")
+        format!("the held-out error falls from {} to {} times the noise", said.0, said.1)
     } else {
-        format!("the held-out error does not fall: {was:.2} times the noise before, {is:.2} after")
+        format!(
+            "the held-out error does not fall: {} times the noise before, {} after",
+            said.0, said.1
+        )
     };
     // What only together with other numbers shows in the data has no standard error of its own.
     if undetermined {
@@ -350,7 +355,8 @@ fn removed(was: &HeldOutErrors, is: &HeldOutErrors) -> (Option<bool>, String) {
     };
     let free = is <= FREE * was;
     let how = if free { "does not rise" } else { "rises" };
-    let why = format!("the held-out error {how}: {was:.2} times the noise before, {is:.2} after");
+    let (was, is) = (times(was), times(is));
+    let why = format!("the held-out error {how}: {was} times the noise before, {is} after");
     (Some(free), why)
 }
 

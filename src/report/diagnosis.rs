@@ -7,6 +7,7 @@ use super::present;
 use crate::diagnose::comparison::{Comparison, ResidualMap};
 use crate::diagnose::diagnosis::{Diagnosis, RankedEffect, Verdict};
 use crate::diagnose::discover::Discovery;
+use crate::diagnose::times::times;
 use crate::simplify::{significant, uncertain};
 
 /// Maps that are drawn; the others have a row in the table.
@@ -135,17 +136,6 @@ fn bar(force: f64, error: f64, most: f64) -> String {
         .collect();
     // Leading blanks would be trimmed from the table.
     format!(":{line}:")
-}
-
-/// An error in units of the noise.
-fn times(error: f64) -> String {
-    if error.is_nan() {
-        "unknown".to_string()
-    } else if error.abs() < 100.0 {
-        format!("{error:.2}")
-    } else {
-        significant(error, 3)
-    }
 }
 
 /// A p-value.

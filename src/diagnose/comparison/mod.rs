@@ -19,6 +19,7 @@ pub use maps::{ResidualMap, residual_maps};
 use super::law_on_data::LawOnData;
 pub use super::misfit::error;
 use super::settling::shortest;
+use super::times::times;
 use crate::data::Dataset;
 use crate::error::Result;
 use crate::fit::segments::{cut, longest_run, typical_step};
@@ -154,18 +155,24 @@ fn findings(
         let growth = last.training / first.training.max(1e-9);
         out.push(if first.samples == last.samples {
             format!(
-                "the error over {} samples is {:.2} times the noise",
-                last.samples, last.training
+                "the error over {} samples is {} times the noise",
+                last.samples,
+                times(last.training)
             )
         } else if growth < tuning.grows {
             format!(
-                "the error stays at {:.2} times the noise from {} samples to {}",
-                last.training, first.samples, last.samples
+                "the error stays at {} times the noise from {} samples to {}",
+                times(last.training),
+                first.samples,
+                last.samples
             )
         } else {
             format!(
-                "the error grows from {:.2} times the noise over {} samples to {:.2} over {}",
-                first.training, first.samples, last.training, last.samples
+                "the error grows from {} times the noise over {} samples to {} over {}",
+                times(first.training),
+                first.samples,
+                times(last.training),
+                last.samples
             )
         });
     }

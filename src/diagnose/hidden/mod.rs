@@ -24,6 +24,7 @@ use super::noise_floor::no_less_than_rough;
 use super::ranking::Ranking;
 use super::settling::settle;
 use super::story::{Question, Story};
+use super::times::times;
 use super::window::longest;
 use crate::error::Result;
 use crate::expr::{Compiled, System, TermId, build};
@@ -250,10 +251,11 @@ fn tell(diagnosis: &mut Diagnosis, found: Found) {
     // In free motion only the frequencies of a mass on a spring are seen, of which there are two.
     let free = found.effect.standard_error.iter().any(|error| !error.is_finite());
     diagnosis.reason = format!(
-        "{}, a part that nobody measures, takes the error on held-out runs from {before:.2} to \
-         {:.2} times the noise{}",
+        "{}, a part that nobody measures, takes the error on held-out runs from {} to {} \
+         times the noise{}",
         found.effect.effect,
-        found.after,
+        times(before),
+        times(found.after),
         if free {
             "; its own numbers are not determined by these data: others explain as much"
         } else {

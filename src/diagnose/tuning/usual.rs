@@ -18,6 +18,7 @@ const TUNING: Tuning = Tuning {
         moved: 0.05,
         strays: 100.0,
         told_apart: 1.5,
+        levels: 16_777_216.0,
     },
     autocorrelation: Autocorrelation {
         order: 3,

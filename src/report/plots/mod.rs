@@ -158,9 +158,5 @@ pub fn plot(name: &str) -> Option<&'static Plot> {
 
 /// A number of times the noise, in words.
 pub fn times(error: f64) -> String {
-    match error {
-        e if !e.is_finite() => "diverges".to_string(),
-        e if e < 100.0 => format!("{e:.2}"),
-        e => number(e, 3),
-    }
+    if error.is_finite() { crate::diagnose::times::times(error) } else { "diverges".to_string() }
 }
