@@ -128,6 +128,7 @@ pub(super) fn record(training: &Training, round: &Round, found: Findings) -> Mod
             })
             .collect(),
         unlearnable,
+        warnings: Vec::new(),
         path: path_entries(training, round),
         stop: Stop {
             reason: refit.stop,

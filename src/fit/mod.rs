@@ -46,6 +46,7 @@ pub mod pass;
 pub mod path;
 pub mod per_run;
 mod prune;
+mod reach;
 pub mod rectangle;
 pub mod refit;
 pub mod resume;
@@ -53,6 +54,7 @@ pub mod round;
 mod rounding;
 mod rows;
 pub mod scales;
+mod scores;
 pub mod screening;
 pub mod segments;
 pub mod selection;
@@ -68,6 +70,9 @@ pub mod train;
 pub mod tuning;
 pub(crate) mod tuning_check;
 pub mod uncertainty;
+mod warned;
+pub mod warning;
+mod windowed;
 
 pub use gauss_newton::StopReason;
 pub use law::Law;
@@ -76,8 +81,10 @@ pub use model::Model;
 pub use monitor::{Flag, Monitor, Silent};
 pub use options::{Options, Selection, Trainer};
 pub use pass::Stepping;
+pub use reach::fit_as_far_as_it_tells;
 pub use resume::resume;
 pub use tuning::Tuning;
+pub use warning::Warning;
 
 use std::sync::Arc;
 

@@ -13,6 +13,7 @@ use super::gauss_newton::StopReason;
 use super::hidden::HiddenMotion;
 use super::law::Law;
 use super::pass::Stepping;
+use super::warning::Warning;
 use crate::dynamics::Method;
 use crate::error::{Error, ErrorKind, Result};
 use crate::expr::{ParameterId, Place, System, Term, TermId};
@@ -57,6 +58,9 @@ pub struct Model {
     pub alternatives: Vec<Exchange>,
     /// What these data cannot learn at all, in sentences.
     pub unlearnable: Vec<String>,
+    /// Why its numbers may not be what they look like, where that was asked.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<Warning>,
     /// L1 penalty and the coefficients at it, along the path.
     pub path: Vec<PathEntry>,
     /// Why training ended.

@@ -25,26 +25,43 @@ pub(super) fn prune(training: &mut Training, round: &mut Round, monitor: &dyn Mo
     }
     let searched = training.law.support().len();
     while let Some((weakest, pays)) = superfluous(training, round) {
-        let mut fewer = training.clone();
-        if pays {
-            fewer.below_precision.push(weakest);
-        }
-        fewer.law = fewer.law.without_term(weakest);
-        let mut refit = fewer.refit(monitor);
-        if refit.sums().diverged > round.refit.sums().diverged {
+        if !taken_out(training, round, weakest, monitor) {
             break;
         }
-        fewer.take(&mut refit);
-        *training = fewer;
-        round.refit = refit;
+        if pays {
+            training.below_precision.push(weakest);
+        }
     }
     if training.law.support().len() < searched {
-        // What is reported as chosen is what was kept.
-        let kept = training.law.columns();
-        let candidates = &mut round.search.candidates;
-        if let Some(kept) = candidates.iter().position(|c| c.support == kept) {
-            candidates[..=kept].rotate_right(1);
-        }
+        kept_first(training, round);
+    }
+}
+
+/// Takes a term out and refits the rest; whether its motion allowed that.
+pub(super) fn taken_out(
+    training: &mut Training,
+    round: &mut Round,
+    term: TermId,
+    monitor: &dyn Monitor,
+) -> bool {
+    let mut fewer = training.clone();
+    fewer.law = fewer.law.without_term(term);
+    let mut refit = fewer.refit(monitor);
+    if refit.sums().diverged > round.refit.sums().diverged {
+        return false;
+    }
+    fewer.take(&mut refit);
+    *training = fewer;
+    round.refit = refit;
+    true
+}
+
+/// What is reported as chosen is what was kept.
+pub(super) fn kept_first(training: &Training, round: &mut Round) {
+    let kept = training.law.columns();
+    let candidates = &mut round.search.candidates;
+    if let Some(kept) = candidates.iter().position(|c| c.support == kept) {
+        candidates[..=kept].rotate_right(1);
     }
 }
 

@@ -45,7 +45,7 @@ pub(super) struct DesignRows {
     pub(super) touched: Vec<f64>,
     /// Whether the state itself is what is measured. Theta has not moved the first sample then,
     /// and its rows have nothing by theta.
-    shown: bool,
+    pub(super) shown: bool,
 }
 
 impl DesignRows {

@@ -3,14 +3,14 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::fitting::{learn, on_threads};
+use super::fitting::on_threads;
 use super::memory;
 use crate::data::{self, DataReport, Dataset, FileSource, Survey};
 use crate::error::Result;
 use crate::expr::System;
 use crate::facade::Spec;
 use crate::fit::memory::size;
-use crate::fit::{Model, Monitor, Options, fit_stream};
+use crate::fit::{Model, Monitor, Options, fit_as_far_as_it_tells, fit_stream};
 
 /// Samples that other commands look at, when the data are too large for them.
 const LOOKED_AT: usize = 1 << 19;
@@ -65,7 +65,9 @@ impl Measurements {
         monitor: &dyn Monitor,
     ) -> Result<Model> {
         match self {
-            Measurements::InMemory(held) => learn(system, &held.0, options, threads, monitor),
+            Measurements::InMemory(held) => {
+                on_threads(threads, || fit_as_far_as_it_tells(system, &held.0, options, monitor))
+            }
             Measurements::Streamed(source, survey) => on_threads(threads, || {
                 fit_stream(system, source.as_ref(), survey, options, monitor)
             }),

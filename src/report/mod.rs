@@ -19,6 +19,7 @@ pub mod present;
 mod space;
 #[cfg(feature = "cli")]
 mod text;
+pub mod warnings;
 
 use serde_json::{Value, json};
 
@@ -59,6 +60,7 @@ impl FitReport<'_> {
             "system": self.system.name,
             "hamiltonian": present::equations_json(&self.simplified, Style::default()),
             "model": self.model,
+            "warnings": warnings::to_json(self.model),
             "elapsed": self.elapsed,
         })
     }

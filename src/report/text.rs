@@ -2,6 +2,7 @@
 
 use super::layout::{WIDTH, counted, cut, table, wrapped};
 use super::present::included;
+use super::warnings::sentence;
 use super::{FitReport, present};
 use crate::fit::Model;
 use crate::fit::distribution::Distribution;
@@ -22,7 +23,8 @@ const SENTENCES: usize = 8;
 pub fn fit_text(report: &FitReport, width: Option<u16>) -> String {
     let width = width.map_or(WIDTH, |width| usize::from(width).max(40));
     let model = report.model;
-    let mut sections = vec![hamiltonian(report, width), coefficients(model, width)];
+    let mut sections = vec![warnings(model, width), hamiltonian(report, width)];
+    sections.push(coefficients(model, width));
     sections.push(parameters(model, width));
     sections.extend(model.distributions.iter().map(|found| distribution(found, width)));
     sections.push(hidden(model, width));
@@ -33,6 +35,12 @@ pub fn fit_text(report: &FitReport, width: Option<u16>) -> String {
     sections.push(circumstances(report, width));
     sections.retain(|section| !section.is_empty());
     sections.join("\n\n")
+}
+
+/// What is said first: why the numbers may not be what they look like.
+fn warnings(model: &Model, width: usize) -> String {
+    let lines = model.warnings.iter().map(|found| format!("Warning: {}", sentence(found)));
+    lines.map(|line| wrapped(&line, width, 2)).collect::<Vec<_>>().join("\n")
 }
 
 fn hamiltonian(report: &FitReport, width: usize) -> String {

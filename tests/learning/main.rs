@@ -33,6 +33,7 @@ mod parquet_data;
 mod parts;
 mod per_run;
 mod plots;
+mod reach;
 mod recovery;
 mod settling;
 mod stored_files;

@@ -1,0 +1,163 @@
+//! How well numbers are determined by residuals that need not be independent.
+//!
+//! The residuals of a law that lacks something go with the motion: those of neighbouring samples
+//! are alike, and the inverse of the information is then no covariance. With J the derivatives of
+//! the residuals r by theta, states eliminated, the estimate has the covariance
+//! (J'J)^-1 V (J'J)^-1, where V is that of J'r (White, Econometrica 50, 1982, whose information
+//! is named after Godambe). V is estimated from the scores of all samples in the order of time,
+//! the covariances of later ones weighed down (Newey and West, Econometrica 55, 1987) over as many
+//! samples as their memory asks for (Andrews, Econometrica 59, 1991, eq. 6.2 and 6.4).
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::block::Block;
+use super::motion::{Equations, Propagation};
+use super::pass::{Problem, block_width};
+use super::rows::DesignRows;
+use super::segments::{Segment, blocks};
+use super::states::States;
+use crate::dynamics::KeptScratch;
+
+/// What each sample says of theta: J'r of its values.
+pub(super) struct Scores {
+    /// J'J over all samples.
+    information: DMatrix<f64>,
+    /// Of each run the scores of its samples, in the order of time.
+    runs: Vec<Vec<DVector<f64>>>,
+}
+
+/// What a segment says of theta.
+struct Part {
+    place: Segment,
+    information: DMatrix<f64>,
+    scores: Vec<DVector<f64>>,
+}
+
+impl Scores {
+    /// At settled states. Segments whose motion is lost say nothing.
+    pub(super) fn of(problem: &Problem, law: Equations, states: &States) -> Scores {
+        let (size, unknowns) = (2 * law.0.degrees(), law.0.unknowns());
+        let width = block_width(problem, problem.segments.longest(), size + unknowns + 1);
+        let mut parts: Vec<Part> = blocks(0..problem.segments.list.len(), width)
+            .into_par_iter()
+            .map_init(KeptScratch::new, |scratch, range| {
+                let segments = &problem.segments.list[range.clone()];
+                let block = Block::gather(problem, segments);
+                let propagation = Propagation { present: law, by: Some(law) };
+                let starts = states.part(range);
+                let rows = DesignRows::integrate(problem, propagation, &block, starts, scratch);
+                let of = |(lane, segment): (usize, &Segment)| part(problem, &rows, lane, *segment);
+                let parts: Vec<Part> = segments.iter().enumerate().filter_map(of).collect();
+                rows.recycle(scratch);
+                parts
+            })
+            .flatten_iter()
+            .collect();
+        parts.sort_by_key(|part| (part.place.run, part.place.first));
+        let mut scores =
+            Scores { information: DMatrix::zeros(unknowns, unknowns), runs: Vec::new() };
+        let mut last = None;
+        for part in parts {
+            scores.information += part.information;
+            if last != Some(part.place.run) {
+                scores.runs.push(Vec::new());
+                last = Some(part.place.run);
+            }
+            if let Some(run) = scores.runs.last_mut() {
+                run.extend(part.scores);
+            }
+        }
+        scores
+    }
+
+    /// Covariance of theta; `None` where the samples do not determine it.
+    pub(super) fn covariance(&self) -> Option<DMatrix<f64>> {
+        let inverse = self.information.clone().cholesky()?.inverse();
+        let samples: usize = self.runs.iter().map(Vec::len).sum();
+        let unknowns = self.information.nrows();
+        let longest = self.runs.iter().map(Vec::len).max()?;
+        if samples <= unknowns {
+            return None;
+        }
+        let memory = self.memory(samples).min(longest as f64 - 1.0);
+        let mut middle = self.covariance_of_scores(0);
+        for lag in (1..longest).take_while(|&lag| (lag as f64) < memory + 1.0) {
+            let later = self.covariance_of_scores(lag);
+            middle += (&later + later.transpose()) * (1.0 - lag as f64 / (memory + 1.0));
+        }
+        let freedom = samples as f64 / (samples - unknowns) as f64;
+        let covariance = &inverse * middle * &inverse * freedom;
+        covariance.iter().all(|x| x.is_finite()).then_some(covariance)
+    }
+
+    /// Sum over all samples of their score times that of a sample that many later.
+    fn covariance_of_scores(&self, lag: usize) -> DMatrix<f64> {
+        let size = self.information.nrows();
+        let mut sum = DMatrix::zeros(size, size);
+        for run in &self.runs {
+            for (now, later) in run.iter().zip(run.iter().skip(lag)) {
+                sum.ger(1.0, later, now, 1.0);
+            }
+        }
+        sum
+    }
+
+    /// Samples over which the weights of Newey and West fall to zero, by an autoregressive process
+    /// of order one for the score of each number.
+    fn memory(&self, samples: usize) -> f64 {
+        let (at_once, next) = (self.covariance_of_scores(0), self.covariance_of_scores(1));
+        let (mut above, mut below) = (0.0, 0.0);
+        for k in 0..self.information.nrows() {
+            if at_once[(k, k)] <= 0.0 {
+                continue;
+            }
+            // Nearer to one a record is too short to tell.
+            let rho = (next[(k, k)] / at_once[(k, k)]).clamp(-NEAREST, NEAREST);
+            // In units of the information, that of a number says as much as that of another.
+            let size = at_once[(k, k)] / self.information[(k, k)].max(f64::MIN_POSITIVE);
+            let innovations = (size * (1.0 - rho * rho)).powi(2);
+            above += 4.0 * rho * rho * innovations / ((1.0 - rho).powi(6) * (1.0 + rho).powi(2));
+            below += innovations / (1.0 - rho).powi(4);
+        }
+        if below > 0.0 { 1.1447 * (above / below * samples as f64).cbrt() } else { 0.0 }
+    }
+}
+
+/// Largest correlation of neighbouring scores that the memory is taken from, that which Andrews
+/// and Monahan (Econometrica 60, 1992) allow.
+const NEAREST: f64 = 0.97;
+
+/// What one lane says, the state taken out by least squares; `None` where its motion is lost.
+fn part(problem: &Problem, rows: &DesignRows, lane: usize, place: Segment) -> Option<Part> {
+    if !rows.losses[lane].is_finite() {
+        return None;
+    }
+    let (observables, state) = (problem.weights.len(), rows.state);
+    let size = place.samples() * observables;
+    let unknowns = rows.columns - state - 1;
+    // The measured state itself does not depend on theta: nothing is written there.
+    let written = |row: usize| !(rows.shown && row < observables);
+    let at = |row: usize, column: usize| rows.row_from(row, column)[lane];
+    let by_state = DMatrix::from_fn(size, state, at);
+    let by_theta = DMatrix::from_fn(size, unknowns, |row, k| match written(row) {
+        true => at(row, state + k),
+        false => 0.0,
+    });
+    if !by_state.iter().chain(&by_theta).all(|x| x.is_finite()) {
+        return None;
+    }
+    let by_both = by_state.clone().svd(true, true).solve(&by_theta, SPANNED).ok()?;
+    let left = by_theta - by_state * by_both;
+    let scores = (0..place.samples()).map(|sample| {
+        let rows = sample * observables..(sample + 1) * observables;
+        let mut score = DVector::zeros(unknowns);
+        rows.for_each(|row| score.axpy(at(row, state + unknowns), &left.row(row).transpose(), 1.0));
+        score
+    });
+    let scores = scores.collect();
+    Some(Part { place, information: left.tr_mul(&left), scores })
+}
+
+/// Singular values below this are directions in which a state moves nothing that was measured.
+const SPANNED: f64 = 1e-12;
