@@ -25,6 +25,8 @@ mod choices;
 #[allow(dead_code, reason = "the tests use the rest")]
 #[path = "../../tests/reliability/clothes.rs"]
 mod clothes;
+#[path = "../../tests/reliability/grammar.rs"]
+mod grammar;
 #[allow(dead_code, reason = "the benchmark of hidden effects uses the rest")]
 #[path = "../../tests/learning/hidden/mod.rs"]
 mod hidden;

@@ -31,9 +31,21 @@ fn tried(name: &str, numbers: std::ops::Range<u64>) {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
+/// As many as the environment asks for.
+fn cases(usual: u64) -> u64 {
+    let asked = std::env::var("LEVERRIER_CASES").ok();
+    asked.and_then(|count| count.parse().ok()).unwrap_or(usual)
+}
+
 #[test]
 fn specs() {
     tried("spec", 0..600);
+}
+
+/// Many more by `LEVERRIER_CASES=100000 cargo test --test reliability fuzz::grammar`.
+#[test]
+fn grammar() {
+    tried("grammar", 0..cases(600));
 }
 
 #[test]
@@ -41,6 +53,12 @@ fn tables() {
     tried("text", 0..5000);
     tried("parquet", 0..3000);
     tried("files", 0..1000);
+}
+
+/// Many more as for specs.
+#[test]
+fn damaged_files_are_fitted_in_time() {
+    tried("damaged", 0..cases(150));
 }
 
 #[test]

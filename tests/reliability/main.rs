@@ -11,6 +11,7 @@
 mod choices;
 mod clothes;
 mod fuzz;
+mod grammar;
 #[allow(dead_code, reason = "the benchmark of hidden effects uses the rest")]
 #[path = "../learning/hidden/mod.rs"]
 mod hidden;

@@ -12,6 +12,9 @@ pub(crate) fn input(target: &Target, seeds: &[Vec<u8>], number: u64) -> Vec<u8> 
     if target.name == "run" {
         return super::choices::bytes(number, 400);
     }
+    if target.name == "grammar" {
+        return super::grammar::changed(seeds, &mut random);
+    }
     let mut bytes = seeds.get(random.random_range(0..seeds.len())).cloned().unwrap_or_default();
     for _ in 0..random.random_range(1..6) {
         changed(&mut bytes, seeds, &mut random);

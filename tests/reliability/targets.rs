@@ -34,6 +34,12 @@ pub(crate) struct Target {
 /// All of them. A new reader is a row here.
 pub(crate) const TARGETS: &[Target] = &[
     Target { name: "spec", what: "texts of specs: parser and lowering", run: spec, seeds: specs },
+    Target {
+        name: "grammar",
+        what: "specs with statements, names, numbers and units exchanged: parser and lowering",
+        run: spec,
+        seeds: specs,
+    },
     Target { name: "text", what: "tables of text", run: text, seeds: tables },
     Target { name: "parquet", what: "Parquet files", run: parquet, seeds: parquets },
     Target {
@@ -41,6 +47,12 @@ pub(crate) const TARGETS: &[Target] = &[
         what: "files of MATLAB, HDF5, NumPy, Excel and Arrow",
         run: files,
         seeds: stored,
+    },
+    Target {
+        name: "damaged",
+        what: "fits of small files of text, NumPy and Arrow",
+        run: damaged,
+        seeds: sound,
     },
     Target { name: "model", what: "model files", run: model, seeds: models },
     Target { name: "ledger", what: "ledgers", run: ledger, seeds: ledgers },
@@ -253,6 +265,34 @@ fn stored() -> Vec<Vec<u8>> {
 fn files(bytes: &[u8]) {
     let Some((which, rest)) = bytes.split_first() else { return };
     read(&format!("data.{}", ENDINGS[usize::from(*which) % ENDINGS.len()]), rest);
+}
+
+/// Files of the same pendulum; the first byte of an input says which it is made from.
+const SOUND: &[&str] = &["flat.csv", "flat.feather", "records.npy"];
+
+fn sound() -> Vec<Vec<u8>> {
+    let file = |name: &&str| fs::read(root().join("tests/fixtures/files").join(name));
+    let of = |(at, name)| [&[at as u8][..], &file(name).expect("a fixture")].concat();
+    SOUND.iter().enumerate().map(of).collect()
+}
+
+/// Whatever a file holds, a fit of it ends with finite numbers or a sentence.
+fn damaged(bytes: &[u8]) {
+    let Some((which, rest)) = bytes.split_first() else { return };
+    let name = SOUND[usize::from(*which) % SOUND.len()];
+    in_folder(|folder| {
+        let path = folder.join(name);
+        fs::write(&path, rest).expect("written");
+        let text = format!(
+            "coordinates theta; velocities omega\ndata \"{name}\" {{ time t  run run }}\n\
+             T = p_theta^2/2\nV = span{{ poly(theta; 4), cos(theta), sin(theta) }}\n"
+        );
+        let spec = Spec::parse(&text).expect("a spec");
+        match leverrier::Data::open(&path, &spec).and_then(|data| spec.fit(&data)) {
+            Ok(law) => assert!(law.terms().iter().all(|term| term.coefficient.is_finite())),
+            Err(error) => assert!(error.to_string().len() > 10, "{error}"),
+        }
+    });
 }
 
 /// A spec with all kinds of numbers, and measurements of it.
