@@ -80,8 +80,9 @@ pub struct NoiseFloor {
     /// A column that is rougher than its noise by up to this factor has the noise that it is rough
     /// by; where it is rougher still, it is sampled too coarsely to say.
     pub told_apart: f64,
-    /// Values that a column can take over its range, at most: the best converters have 24 bits. What
-    /// is smaller than a step between them nobody measures, and a solver's output is not true to it.
+    /// Values that a column can take over its range, at most: the best converters have 24 bits.
+    /// What is smaller than a step between them nobody measures, and a solver's output is not true
+    /// to it.
     pub levels: f64,
 }
 

@@ -100,7 +100,8 @@ pub(super) fn judge<'a>(
 /// The effect of the ranking that is worth being asked for though something else is missing beside
 /// it: it is clearly not zero, and held-out runs are predicted as well with it as with any. Beside
 /// what is missing every number looks significant: runs that nothing was fitted to have their say,
-/// and no longer story is a part of the explanation.
+/// no longer story is a part of the explanation, and of those that do as well that with the fewest
+/// numbers is.
 fn part_of(diagnosis: &Diagnosis, tuning: &Tuning) -> Vec<RankedEffect> {
     let leads = |one: &&RankedEffect| {
         let mut numbers = one.coefficient.iter().zip(&one.standard_error);
@@ -110,8 +111,9 @@ fn part_of(diagnosis: &Diagnosis, tuning: &Tuning) -> Vec<RankedEffect> {
     };
     let least = diagnosis.ranking.iter().filter(leads).map(|one| one.held_out_error_after);
     let enough = least.fold(f64::INFINITY, f64::min) * (1.0 + tuning.verdict.part_within);
-    let mut leading = diagnosis.ranking.iter().filter(leads);
-    leading.find(|one| one.held_out_error_after <= enough).cloned().into_iter().collect()
+    let leading = diagnosis.ranking.iter().filter(leads);
+    let near = leading.filter(|one| one.held_out_error_after <= enough);
+    near.min_by_key(|one| one.coefficient.len()).cloned().into_iter().collect()
 }
 
 /// The members of a story, the errors before and after all of it with the first and the last.

@@ -16,7 +16,6 @@ use super::options::{Options, Trainer};
 use super::segments::longest_run;
 use super::train::{Extent, Round, Training};
 use super::warned::{of_law, of_residuals, of_windows};
-use super::warning::Warning;
 use super::windowed::{Held, Number};
 use super::{Model, conclude, fit, gauge, per_run, prune};
 use crate::data::Dataset;
@@ -81,8 +80,7 @@ pub fn fit_as_far_as_it_tells(
     }
     let resolved = counts.is_above_resolution();
     let of_residuals = of_residuals(&counts.residuals, dataset);
-    let white = !of_residuals.iter().any(|found| matches!(found, Warning::NotWhite { .. }));
-    if counts.window() > followed.window() || (resolved && !white) {
+    if counts.window() > followed.window() || (resolved && counts.residuals.are_correlated()) {
         counts.give_errors(&mut model);
     }
     model.warnings = of_law(&counts.training.law, &model, &counts.training.states);

@@ -4,17 +4,13 @@ use super::law::Law;
 use super::model::Model;
 use super::states::States;
 use super::warning::{OfWindow, Warning};
-use super::windowed::{Held, Known, Number, Residuals, differ};
+use super::windowed::{Held, Known, Number, Residuals, SIGNIFICANT, differ};
 use crate::data::Dataset;
 use crate::expr::{Place, Symbol};
 
 /// Correlation of neighbouring residuals from which on they are far from white: a quarter of what
 /// one leaves is known from the one before it.
 const FAR_FROM_WHITE: f64 = 0.5;
-
-/// Standard errors that a correlation has to be from zero, and a run's misfit from that of the
-/// others, to be said: five, since it is asked of many.
-const SIGNIFICANT: f64 = 5.0;
 
 /// A run stands out that leaves twice what the others do.
 const STANDS_OUT: f64 = 2.0;
@@ -140,6 +136,18 @@ fn negative_masses(law: &Law, states: &States) -> Vec<Warning> {
     (0..system.degrees()).filter_map(of).collect()
 }
 
+/// Whether a force on a coordinate goes by its speed and by where it is: what is fed in at one place
+/// may be taken out at another, as in a motion that sustains itself.
+fn bounded_elsewhere(law: &Law, i: usize) -> bool {
+    let graph = &law.system().graph;
+    law.terms().any(|(_, term, _)| {
+        let symbols = graph.symbols(&[term.expr]);
+        matches!(term.place, Place::Force(on) if on == i)
+            && symbols.contains(&Symbol::Momentum(i))
+            && symbols.iter().any(|symbol| matches!(symbol, Symbol::Coordinate(_)))
+    })
+}
+
 /// Forces by the own speed alone that drive the motion.
 fn feeding(law: &Law, model: &Model, states: &States) -> Vec<Warning> {
     let system = law.system();
@@ -152,6 +160,7 @@ fn feeding(law: &Law, model: &Model, states: &States) -> Vec<Warning> {
                 || matches!(symbol, Symbol::Parameter(_))
         };
         let drag = symbols.contains(&Symbol::Momentum(i)) && symbols.iter().all(own);
+        let drag = drag && !bounded_elsewhere(law, i);
         let size = size_of_momentum(law, states, i);
         let signed = coefficient.abs() > HAS_A_SIGN * learned.standard_error;
         if !drag || size.is_nan() || size <= 0.0 || !signed {

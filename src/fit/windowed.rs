@@ -198,7 +198,16 @@ pub(super) struct Residuals {
     pub(super) runs: Vec<(f64, usize)>,
 }
 
+/// Standard errors from zero beyond which a correlation is one, and no chance.
+pub(super) const SIGNIFICANT: f64 = 5.0;
+
 impl Residuals {
+    /// Whether those of neighbouring samples are alike: no noise that is white leaves such.
+    pub(super) fn are_correlated(&self) -> bool {
+        let mut neighbours = self.neighbours.iter();
+        neighbours.any(|(_, correlation, pairs)| correlation * (*pairs as f64).sqrt() > SIGNIFICANT)
+    }
+
     pub(super) fn of(
         problem: &Problem,
         law: Equations,

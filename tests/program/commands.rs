@@ -328,7 +328,11 @@ fn a_real_pendulum_is_fitted_from_its_file() {
     let file = file.display().to_string();
     let fitted = json(folder.path(), &["fit", "s.ham", "--data", &file], "leverrier.fit/1");
     let a = fitted["model"]["terms"][0]["coefficient"].as_f64().expect("a number");
-    assert!((1.29..=1.33).contains(&a), "{a}");
+    // 1.355 with drag, a tilt and the scale of the velocities, which are 4 percent too small: what
+    // this law follows within the noise, half a second, gives 1.295.
+    assert!((a - 1.355).abs() < 0.02, "{a}");
+    let warned = fitted["warnings"].as_array().expect("warnings");
+    assert!(warned.iter().any(|w| w["kind"] == "follows_briefly"), "{warned:?}");
     assert_eq!(fitted["data"]["gaps"].as_array().expect("gaps").len(), 10);
 }
 

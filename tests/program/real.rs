@@ -210,7 +210,8 @@ fn real_pendulum(potential: &str) -> Option<Vec<(String, f64)>> {
 fn the_pendulum_is_read_as_it_is() {
     let Some(terms) = real_pendulum("cos(theta)") else { return };
     println!("{terms:?}");
-    assert!((-1.33..=-1.29).contains(&terms[0].1), "{terms:?}");
+    // That of a law with drag, a tilt and the scale of the velocities is -1.355.
+    assert!((terms[0].1 + 1.355).abs() < 0.02, "{terms:?}");
 }
 
 #[test]
