@@ -136,8 +136,8 @@ fn negative_masses(law: &Law, states: &States) -> Vec<Warning> {
     (0..system.degrees()).filter_map(of).collect()
 }
 
-/// Whether a force on a coordinate goes by its speed and by where it is: what is fed in at one place
-/// may be taken out at another, as in a motion that sustains itself.
+/// Whether a force on a coordinate goes by its speed and by where it is: what is fed in at one
+/// place may be taken out at another, as in a motion that sustains itself.
 fn bounded_elsewhere(law: &Law, i: usize) -> bool {
     let graph = &law.system().graph;
     law.terms().any(|(_, term, _)| {
