@@ -210,7 +210,7 @@ impl<'a> Pool<'a> {
     fn added(&self, set: &[usize], most: usize) -> Vec<FoundSet> {
         let Some(beside) = self.beside(set) else { return Vec::new() };
         let mut all = self.costs(set, &beside);
-        let within = |one: &(f64, usize)| {
+        let within = |one: &Addition| {
             let set = with(set, one);
             self.is_within(&set.members).then_some(set)
         };
@@ -254,7 +254,7 @@ impl<'a> Pool<'a> {
     }
 
     /// What a set costs with each member of another kind.
-    fn costs(&self, set: &[usize], beside: &Beside) -> Vec<(f64, usize)> {
+    fn costs(&self, set: &[usize], beside: &Beside) -> Vec<Addition> {
         let left = (self.squares - beside.explained).max(0.0);
         let kinds = self.kinds(set);
         let base: f64 = set.iter().map(|&at| self.members[at].price).sum();
@@ -407,8 +407,11 @@ struct Beside {
     explained: f64,
 }
 
+/// What a set with one more member costs, and that member.
+type Addition = (f64, usize);
+
 /// A set with one more member, at a cost.
-fn with(set: &[usize], &(cost, at): &(f64, usize)) -> FoundSet {
+fn with(set: &[usize], &(cost, at): &Addition) -> FoundSet {
     let mut members = set.to_vec();
     members.push(at);
     members.sort_unstable();
@@ -416,8 +419,8 @@ fn with(set: &[usize], &(cost, at): &(f64, usize)) -> FoundSet {
 }
 
 /// The cheapest so many in their order, and the others in none.
-fn cheapest(all: &mut [(f64, usize)], most: usize) -> (&mut [(f64, usize)], &mut [(f64, usize)]) {
-    let order = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+fn cheapest(all: &mut [Addition], most: usize) -> (&mut [Addition], &mut [Addition]) {
+    let order = |a: &Addition, b: &Addition| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
     let count = most.min(all.len());
     if count < all.len() {
         all.select_nth_unstable_by(count, order);
