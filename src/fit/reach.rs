@@ -127,6 +127,8 @@ fn longer<'a>(
     training.recut(window)?;
     let mut refit = training.refit(monitor);
     training.take(&mut refit);
+    // A splitting that does for the law may not do for the space that terms are looked for in.
+    training.sharpen();
     let mut round = training.rounds(monitor)?;
     prune::prune(&mut training, &mut round, monitor);
     training.finish(&mut round, monitor);
