@@ -52,7 +52,7 @@ impl RankedEffect {
 
     /// What it does to predictions of held-out runs, as the end of a sentence; empty where they
     /// were not looked at.
-    pub(super) fn gain(&self) -> String {
+    pub fn gain(&self) -> String {
         let (before, after) = (self.held_out_error_before, self.held_out_error_after);
         if !(before.is_finite() && after.is_finite()) {
             return String::new();

@@ -4,7 +4,7 @@ use super::law::Law;
 use super::model::Model;
 use super::states::States;
 use super::warning::{OfWindow, Warning};
-use super::windowed::{Held, Known, Number, Residuals, SIGNIFICANT, differ};
+use super::windowed::{Held, Known, Number, Residuals, SIGNIFICANT, differ, is_significant};
 use crate::data::Dataset;
 use crate::expr::{Place, Symbol};
 
@@ -18,7 +18,7 @@ const STANDS_OUT: f64 = 2.0;
 /// What the residuals say: that they are no noise, and that one run has most of them.
 pub(super) fn of_residuals(found: &Residuals, dataset: &Dataset) -> Vec<Warning> {
     let white = found.neighbours.iter().filter(|(_, correlation, pairs)| {
-        *correlation > FAR_FROM_WHITE && correlation * (*pairs as f64).sqrt() > SIGNIFICANT
+        *correlation > FAR_FROM_WHITE && is_significant(*correlation, *pairs)
     });
     let mut warnings: Vec<Warning> = white
         .map(|(observable, correlation, _)| Warning::NotWhite {

@@ -198,14 +198,19 @@ pub(super) struct Residuals {
     pub(super) runs: Vec<(f64, usize)>,
 }
 
-/// Standard errors from zero beyond which a correlation is one, and no chance.
+/// Standard errors that a correlation has to be from zero, and a run's misfit from that of the
+/// others, to be no chance: five, since it is asked of many.
 pub(super) const SIGNIFICANT: f64 = 5.0;
+
+/// Whether a correlation of so many pairs is above zero, and by no chance.
+pub(super) fn is_significant(correlation: f64, pairs: usize) -> bool {
+    correlation * (pairs as f64).sqrt() > SIGNIFICANT
+}
 
 impl Residuals {
     /// Whether those of neighbouring samples are alike: no noise that is white leaves such.
     pub(super) fn are_correlated(&self) -> bool {
-        let mut neighbours = self.neighbours.iter();
-        neighbours.any(|(_, correlation, pairs)| correlation * (*pairs as f64).sqrt() > SIGNIFICANT)
+        self.neighbours.iter().any(|(_, correlation, pairs)| is_significant(*correlation, *pairs))
     }
 
     pub(super) fn of(

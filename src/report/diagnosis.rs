@@ -325,18 +325,10 @@ fn unexplained(diagnosis: &Diagnosis, width: usize) -> Vec<String> {
         sections.push(wrapped(&sentence, width, 2));
     }
     if let Some(unnamed) = &diagnosis.unnamed {
-        let (before, after) = (unnamed.held_out_error_before, unnamed.held_out_error_after);
-        let gain = match before.is_finite() && after.is_finite() {
-            true => format!(
-                ": it takes the error on held-out runs from {} to {}",
-                times(before),
-                times(after)
-            ),
-            false => String::new(),
-        };
         let sentence = format!(
-            "The best term outside the catalogue is {}{gain}. To add it, write into the spec:",
+            "The best term outside the catalogue is {}{}. To add it, write into the spec:",
             unnamed.effect,
+            unnamed.gain()
         );
         sections.push(format!("{}\n  {}", wrapped(&sentence, width, 2), unnamed.snippet));
     }

@@ -113,6 +113,17 @@ fn numbers_without_a_meaning_are_said() {
 }
 
 #[test]
+fn a_motion_that_sustains_itself_is_not_warned_of() {
+    let truth = format!("{PENDULUM}V = q^2/2\nforce q += 0.4*p - 0.4*q^2*p");
+    let space = format!("{PENDULUM}V = span{{ q^2 }}\nforce q += span{{ p, -q^2*p }}");
+    let data = runs(&truth, &[[2.0, 0.0], [0.5, 0.5]], 300, 3e-3);
+    let model = both(&space, &data).1;
+    assert!(of(&model, "p").0 > 0.3, "{:?}", model.terms);
+    let feeds = |w: &Warning| matches!(w, Warning::FeedsEnergy { .. });
+    assert!(!model.warnings.iter().any(feeds), "{:?}", model.warnings);
+}
+
+#[test]
 fn a_negative_mass_is_said() {
     let truth = "coordinates q; momenta p\nT = -p^2/2\nV = 4.5*q^2";
     let space = "coordinates q; momenta p\nT = span{ p^2 }\nV = 4.5*q^2";

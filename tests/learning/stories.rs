@@ -69,6 +69,38 @@ fn nothing_is_told_of_a_known_system_without_a_secret() {
 }
 
 #[test]
+fn members_that_nearly_cancel_are_found_together() {
+    // A pendulum that is turned, near the speed at which drag holds the torque.
+    let truth = "T = p^2/2\nV = -cos(q) - 1.2*q\nforce q += -0.7*p\n";
+    let turned = base(LINE, truth, "T = p^2/2\nV = -cos(q)\n", LINE_STARTS);
+    let (verdict, mut members, reason) = story(&turned, 0.01, 1);
+    assert_eq!(verdict, Verdict::Missing, "{reason}");
+    members.sort_by(|a, b| a.0.cmp(&b.0));
+    let names: Vec<&str> = members.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["constant_force(q)", "viscous_drag(q)"], "{reason}");
+    for ((name, numbers), true_size) in members.iter().zip([1.2, 0.7]) {
+        assert!((numbers[0] / true_size - 1.0).abs() < 0.05, "{name} {numbers:?}");
+    }
+}
+
+#[test]
+fn data_without_noise_are_judged_by_what_an_instrument_resolves() {
+    let known = base(LINE, OSCILLATOR, OSCILLATOR, LINE_STARTS);
+    let truth = "T = p^2/2\nV = q^2/2\nforce q += -0.1*p\n";
+    let braked = base(LINE, truth, OSCILLATOR, LINE_STARTS);
+    for seed in [1, 2] {
+        let (verdict, members, reason) = story(&known, 0.0, seed);
+        assert_eq!(verdict, Verdict::NothingMissing, "seed {seed}: {members:?}, {reason}");
+        let (verdict, members, reason) = story(&braked, 0.0, seed);
+        assert_eq!(verdict, Verdict::Missing, "seed {seed}: {reason}");
+        let [(name, numbers)] = members.as_slice() else { panic!("seed {seed}: {members:?}") };
+        assert_eq!(name, "viscous_drag(q)");
+        assert!((numbers[0] - 0.1).abs() < 1e-6, "seed {seed}: {numbers:?}");
+        assert!(reason.contains("from over 10,000 to less than 0.01 times"), "{reason}");
+    }
+}
+
+#[test]
 fn a_drive_keeps_its_frequency_over_whole_runs() {
     let truth = "T = p^2/2\nV = q^2/2*(1 + 0.15*cos(1.7*t))\n";
     let pumped = base(LINE, truth, OSCILLATOR, LINE_STARTS);

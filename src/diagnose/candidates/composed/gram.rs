@@ -208,44 +208,40 @@ impl<'a> Pool<'a> {
 
     /// The set with each of the members that it is best with.
     fn added(&self, set: &[usize], most: usize) -> Vec<FoundSet> {
-        let Some(beside) = self.beside(set) else { return Vec::new() };
-        let mut all = self.costs(set, &beside);
-        let within = |one: &Addition| {
-            let set = with(set, one);
-            self.is_within(&set.members).then_some(set)
-        };
-        let mut found: Vec<FoundSet> = Vec::with_capacity(most);
-        let mut rest = &mut all[..];
-        // Most are never looked at: only the cheapest are brought into order.
-        while found.len() < most && !rest.is_empty() {
-            let (first, then) = cheapest(rest, 4 * most);
-            found.extend(first.iter().filter_map(within).take(most - found.len()));
-            rest = then;
-        }
-        found
+        self.added_where(set, most, |_, _, _| true)
     }
 
     /// The same with members that do different things beside the set, the cheapest of each: many
     /// may do nearly the same, and one that tells little alone is not to be crowded out by them.
     fn added_apart(&self, set: &[usize], most: usize) -> Vec<FoundSet> {
+        self.added_where(set, most, |at, taken, beside| {
+            !taken.iter().any(|&other| self.is_alike(at, other, beside))
+        })
+    }
+
+    /// The set with each of the cheapest members that are wanted beside it and those taken before.
+    fn added_where(
+        &self,
+        set: &[usize],
+        most: usize,
+        wanted: impl Fn(usize, &[usize], &Beside) -> bool,
+    ) -> Vec<FoundSet> {
         let Some(beside) = self.beside(set) else { return Vec::new() };
         let mut all = self.costs(set, &beside);
         let mut taken: Vec<usize> = Vec::with_capacity(most);
         let mut found: Vec<FoundSet> = Vec::with_capacity(most);
         let mut rest = &mut all[..];
+        // Most are never looked at: only the cheapest are brought into order.
         while found.len() < most && !rest.is_empty() {
             let (first, then) = cheapest(rest, 4 * most);
             for one in first.iter() {
-                if taken.iter().any(|&other| self.is_alike(one.1, other, &beside)) {
-                    continue;
-                }
-                let set = with(set, one);
-                if self.is_within(&set.members) {
-                    found.push(set);
-                    taken.push(one.1);
-                }
                 if found.len() == most {
                     break;
+                }
+                let more = with(set, one);
+                if wanted(one.1, &taken, &beside) && self.is_within(&more.members) {
+                    found.push(more);
+                    taken.push(one.1);
                 }
             }
             rest = then;
