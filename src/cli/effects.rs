@@ -125,6 +125,9 @@ fn needs(row: &EffectRow) -> Vec<String> {
     if row.angle {
         needs.push("coordinates that are angles (pure numbers)".to_string());
     }
+    if row.positive {
+        needs.push("coefficients that are not negative".to_string());
+    }
     needs
 }
 

@@ -14,20 +14,24 @@
 //!    several changes are found `together`, on one Gram matrix;
 //! 7. `verdict`: whether one holds over whole runs, seen and unseen;
 //! 8. `hidden`: where none does, parts that move and that nobody measures. A body among bodies that
-//!    attract each other is asked for first: where it is obvious, nothing else need be.
+//!    attract each other is asked for first: where it is obvious, nothing else need be;
+//! 9. `in_part`: where there are none of these either, which members of a story would be believed
+//!    all the same (`doubts`).
 
 use serde::Serialize;
 
 use super::candidates::candidates;
 use super::comparison::ResidualMap;
+use super::doubts::holds;
 pub use super::effect::RankedEffect;
 use super::hidden::{Unseen, look_for_states};
+use super::in_part::in_part;
 use super::law_on_data::{LawOnData, Measurements};
 use super::noise_floor::shortest;
 use super::options::Options;
 use super::ranking::{Ranking, ranking};
 use super::search::{beginnings, stories};
-use super::story::{Question, Story, holds};
+use super::story::{Question, Story};
 use super::sufficiency::lacking_beside;
 use super::verdict::judge;
 use crate::data::Dataset;
@@ -47,14 +51,13 @@ pub struct Diagnosis {
     /// What these data cannot distinguish from the first leader, or from a story of several
     /// members: labels, those of one story joined; empty when it stands alone.
     pub indistinguishable: Vec<String>,
-    /// The changes that together explain the data over whole runs; empty where none do.
+    /// The changes that together explain the data over whole runs, or the part of what is missing
+    /// that is clear; empty where there are none.
     pub story: Vec<RankedEffect>,
     /// Coefficients of the model's own terms where they were fitted together with the story and are
     /// far from the model's.
     #[serde(skip)]
     pub beside_story: Vec<(TermId, f64)>,
-    /// Where no story holds: a named change that explains a part of what is missing.
-    pub partial: Vec<RankedEffect>,
     /// The members of the story after the first.
     pub further: Vec<RankedEffect>,
     /// The best term without a name, where the verdict is that something unnamed is missing.
@@ -81,6 +84,8 @@ pub enum Verdict {
     Missing,
     /// What is left is noise.
     NothingMissing,
+    /// Named effects explain most of what the model misses, and something is left.
+    PartlyExplained,
     /// Something is missing that the catalogue does not have.
     Unexplained,
     /// The data do not suffice to say.
@@ -155,7 +160,6 @@ impl Diagnosis {
             indistinguishable: Vec::new(),
             story: Vec::new(),
             beside_story: Vec::new(),
-            partial: Vec::new(),
             further: Vec::new(),
             unnamed: None,
             unnamed_explains_more: false,
@@ -229,7 +233,7 @@ fn asked(
     }
     let question = Question { scope: &scope, model: &model, held_out: &held_out, monitor };
     let bare = Story::bare(&question);
-    let beginnings = beginnings(&question, &bare, &first)?;
+    let beginnings = beginnings(&question, &bare, &first);
     if !beginnings.iter().any(holds) && unseen.look(&question, &first, &mut diagnosis)? {
         return Ok(diagnosis);
     }
@@ -237,9 +241,15 @@ fn asked(
     if monitor.halted() {
         return Ok(diagnosis);
     }
-    let best = judge(&question, &mut diagnosis, stories)?;
+    let rejected = judge(&question, &mut diagnosis, stories)?;
     if diagnosis.verdict == Verdict::Unexplained && !monitor.stopped() {
-        look_for_states(&question, best.as_ref(), &mut diagnosis)?;
+        look_for_states(&question, rejected.first(), &mut diagnosis)?;
+    }
+    if diagnosis.verdict == Verdict::Unexplained && !monitor.stopped() {
+        monitor.stage("what is clear of it", 0.95);
+        if let Some(found) = in_part(&question, &bare)? {
+            found.tell(&mut diagnosis);
+        }
     }
     Ok(diagnosis)
 }

@@ -11,6 +11,7 @@ use nalgebra::{DMatrix, DVector};
 use super::candidates::{Candidate, Origin, candidates};
 use super::comparison::predictions::predictions;
 use super::description::description_lengths;
+use super::doubts::holds;
 use super::evidence::Judged;
 use super::law_on_data::LawOnData;
 use super::refit::{Precision, Start, refit_whole};
@@ -64,7 +65,7 @@ pub(super) fn with_name<'a>(
         let named = bare.with(&Judged::by(refit, &data, &held_out), window, question)?;
         let lengths = description_lengths(&[story, &named], tuning);
         let shorter = lengths.last() <= lengths.first();
-        if named.explains && named.stands() && shorter {
+        if holds(&named) && shorter {
             return Ok(Some(named));
         }
     }

@@ -211,6 +211,7 @@ fn rank(refitted: Refitted, scored: f64, tests: usize) -> Ranking {
         effect.held_out_error_after < effect.held_out_error_before
     };
     effects.retain(|(_, one)| one.merit(variance) > 0.0 && (pays(one) || before.is_nan()));
+    effects.retain(|(_, one)| !one.refit.contradicts_name());
     if effects.iter().any(|(_, one)| !one.refit.at_bound) {
         effects.retain(|(_, one)| !one.refit.at_bound);
     }

@@ -32,6 +32,8 @@ pub struct Refit {
     pub law: Law,
     /// Whether the candidate has a name: an effect of the catalogue, or of the spec.
     pub named: bool,
+    /// Whether its name says that no coefficient is negative.
+    pub positive: bool,
     /// The candidate's terms in it.
     pub terms: Vec<TermId>,
     /// Fall of the weighted squares on the segments that it was fitted to.
@@ -142,6 +144,11 @@ impl Refit {
         on(&self.law, like)
     }
 
+    /// Whether a coefficient contradicts the candidate's name: a drag that feeds energy is none.
+    pub fn contradicts_name(&self) -> bool {
+        self.positive && has_negative(&self.law, &self.terms)
+    }
+
     /// What it leaves of data that it may have been fitted to.
     pub fn left_of(&self, settled: &Settled) -> Sums {
         let count = settled.segments.list.len();
@@ -187,6 +194,11 @@ impl Refit {
         let lower = near.loss < afresh.loss && near.diverged <= afresh.diverged;
         if lower { near } else { afresh }
     }
+}
+
+/// Whether a law has a term of these with a negative coefficient.
+pub fn has_negative(law: &Law, terms: &[TermId]) -> bool {
+    terms.iter().any(|&id| law.coefficient(id).is_some_and(|value| value < 0.0))
 }
 
 /// A law on the data of another, weighed and cut as they are there.
@@ -340,6 +352,7 @@ fn with_candidate(
         left: sums,
         law,
         named: !matches!(candidate.origin, Origin::Unnamed { .. }),
+        positive: candidate.is_positive(),
         terms: candidate.terms.clone(),
         choice: 2.0 * (candidate.grid.len().max(1) as f64).ln(),
         candidate_choice: candidate.choice,

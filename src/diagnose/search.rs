@@ -4,10 +4,11 @@
 use super::candidates::composed::composed;
 use super::candidates::{Candidate, candidates, unnamed};
 use super::description::{agree_on_noise, description_lengths, sort_by_description_length};
+use super::doubts::holds;
 use super::evidence::Judged;
 use super::naming::with_name;
 use super::ranking::{Ranking, ranking};
-use super::story::{Question, Story, holds};
+use super::story::{Question, Story};
 use super::together::together;
 use super::tuning::Tuning;
 use crate::error::Result;
@@ -83,7 +84,7 @@ pub(super) fn stories<'a>(
                 ended.push(story);
                 continue;
             }
-            let longer = extended(question, &story)?;
+            let longer = extended(question, &story, (all.ranking.later_refits, tuning.branches))?;
             if longer.is_empty() {
                 ended.push(story);
             }
@@ -126,15 +127,11 @@ pub(super) fn stories<'a>(
 
 /// Stories of one change beside `bare`, which has none: the best of those that asking all named
 /// candidates of the model found.
-///
-/// # Errors
-///
-/// When a change does not fit the spec.
 pub(super) fn beginnings<'a>(
     question: &Question<'a, '_>,
     bare: &Story<'a>,
     first: &Ranking,
-) -> Result<Vec<Story<'a>>> {
+) -> Vec<Story<'a>> {
     let all = question.model.tuning();
     let tuning = &all.verdict;
     let monitor = question.monitor;
@@ -150,9 +147,9 @@ pub(super) fn beginnings<'a>(
         if monitor.stopped() || !(rivals || place < tuning.beginnings && least.is_infinite()) {
             continue;
         }
-        beam.push(bare.with(judged, first.window, question)?);
+        beam.extend(bare.with(judged, first.window, question));
     }
-    Ok(beam)
+    beam
 }
 
 /// Notes beside each member of the first story what stands in its place in another one that
@@ -183,12 +180,16 @@ fn note_exchanges(stories: &mut [Story], tuning: &Tuning) {
     }
 }
 
-/// The story with each of the changes that pay most beside it.
-fn extended<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Result<Vec<Story<'a>>> {
+/// The story with each of the changes that pay most beside it: so many of those refitted.
+pub(super) fn extended<'a>(
+    question: &Question<'a, '_>,
+    story: &Story<'a>,
+    (refits, branches): (usize, usize),
+) -> Result<Vec<Story<'a>>> {
     let mut scope = story.scope.clone();
     let tuning = story.model.tuning();
     let all = candidates(&mut scope, &story.model.data.dataset, &tuning.candidates);
-    added(question, story, &all, tuning.ranking.later_refits, tuning.verdict.branches)
+    added(question, story, &all, refits, branches)
 }
 
 /// The same with terms that have no name. Those that were composed crowd out the others, which
@@ -226,7 +227,9 @@ fn added<'a>(
     let simplest = simplest.map_or(0, |(place, _)| place);
     let taken = ranking.effects.iter().enumerate();
     let taken = taken.filter(|(place, _)| *place < branches || *place == simplest);
-    taken.map(|(_, judged)| story.with(judged, ranking.window, question)).collect()
+    // What a fit took to numbers that the language does not is no story: a step of no duration.
+    let stories = taken.filter_map(|(_, judged)| story.with(judged, ranking.window, question).ok());
+    Ok(stories.collect())
 }
 
 /// The story with members taken out that do not pay, and exchanged for what explains more, or as
@@ -241,7 +244,8 @@ fn exchanged<'a>(question: &Question<'a, '_>, story: Story<'a>) -> Result<Story<
                 return Ok(best);
             }
             let Some(without) = best.without(question, place)? else { continue };
-            let mut rivals = extended(question, &without)?;
+            let few = (tuning.ranking.later_refits, tuning.verdict.branches);
+            let mut rivals = extended(question, &without, few)?;
             rivals.retain(|rival| holds(rival) && rival.labels() != best.labels());
             if holds(&without) {
                 rivals.push(without);

@@ -1,9 +1,7 @@
 //! A story: changes to a model that are judged as one.
 
-use std::collections::{HashMap, HashSet};
-
 use super::autocorrelation::{Noise, correlated_noise};
-use super::candidates::composed::sets::ProposedSet;
+use super::candidates::composed::sets::{Proposed, ProposedSet};
 use super::effect::RankedEffect;
 use super::evidence::Judged;
 use super::law_on_data::{LawOnData, Measurements};
@@ -13,7 +11,7 @@ use super::refit::{Precision, fitted, fitted_from_afar};
 use super::settling::{Settled, settle};
 use super::window::{doubled, longest};
 use crate::error::Result;
-use crate::expr::{Expr, KnownNumber, ParameterId, Place, Scope, Symbol, System, Term, TermId};
+use crate::expr::{KnownNumber, ParameterId, Place, Scope, Term, TermId};
 use crate::fit::column::Column;
 use crate::fit::factor::Factor;
 use crate::fit::own_values::is_said;
@@ -38,13 +36,15 @@ pub(super) struct Member {
     /// What it is, with its numbers when it was found; its errors are those of the story up to it.
     pub effect: RankedEffect,
     /// Its terms in the story's system.
-    terms: Vec<TermId>,
+    pub terms: Vec<TermId>,
     /// Its inner parameters there.
-    parameters: Vec<ParameterId>,
+    pub parameters: Vec<ParameterId>,
     /// What its unknowns cost, and what it takes to say which candidate it is: twice the nats.
     price: f64,
     /// Whether it has a name: an effect of the catalogue, or of the spec.
     pub named: bool,
+    /// Whether that name says that no coefficient is negative.
+    pub positive: bool,
 }
 
 /// Terms of a member, and its inner parameters.
@@ -82,17 +82,6 @@ fn placed<'e>(
     };
     let all = names.into_iter().map(own).collect();
     Ok((scope, all))
-}
-
-/// Members of a story that bend the force along one coordinate by one and the same variable.
-#[derive(Default)]
-struct Curve {
-    /// Those with numbers inside.
-    bent: usize,
-    /// Terms of those without a name.
-    unnamed: usize,
-    /// Coefficients and inner numbers of all of them.
-    numbers: usize,
 }
 
 /// A model with changes to it, the changes and what they cost.
@@ -161,6 +150,7 @@ impl<'a> Story<'a> {
             parameters,
             price: judged.price + 2.0 * judged.refit.candidate_choice,
             named: judged.refit.named,
+            positive: judged.refit.positive,
         };
         let model = judged.refit.on(&self.model).with_window(window);
         let sums = judged.refit.left_of_all(&model);
@@ -195,7 +185,8 @@ impl<'a> Story<'a> {
             }
             law = law.with_parameters(parameters.iter().copied().zip(inner.iter().copied()));
             let (effect, price) = (one.effect.clone(), 2.0 * one.price);
-            members.push(Member { effect, terms, parameters, price, named: one.named });
+            let Proposed { named, positive, .. } = *one;
+            members.push(Member { effect, terms, parameters, price, named, positive });
         }
         let settled = settle(bare.model.with_law(law.with_window(window)));
         let Some(found) = fitted(&settled, &settled.model.law, Precision::Ranking) else {
@@ -336,6 +327,41 @@ impl<'a> Story<'a> {
         self.model = model;
         self.hold_against(noise);
         self.excess_of(&self.sums) == 0.0
+    }
+
+    /// The story with residuals weighed by another noise.
+    pub(super) fn with_noise(&self, noise: Noise) -> Story<'a> {
+        Story { model: self.model.with_noise(noise), ..self.clone() }
+    }
+
+    /// The story over segments of so many samples, its numbers fitted again where they can be.
+    pub(super) fn over(&self, window: usize) -> Story<'a> {
+        let mut story = self.clone();
+        story.model = self.model.with_window(window);
+        story.sums = settle(story.model.clone()).sums;
+        story.refit();
+        story
+    }
+
+    /// The story with the numbers and over the segments of its own law there, each number with the
+    /// error that its column has.
+    pub(super) fn held_by(
+        &self,
+        settled: &Settled<'a>,
+        error: impl Fn(Column) -> f64,
+    ) -> Story<'a> {
+        let mut story = self.clone();
+        (story.model, story.sums) = (settled.model.clone(), settled.sums.clone());
+        let law = story.model.law.clone();
+        story.take_numbers(&law);
+        let columns = story.columns();
+        for (member, columns) in story.members.iter_mut().zip(columns) {
+            let errors = columns.into_iter().map(&error);
+            for (slot, error) in member.effect.standard_error.iter_mut().zip(errors) {
+                *slot = error;
+            }
+        }
+        story
     }
 
     /// Whether it leaves noise of segments of every length, up to whole runs; the longest of them
@@ -506,80 +532,5 @@ impl<'a> Story<'a> {
             self.members.iter().map(|member| member.effect.effect.clone()).collect();
         labels.sort();
         labels
-    }
-
-    /// Whether several members with numbers inside bend one force by one and the same coordinate or
-    /// momentum, in so many numbers that any smooth curve would look like them; or several terms
-    /// without a name do, whose forms were looked for.
-    pub(super) fn is_patchwork(&self) -> bool {
-        let system = &self.scope.compiled().system;
-        let mut curves: HashMap<(usize, Symbol), Curve> = HashMap::new();
-        for member in &self.members {
-            let terms = member.terms.iter().filter_map(|&id| system.term(id));
-            let places: Option<HashSet<(usize, Symbol)>> = terms
-                .flat_map(Term::parts)
-                .map(|(place, expr)| curve_of(system, place, expr))
-                .collect();
-            let Some(places) = places.filter(|places| places.len() == 1) else { continue };
-            for place in places {
-                let curve = curves.entry(place).or_default();
-                curve.bent += usize::from(!member.parameters.is_empty());
-                curve.unnamed += if member.named { 0 } else { member.terms.len() };
-                curve.numbers += member.effect.coefficient.len();
-            }
-        }
-        let most = self.model.tuning().verdict.curve;
-        curves.values().any(|curve| curve.unnamed > 1 || curve.bent > 1 && curve.numbers > most)
-    }
-
-    /// Whether every coefficient of every member is clearly not zero. The cosine and the sine of
-    /// one wave are its amplitude and its phase: they are so together.
-    pub(super) fn stands(&self) -> bool {
-        let system = &self.scope.compiled().system;
-        let clear = self.model.tuning().verdict.standard_errors;
-        let wave = |id: TermId| {
-            let name = system.term(id).and_then(|term| term.name.as_deref()).unwrap_or("");
-            name.strip_suffix("_cos").or_else(|| name.strip_suffix("_sin")).map(str::to_string)
-        };
-        self.members.iter().all(|member| {
-            let numbers = member.effect.coefficient.iter().zip(&member.effect.standard_error);
-            let ratios = numbers.map(|(value, error)| (value / error).powi(2));
-            let mut squares: Vec<(Option<String>, f64)> = Vec::new();
-            // A known number is a change where it is clearly not what the spec says.
-            if let Some(change) = &member.effect.number {
-                let both =
-                    member.effect.coefficient.last().zip(member.effect.standard_error.last());
-                let off = both.map_or(0.0, |(value, error)| (value - change.was) / error);
-                squares.push((None, off.powi(2)));
-            }
-            for (&id, ratio) in member.terms.iter().zip(ratios) {
-                let wave = wave(id);
-                match squares.iter_mut().find(|(of, _)| wave.is_some() && *of == wave) {
-                    Some((_, sum)) => *sum += ratio,
-                    None => squares.push((wave, ratio)),
-                }
-            }
-            squares.iter().all(|(_, sum)| *sum >= clear.powi(2))
-        })
-    }
-}
-
-/// Whether a story may be told: it explains the data over whole runs, with nothing to spare.
-pub(super) fn holds(story: &Story) -> bool {
-    story.explains && story.stands() && !story.is_patchwork()
-}
-
-/// The coordinate that something acts along and the coordinate or momentum that it goes by, where
-/// that is one alone.
-fn curve_of(system: &System, place: Place, expr: Expr) -> Option<(usize, Symbol)> {
-    let mut symbols = system.graph.symbols(&[expr]).into_iter().collect::<Vec<_>>();
-    symbols.retain(|symbol| !matches!(symbol, Symbol::Parameter(_) | Symbol::Coefficient(_)));
-    let [symbol @ (Symbol::Coordinate(i) | Symbol::Momentum(i))] = symbols[..] else {
-        return None;
-    };
-    match place {
-        Place::Kinetic | Place::Potential | Place::Hamiltonian => Some((i, symbol)),
-        Place::Force(along) => Some((along, symbol)),
-        Place::Rate(_) | Place::Sensor(_) => None,
     }
 }

@@ -33,6 +33,8 @@ pub struct Tuning {
     pub ranking: Ranking,
     /// Effects that explain a misfit together, and the verdict.
     pub verdict: Verdict,
+    /// Explanations of a part of what is missing.
+    pub in_part: InPart,
     /// Parts that move and are not measured.
     pub hidden: Hidden,
     /// Names of composed terms.
@@ -454,16 +456,20 @@ pub struct Verdict {
     /// the integrator: a story that explains clean data to a millionth of the misfit is not
     /// incomplete for the rest.
     pub negligible: f64,
-    /// What an effect of the ranking leaves of the error on held-out runs, at most, to be offered
-    /// as a part of an explanation where no story holds.
-    pub part: f64,
-    /// Errors on held-out runs that differ by less than this part of them are alike: an error of
-    /// some hundred residuals is known to a few percent.
-    pub part_within: f64,
     /// p-value below which a residual force without a name is there, all maps counted.
     pub unmistakable: f64,
     /// Residuals this many times the resolution of the integrator are the measurements' own.
     pub resolved: f64,
+}
+
+/// Explanations of a part of what is missing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InPart {
+    /// Part of the squares beyond the noise that one effect may leave of held-out runs, in those
+    /// that are left without it.
+    pub left: f64,
+    /// Segments that the data are cut into, at least: parts of them have a few each.
+    pub segments: usize,
 }
 
 /// Names of composed terms.

@@ -6,12 +6,13 @@ use std::fmt::Write as _;
 use super::comparison::strongest_map;
 use super::description::description_lengths;
 use super::diagnosis::{Diagnosis, Verdict};
+use super::doubts::holds;
 use super::effect::RankedEffect;
 use super::law_on_data::LawOnData;
 use super::misfit::{error_of, excess};
 use super::rounding::is_feigned;
 use super::settling::settle;
-use super::story::{Member, Question, Story, holds};
+use super::story::{Member, Question, Story};
 use super::times::times;
 use super::tuning::Tuning;
 use super::window::longest;
@@ -31,7 +32,7 @@ struct Unseen {
 }
 
 /// Judges stories, the best first, the model as it is among them, and writes the answer. Where none
-/// holds and something is missing, the best of them is returned.
+/// holds and something is missing, they are returned.
 ///
 /// # Errors
 ///
@@ -40,9 +41,9 @@ pub(super) fn judge<'a>(
     question: &Question<'a, '_>,
     diagnosis: &mut Diagnosis,
     mut stories: Vec<Story<'a>>,
-) -> Result<Option<Story<'a>>> {
+) -> Result<Vec<Story<'a>>> {
     let Some(place) = stories.iter().position(|story| story.members.is_empty()) else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     let tuning = question.model.tuning();
     let mut bare = stories.remove(place);
@@ -77,7 +78,7 @@ pub(super) fn judge<'a>(
     }
     if !told.is_empty() {
         tell(diagnosis, told, &before, tuning);
-        return Ok(None);
+        return Ok(Vec::new());
     }
     let stories = others;
     diagnosis.held_out_error = before.error;
@@ -90,30 +91,10 @@ pub(super) fn judge<'a>(
                 best.labels().join(", ")
             );
         }
-        return Ok(None);
+        return Ok(Vec::new());
     }
-    diagnosis.partial = part_of(diagnosis, tuning);
     unexplained(question, diagnosis, (&bare, &before), &stories, fault)?;
-    Ok(stories.into_iter().next())
-}
-
-/// The effect of the ranking that is worth being asked for though something else is missing beside
-/// it: it is clearly not zero, and held-out runs are predicted as well with it as with any. Beside
-/// what is missing every number looks significant: runs that nothing was fitted to have their say,
-/// no longer story is a part of the explanation, and of those that do as well that with the fewest
-/// numbers is.
-fn part_of(diagnosis: &Diagnosis, tuning: &Tuning) -> Vec<RankedEffect> {
-    let leads = |one: &&RankedEffect| {
-        let mut numbers = one.coefficient.iter().zip(&one.standard_error);
-        let clear = tuning.verdict.standard_errors;
-        let stands = one.number.is_some() || numbers.all(|(value, e)| value.abs() >= clear * e);
-        stands && one.held_out_error_after < tuning.verdict.part * one.held_out_error_before
-    };
-    let least = diagnosis.ranking.iter().filter(leads).map(|one| one.held_out_error_after);
-    let enough = least.fold(f64::INFINITY, f64::min) * (1.0 + tuning.verdict.part_within);
-    let leading = diagnosis.ranking.iter().filter(leads);
-    let near = leading.filter(|one| one.held_out_error_after <= enough);
-    near.min_by_key(|one| one.coefficient.len()).cloned().into_iter().collect()
+    Ok(stories)
 }
 
 /// The members of a story, the errors before and after all of it with the first and the last.
@@ -156,6 +137,8 @@ fn fault_of(
         Some("not all of its coefficients are clearly different from zero")
     } else if story.is_patchwork() {
         Some("its members are pieces of one curve, which fit any")
+    } else if story.contradicts_a_name() {
+        Some("one of its coefficients has the sign of the opposite effect")
     } else if enough.is_some_and(|bare| !pays(story, bare, tuning)) {
         Some("the model explains the data as well without it")
     } else {

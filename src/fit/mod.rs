@@ -54,7 +54,7 @@ pub mod round;
 mod rounding;
 mod rows;
 pub mod scales;
-mod scores;
+pub mod scores;
 pub mod screening;
 pub mod segments;
 pub mod selection;

@@ -7,6 +7,11 @@
 //! is named after Godambe). V is estimated from the scores of all samples in the order of time,
 //! the covariances of later ones weighed down (Newey and West, Econometrica 55, 1987) over as many
 //! samples as their memory asks for (Andrews, Econometrica 59, 1991, eq. 6.2 and 6.4).
+//!
+//! A number of a law that holds is the same in all parts of the data: what each [`Fold`] of them
+//! says alone follows from its own scores, by one step of Gauss and Newton.
+
+use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -20,12 +25,27 @@ use super::states::States;
 use crate::dynamics::KeptScratch;
 
 /// What each sample says of theta: J'r of its values.
-pub(super) struct Scores {
+pub struct Scores {
     /// J'J over all samples.
     information: DMatrix<f64>,
+    /// The same for each of a few parts of the data, with the sum of its scores: runs that follow
+    /// each other, then what comes early and what comes late in every run.
+    folds: Vec<(DMatrix<f64>, DVector<f64>)>,
     /// Of each run the scores of its samples, in the order of time.
     runs: Vec<Vec<DVector<f64>>>,
 }
+
+/// What a part of the data says of theta by itself.
+pub struct Fold {
+    /// How far theta is from that of all data.
+    pub step: DVector<f64>,
+    /// Inverse of its information, not a covariance where residuals are alike.
+    pub inverse: DMatrix<f64>,
+}
+
+/// Parts of the data that are asked for themselves: fewer would agree by chance too often, more
+/// tell too little each.
+const FOLDS: usize = 4;
 
 /// What a segment says of theta.
 struct Part {
@@ -36,7 +56,7 @@ struct Part {
 
 impl Scores {
     /// At settled states. Segments whose motion is lost say nothing.
-    pub(super) fn of(problem: &Problem, law: Equations, states: &States) -> Scores {
+    pub fn of(problem: &Problem, law: Equations, states: &States) -> Scores {
         let (size, unknowns) = (2 * law.0.degrees(), law.0.unknowns());
         let width = block_width(problem, problem.segments.longest(), size + unknowns + 1);
         let mut parts: Vec<Part> = blocks(0..problem.segments.list.len(), width)
@@ -55,10 +75,24 @@ impl Scores {
             .flatten_iter()
             .collect();
         parts.sort_by_key(|part| (part.place.run, part.place.first));
-        let mut scores =
-            Scores { information: DMatrix::zeros(unknowns, unknowns), runs: Vec::new() };
+        let nothing = || (DMatrix::zeros(unknowns, unknowns), DVector::zeros(unknowns));
+        let mut scores = Scores {
+            information: DMatrix::zeros(unknowns, unknowns),
+            folds: (0..2 * FOLDS).map(|_| nothing()).collect(),
+            runs: Vec::new(),
+        };
         let mut last = None;
-        for part in parts {
+        let count = parts.len();
+        let ends = ends(&parts);
+        for (at, part) in parts.into_iter().enumerate() {
+            let Segment { run, first, .. } = part.place;
+            let end = ends.get(&run).copied().unwrap_or(1).max(1);
+            // One of the parts of all runs, one of those of each run.
+            for fold in [at * FOLDS / count, FOLDS + (first * FOLDS / end).min(FOLDS - 1)] {
+                let (information, sum) = &mut scores.folds[fold];
+                *information += &part.information;
+                *sum += part.scores.iter().sum::<DVector<f64>>();
+            }
             scores.information += part.information;
             if last != Some(part.place.run) {
                 scores.runs.push(Vec::new());
@@ -71,9 +105,25 @@ impl Scores {
         scores
     }
 
+    /// Inverse of the information: the covariance of theta if residuals were independent, of the
+    /// size that they are weighed by. `None` where the samples do not determine it.
+    pub fn inverse(&self) -> Option<DMatrix<f64>> {
+        Some(self.information.clone().cholesky()?.inverse())
+    }
+
+    /// What consecutive parts of the data, and those from the beginning to the end of each run, say
+    /// of theta by themselves; `None` where one does not determine it.
+    pub fn folds(&self) -> Vec<Option<Fold>> {
+        let of = |(information, sum): &(DMatrix<f64>, DVector<f64>)| {
+            let factor = information.clone().cholesky()?;
+            Some(Fold { step: factor.solve(sum), inverse: factor.inverse() })
+        };
+        self.folds.iter().map(of).collect()
+    }
+
     /// Covariance of theta; `None` where the samples do not determine it.
-    pub(super) fn covariance(&self) -> Option<DMatrix<f64>> {
-        let inverse = self.information.clone().cholesky()?.inverse();
+    pub fn covariance(&self) -> Option<DMatrix<f64>> {
+        let inverse = self.inverse()?;
         let samples: usize = self.runs.iter().map(Vec::len).sum();
         let unknowns = self.information.nrows();
         let longest = self.runs.iter().map(Vec::len).max()?;
@@ -122,6 +172,16 @@ impl Scores {
         }
         if below > 0.0 { 1.1447 * (above / below * samples as f64).cbrt() } else { 0.0 }
     }
+}
+
+/// The sample behind the last one of each run.
+fn ends(parts: &[Part]) -> BTreeMap<usize, usize> {
+    let mut ends = BTreeMap::new();
+    for Part { place, .. } in parts {
+        let end = ends.entry(place.run).or_insert(0);
+        *end = place.first.saturating_add(place.samples()).max(*end);
+    }
+    ends
 }
 
 /// Largest correlation of neighbouring scores that the memory is taken from, that which Andrews

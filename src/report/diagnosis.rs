@@ -219,6 +219,7 @@ pub fn diagnosis_text(
     let word = match diagnosis.verdict {
         Verdict::Missing => "Missing",
         Verdict::NothingMissing => "Nothing is missing",
+        Verdict::PartlyExplained => "A part of what is missing",
         Verdict::Unexplained => "Something is missing that the catalogue does not have",
         Verdict::TooLittleData => "Too little data to say",
         Verdict::Interrupted => "Interrupted",
@@ -303,23 +304,15 @@ fn to_add(diagnosis: &Diagnosis, spec: &str) -> Option<String> {
 /// What the first effect of the ranking does not explain.
 fn unexplained(diagnosis: &Diagnosis, width: usize) -> Vec<String> {
     let mut sections = Vec::new();
-    if let (Some(first), Some(last)) = (diagnosis.ranking.first(), diagnosis.further.last()) {
+    let all = diagnosis.verdict == Verdict::Missing;
+    if let (true, Some(first), Some(last)) =
+        (all, diagnosis.ranking.first(), diagnosis.further.last())
+    {
         let names: Vec<&str> = diagnosis.further.iter().map(|l| l.effect.as_str()).collect();
         let sentence = format!(
             "With {} in the model, {} would take the error on held-out runs further, to {}.",
             first.effect,
             names.join(" and "),
-            times(last.held_out_error_after),
-        );
-        sections.push(wrapped(&sentence, width, 2));
-    }
-    if let (Some(first), Some(last)) = (diagnosis.partial.first(), diagnosis.partial.last()) {
-        let names: Vec<&str> = diagnosis.partial.iter().map(|l| l.effect.as_str()).collect();
-        let sentence = format!(
-            "A part of it may be {}: the error on held-out runs goes from {} to {}, and more is \
-             missing. `leverrier discover --partial` adds that part.",
-            names.join(" with "),
-            times(first.held_out_error_before),
             times(last.held_out_error_after),
         );
         sections.push(wrapped(&sentence, width, 2));

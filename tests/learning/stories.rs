@@ -84,6 +84,27 @@ fn members_that_nearly_cancel_are_found_together() {
 }
 
 #[test]
+fn no_number_contradicts_the_name_of_its_effect() {
+    // What feeds energy is no drag, and what takes it more slowly at speed is no sum of drags.
+    let cases: [(&str, &[(&str, f64)]); 2] = [
+        ("0.25*p - 0.4*p^3", &[("cubic_drag(q)", 0.4), ("self_excitation(q)", 0.25)]),
+        ("0.1*p", &[("self_excitation(q)", 0.1)]),
+    ];
+    for (force, expected) in cases {
+        let truth = format!("T = p^2/2\nV = q^2/2\nforce q += {force}\n");
+        let excited = base(LINE, truth.leak(), OSCILLATOR, LINE_STARTS);
+        let (verdict, mut members, reason) = story(&excited, 0.01, 1);
+        assert_eq!(verdict, Verdict::Missing, "{force}: {reason}");
+        members.sort_by(|a, b| a.0.cmp(&b.0));
+        let names: Vec<&str> = members.iter().map(|(name, _)| name.as_str()).collect();
+        assert!(names.iter().eq(expected.iter().map(|(name, _)| name)), "{force}: {reason}");
+        for ((name, numbers), (_, size)) in members.iter().zip(expected) {
+            assert!((numbers[0] / size - 1.0).abs() < 0.1, "{force}: {name} {numbers:?}");
+        }
+    }
+}
+
+#[test]
 fn data_without_noise_are_judged_by_what_an_instrument_resolves() {
     let known = base(LINE, OSCILLATOR, OSCILLATOR, LINE_STARTS);
     let truth = "T = p^2/2\nV = q^2/2\nforce q += -0.1*p\n";
@@ -137,6 +158,21 @@ fn one_force_on_a_body_or_on_all_coordinates_is_one_effect() {
                force x2 += -0.02*px2\nforce y2 += -0.02*py2\n";
     let all = ["viscous_drag(x1, y1, x2, y2)"];
     told(&base(STARS, gas, stars, ORBITS), 0.01, &[1], &all, 0.02);
+}
+
+#[test]
+fn what_is_clear_is_told_where_something_is_left() {
+    // A drive whose frequency rises is nothing that anybody has a name for here.
+    let truth = "T = p^2/2\nV = q^2/2\nforce q += -0.15*p + 0.08*sin(0.11*t^2)\n";
+    let driven = base(LINE, truth, OSCILLATOR, LINE_STARTS);
+    for seed in [1, 2] {
+        let (verdict, members, reason) = story(&driven, 0.01, seed);
+        assert_eq!(verdict, Verdict::PartlyExplained, "seed {seed}: {reason}");
+        let drag = members.iter().find(|(name, _)| name == "viscous_drag(q)");
+        let (_, numbers) = drag.unwrap_or_else(|| panic!("seed {seed}: {members:?}"));
+        assert!((numbers[0] / 0.15 - 1.0).abs() < 0.2, "seed {seed}: {numbers:?}");
+        assert_eq!(members.len(), 1, "seed {seed}: {members:?}");
+    }
 }
 
 #[test]

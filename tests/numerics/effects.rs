@@ -55,6 +55,7 @@ fn closed_form(name: &str) -> Option<At> {
         "relative_damping" => F(|z, _| z[3] - z[2], |z, _| z[2] - z[3]),
         "asymmetric_friction" => F(|z, _| if z[2] > 0.0 { -1.0 } else { 1.0 }, NONE),
         "asymmetric_drag" => F(|z, _| -z[2], NONE),
+        "self_excitation" => F(|z, _| z[2], NONE),
         "negative_damping" => F(|z, _| (1.0 - z[0] * z[0]) * z[2], NONE),
         "constant_force" => H(|z, _| -z[0]),
         "tilt" => H(|z, _| z[0].sin()),

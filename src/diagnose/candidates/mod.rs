@@ -181,6 +181,11 @@ impl Candidate {
         }
     }
 
+    /// Whether its name says the sign of its coefficients: none is negative.
+    pub fn is_positive(&self) -> bool {
+        matches!(self.origin, Origin::Catalogue(row) if row.positive)
+    }
+
     /// The known number that it is, where it is one.
     pub fn number(&self) -> Option<&KnownNumber> {
         match &self.origin {

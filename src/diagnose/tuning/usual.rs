@@ -2,7 +2,8 @@
 
 use super::{
     Autocorrelation, Axis, Candidates, Comparison, Composed, Design, Discovery, Grids, Hidden,
-    Instrument, Naming, NoiseFloor, Ranking, Scan, Sets, States, Sufficiency, Tuning, Verdict,
+    InPart, Instrument, Naming, NoiseFloor, Ranking, Scan, Sets, States, Sufficiency, Tuning,
+    Verdict,
 };
 use crate::fit::tuning::usual;
 
@@ -174,11 +175,10 @@ const TUNING: Tuning = Tuning {
         at_noise: 4.0,
         reaches: 1.1,
         negligible: 1e-12,
-        part: 0.9,
-        part_within: 0.05,
         unmistakable: 1e-6,
         resolved: 10.0,
     },
+    in_part: InPart { left: 0.5, segments: 8 },
     hidden: Hidden {
         gain: 1.3,
         nearly: 0.5,

@@ -9,8 +9,13 @@ const CENTRAL: EffectRow =
     EffectRow { kind: EffectKind::Conservative, on: ActsOn::Body, why_two: CENTRE, ..ROW };
 const BETWEEN: EffectRow =
     EffectRow { kind: EffectKind::Conservative, on: ActsOn::BodyPair, why_two: TWO, ..ROW };
-const ALONG: EffectRow =
-    EffectRow { kind: EffectKind::Dissipative, on: ActsOn::Body, why_two: VELOCITY, ..ROW };
+const ALONG: EffectRow = EffectRow {
+    kind: EffectKind::Dissipative,
+    on: ActsOn::Body,
+    positive: true,
+    why_two: VELOCITY,
+    ..ROW
+};
 
 const CENTRE: &str = "it goes with the distance of a body from the origin";
 const TWO: &str = "it goes with the distance of two bodies";
@@ -151,6 +156,7 @@ pub(super) static ROWS: &[EffectRow] = &[
         physics: "Gravity or an electric force between two bodies: like 1/r^2.",
         telltale: "Residual forces on two bodies are opposite, along the line between them, and largest when they are near.",
         reference: "Landau and Lifshitz, Mechanics, section 13",
+        positive: true,
         ..BETWEEN
     },
     EffectRow {
@@ -160,6 +166,7 @@ pub(super) static ROWS: &[EffectRow] = &[
         physics: "Gravity between two bodies of some extent: it vanishes where they fall together.",
         telltale: "Residual forces along the line between two bodies are largest at some distance.",
         reference: "H. C. Plummer, Mon. Not. R. Astron. Soc. 71, 460 (1911)",
+        positive: true,
         ..BETWEEN
     },
     EffectRow {
@@ -231,6 +238,7 @@ pub(super) static ROWS: &[EffectRow] = &[
         telltale: "Relative motion of two bodies dies out while common motion goes on.",
         reference: "Rayleigh, The Theory of Sound, section 81",
         kind: EffectKind::Dissipative,
+        positive: true,
         ..BETWEEN
     },
 ];

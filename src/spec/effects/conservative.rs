@@ -67,6 +67,7 @@ pub(super) static ROWS: &[EffectRow] = &[
         physics: "Two rest positions with a hill between them, as of a buckled beam.",
         telltale: "The motion stays on one side or jumps between two; the residual force is an odd cubic.",
         reference: "Guckenheimer and Holmes, Nonlinear Oscillations, section 2.2",
+        positive: true,
         ..BASE
     },
     EffectRow {
@@ -214,6 +215,7 @@ pub(super) static ROWS: &[EffectRow] = &[
         physics: "A stop that is touched only above some position, and pushes back like a spring.",
         telltale: "The residual force is zero up to a point, and a straight line beyond.",
         reference: "Shaw and Holmes, J. Sound Vib. 90, 129 (1983)",
+        positive: true,
         ..BASE
     },
     EffectRow {
@@ -223,6 +225,7 @@ pub(super) static ROWS: &[EffectRow] = &[
         physics: "A stop that is touched only below some position, and pushes back like a spring.",
         telltale: "The residual force is zero down to a point, and a straight line beyond.",
         reference: "Shaw and Holmes, J. Sound Vib. 90, 129 (1983)",
+        positive: true,
         ..BASE
     },
     EffectRow {
@@ -233,6 +236,7 @@ pub(super) static ROWS: &[EffectRow] = &[
         physics: "A round body that is pressed above some position: its contact grows, and with it the stiffness.",
         telltale: "The residual force is zero up to a point, and beyond it grows as the overlap to the power of 3/2.",
         reference: "H. Hertz, J. reine angew. Math. 92, 156 (1882); Landau and Lifshitz, Theory of Elasticity, section 9",
+        positive: true,
         ..BASE
     },
     EffectRow {
@@ -242,6 +246,7 @@ pub(super) static ROWS: &[EffectRow] = &[
         physics: "A round body that is pressed below some position: its contact grows, and with it the stiffness.",
         telltale: "The residual force is zero down to a point, and beyond it grows as the overlap to the power of 3/2.",
         reference: "H. Hertz, J. reine angew. Math. 92, 156 (1882); Landau and Lifshitz, Theory of Elasticity, section 9",
+        positive: true,
         ..BASE
     },
     EffectRow {
@@ -252,6 +257,7 @@ pub(super) static ROWS: &[EffectRow] = &[
         physics: "A spring with play: it is felt only beyond the same distance to either side, as of worn gears or a loose joint.",
         telltale: "The residual force is zero about the middle, and a straight line beyond on both sides.",
         reference: "Shaw and Holmes, J. Sound Vib. 90, 129 (1983)",
+        positive: true,
         ..BASE
     },
     EffectRow {
@@ -272,6 +278,7 @@ pub(super) static ROWS: &[EffectRow] = &[
         physics: "A charge before a conducting wall across the path: its image pulls it in, as the electrode of a micromechanical device does.",
         telltale: "The residual force points to one side, and grows with the inverse square of the distance to a wall that is never reached.",
         reference: "Jackson, Classical Electrodynamics, section 2.1",
+        positive: true,
         ..BASE
     },
 ];

@@ -2,7 +2,7 @@
 
 use super::{ActsOn, EffectKind, EffectRow, ROW, Scan, ScanBy};
 
-const BASE: EffectRow = EffectRow { kind: EffectKind::Dissipative, ..ROW };
+const BASE: EffectRow = EffectRow { kind: EffectKind::Dissipative, positive: true, ..ROW };
 
 pub(super) static ROWS: &[EffectRow] = &[
     EffectRow {
@@ -87,6 +87,15 @@ pub(super) static ROWS: &[EffectRow] = &[
         physics: "A damper between two moving parts of equal inertia: equal and opposite forces against their relative motion.",
         telltale: "Relative motion dies out while common motion goes on.",
         reference: "Rayleigh, The Theory of Sound, section 81",
+        ..BASE
+    },
+    EffectRow {
+        name: "self_excitation",
+        aliases: &["galloping"],
+        template: "force {q} += span{ {n}: {p} }",
+        physics: "A force along the motion, in proportion to the speed: wind on an iced cable, a pick-up that feeds back, a friction that falls with speed.",
+        telltale: "Amplitudes grow exponentially until something else limits them.",
+        reference: "J. P. Den Hartog, Mechanical Vibrations, chapter 7",
         ..BASE
     },
     EffectRow {

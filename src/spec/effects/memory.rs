@@ -15,6 +15,7 @@ pub(super) static ROWS: &[EffectRow] = &[
         physics: "A spring with a memory: its force follows the path on loops, as that of a joint that slips or a metal that yields.",
         telltale: "Force against coordinate is a loop whose area does not depend on the speed.",
         reference: "Wen, J. Eng. Mech. Div. ASCE 102, 249 (1976); Noel and Schoukens, Workshop on Nonlinear System Identification Benchmarks (2016)",
+        positive: true,
         ..ROW
     },
     EffectRow {
@@ -30,6 +31,7 @@ pub(super) static ROWS: &[EffectRow] = &[
         physics: "Friction by bristles that bend before they slip, and slip at a force that falls as sliding begins.",
         telltale: "Where the motion turns, the friction turns over a short way and not at once; slow motion sticks and slips.",
         reference: "Canudas de Wit, Olsson, Astrom and Lischinsky, IEEE Trans. Autom. Control 40, 419 (1995)",
+        positive: true,
         ..ROW
     },
     EffectRow {
@@ -41,6 +43,7 @@ pub(super) static ROWS: &[EffectRow] = &[
         physics: "A mass on a spring, hung from what is measured, that nobody measures; the coefficient is its mass.",
         telltale: "Energy goes away and comes back; the response to a drive has a notch at the frequency of the hidden part.",
         reference: "Den Hartog, Mechanical Vibrations, section 3.2; Frahm, US patent 989958 (1911)",
+        positive: true,
         ..ROW
     },
     EffectRow {

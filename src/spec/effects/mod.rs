@@ -246,6 +246,8 @@ pub struct EffectRow {
     /// All of the force goes through it: its coefficient is the gain of the input, where that is
     /// known.
     pub whole: bool,
+    /// None of its coefficients is negative: the opposite is no such effect, and has another name.
+    pub positive: bool,
     /// Why it needs two arguments, where it does.
     pub why_two: &'static str,
     /// What finds it, when it is no term of a model.
@@ -269,6 +271,7 @@ const ROW: EffectRow = EffectRow {
     angle: false,
     one_unit: false,
     whole: false,
+    positive: false,
     why_two: "",
     detector: None,
     physics: "",
@@ -345,6 +348,7 @@ mod tests {
                 ActsOn::Pair | ActsOn::OrderedPair | ActsOn::Body | ActsOn::BodyPair
             );
             assert_eq!(pairs, !row.why_two.is_empty(), "{}", row.name);
+            assert!(row.kind != EffectKind::Dissipative || row.positive, "{}", row.name);
         }
         assert!(catalogue().count() >= 80);
         assert!(EffectKind::ALL.iter().all(|&kind| catalogue().any(|row| row.kind == kind)));

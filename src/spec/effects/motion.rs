@@ -35,6 +35,7 @@ pub(super) static ROWS: &[EffectRow] = &[
         physics: "Inertia that grows with speed, to first order in (v/c)^2; also a band that is not parabolic.",
         telltale: "Velocity lags behind momentum at the largest momenta; frequencies fall with energy.",
         reference: "Landau and Lifshitz, The Classical Theory of Fields, section 9",
+        positive: true,
         ..KINETIC
     },
     EffectRow {
@@ -98,6 +99,7 @@ pub(super) static ROWS: &[EffectRow] = &[
         physics: "A force outward in proportion to the distance from the axis of a turning table.",
         telltale: "All oscillations about the axis are slower by the same; the residual force points outward.",
         reference: "Landau and Lifshitz, Mechanics, section 39",
+        positive: true,
         ..GYROSCOPIC
     },
 ];

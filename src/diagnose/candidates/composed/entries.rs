@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::actions::Action;
 use super::expression::Composed;
-use super::gram::{Known, Pool};
+use super::gram::{Known, Limits, Pool};
 use super::named::{NamedAction, at_all_points, finer};
 use super::responses::Response;
 use super::search::Search;
@@ -34,8 +34,9 @@ pub(super) struct Entry {
     pub(super) price: f64,
     /// What it does, one response for each of its coefficients.
     pub(super) responses: Vec<Response>,
-    /// The largest of these to which first order says anything.
-    limits: Vec<f64>,
+    /// The least and the largest of these: to which first order says anything, and of a sign that
+    /// the name allows.
+    limits: Vec<Limits>,
     /// By how much the squares fall with it alone.
     fall: f64,
 }
@@ -87,11 +88,17 @@ impl<'t> Motion<'_, 't> {
             let own: Vec<Response> =
                 one.actions.iter().map(|action| responses.response(action)).collect();
             let (unknowns, limits) = match candidate.number() {
-                Some(number) => (1.0, vec![self.tuning.linear * number.value.abs()]),
-                None => (
-                    (own.len() + one.values.len()) as f64,
-                    one.actions.iter().map(|action| self.limit(action)).collect(),
-                ),
+                Some(number) => {
+                    let most = self.tuning.linear * number.value.abs();
+                    (1.0, vec![(-most, most)])
+                }
+                None => {
+                    let limits = one.actions.iter().map(|action| {
+                        let most = self.limit(action);
+                        (if candidate.is_positive() { 0.0 } else { -most }, most)
+                    });
+                    ((own.len() + one.values.len()) as f64, limits.collect())
+                }
             };
             Entry {
                 change: Change::Named(place),
@@ -114,6 +121,7 @@ impl<'t> Motion<'_, 't> {
         let of = |(place, term): (usize, &Composed)| {
             let action = term.action(&self.search.jets.nodes, responses.channels);
             let own = vec![responses.response(&action)];
+            let most = self.limit(&action);
             let unknowns = 1.0 + term.inner().len() as f64;
             // Forms that differ in their numbers alone are of one kind.
             let form = terms[..place].iter().position(|other| other.has_form_of(term));
@@ -124,7 +132,7 @@ impl<'t> Motion<'_, 't> {
                 price: term.price + 0.5 * unknowns * rows,
                 fall: fall(&own, &target),
                 responses: own,
-                limits: vec![self.limit(&action)],
+                limits: vec![(-most, most)],
             }
         };
         let all = terms.par_iter().enumerate().map(of);

@@ -25,8 +25,14 @@ pub(super) struct PoolMember {
     kind: usize,
 }
 
-/// A column, and the largest coefficient to which it is known.
-pub(super) type Known = (DVector<f64>, f64);
+/// A column, and the least and the largest coefficient that it may have.
+pub(super) type Known = (DVector<f64>, Limits);
+
+/// The least and the largest coefficient of a column.
+pub(super) type Limits = (f64, f64);
+
+/// Any coefficient.
+const ANY: Limits = (f64::NEG_INFINITY, f64::INFINITY);
 
 /// Columns that sets are made of.
 pub(super) struct Pool<'a> {
@@ -39,8 +45,8 @@ pub(super) struct Pool<'a> {
     heights: DVector<f64>,
     /// Lengths of the columns.
     norms: Vec<f64>,
-    /// The largest coefficients with which columns say anything, brought to length 1.
-    limits: Vec<f64>,
+    /// The least and the largest coefficients of columns, brought to length 1.
+    limits: Vec<Limits>,
     /// Squares of what is to be explained.
     squares: f64,
     /// Independent residuals.
@@ -92,10 +98,10 @@ impl<'a> Pool<'a> {
         for (kind, price, own) in members {
             let first = before + columns.len();
             self.members.push(PoolMember { first, count: own.len(), price, kind });
-            for (column, limit) in own {
+            for (column, (least, most)) in own {
                 let norm = column.norm();
                 self.norms.push(norm);
-                self.limits.push(limit * norm);
+                self.limits.push((least * norm, most * norm));
                 columns.push(if norm > 0.0 { column / norm } else { column });
             }
         }
@@ -283,14 +289,17 @@ impl<'a> Pool<'a> {
         self.gram[(i, j)] - beside.shadows.column(i).dot(&beside.shadows.column(j))
     }
 
-    /// Whether no coefficient of a set is larger than its column is known for.
+    /// Whether all coefficients of a set are within the limits of their columns.
     fn is_within(&self, set: &[usize]) -> bool {
         let own = self.columns(set);
-        if own.iter().all(|&at| self.limits[at] == f64::INFINITY) {
+        if own.iter().all(|&at| self.limits[at] == ANY) {
             return true;
         }
         let Some(values) = self.solved(&own) else { return false };
-        own.iter().zip(values.iter()).all(|(&at, value)| value.abs() <= self.limits[at])
+        own.iter().zip(values.iter()).all(|(&at, value)| {
+            let (least, most) = self.limits[at];
+            least <= *value && *value <= most
+        })
     }
 
     /// By how much the squares fall with a member beside a set; `None` where the set nearly spans
@@ -466,8 +475,10 @@ mod tests {
     }
 
     /// Columns as members, known up to a coefficient.
-    fn members(all: &[DVector<f64>], limit: f64) -> Vec<(usize, f64, Vec<Known>)> {
-        let member = |(kind, one): (usize, &DVector<f64>)| (kind, 10.0, vec![(one.clone(), limit)]);
+    fn members(all: &[DVector<f64>], most: f64) -> Vec<(usize, f64, Vec<Known>)> {
+        let limits = (-most, most);
+        let member =
+            |(kind, one): (usize, &DVector<f64>)| (kind, 10.0, vec![(one.clone(), limits)]);
         all.iter().enumerate().map(member).collect()
     }
 
@@ -529,6 +540,16 @@ mod tests {
             let values = pool.coefficients(&one.members).expect("columns that stand apart");
             assert!(values.iter().flatten().all(|value| value.abs() <= 1.5), "{values:?}");
         }
+    }
+
+    #[test]
+    fn a_member_whose_coefficient_would_be_negative_has_no_place() {
+        let tuning = Tuning::default();
+        let (all, target) = drawn(&[(3, 2.0), (17, -1.0)], 0.3, 1);
+        let mut own = members(&all, f64::INFINITY);
+        own[17].2[0].1 = (0.0, f64::INFINITY);
+        let best = Pool::of(own, &target, ROWS, &tuning.sets).search(&[]).swap_remove(0);
+        assert!(best.members.contains(&3) && !best.members.contains(&17), "{:?}", best.members);
     }
 
     #[test]

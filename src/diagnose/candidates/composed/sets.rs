@@ -39,6 +39,8 @@ pub struct Proposed {
     pub price: f64,
     /// Whether it has a name.
     pub named: bool,
+    /// Whether that name says that no coefficient is negative.
+    pub positive: bool,
     change: Change,
 }
 
@@ -384,9 +386,12 @@ impl<'a, 'b> SetSearch<'a, 'b> {
                 held_out_error_after: f64::NAN,
                 indistinguishable: Vec::new(),
             };
-            scope = effect.added_to(&scope)?;
-            let (price, change) = (entry.price, entry.change.clone());
-            all.push(Proposed { effect, inner, price, named, change });
+            // Between the points of a grid may lie what the language does not take.
+            let Ok(with) = effect.added_to(&scope) else { return Ok(None) };
+            scope = with;
+            let (price, positive) = (entry.price, candidate.is_positive());
+            let change = entry.change.clone();
+            all.push(Proposed { effect, inner, price, named, positive, change });
         }
         Ok(Some(all))
     }

@@ -1,0 +1,135 @@
+//! Whether a story would be believed: by the errors of its numbers, by what its names say, and by
+//! how freely it bends.
+
+use std::collections::{HashMap, HashSet};
+
+use super::refit::has_negative;
+use super::story::{Member, Story};
+use crate::expr::{Expr, Place, Symbol, System, Term, TermId};
+use crate::fit::column::Column;
+
+/// How far a member of a story would be believed by itself.
+pub(super) struct Belief {
+    /// Its coefficients, or by how much a known number is off, with their columns among those of
+    /// the law.
+    pub(super) coefficients: Vec<(f64, Column)>,
+    /// Standard errors that the least clear of them is away from zero; 0 for one without a name, or
+    /// with a number that contradicts it.
+    pub(super) clearness: f64,
+}
+
+/// Members of a story that bend the force along one coordinate by one and the same variable.
+#[derive(Default)]
+struct Curve {
+    /// Those with numbers inside.
+    bent: usize,
+    /// Terms of those without a name.
+    unnamed: usize,
+    /// Coefficients and inner numbers of all of them.
+    numbers: usize,
+}
+
+impl Story<'_> {
+    /// Whether several members with numbers inside bend one force by one and the same coordinate or
+    /// momentum, in so many numbers that any smooth curve would look like them; or several terms
+    /// without a name do, whose forms were looked for.
+    pub(super) fn is_patchwork(&self) -> bool {
+        let system = &self.scope.compiled().system;
+        let mut curves: HashMap<(usize, Symbol), Curve> = HashMap::new();
+        for member in &self.members {
+            let terms = member.terms.iter().filter_map(|&id| system.term(id));
+            let places: Option<HashSet<(usize, Symbol)>> = terms
+                .flat_map(Term::parts)
+                .map(|(place, expr)| curve_of(system, place, expr))
+                .collect();
+            let Some(places) = places.filter(|places| places.len() == 1) else { continue };
+            for place in places {
+                let curve = curves.entry(place).or_default();
+                curve.bent += usize::from(!member.parameters.is_empty());
+                curve.unnamed += if member.named { 0 } else { member.terms.len() };
+                curve.numbers += member.effect.coefficient.len();
+            }
+        }
+        let most = self.model.tuning().verdict.curve;
+        curves.values().any(|curve| curve.unnamed > 1 || curve.bent > 1 && curve.numbers > most)
+    }
+
+    /// Whether a coefficient of a member contradicts its name: a drag that feeds energy is none.
+    pub(super) fn contradicts_a_name(&self) -> bool {
+        let law = &self.model.law;
+        self.members.iter().any(|one| one.positive && has_negative(law, &one.terms))
+    }
+
+    /// Whether every coefficient of every member is clearly not zero.
+    pub(super) fn stands(&self) -> bool {
+        let clear = self.model.tuning().verdict.standard_errors;
+        self.members.iter().all(|member| self.clearness(member) >= clear)
+    }
+
+    /// Standard errors that the least clear coefficient of a member is away from zero. The cosine
+    /// and the sine of one wave are its amplitude and its phase: they are so together.
+    fn clearness(&self, member: &Member) -> f64 {
+        let system = &self.scope.compiled().system;
+        let wave = |id: TermId| {
+            let name = system.term(id).and_then(|term| term.name.as_deref()).unwrap_or("");
+            name.strip_suffix("_cos").or_else(|| name.strip_suffix("_sin")).map(str::to_string)
+        };
+        let numbers = member.effect.coefficient.iter().zip(&member.effect.standard_error);
+        let ratios = numbers.map(|(value, error)| (value / error).powi(2));
+        let mut squares: Vec<(Option<String>, f64)> = Vec::new();
+        // A known number is a change where it is clearly not what the spec says.
+        if let Some(change) = &member.effect.number {
+            let both = member.effect.coefficient.last().zip(member.effect.standard_error.last());
+            let off = both.map_or(0.0, |(value, error)| (value - change.was) / error);
+            squares.push((None, off.powi(2)));
+        }
+        for (&id, ratio) in member.terms.iter().zip(ratios) {
+            let wave = wave(id);
+            match squares.iter_mut().find(|(of, _)| wave.is_some() && *of == wave) {
+                Some((_, sum)) => *sum += ratio,
+                None => squares.push((wave, ratio)),
+            }
+        }
+        // What is no number is not clear.
+        let sums = squares.iter().map(|(_, sum)| if sum.is_nan() { 0.0 } else { *sum });
+        sums.fold(f64::INFINITY, f64::min).sqrt()
+    }
+
+    /// How far each member would be believed by itself.
+    pub(super) fn beliefs(&self) -> Vec<Belief> {
+        let law = &self.model.law;
+        let all = self.members.iter().zip(self.columns());
+        let of = |(member, columns): (&Member, Vec<Column>)| {
+            let terms = member.terms.iter().filter_map(|&id| law.coefficient(id));
+            let change = member.effect.number.as_ref().zip(member.parameters.first());
+            let change = change.and_then(|(one, &id)| Some(law.parameter(id)? - one.was));
+            let opposite = member.positive && has_negative(law, &member.terms);
+            Belief {
+                coefficients: terms.chain(change).zip(columns).collect(),
+                clearness: if member.named && !opposite { self.clearness(member) } else { 0.0 },
+            }
+        };
+        all.map(of).collect()
+    }
+}
+
+/// Whether a story may be told: it explains the data over whole runs, with nothing to spare and by
+/// effects that are what their names say.
+pub(super) fn holds(story: &Story) -> bool {
+    story.explains && story.stands() && !story.is_patchwork() && !story.contradicts_a_name()
+}
+
+/// The coordinate that something acts along and the coordinate or momentum that it goes by, where
+/// that is one alone.
+fn curve_of(system: &System, place: Place, expr: Expr) -> Option<(usize, Symbol)> {
+    let mut symbols = system.graph.symbols(&[expr]).into_iter().collect::<Vec<_>>();
+    symbols.retain(|symbol| !matches!(symbol, Symbol::Parameter(_) | Symbol::Coefficient(_)));
+    let [symbol @ (Symbol::Coordinate(i) | Symbol::Momentum(i))] = symbols[..] else {
+        return None;
+    };
+    match place {
+        Place::Kinetic | Place::Potential | Place::Hamiltonian => Some((i, symbol)),
+        Place::Force(along) => Some((along, symbol)),
+        Place::Rate(_) | Place::Sensor(_) => None,
+    }
+}

@@ -1,0 +1,255 @@
+//! Explanations that leave something: of which effects a physicist would believe all the same.
+//!
+//! The law of a real rig lacks more than can be named. What does not reach the noise may still be
+//! most of what is missing, or may be whatever bends to it. An effect is believed where its numbers
+//! are clear by errors that count what is left ([`scores`](crate::fit::scores)), where consecutive
+//! parts of the data, each by itself, give it the same numbers, and where it explains more of
+//! held-out runs than it leaves: what bends to a larger thing has the name of another. What does as
+//! well in its place is said.
+
+use super::comparison::{ResidualMap, strongest_map};
+use super::diagnosis::{Diagnosis, Verdict};
+use super::effect::RankedEffect;
+use super::misfit::error_of;
+use super::refit::{Precision, fitted};
+use super::search::extended;
+use super::settling::{Settled, problem, settle};
+use super::story::{Question, Story};
+use super::times::times;
+use super::tuning::Tuning;
+use super::window::longest;
+use crate::error::Result;
+use crate::fit::column::Column;
+use crate::fit::scores::{Fold, Scores};
+
+/// An explanation of a part of what is missing.
+pub(super) struct InPart {
+    /// Its members, with errors that count what is left.
+    members: Vec<RankedEffect>,
+    /// Samples of the segments that they are held against.
+    window: usize,
+    /// The force that is left, where it shows most.
+    shape: Option<ResidualMap>,
+}
+
+impl InPart {
+    /// Writes it into an answer that has none.
+    pub(super) fn tell(self, diagnosis: &mut Diagnosis) {
+        let InPart { members, window, shape } = self;
+        let Some((first, then)) = members.split_first() else { return };
+        diagnosis.verdict = Verdict::PartlyExplained;
+        diagnosis.held_out_error = first.held_out_error_before;
+        let names: Vec<&str> = members.iter().map(|member| member.effect.as_str()).collect();
+        diagnosis.reason = format!(
+            "{} {} the error on held-out runs over {window} samples from {} to {} times the noise; \
+             nothing that was tried is clear beside it",
+            names.join(", "),
+            if then.is_empty() { "takes" } else { "take" },
+            times(first.held_out_error_before),
+            times(first.held_out_error_after)
+        );
+        diagnosis.begin_with(first);
+        diagnosis.indistinguishable = match then {
+            [] => first.indistinguishable.clone(),
+            _ => Vec::new(),
+        };
+        diagnosis.further = then.to_vec();
+        diagnosis.unnamed = None;
+        diagnosis.unnamed_explains_more = false;
+        diagnosis.shape = shape;
+        diagnosis.story = members;
+    }
+}
+
+/// What is clear of what is missing: one named effect after another, as long as all of them would
+/// be believed. `bare` is the story without a change.
+///
+/// # Errors
+///
+/// When an effect does not fit the spec.
+pub(super) fn in_part<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<InPart>> {
+    let tuning = question.model.tuning();
+    let mut story = bare.clone();
+    let mut held = None;
+    let mut rivals: Vec<Vec<String>> = Vec::new();
+    while story.members.len() < tuning.verdict.effects && !question.monitor.stopped() {
+        let all = tuning.ranking.first_refits;
+        let longer = extended(question, &story, (all, all))?;
+        let tried = longer.into_iter().filter_map(|longer| Tried::of(question, &story, longer));
+        let Some((best, others)) = clearest(tried.collect(), tuning) else { break };
+        (story, held) = (best.plain, Some(best.held));
+        rivals.push(others);
+    }
+    let Some(held) = held else { return Ok(None) };
+    let window = held.model.law.window();
+    let bare = bare.with_noise(held.model.noise()).over(window);
+    let (before, after) = (held_out_error(question, &bare), held_out_error(question, &held));
+    let members = held.members.iter().zip(rivals).map(|(member, rivals)| RankedEffect {
+        held_out_error_before: before,
+        held_out_error_after: after,
+        indistinguishable: rivals,
+        ..member.effect.clone()
+    });
+    let members = members.collect();
+    Ok(Some(InPart { members, window, shape: strongest_map(&held.model)? }))
+}
+
+/// A story with one more effect, all of whose members are clear.
+struct Tried<'a> {
+    /// As it was found.
+    plain: Story<'a>,
+    /// With the numbers that determine it best, and errors that count what is left.
+    held: Story<'a>,
+    /// How many times the variances of its numbers are those of independent residuals of the size
+    /// of the noise.
+    inflation: f64,
+    /// Squares beyond the noise that it leaves of held-out runs, in those that are left without the
+    /// last effect.
+    left: f64,
+}
+
+impl<'a> Tried<'a> {
+    /// `None` where a member is doubtful, or where more is left of held-out runs than it explains.
+    fn of(question: &Question<'a, '_>, before: &Story<'a>, plain: Story<'a>) -> Option<Tried<'a>> {
+        let tuning = question.model.tuning();
+        let best = Held::of(&plain, tuning)?;
+        let held = best.story(&plain);
+        if best.is_doubtful(&held, tuning) {
+            return None;
+        }
+        let shorter = before.with_noise(held.model.noise()).over(held.model.law.window());
+        let (before, after) = (held_out_error(question, &shorter), held_out_error(question, &held));
+        let excess = |error: f64| (error.powi(2) - 1.0).max(0.0);
+        // Where the model before loses the motion, its error is no number.
+        let left = if before.is_nan() { 0.0 } else { excess(after) / excess(before) };
+        (after.is_finite() && left < tuning.in_part.left).then_some(Tried {
+            plain,
+            held,
+            inflation: best.inflation,
+            left,
+        })
+    }
+
+    fn unknowns(&self) -> usize {
+        self.plain.members.iter().map(|member| member.effect.coefficient.len()).sum()
+    }
+
+    /// By how many squares another story leaves more over the segments of this one, in units of
+    /// what one of them says.
+    fn behind(&self, other: &Tried<'a>) -> f64 {
+        let (noise, window) = (self.held.model.noise(), self.held.model.law.window());
+        let (own, _) = self.held.squares(window, &noise);
+        let (theirs, _) = other.held.with_noise(noise.clone()).over(window).squares(window, &noise);
+        (theirs - own) / self.inflation
+    }
+}
+
+/// The story that is told of some: of those with the fewest numbers that which leaves least of
+/// held-out runs; and what does as well in the place of its last effect. What has more numbers
+/// bends to what nothing explains.
+fn clearest<'a>(mut tried: Vec<Tried<'a>>, tuning: &Tuning) -> Option<(Tried<'a>, Vec<String>)> {
+    let fewest = tried.iter().map(Tried::unknowns).min()?;
+    tried.retain(|one| one.unknowns() == fewest);
+    let least = tried.iter().enumerate().min_by(|(_, a), (_, b)| a.left.total_cmp(&b.left));
+    let best = tried.remove(least.map_or(0, |(place, _)| place));
+    let rivals = tried.iter().filter(|one| best.behind(one) < tuning.ranking.indistinguishable);
+    let last = |one: &Tried| one.plain.members.last().map(|last| last.effect.effect.clone());
+    let rivals = rivals.filter_map(last).collect();
+    Some((best, rivals))
+}
+
+/// A story's numbers from the segments that determine them best.
+struct Held<'a> {
+    settled: Settled<'a>,
+    scores: Scores,
+    /// Variances of all numbers that count what is left.
+    variances: Vec<f64>,
+    /// How many times those are the variances of independent residuals of the size of the noise.
+    inflation: f64,
+}
+
+impl<'a> Held<'a> {
+    /// Over segments from the story's own to such that each part of the data has a few; `None`
+    /// where none of them determine its numbers.
+    fn of(story: &Story<'a>, tuning: &Tuning) -> Option<Held<'a>> {
+        let most = story.model.data.packed.samples() / tuning.in_part.segments;
+        let most = most.min(longest(&story.model)).max(2);
+        let mut window = story.model.law.window().min(most);
+        let mut best: Option<Held> = None;
+        let mut law = story.model.law.clone();
+        loop {
+            let settled = settle(story.model.with_law(law.with_window(window)));
+            let found = fitted(&settled, &settled.model.law, Precision::Ranking);
+            let Some(found) = found.filter(|_| settled.sums.diverged == 0) else { break };
+            law = found.law;
+            let held = Held::at(settle(settled.model.with_law(law.clone())));
+            let better = |held: &Held| best.as_ref().is_none_or(|best| held.tells_more(best));
+            if let Some(held) = held.filter(better) {
+                best = Some(held);
+            }
+            if window >= most {
+                break;
+            }
+            window = (2 * window).min(most);
+        }
+        best
+    }
+
+    fn at(settled: Settled<'a>) -> Option<Held<'a>> {
+        let Settled { model, segments, states, .. } = &settled;
+        let dynamics = model.law.dynamics_of_runs();
+        let theta = model.law.theta(&dynamics);
+        let weights = model.law.weights();
+        let problem = problem(model, segments, &weights);
+        let scores = Scores::of(&problem, (&dynamics, &theta), states);
+        let (honest, plain) = (scores.covariance()?, scores.inverse()?);
+        let variances: Vec<f64> = (0..honest.nrows()).map(|i| honest[(i, i)]).collect();
+        let ratios = variances.iter().enumerate().map(|(i, own)| (own / plain[(i, i)]).ln());
+        let inflation = (ratios.sum::<f64>() / variances.len().max(1) as f64).exp();
+        Some(Held { settled, scores, variances, inflation })
+    }
+
+    /// Whether numbers are better known here, by the mean of the logarithms of their variances.
+    fn tells_more(&self, other: &Held) -> bool {
+        let ratios = self.variances.iter().zip(&other.variances).map(|(a, b)| (a / b).ln());
+        ratios.filter(|ratio| ratio.is_finite()).sum::<f64>() < 0.0
+    }
+
+    /// A story with the numbers, segments and errors of these.
+    fn story(&self, story: &Story<'a>) -> Story<'a> {
+        let error = |at: Column| self.variances.get(at.position()).map_or(f64::NAN, |v| v.sqrt());
+        story.held_by(&self.settled, error)
+    }
+
+    /// Whether a number of a member is not clear, not the same in all parts of the data, or of the
+    /// wrong sign; or whether a member has no name.
+    fn is_doubtful(&self, story: &Story, tuning: &Tuning) -> bool {
+        let folds: Vec<Fold> = self.scores.folds().into_iter().flatten().collect();
+        let clear = tuning.verdict.standard_errors;
+        folds.len() < 2
+            || story.beliefs().iter().any(|member| {
+                let agree = |one: &(f64, Column)| folds.iter().all(|fold| self.agrees(fold, *one));
+                member.clearness < clear || !member.coefficients.iter().all(agree)
+            })
+    }
+
+    /// Whether a part of the data gives a coefficient about the value that all data give it, as far
+    /// as it tells: no more than a half off, which keeps its sign.
+    fn agrees(&self, fold: &Fold, (value, column): (f64, Column)) -> bool {
+        let column = column.position();
+        let error = (self.inflation * fold.inverse[(column, column)]).sqrt();
+        let off = fold.step[column].abs();
+        off < OFF * value.abs() || off < ERRORS * error
+    }
+}
+
+/// Part of its size that a coefficient may be off in a part of the data.
+const OFF: f64 = 0.5;
+
+/// Standard errors within which a part of the data tells no other value.
+const ERRORS: f64 = 3.0;
+
+/// Error on held-out runs over segments of a story's window.
+fn held_out_error<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> f64 {
+    error_of(&settle(story.model.with_data(question.held_out)).sums).0
+}
