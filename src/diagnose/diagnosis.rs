@@ -20,7 +20,7 @@
 
 use serde::Serialize;
 
-use super::candidates::candidates;
+use super::candidates::{candidates, left_out};
 use super::comparison::ResidualMap;
 use super::doubts::holds;
 pub use super::effect::RankedEffect;
@@ -224,7 +224,8 @@ fn asked(
         return Ok(diagnosis);
     }
     monitor.stage("scoring candidates", 0.1);
-    let all = candidates(&mut scope, training, &tuning.candidates);
+    let mut all = candidates(&mut scope, training, &tuning.candidates);
+    all.extend(left_out(&scope, &model.law, tuning.candidates.left_out));
     let first = ranking(&model, &held_out, &all, tuning.ranking.first_refits, monitor)?;
     let mut diagnosis = Diagnosis::of(&first, all.len(), model.law.noise());
     *so_far = Some(diagnosis.clone());
@@ -241,13 +242,13 @@ fn asked(
     if monitor.halted() {
         return Ok(diagnosis);
     }
-    let rejected = judge(&question, &mut diagnosis, stories)?;
+    let rejected = judge(&question, &mut diagnosis, stories);
     if diagnosis.verdict == Verdict::Unexplained && !monitor.stopped() {
         look_for_states(&question, rejected.first(), &mut diagnosis)?;
     }
     if diagnosis.verdict == Verdict::Unexplained && !monitor.stopped() {
         monitor.stage("what is clear of it", 0.95);
-        if let Some(found) = in_part(&question, &bare)? {
+        if let Some(found) = in_part(&question, &bare) {
             found.tell(&mut diagnosis);
         }
     }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::candidates::NumberChange;
+use super::candidates::{LeftOut, NumberChange};
 use super::diagnosis::{Diagnosis, RankedEffect, Verdict, diagnose};
 use super::effect::written_into;
 use super::law_on_data::LawOnData;
@@ -45,6 +45,9 @@ pub struct Step {
     /// The number of the spec that was changed, where it is that and no effect: `snippet` is the
     /// statement that it stands in.
     pub number: Option<NumberChange>,
+    /// The term of the spec that was learned, where it is one that the fit had left out: `snippet`
+    /// is empty.
+    pub left_out: Option<LeftOut>,
     /// Coefficients of its terms, then its inner parameters.
     pub coefficient: Vec<f64>,
     /// Standard errors, in the same order.
@@ -221,6 +224,10 @@ fn with_story(
     // Where not even a fit succeeds, nothing is added.
     let Ok(fitted) = resume(&start, &training, options, monitor) else { return Ok(None) };
     let has = |member: &RankedEffect| {
+        if let Some(own) = &member.left_out {
+            let mut learned = fitted.terms.iter();
+            return learned.any(|term| term.term == own.term && term.place == own.place);
+        }
         let mut all = next.system.terms.iter();
         let unnamed = !all.any(|term| term.effect.as_deref() == Some(member.effect.as_str()));
         let learned = |term| belongs(&next.system, term, &member.effect);
@@ -232,7 +239,10 @@ fn with_story(
 /// A law as the start of a fit of a system with an effect, its coefficients as they were found.
 fn start_with(law: Law, member: &RankedEffect) -> Result<Law> {
     let system = law.system().clone();
-    let terms = system.terms_where(|term| term.effect.as_deref() == Some(member.effect.as_str()));
+    let terms = system.terms_where(|term| match &member.left_out {
+        Some(own) => own.is(term),
+        None => term.effect.as_deref() == Some(member.effect.as_str()),
+    });
     let numbers = member.coefficient.iter().copied().chain(std::iter::repeat(0.0));
     terms.into_iter().zip(numbers).try_fold(law, |law, (id, value)| law.with_term(id, value))
 }
@@ -255,6 +265,7 @@ fn step(member: &RankedEffect, others: &[String]) -> Step {
         effect: member.effect.clone(),
         snippet: member.snippet.clone(),
         number: member.number.clone(),
+        left_out: member.left_out.clone(),
         coefficient: member.coefficient.clone(),
         standard_error: member.standard_error.clone(),
         p_value: member.p_value,

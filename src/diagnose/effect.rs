@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::candidates::NumberChange;
+use super::candidates::{LeftOut, NumberChange};
 use super::times::times;
 use crate::error::Result;
 use crate::expr::Scope;
@@ -27,6 +27,9 @@ pub struct RankedEffect {
     pub deviance: f64,
     /// The number of the spec that should be another one, where it is that and no effect.
     pub number: Option<NumberChange>,
+    /// The term of the spec that it is, where it is one that the fit left out and no effect:
+    /// `snippet` is empty.
+    pub left_out: Option<LeftOut>,
     /// In units of the noise.
     pub held_out_error_before: f64,
     /// The same with the effect in the model.
@@ -46,6 +49,7 @@ impl RankedEffect {
                 let value = self.coefficient.last().copied().unwrap_or(change.was);
                 scope.freed(&change.known, value)
             }
+            None if self.left_out.is_some() => Ok(scope.clone()),
             None => scope.with(&self.snippet),
         }
     }
@@ -68,7 +72,8 @@ impl RankedEffect {
     }
 }
 
-/// The text of a spec with a statement, or with a number changed to the last of the coefficients.
+/// The text of a spec with a statement, or with a number changed to the last of the coefficients;
+/// as it is where there is no statement.
 pub(super) fn written_into(
     text: &str,
     statement: &str,
@@ -79,6 +84,7 @@ pub(super) fn written_into(
         Some(change) => {
             change.known.edited(text, coefficient.last().copied().unwrap_or(change.was))
         }
+        None if statement.is_empty() => text.to_string(),
         None => edit::insert(text, statement),
     }
 }

@@ -18,7 +18,6 @@ use super::story::{Question, Story};
 use super::times::times;
 use super::tuning::Tuning;
 use super::window::longest;
-use crate::error::Result;
 use crate::fit::column::Column;
 use crate::fit::scores::{Fold, Scores};
 
@@ -63,24 +62,20 @@ impl InPart {
 
 /// What is clear of what is missing: one named effect after another, as long as all of them would
 /// be believed. `bare` is the story without a change.
-///
-/// # Errors
-///
-/// When an effect does not fit the spec.
-pub(super) fn in_part<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<InPart>> {
+pub(super) fn in_part<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Option<InPart> {
     let tuning = question.model.tuning();
     let mut story = bare.clone();
     let mut held = None;
     let mut rivals: Vec<Vec<String>> = Vec::new();
     while story.members.len() < tuning.verdict.effects && !question.monitor.stopped() {
         let all = tuning.ranking.first_refits;
-        let longer = extended(question, &story, (all, all))?;
+        let longer = extended(question, &story, (all, all));
         let tried = longer.into_iter().filter_map(|longer| Tried::of(question, &story, longer));
         let Some((best, others)) = clearest(tried.collect(), tuning) else { break };
         (story, held) = (best.plain, Some(best.held));
         rivals.push(others);
     }
-    let Some(held) = held else { return Ok(None) };
+    let held = held?;
     let window = held.model.law.window();
     let bare = bare.with_noise(held.model.noise()).over(window);
     let (before, after) = (held_out_error(question, &bare), held_out_error(question, &held));
@@ -91,7 +86,8 @@ pub(super) fn in_part<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Resu
         ..member.effect.clone()
     });
     let members = members.collect();
-    Ok(Some(InPart { members, window, shape: strongest_map(&held.model)? }))
+    let shape = strongest_map(&held.model).ok().flatten();
+    Some(InPart { members, window, shape })
 }
 
 /// A story with one more effect, all of whose members are clear.

@@ -338,6 +338,7 @@ fn with_candidate(
             on: candidate.on.clone(),
             snippet: candidate.snippet(&values),
             number: candidate.number().map(NumberChange::of),
+            left_out: candidate.left_out().cloned(),
             coefficient,
             standard_error,
             p_value: start.p_value,

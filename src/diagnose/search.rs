@@ -2,7 +2,7 @@
 //! extended, exchanged and shortened.
 
 use super::candidates::composed::composed;
-use super::candidates::{Candidate, candidates, unnamed};
+use super::candidates::{Candidate, candidates, left_out, unnamed};
 use super::description::{agree_on_noise, description_lengths, sort_by_description_length};
 use super::doubts::holds;
 use super::evidence::Judged;
@@ -84,7 +84,7 @@ pub(super) fn stories<'a>(
                 ended.push(story);
                 continue;
             }
-            let longer = extended(question, &story, (all.ranking.later_refits, tuning.branches))?;
+            let longer = extended(question, &story, (all.ranking.later_refits, tuning.branches));
             if longer.is_empty() {
                 ended.push(story);
             }
@@ -185,10 +185,11 @@ pub(super) fn extended<'a>(
     question: &Question<'a, '_>,
     story: &Story<'a>,
     (refits, branches): (usize, usize),
-) -> Result<Vec<Story<'a>>> {
+) -> Vec<Story<'a>> {
     let mut scope = story.scope.clone();
     let tuning = story.model.tuning();
-    let all = candidates(&mut scope, &story.model.data.dataset, &tuning.candidates);
+    let mut all = candidates(&mut scope, &story.model.data.dataset, &tuning.candidates);
+    all.extend(left_out(&scope, &story.model.law, tuning.candidates.left_out));
     added(question, story, &all, refits, branches)
 }
 
@@ -200,10 +201,10 @@ fn with_unnamed<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Result<Ve
     let terms = composed(&mut scope, &story.model, question.monitor)?;
     let shapes = unnamed(&mut scope, &story.model.data.dataset, &tuning.candidates);
     let (refits, branches) = (tuning.ranking.first_refits, tuning.verdict.unnamed_branches);
-    let mut all = added(question, story, &terms, refits, branches)?;
+    let mut all = added(question, story, &terms, refits, branches);
     // Shapes without a form say less than a term that explains all.
     if !all.iter().any(holds) {
-        all.extend(added(question, story, &shapes, refits, branches)?);
+        all.extend(added(question, story, &shapes, refits, branches));
     }
     Ok(all)
 }
@@ -214,11 +215,11 @@ fn added<'a>(
     all: &[Candidate],
     refits: usize,
     branches: usize,
-) -> Result<Vec<Story<'a>>> {
+) -> Vec<Story<'a>> {
     let (held_out, monitor) = (question.held_out, question.monitor);
     // A model that loses the motion answers no further question.
     let Ok(ranking) = ranking(&story.model, held_out, all, refits, monitor) else {
-        return Ok(Vec::new());
+        return Vec::new();
     };
     // A flexible change may be ahead as long as others are missing: the best of the simplest ones
     // is always tried.
@@ -229,7 +230,7 @@ fn added<'a>(
     let taken = taken.filter(|(place, _)| *place < branches || *place == simplest);
     // What a fit took to numbers that the language does not is no story: a step of no duration.
     let stories = taken.filter_map(|(_, judged)| story.with(judged, ranking.window, question).ok());
-    Ok(stories.collect())
+    stories.collect()
 }
 
 /// The story with members taken out that do not pay, and exchanged for what explains more, or as
@@ -245,7 +246,7 @@ fn exchanged<'a>(question: &Question<'a, '_>, story: Story<'a>) -> Result<Story<
             }
             let Some(without) = best.without(question, place)? else { continue };
             let few = (tuning.ranking.later_refits, tuning.verdict.branches);
-            let mut rivals = extended(question, &without, few)?;
+            let mut rivals = extended(question, &without, few);
             rivals.retain(|rival| holds(rival) && rival.labels() != best.labels());
             if holds(&without) {
                 rivals.push(without);

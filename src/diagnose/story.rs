@@ -61,9 +61,14 @@ fn placed<'e>(
         let standing = scope.compiled().system.clone();
         scope = effect.added_to(&scope)?;
         let system = &scope.compiled().system;
-        let terms = system.terms.iter().skip(standing.terms.len());
+        // A term that the fit left out stands in the spec.
+        let is_own = |(at, term): &(usize, &Term)| match &effect.left_out {
+            Some(own) => own.is(term),
+            None => *at >= standing.terms.len(),
+        };
+        let terms = system.terms.iter().enumerate().filter(is_own);
         let terms: Vec<(Place, String)> =
-            terms.map(|term| (term.place, term.label.clone())).collect();
+            terms.map(|(_, term)| (term.place, term.label.clone())).collect();
         let parameters = system.parameters.iter().skip(standing.parameters.len());
         let parameters: Vec<String> = parameters.map(|one| one.name.clone()).collect();
         names.push((terms, parameters));

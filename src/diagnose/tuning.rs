@@ -154,6 +154,8 @@ pub struct Candidates {
     pub numbers: usize,
     /// Systems of more terms are not asked for known numbers: each is a system of its own.
     pub number_terms: usize,
+    /// Terms that the fit left out are asked for where there are no more than these.
+    pub left_out: usize,
     /// Measured states at which two numbers are compared.
     pub number_states: usize,
     /// Two numbers act in the same way where the squared sine between what they do is below this:

@@ -16,7 +16,6 @@ use super::story::{Member, Question, Story};
 use super::times::times;
 use super::tuning::Tuning;
 use super::window::longest;
-use crate::error::Result;
 use crate::fit::pass::Sums;
 
 /// What held-out runs say of a model, over their whole length.
@@ -33,17 +32,13 @@ struct Unseen {
 
 /// Judges stories, the best first, the model as it is among them, and writes the answer. Where none
 /// holds and something is missing, they are returned.
-///
-/// # Errors
-///
-/// When the data do not suffice to ask for a residual force.
 pub(super) fn judge<'a>(
     question: &Question<'a, '_>,
     diagnosis: &mut Diagnosis,
     mut stories: Vec<Story<'a>>,
-) -> Result<Vec<Story<'a>>> {
+) -> Vec<Story<'a>> {
     let Some(place) = stories.iter().position(|story| story.members.is_empty()) else {
-        return Ok(Vec::new());
+        return Vec::new();
     };
     let tuning = question.model.tuning();
     let mut bare = stories.remove(place);
@@ -78,7 +73,7 @@ pub(super) fn judge<'a>(
     }
     if !told.is_empty() {
         tell(diagnosis, told, &before, tuning);
-        return Ok(Vec::new());
+        return Vec::new();
     }
     let stories = others;
     diagnosis.held_out_error = before.error;
@@ -91,10 +86,10 @@ pub(super) fn judge<'a>(
                 best.labels().join(", ")
             );
         }
-        return Ok(Vec::new());
+        return Vec::new();
     }
-    unexplained(question, diagnosis, (&bare, &before), &stories, fault)?;
-    Ok(stories)
+    unexplained(question, diagnosis, (&bare, &before), &stories, fault);
+    stories
 }
 
 /// The members of a story, the errors before and after all of it with the first and the last.
@@ -274,18 +269,19 @@ fn unexplained(
     (bare, before): (&Story, &Unseen),
     stories: &[Story],
     fault: Option<(&str, Unseen)>,
-) -> Result<()> {
+) {
     if stories.is_empty() && !resolved(question) {
         diagnosis.verdict = Verdict::NothingMissing;
         diagnosis.reason = "what is left is at the limit of what the integrator and the digits of \
                             the data resolve"
             .to_string();
-        return Ok(());
+        return;
     }
     diagnosis.verdict = Verdict::Unexplained;
     let last = stories.first().unwrap_or(bare);
     let more_than_noise = excess(&last.sums, &last.model) > 0.0;
-    diagnosis.shape = if more_than_noise { strongest_map(&last.model)? } else { None };
+    // One that loses the motion leaves no force that could be drawn.
+    diagnosis.shape = more_than_noise.then(|| strongest_map(&last.model).ok().flatten()).flatten();
     let unnamed = |story: &Story| story.members.iter().find(|one| !one.named).cloned();
     let lead = stories.iter().find_map(unnamed);
     diagnosis.unnamed = lead.map(|member| member.effect);
@@ -308,7 +304,6 @@ fn unexplained(
             times(before.error)
         ),
     };
-    Ok(())
 }
 
 /// Whether the noise of some observable is above what the integrator and rounding leave.

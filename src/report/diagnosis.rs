@@ -188,9 +188,11 @@ pub fn discovery_text(
         sections.push(table(&header, rows, &[1, 2], width));
         let place =
             if written { format!("Written to {spec}:") } else { "To be added:".to_string() };
-        let lines: Vec<String> =
-            found.steps.iter().map(|step| format!("  {}", step.snippet)).collect();
-        sections.push(format!("{place}\n{}", lines.join("\n")));
+        let written = found.steps.iter().filter(|step| !step.snippet.is_empty());
+        let lines: Vec<String> = written.map(|step| format!("  {}", step.snippet)).collect();
+        if !lines.is_empty() {
+            sections.push(format!("{place}\n{}", lines.join("\n")));
+        }
     }
     sections.push(wrapped(&format!("Split: {how}"), width, 2));
     sections.join("\n\n")
@@ -293,10 +295,17 @@ fn to_add(diagnosis: &Diagnosis, spec: &str) -> Option<String> {
         members => {
             let lines = members.iter().flat_map(|member| member.snippet.lines());
             let lines: Vec<String> = lines.map(|line| format!("  {line}")).collect();
-            Some(format!(
-                "To add all of it:\n  leverrier discover {spec}\nwhich writes\n{}",
-                lines.join("\n")
-            ))
+            let own = members.iter().filter(|member| member.left_out.is_some());
+            let own: Vec<&str> = own.map(|member| member.effect.as_str()).collect();
+            let mut text = format!("To add all of it:\n  leverrier discover {spec}");
+            if !own.is_empty() {
+                text += &format!("\nwhich learns what the spec has already\n  {}", own.join(", "));
+            }
+            if !lines.is_empty() {
+                let which = if own.is_empty() { "which" } else { "and" };
+                text += &format!("\n{which} writes\n{}", lines.join("\n"));
+            }
+            Some(text)
         }
     }
 }

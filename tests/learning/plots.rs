@@ -236,6 +236,7 @@ fn broken(value: f64) -> Story {
     ];
     let leader = RankedEffect {
         number: None,
+        left_out: None,
         effect: "an_effect_with_a_very_long_name(theta_one, theta_two)".into(),
         on: vec![],
         snippet: "effect <a>".into(),

@@ -4,12 +4,14 @@
 pub mod composed;
 mod declared;
 mod grid;
+mod left_out;
 mod numbers;
 mod unnamed;
 
 use std::collections::{BTreeSet, HashMap};
 
 pub use grid::Reach;
+pub use left_out::{LeftOut, left_out};
 pub use numbers::NumberChange;
 pub use unnamed::unnamed;
 
@@ -60,6 +62,8 @@ pub enum Origin {
         /// Names of the inner parameters, in their order.
         parameters: Vec<String>,
     },
+    /// A term of the spec that the law does not have.
+    LeftOut(LeftOut),
     /// A known number of the spec, learned in its place: an inner parameter and no term.
     Number {
         /// The number.
@@ -194,6 +198,14 @@ impl Candidate {
         }
     }
 
+    /// The term of the spec that it is, where it is one that the law does not have.
+    pub fn left_out(&self) -> Option<&LeftOut> {
+        match &self.origin {
+            Origin::LeftOut(term) => Some(term),
+            _ => None,
+        }
+    }
+
     /// Where the search for a known number begins, when a score test says how far off it is: a
     /// number that is off keeps its sign and its size.
     pub fn start_of_number(&self, change: f64) -> Option<f64> {
@@ -212,16 +224,18 @@ impl Candidate {
             Origin::Number { number, .. } => {
                 scope.freed(number, values.first().copied().unwrap_or(number.value))
             }
+            Origin::LeftOut(_) => Ok(scope.clone()),
             _ => scope.with(&self.snippet(values)),
         }
     }
 
     /// The statement that adds it, its inner parameters at some values; for a known number, the
-    /// statement that it stands in with its new value.
+    /// statement that it stands in with its new value; empty where it stands in the spec.
     pub fn snippet(&self, values: &[f64]) -> String {
         match &self.origin {
             Origin::Catalogue(row) => row.statement(&self.arguments, values),
             Origin::Spec => format!("effect {}", self.label),
+            Origin::LeftOut(_) => String::new(),
             Origin::Unnamed { statement, parameters } => {
                 let declared = |(name, value): (&String, &f64)| format!("param {name} = {value}; ");
                 let declared: String = parameters.iter().zip(values).map(declared).collect();
@@ -245,6 +259,10 @@ impl Candidate {
             let learned = law.support().iter().zip(law.coefficients());
             numbers.extend(learned.map(|(id, &c)| (Symbol::Coefficient(id.position()), c)));
             return vec![self.extension.import(probe, &mut into.graph, &numbers)];
+        }
+        if let Origin::LeftOut(_) = &self.origin {
+            let standing = into.terms_with_ids().filter(|(id, _)| self.terms.contains(id));
+            return standing.map(|(_, term)| term.clone()).collect();
         }
         let own = self.parameters.iter().zip(values);
         let own = own.map(|(id, &value)| (Symbol::Parameter(id.position()), value));

@@ -337,6 +337,7 @@ fn fitted(question: &Question, spec: &Compiled, start: &Start) -> Result<Option<
         p_value,
         deviance,
         number: None,
+        left_out: None,
         held_out_error_before: before.0,
         held_out_error_after: after.0,
         indistinguishable: Vec::new(),

@@ -49,6 +49,7 @@ const TUNING: Tuning = Tuning {
         declared_points_together: 64,
         numbers: 60,
         number_terms: 5_000,
+        left_out: 60,
         number_states: 24,
         same_number: 1e-10,
         pair_coordinates: 12,

@@ -43,6 +43,12 @@ struct Changes {
 }
 
 impl Extension {
+    /// What changes nothing in a system.
+    pub fn of_nothing(base: &System) -> Extension {
+        let graph = base.graph.clone();
+        Extension::of_number(graph, Vec::new(), Vec::new(), Vec::new(), None, base)
+    }
+
     /// What making a number an inner parameter changes in a system.
     pub(super) fn of_number(
         graph: Graph,

@@ -258,9 +258,9 @@ fn missing(page: &Page, figures: &Drawn) -> String {
     if let Some(sentence) = present::indistinguishable(diagnosis) {
         let _ = writeln!(out, "<p>{}</p>", escaped(&sentence));
     }
-    if !diagnosis.story.is_empty() {
-        let snippets: Vec<&str> =
-            diagnosis.story.iter().map(|member| member.snippet.as_str()).collect();
+    let snippets: Vec<&str> = diagnosis.story.iter().map(|one| one.snippet.as_str()).collect();
+    let snippets: Vec<&str> = snippets.into_iter().filter(|text| !text.is_empty()).collect();
+    if !snippets.is_empty() {
         let _ = writeln!(
             out,
             "<p>To add it, write into the spec:</p>\n<pre>{}</pre>",

@@ -288,7 +288,8 @@
     button.setAttribute("aria-label", `Add ${leader.effect}`);
     button.title = leader.snippet;
     button.addEventListener("click", () => add(leader.snippet.replace(/^effect\s+/, "")));
-    head.append(button);
+    // What stands in the spec already needs no statement.
+    if (leader.snippet) head.append(button);
     row.append(head);
     if (leader.physics) row.append(make("p", "soft", leader.physics));
     if (leader.before !== null && leader.after !== null) {

@@ -378,6 +378,7 @@ impl<'a, 'b> SetSearch<'a, 'b> {
                 on: candidate.on.clone(),
                 snippet: candidate.snippet(values),
                 number: candidate.number().map(NumberChange::of),
+                left_out: candidate.left_out().cloned(),
                 standard_error: vec![f64::NAN; numbers.len()],
                 coefficient: numbers,
                 p_value,
