@@ -1,7 +1,10 @@
 //! What is told of systems in which everything is known but for what is hidden: one story that
 //! holds over whole runs, or none.
 
-use leverrier::internals::diagnose::diagnosis::Verdict;
+use leverrier::internals::diagnose;
+use leverrier::internals::diagnose::diagnosis::{Verdict, diagnose};
+use leverrier::internals::expr::build;
+use leverrier::internals::fit::{Options, Silent, fit};
 
 use crate::hidden::bases::Base;
 use crate::hidden::case;
@@ -173,6 +176,26 @@ fn what_is_clear_is_told_where_something_is_left() {
         assert!((numbers[0] / 0.15 - 1.0).abs() < 0.2, "seed {seed}: {numbers:?}");
         assert_eq!(members.len(), 1, "seed {seed}: {members:?}");
     }
+}
+
+#[test]
+fn a_term_that_the_fit_left_out_is_told_as_one() {
+    let truth = "T = p^2/2\nV = q^2/2 + 0.1*q^4\n";
+    let narrow = case(&base(LINE, truth, "T = p^2/2\nV = span{ q^2 }\n", LINE_STARTS), "", 0.01, 1);
+    let system = &narrow.compiled.system;
+    let model = fit(system, &narrow.training, &Options::default(), &Silent).expect("a fit");
+    let wide = format!("{LINE}T = p^2/2\nV = span{{ q^2, q^4, q^6 }}\n");
+    let wide = build("wide", &wide).expect("a sound spec");
+    let law = model.law(system).expect("the spec's own").on(&wide.system);
+    let (training, held_out) = (&narrow.training, &narrow.held_out);
+    let how = diagnose::Options::default();
+    let found = diagnose(&wide, &law, training, held_out, &how, &Silent).expect("a diagnosis");
+    assert_eq!(found.verdict, Verdict::Missing, "{}", found.reason);
+    let [one] = found.story.as_slice() else { panic!("{}", found.reason) };
+    let own = one.left_out.as_ref().unwrap_or_else(|| panic!("{}", found.reason));
+    assert_eq!((own.place.as_str(), own.term.as_str()), ("V", "q^4"));
+    assert!((one.coefficient[0] / 0.1 - 1.0).abs() < 0.05, "{:?}", one.coefficient);
+    assert!(one.snippet.is_empty());
 }
 
 #[test]

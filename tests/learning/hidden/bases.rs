@@ -67,6 +67,7 @@ pub(crate) static BASES: &[Base] = &[
             ("cubic_drag", &["q"]),
             ("power_drag", &["q"]),
             ("coulomb_friction", &["q"]),
+            ("self_excitation", &["q"]),
             ("negative_damping", &["q"]),
             ("quadratic_stiffness", &["q"]),
             ("quintic_stiffness", &["q"]),
