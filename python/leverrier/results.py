@@ -262,8 +262,8 @@ def unfinished(fields: dict[str, Any]) -> dict[str, Any]:
 class Diagnosis(_Result):
     """Which physical effect a law lacks: ``diagnose`` in ``docs/formats.md``.
 
-    ``verdict`` is ``missing``, ``nothing_missing``, ``partly_explained`` (``story`` has what is
-    clear, and something is left), ``unexplained`` or ``too_little_data``, or ``interrupted`` where Ctrl-C came before the end (``interrupted`` is then true);
+    ``verdict`` is ``missing``, ``nothing_missing``, ``unexplained`` or ``too_little_data``, or
+    ``interrupted`` where Ctrl-C came before the end (``interrupted`` is then true);
     ``reason`` says why in a sentence; ``ranking`` has what was found, the best first.
     """
 
@@ -271,7 +271,7 @@ class Diagnosis(_Result):
     def missing(self) -> str | None:
         """The effect that is missing, as :meth:`leverrier.Law.add` takes it; None where nothing
         is, or where it has no name."""
-        found = self.verdict in ("missing", "partly_explained") and bool(self.ranking)
+        found = self.verdict == "missing" and bool(self.ranking)
         return self.ranking[0].effect if found else None
 
     def to_pandas(self) -> Any:

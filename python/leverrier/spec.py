@@ -190,6 +190,7 @@ class Spec:
         u: Any = None,
         held_out: float = 0.25,
         seed: int = 0,
+        partial: bool = False,
         correlated_noise: bool = True,
         orbits: int = 0,
         all_pairs: bool = False,
@@ -198,9 +199,9 @@ class Spec:
     ) -> Discovery:
         """Fits, asks what is missing, adds it and fits again, until what is left is noise.
 
-        The spec stays as it is: ``discover(...).spec`` is the longer one, ``.law`` its law. Where
-        nothing explains all, what is clear is added. ``correlated_noise``, ``orbits`` and
-        ``all_pairs`` are those of :meth:`Law.diagnose`.
+        The spec stays as it is: ``discover(...).spec`` is the longer one, ``.law`` its law. Where no
+        story explains the data, ``partial`` adds the best that explains a part; the three options
+        behind it are those of :meth:`Law.diagnose`.
 
         >>> import leverrier
         >>> found = leverrier.open("examples/damped-pendulum/fit.ham").discover()
@@ -208,7 +209,11 @@ class Spec:
         ['viscous_drag(q)']
         """
         training, unseen = self.data(X, t=t, run=run, u=u).split(held_out, seed)
-        options = (fit_options(), diagnosis_options(correlated_noise, orbits, all_pairs))
+        options = (
+            fit_options(),
+            diagnosis_options(correlated_noise, orbits, all_pairs),
+            bool(partial),
+        )
         threads = threads_of(threads)
 
         def wrapped(found: tuple[str, _native.Law, _native.Spec]) -> Discovery:

@@ -60,7 +60,7 @@ pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let about = DiagnosisContext { how: &split.how, terms, spec: spec.name(), detections: &found };
     let text = diagnosis_text(&diagnosis, &about, console.width());
     let mut object = json!({
-        "format": "leverrier.diagnose/3",
+        "format": "leverrier.diagnose/2",
         "system": spec.system().name,
         "split": workspace.split_json(),
         "terms_from": terms,

@@ -51,13 +51,15 @@ pub struct Diagnosis {
     /// What these data cannot distinguish from the first leader, or from a story of several
     /// members: labels, those of one story joined; empty when it stands alone.
     pub indistinguishable: Vec<String>,
-    /// The changes that together explain the data over whole runs, or the part of what is missing
-    /// that is clear; empty where there are none.
+    /// The changes that together explain the data over whole runs; empty where none do.
     pub story: Vec<RankedEffect>,
     /// Coefficients of the model's own terms where they were fitted together with the story and are
     /// far from the model's.
     #[serde(skip)]
     pub beside_story: Vec<(TermId, f64)>,
+    /// Where no story holds: named changes that are clear all the same, with errors that count what
+    /// they leave; what does as well in the place of each is in its `indistinguishable`.
+    pub partial: Vec<RankedEffect>,
     /// The members of the story after the first.
     pub further: Vec<RankedEffect>,
     /// The best term without a name, where the verdict is that something unnamed is missing.
@@ -84,8 +86,6 @@ pub enum Verdict {
     Missing,
     /// What is left is noise.
     NothingMissing,
-    /// Named effects explain most of what the model misses, and something is left.
-    PartlyExplained,
     /// Something is missing that the catalogue does not have.
     Unexplained,
     /// The data do not suffice to say.
@@ -160,6 +160,7 @@ impl Diagnosis {
             indistinguishable: Vec::new(),
             story: Vec::new(),
             beside_story: Vec::new(),
+            partial: Vec::new(),
             further: Vec::new(),
             unnamed: None,
             unnamed_explains_more: false,
@@ -248,9 +249,7 @@ fn asked(
     }
     if diagnosis.verdict == Verdict::Unexplained && !monitor.stopped() {
         monitor.stage("what is clear of it", 0.95);
-        if let Some(found) = in_part(&question, &bare) {
-            found.tell(&mut diagnosis);
-        }
+        diagnosis.partial = in_part(&question, &bare);
     }
     Ok(diagnosis)
 }

@@ -23,8 +23,7 @@ pub struct Discovery {
     pub stop: String,
     /// Whether it was interrupted before it came to its end.
     pub interrupted: bool,
-    /// Verdict of the last diagnosis; where that explains nothing more, and something was added,
-    /// that a part is explained.
+    /// Verdict of the last diagnosis.
     pub verdict: Verdict,
     /// The spec with every addition.
     pub text: String,
@@ -62,6 +61,16 @@ pub struct Step {
     pub indistinguishable: Vec<String>,
 }
 
+/// Which stories are added to a spec.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Accepts {
+    /// Those that hold: they explain the data over whole runs.
+    #[default]
+    Whole,
+    /// Where none holds, also what is clear of it all the same.
+    Partial,
+}
+
 /// What may be chosen about a discovery. The defaults serve every system.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DiscoveryOptions {
@@ -69,10 +78,12 @@ pub struct DiscoveryOptions {
     pub fit: fit::Options,
     /// Options of the diagnoses.
     pub diagnosis: Options,
+    /// Which stories are added.
+    pub accepts: Accepts,
 }
 
-/// Adds the story of a diagnosis to a spec, and asks again until what is left is noise, or nothing
-/// explains it or a clear part of it: then nothing more is added.
+/// Adds the story of a diagnosis to a spec, and asks again until what is left is noise, or no story
+/// holds: then nothing more is added, unless parts of an explanation are accepted.
 ///
 /// # Errors
 ///
@@ -107,13 +118,12 @@ pub fn discover(
             break (interruption(&diagnosis, round), Verdict::Interrupted);
         }
         let story = match diagnosis.verdict {
-            Verdict::Missing | Verdict::PartlyExplained => &diagnosis.story,
+            Verdict::Missing => &diagnosis.story,
+            Verdict::Unexplained if options.accepts == Accepts::Partial => &diagnosis.partial,
             _ => &Vec::new(),
         };
         if story.is_empty() {
-            let added = !steps.is_empty() && diagnosis.verdict == Verdict::Unexplained;
-            let verdict = if added { Verdict::PartlyExplained } else { diagnosis.verdict };
-            break (diagnosis.reason, verdict);
+            break (diagnosis.reason, diagnosis.verdict);
         }
         if steps.len() >= options.diagnosis.tuning.discovery.additions {
             let sentence = format!(

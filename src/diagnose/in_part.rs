@@ -3,66 +3,25 @@
 //! The law of a real rig lacks more than can be named. What does not reach the noise may still be
 //! most of what is missing, or may be whatever bends to it. An effect is believed where its numbers
 //! are clear by errors that count what is left ([`scores`](crate::fit::scores)), where consecutive
-//! parts of the data, each by itself, give it the same numbers, and where it explains more of
-//! held-out runs than it leaves: what bends to a larger thing has the name of another. What does as
-//! well in its place is said.
+//! parts of the data, each by itself, give it the same numbers, and where it takes a good part of
+//! what is left of held-out runs: what bends to a larger thing has the name of another. What does as
+//! well in its place is said. This is a lead and no answer.
 
-use super::comparison::{ResidualMap, strongest_map};
-use super::diagnosis::{Diagnosis, Verdict};
 use super::effect::RankedEffect;
 use super::misfit::error_of;
 use super::refit::{Precision, fitted};
 use super::search::extended;
 use super::settling::{Settled, problem, settle};
 use super::story::{Question, Story};
-use super::times::times;
 use super::tuning::Tuning;
 use super::window::longest;
 use crate::fit::column::Column;
 use crate::fit::scores::{Fold, Scores};
 
-/// An explanation of a part of what is missing.
-pub(super) struct InPart {
-    /// Its members, with errors that count what is left.
-    members: Vec<RankedEffect>,
-    /// Samples of the segments that they are held against.
-    window: usize,
-    /// The force that is left, where it shows most.
-    shape: Option<ResidualMap>,
-}
-
-impl InPart {
-    /// Writes it into an answer that has none.
-    pub(super) fn tell(self, diagnosis: &mut Diagnosis) {
-        let InPart { members, window, shape } = self;
-        let Some((first, then)) = members.split_first() else { return };
-        diagnosis.verdict = Verdict::PartlyExplained;
-        diagnosis.held_out_error = first.held_out_error_before;
-        let names: Vec<&str> = members.iter().map(|member| member.effect.as_str()).collect();
-        diagnosis.reason = format!(
-            "{} {} the error on held-out runs over {window} samples from {} to {} times the noise; \
-             nothing that was tried is clear beside it",
-            names.join(", "),
-            if then.is_empty() { "takes" } else { "take" },
-            times(first.held_out_error_before),
-            times(first.held_out_error_after)
-        );
-        diagnosis.begin_with(first);
-        diagnosis.indistinguishable = match then {
-            [] => first.indistinguishable.clone(),
-            _ => Vec::new(),
-        };
-        diagnosis.further = then.to_vec();
-        diagnosis.unnamed = None;
-        diagnosis.unnamed_explains_more = false;
-        diagnosis.shape = shape;
-        diagnosis.story = members;
-    }
-}
-
 /// What is clear of what is missing: one named effect after another, as long as all of them would
-/// be believed. `bare` is the story without a change.
-pub(super) fn in_part<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Option<InPart> {
+/// be believed. `bare` is the story without a change. Errors on held-out runs are those without a
+/// change and with all of them.
+pub(super) fn in_part<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Vec<RankedEffect> {
     let tuning = question.model.tuning();
     let mut story = bare.clone();
     let mut held = None;
@@ -75,7 +34,7 @@ pub(super) fn in_part<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Opti
         (story, held) = (best.plain, Some(best.held));
         rivals.push(others);
     }
-    let held = held?;
+    let Some(held) = held else { return Vec::new() };
     let window = held.model.law.window();
     let bare = bare.with_noise(held.model.noise()).over(window);
     let (before, after) = (held_out_error(question, &bare), held_out_error(question, &held));
@@ -85,9 +44,7 @@ pub(super) fn in_part<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Opti
         indistinguishable: rivals,
         ..member.effect.clone()
     });
-    let members = members.collect();
-    let shape = strongest_map(&held.model).ok().flatten();
-    Some(InPart { members, window, shape })
+    members.collect()
 }
 
 /// A story with one more effect, all of whose members are clear.
@@ -105,7 +62,7 @@ struct Tried<'a> {
 }
 
 impl<'a> Tried<'a> {
-    /// `None` where a member is doubtful, or where more is left of held-out runs than it explains.
+    /// `None` where a member is doubtful, or where too much is left of held-out runs.
     fn of(question: &Question<'a, '_>, before: &Story<'a>, plain: Story<'a>) -> Option<Tried<'a>> {
         let tuning = question.model.tuning();
         let best = Held::of(&plain, tuning)?;

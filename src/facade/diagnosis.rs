@@ -54,8 +54,6 @@ pub enum Verdict {
     Missing,
     /// What is left is noise.
     NothingMissing,
-    /// Named effects explain most of what the law misses, and something is left.
-    PartlyExplained,
     /// Something is missing that the catalogue does not have.
     Unexplained,
     /// The data do not suffice to say.
@@ -100,7 +98,6 @@ impl Verdict {
         match verdict {
             diagnosis::Verdict::Missing => Verdict::Missing,
             diagnosis::Verdict::NothingMissing => Verdict::NothingMissing,
-            diagnosis::Verdict::PartlyExplained => Verdict::PartlyExplained,
             diagnosis::Verdict::Unexplained => Verdict::Unexplained,
             diagnosis::Verdict::TooLittleData => Verdict::InsufficientData,
             diagnosis::Verdict::Interrupted => Verdict::Interrupted,
@@ -156,8 +153,8 @@ impl Diagnosis {
     }
 
     /// The changes that together explain the measurements over whole runs, seen and held out, their
-    /// numbers fitted together; or the part of what is missing that is clear. None unless something
-    /// is missing and was found. One without a name is a formula.
+    /// numbers fitted together; none unless something is missing and was found. One without a name
+    /// is a formula.
     ///
     /// ```
     /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
@@ -198,7 +195,7 @@ impl Diagnosis {
     }
 
     /// The effect that is missing, as [`Law::with`](crate::Law::with) takes it; `None` unless the
-    /// verdict is [`Verdict::Missing`] or [`Verdict::PartlyExplained`].
+    /// verdict is [`Verdict::Missing`].
     ///
     /// ```
     /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
@@ -211,8 +208,7 @@ impl Diagnosis {
     /// # Ok::<(), leverrier::Error>(())
     /// ```
     pub fn missing(&self) -> Option<&str> {
-        let found = matches!(self.verdict, Verdict::Missing | Verdict::PartlyExplained);
-        let first = self.effects.first().filter(|_| found)?;
+        let first = self.effects.first().filter(|_| self.verdict == Verdict::Missing)?;
         Some(&first.effect)
     }
 

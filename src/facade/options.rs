@@ -1,7 +1,7 @@
 //! What may be chosen about a diagnosis and the loop around it. The defaults serve every system.
 
 use crate::diagnose;
-use crate::diagnose::discover;
+use crate::diagnose::discover::{self, Accepts};
 use crate::fit;
 
 /// Options of a diagnosis.
@@ -50,15 +50,14 @@ impl DiagnosisOptions {
     }
 }
 
-/// Options of a discovery: of the fits and of the diagnoses.
+/// Options of a discovery: of the fits, of the diagnoses, and of what is added.
 ///
 /// ```
-/// use leverrier::{DiagnosisOptions, DiscoveryOptions, Silent, Spec};
+/// use leverrier::{DiscoveryOptions, Silent, Spec};
 ///
-/// let diagnosis = DiagnosisOptions { all_pairs: true, ..DiagnosisOptions::default() };
 /// let spec = Spec::open("examples/damped-pendulum/fit.ham")?;
 /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
-/// let options = DiscoveryOptions { diagnosis, ..DiscoveryOptions::default() };
+/// let options = DiscoveryOptions { partial: true, ..DiscoveryOptions::default() };
 /// let found = spec.discover(&training, &held_out, &options, &Silent)?;
 /// assert_eq!(found.steps()[0].effect, "viscous_drag(q)");
 /// # Ok::<(), leverrier::Error>(())
@@ -69,11 +68,18 @@ pub struct DiscoveryOptions {
     pub fit: fit::Options,
     /// Of every diagnosis.
     pub diagnosis: DiagnosisOptions,
+    /// Where no story explains the data over whole runs: whether the best that explains a part is
+    /// added. By default nothing is.
+    pub partial: bool,
 }
 
 impl DiscoveryOptions {
     /// The same for the layer that discovers.
     pub(crate) fn tuned(&self) -> discover::DiscoveryOptions {
-        discover::DiscoveryOptions { fit: self.fit.clone(), diagnosis: self.diagnosis.tuned() }
+        discover::DiscoveryOptions {
+            fit: self.fit.clone(),
+            diagnosis: self.diagnosis.tuned(),
+            accepts: if self.partial { Accepts::Partial } else { Accepts::Whole },
+        }
     }
 }

@@ -221,7 +221,6 @@ pub fn diagnosis_text(
     let word = match diagnosis.verdict {
         Verdict::Missing => "Missing",
         Verdict::NothingMissing => "Nothing is missing",
-        Verdict::PartlyExplained => "A part of what is missing",
         Verdict::Unexplained => "Something is missing that the catalogue does not have",
         Verdict::TooLittleData => "Too little data to say",
         Verdict::Interrupted => "Interrupted",
@@ -313,15 +312,23 @@ fn to_add(diagnosis: &Diagnosis, spec: &str) -> Option<String> {
 /// What the first effect of the ranking does not explain.
 fn unexplained(diagnosis: &Diagnosis, width: usize) -> Vec<String> {
     let mut sections = Vec::new();
-    let all = diagnosis.verdict == Verdict::Missing;
-    if let (true, Some(first), Some(last)) =
-        (all, diagnosis.ranking.first(), diagnosis.further.last())
-    {
+    if let (Some(first), Some(last)) = (diagnosis.ranking.first(), diagnosis.further.last()) {
         let names: Vec<&str> = diagnosis.further.iter().map(|l| l.effect.as_str()).collect();
         let sentence = format!(
             "With {} in the model, {} would take the error on held-out runs further, to {}.",
             first.effect,
             names.join(" and "),
+            times(last.held_out_error_after),
+        );
+        sections.push(wrapped(&sentence, width, 2));
+    }
+    if let (Some(first), Some(last)) = (diagnosis.partial.first(), diagnosis.partial.last()) {
+        let names: Vec<String> = diagnosis.partial.iter().map(or_instead).collect();
+        let sentence = format!(
+            "A part of it may be {}: the error on held-out runs goes from {} to {}, and more is \
+             missing. `leverrier discover --partial` adds that part.",
+            names.join(", with "),
+            times(first.held_out_error_before),
             times(last.held_out_error_after),
         );
         sections.push(wrapped(&sentence, width, 2));
@@ -338,6 +345,17 @@ fn unexplained(diagnosis: &Diagnosis, width: usize) -> Vec<String> {
         sections.push(drawn(shape, width));
     }
     sections
+}
+
+/// `viscous_drag(q) 0.150(2) (or quadratic_drag(q) in its place)`.
+fn or_instead(member: &RankedEffect) -> String {
+    let numbers = member.coefficient.iter().zip(&member.standard_error);
+    let numbers: Vec<String> = numbers.map(|(&x, &s)| uncertain(x, s, 4)).collect();
+    let mut text = format!("{} {}", member.effect, numbers.join(", "));
+    if !member.indistinguishable.is_empty() {
+        text += &format!(" (or {} in its place)", member.indistinguishable.join(" or "));
+    }
+    text
 }
 
 /// A coefficient before and after a revision of the spec.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::diagnose::diagnosis::{Diagnosis, RankedEffect, Verdict};
+use crate::diagnose::diagnosis::Diagnosis;
 use crate::fit::distribution::Distribution;
 use crate::fit::model::LearnedTerm;
 use crate::simplify::{significant, uncertain};
@@ -21,9 +21,6 @@ pub fn tested(diagnosis: &Diagnosis) -> String {
 /// Which other explanations the data allow; `None` where the one that is told stands alone.
 pub fn indistinguishable(diagnosis: &Diagnosis) -> Option<String> {
     let first = diagnosis.ranking.first()?;
-    if diagnosis.verdict == Verdict::PartlyExplained {
-        return in_place_of_members(&diagnosis.story);
-    }
     if diagnosis.indistinguishable.is_empty() {
         return None;
     }
@@ -31,15 +28,6 @@ pub fn indistinguishable(diagnosis: &Diagnosis) -> Option<String> {
     let own = if story.is_empty() { first.effect.clone() } else { story.join(" and ") };
     let others = diagnosis.indistinguishable.join(", or from ");
     Some(format!("These data cannot distinguish {own} from {others}."))
-}
-
-/// What the data allow in the place of each member of a part of an explanation.
-fn in_place_of_members(members: &[RankedEffect]) -> Option<String> {
-    let open = members.iter().filter(|member| !member.indistinguishable.is_empty());
-    let each: Vec<String> = open
-        .map(|member| format!("{} from {}", member.effect, member.indistinguishable.join(" and ")))
-        .collect();
-    (!each.is_empty()).then(|| format!("These data cannot distinguish {}.", each.join(", or ")))
 }
 
 /// How often a term is chosen when the data are resampled.

@@ -46,7 +46,7 @@ fn the_loop_finds_adds_and_takes_back_a_hidden_drag() {
     assert!(loses, "{findings:?}");
     assert_eq!(compared["split"]["held_out"].as_array().map(Vec::len), Some(2));
 
-    let found = json(path, &["diagnose", "s.ham"], "leverrier.diagnose/3");
+    let found = json(path, &["diagnose", "s.ham"], "leverrier.diagnose/2");
     assert_eq!(found["verdict"], "missing", "{found}");
     assert_eq!(found["ranking"][0]["effect"], "viscous_drag(theta)", "{found}");
 
@@ -165,7 +165,7 @@ fn the_order_of_the_runs_and_copies_of_them_change_no_answer() {
     let folder = bench();
     let path = folder.path();
     let ask = |name: &str| {
-        let found = json(path, &["diagnose", name], "leverrier.diagnose/3");
+        let found = json(path, &["diagnose", name], "leverrier.diagnose/2");
         let mut all = Vec::new();
         numbers(&found["ranking"], &mut all);
         let effects: Vec<String> = found["ranking"]

@@ -67,7 +67,7 @@ fn a_spec_in_which_all_is_known_can_be_asked_what_it_lacks() {
     good(path, &["simulate", "k.ham", "--start", "1,0", "--duration", "1", "--dt", "0.1"]);
     let compared = json(path, &["compare", "k.ham"], "leverrier.compare/2");
     assert!(compared["findings"].to_string().contains("loses energy"), "{compared}");
-    let found = json(path, &["diagnose", "k.ham"], "leverrier.diagnose/3");
+    let found = json(path, &["diagnose", "k.ham"], "leverrier.diagnose/2");
     assert_eq!(found["verdict"], "missing");
     assert_eq!(found["ranking"][0]["effect"], "viscous_drag(theta)");
     let added = json(path, &["add", "k.ham", "viscous_drag"], "leverrier.add/2");
@@ -146,7 +146,7 @@ candidates {
 }";
     spec(path, "s.ham", own);
     let before = read(path, "s.ham");
-    let found = json(path, &["diagnose", "s.ham"], "leverrier.diagnose/3");
+    let found = json(path, &["diagnose", "s.ham"], "leverrier.diagnose/2");
     assert_eq!(found["verdict"], "missing", "{found}");
     let first = &found["ranking"][0];
     assert_eq!((&first["effect"], &first["snippet"]), (&"oil".into(), &"effect oil".into()));
@@ -265,7 +265,7 @@ fn a_command_that_was_killed_leaves_what_the_next_one_understands() {
     assert!(nothing.err.contains("nothing to undo"), "{}", nothing.err);
     assert_eq!(read(path, "s.ham"), start);
     // The model belongs to the other text; asking goes on all the same.
-    json(path, &["diagnose", "s.ham"], "leverrier.diagnose/3");
+    json(path, &["diagnose", "s.ham"], "leverrier.diagnose/2");
     let again = json(path, &["add", "s.ham", "viscous_drag"], "leverrier.add/2");
     assert_eq!(again["supported"], true);
     let history = json(path, &["history", "s.ham"], "leverrier.history/2");
@@ -313,7 +313,7 @@ fn too_little_data_is_a_verdict() {
         let path = folder.path();
         spec(path, "s.ham", "V = span{ cos(theta) }");
         for (command, format) in
-            [("diagnose", "leverrier.diagnose/3"), ("discover", "leverrier.discover/2")]
+            [("diagnose", "leverrier.diagnose/2"), ("discover", "leverrier.discover/2")]
         {
             let mut words = vec![command, "s.ham"];
             words.extend(arguments);
@@ -333,7 +333,7 @@ fn a_single_run_is_judged_on_blocks_in_time() {
     let folder = swings(DRAG, "--runs 1 --samples=600");
     let path = folder.path();
     spec(path, "s.ham", "V = span{ cos(theta) }");
-    let found = json(path, &["diagnose", "s.ham"], "leverrier.diagnose/3");
+    let found = json(path, &["diagnose", "s.ham"], "leverrier.diagnose/2");
     let how = found["split"]["how"].as_str().expect("a sentence");
     assert!(how.contains("of consecutive samples"), "{how}");
     assert_eq!(found["verdict"], "missing");
@@ -379,7 +379,7 @@ fn velocities_or_coordinates_alone_name_a_hidden_force_with_its_size() {
                  T = {momentum}^2/2\nV = span{{ cos(theta) }}\n"
             );
             fs::write(path.join("s.ham"), text).expect("written");
-            let found = json(path, &["diagnose", "s.ham"], "leverrier.diagnose/3");
+            let found = json(path, &["diagnose", "s.ham"], "leverrier.diagnose/2");
             assert_eq!(found["verdict"], "missing", "{observed}: {found}");
             let named = found["ranking"].as_array().expect("a ranking");
             let place = named.iter().position(|leader| leader["effect"] == effect);

@@ -265,6 +265,7 @@ fn tell(diagnosis: &mut Diagnosis, found: Found) {
     diagnosis.beside_story = found.standing;
     diagnosis.begin_with(&found.effect);
     diagnosis.further.clear();
+    diagnosis.partial.clear();
     diagnosis.unnamed = None;
     diagnosis.unnamed_explains_more = false;
     diagnosis.story = vec![found.effect];

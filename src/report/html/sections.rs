@@ -76,7 +76,6 @@ pub(crate) fn cards(page: &Page) -> String {
         match diagnosis.verdict {
             Verdict::Missing => card(first, "is missing, as far as these data can say"),
             Verdict::NothingMissing => card("nothing", "is missing that stands out of the noise"),
-            Verdict::PartlyExplained => card(first, "is a part of what is missing"),
             Verdict::Unexplained => {
                 card("unnamed", "something is missing that the catalogue lacks")
             }
@@ -192,7 +191,6 @@ fn verdict(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Missing => "Something is missing",
         Verdict::NothingMissing => "Nothing is missing",
-        Verdict::PartlyExplained => "A part of what is missing is clear",
         Verdict::Unexplained => "Something is missing that the catalogue does not have",
         Verdict::TooLittleData => "Too little data to say what is missing",
         Verdict::Interrupted => "The diagnosis was interrupted",
@@ -242,7 +240,7 @@ fn forces(page: &Page, figures: &Drawn) -> String {
 fn missing(page: &Page, figures: &Drawn) -> String {
     let Some(diagnosis) = page.material.diagnosis else { return String::new() };
     let class = match diagnosis.verdict {
-        Verdict::Missing | Verdict::PartlyExplained => "missing",
+        Verdict::Missing => "missing",
         Verdict::Unexplained => "unexplained",
         Verdict::NothingMissing | Verdict::TooLittleData | Verdict::Interrupted => "quiet",
     };
@@ -274,6 +272,15 @@ fn missing(page: &Page, figures: &Drawn) -> String {
             out,
             "<p>It takes these with it, which explain what the first leaves: {}.</p>",
             escaped(&further.join(", then "))
+        );
+    }
+    if !diagnosis.partial.is_empty() {
+        let parts: Vec<&str> =
+            diagnosis.partial.iter().map(|leader| leader.effect.as_str()).collect();
+        let _ = writeln!(
+            out,
+            "<p>A part of it may be {}; more is missing.</p>",
+            escaped(&parts.join(", with "))
         );
     }
     if let Some(unnamed) = &diagnosis.unnamed {

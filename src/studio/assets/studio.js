@@ -251,7 +251,6 @@
   // ---- what is missing
   const VERDICTS = {
     missing: "Something is missing", nothing_missing: "Nothing is missing",
-    partly_explained: "A part of what is missing is clear",
     unexplained: "Something is missing that has no name here",
     too_little_data: "Too little data to say", interrupted: "Interrupted",
   };
@@ -325,10 +324,10 @@
     const box = make("div", `verdict ${missing.verdict}`);
     box.append(make("strong", "", VERDICTS[missing.verdict] ?? missing.verdict), make("span", "", `${missing.reason}.`));
     if (missing.indistinguishable) box.append(make("p", "", missing.indistinguishable));
-    const told = ["missing", "partly_explained"].includes(missing.verdict);
-    if (missing.further.length) box.append(make("p", "", `It is told together with ${missing.further.join(" and ")}.`));
+    if (missing.further.length) box.append(make("p", "", `It explains the runs together with ${missing.further.join(" and ")}.`));
+    if (missing.partial.length) box.append(make("p", "", `A part of it may be ${missing.partial.join(" with ")}; more is missing.`));
     verdict.replaceChildren(box);
-    const shown = missing.leaders.slice(0, 6).map((leader, at) => card(leader, at === 0 && told));
+    const shown = missing.leaders.slice(0, 6).map((leader, at) => card(leader, at === 0 && missing.verdict === "missing"));
     if (missing.unnamed) {
       const unnamed = make("li", "leader");
       unnamed.append(make("p", "", "The best term without a name, to be understood before it is used:"), make("pre", "small", missing.unnamed.snippet));

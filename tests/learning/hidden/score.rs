@@ -287,7 +287,6 @@ pub(crate) fn scored(plan: &Plan, patience: f64) -> Record {
     record.verdict = match told.verdict {
         Verdict::Missing => "missing",
         Verdict::NothingMissing => "nothing missing",
-        Verdict::PartlyExplained => "partly explained",
         Verdict::Unexplained => "unexplained",
         Verdict::TooLittleData => "too little data",
         Verdict::Interrupted => "interrupted",
