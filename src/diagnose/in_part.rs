@@ -4,8 +4,8 @@
 //! most of what is missing, or may be whatever bends to it. An effect is believed where its numbers
 //! are clear by errors that count what is left ([`scores`](crate::fit::scores)), where consecutive
 //! parts of the data, each by itself, give it the same numbers, and where it takes a good part of
-//! what is left of held-out runs: what bends to a larger thing has the name of another. What does as
-//! well in its place is said. This is a lead and no answer.
+//! what is left of held-out runs: what bends to a larger thing has the name of another. What does
+//! as well in its place is said. This is a lead and no answer.
 
 use super::effect::RankedEffect;
 use super::misfit::error_of;
