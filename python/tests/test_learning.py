@@ -317,9 +317,9 @@ def test_ctrl_c_keeps_the_best_so_far() -> None:
         import leverrier
 
         random = np.random.default_rng(0)
-        t = np.arange(4000) * 0.05
+        t = np.arange(40000) * 0.05
         w = np.sqrt(2.0)
-        x = np.column_stack([np.cos(t), np.cos(w*t)]) + 0.01 * random.standard_normal((4000, 2))
+        x = np.column_stack([np.cos(t), np.cos(w*t)]) + 0.01 * random.standard_normal((40000, 2))
         sent = []
         def progress(stage, fraction):
             if "segments" in stage and not sent:
