@@ -4,8 +4,8 @@
 //! as every story is, and proposed anew around the motion of the best of them: over longer
 //! segments smaller changes show, and what stood in for them is given back.
 
+use super::candidates::candidates;
 use super::candidates::composed::sets::{Around, Placed, ProposedSet, SetSearch};
-use super::candidates::{candidates, left_out};
 use super::description::{agree_on_noise, description_lengths};
 use super::story::{Question, Story};
 use crate::error::Result;
@@ -22,8 +22,9 @@ pub(super) fn together<'a>(
 ) -> Result<Option<Vec<Story<'a>>>> {
     let tuning = question.model.tuning();
     let mut scope = question.scope.clone();
-    let mut all = candidates(&mut scope, &question.model.data.dataset, &tuning.candidates);
-    all.extend(left_out(&scope, &bare.model.law, tuning.candidates.left_out));
+    // Terms that the fit left out are not among them: powers stand in for any function, and sets
+    // that begin with some of them do not find it.
+    let all = candidates(&mut scope, &question.model.data.dataset, &tuning.candidates);
     let Some(mut search) = SetSearch::of(&bare.model, &all, question.monitor) else {
         return Ok(None);
     };
