@@ -15,8 +15,8 @@
 //! 7. `verdict`: whether one holds over whole runs, seen and unseen;
 //! 8. `hidden`: where none does, parts that move and that nobody measures. A body among bodies that
 //!    attract each other is asked for first: where it is obvious, nothing else need be;
-//! 9. `in_part`: where there are none of these either, which members of a story would be believed
-//!    all the same (`doubts`).
+//! 9. `in_part`: where there are none of these either, which effects would be believed all the same
+//!    (`doubts`).
 
 use serde::Serialize;
 

@@ -11,7 +11,7 @@ use super::effect::RankedEffect;
 use super::misfit::error_of;
 use super::refit::{Precision, fitted};
 use super::search::extended;
-use super::settling::{Settled, problem, settle};
+use super::settling::{Settled, settle};
 use super::story::{Question, Story};
 use super::tuning::Tuning;
 use super::window::longest;
@@ -149,12 +149,7 @@ impl<'a> Held<'a> {
     }
 
     fn at(settled: Settled<'a>) -> Option<Held<'a>> {
-        let Settled { model, segments, states, .. } = &settled;
-        let dynamics = model.law.dynamics_of_runs();
-        let theta = model.law.theta(&dynamics);
-        let weights = model.law.weights();
-        let problem = problem(model, segments, &weights);
-        let scores = Scores::of(&problem, (&dynamics, &theta), states);
+        let scores = settled.scores();
         let (honest, plain) = (scores.covariance()?, scores.inverse()?);
         let variances: Vec<f64> = (0..honest.nrows()).map(|i| honest[(i, i)]).collect();
         let ratios = variances.iter().enumerate().map(|(i, own)| (own / plain[(i, i)]).ln());

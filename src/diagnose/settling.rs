@@ -9,6 +9,7 @@ use crate::fit::driving::OwnInputs;
 use crate::fit::factor::Factor;
 use crate::fit::pass::{self, Problem, Sums};
 use crate::fit::scales::{fewest_samples, scales};
+use crate::fit::scores::Scores;
 use crate::fit::segments::{Segments, cut};
 use crate::fit::states::States;
 
@@ -155,6 +156,15 @@ impl Settled<'_> {
         let theta = model.law.theta(&dynamics);
         let weights = model.law.weights();
         pass::linearise(&problem(model, segments, &weights), &dynamics, &theta, states).merged()
+    }
+
+    /// What each sample says of all numbers of the law, states eliminated.
+    pub(super) fn scores(&self) -> Scores {
+        let Settled { model, segments, states, .. } = self;
+        let dynamics = model.law.dynamics_of_runs();
+        let theta = model.law.theta(&dynamics);
+        let weights = model.law.weights();
+        Scores::of(&problem(model, segments, &weights), (&dynamics, &theta), states)
     }
 
     /// Residuals in units of the noise: `[segment][observable][sample]`, not a number where there

@@ -3,8 +3,9 @@
 
 use serde::Serialize;
 
+use super::numbers::acts_on;
 use super::{Candidate, Origin, one_of};
-use crate::expr::{Expr, Extension, Place, Scope, Symbol, System, Term};
+use crate::expr::{Extension, Place, Scope, Term};
 use crate::fit::Law;
 use crate::fit::own_values::is_said;
 
@@ -40,7 +41,7 @@ pub fn left_out(scope: &Scope, law: &Law, most: usize) -> Vec<Candidate> {
             let own = LeftOut { place, term: term.label.clone(), at: term.place };
             Candidate {
                 label: format!("{} {}", own.place, own.term),
-                on: acts_on(system, term),
+                on: acts_on(system, &system.graph, term),
                 arguments: Vec::new(),
                 extension: Extension::of_nothing(system),
                 terms: vec![id],
@@ -56,17 +57,4 @@ pub fn left_out(scope: &Scope, law: &Law, most: usize) -> Vec<Candidate> {
     }
     one_of(&mut all);
     all
-}
-
-/// The coordinates that a term acts on or goes by.
-fn acts_on(system: &System, term: &Term) -> Vec<String> {
-    let exprs: Vec<Expr> = term.parts().map(|(_, expr)| expr).collect();
-    let own = system.graph.symbols(&exprs);
-    let of = |i: usize| {
-        own.contains(&Symbol::Coordinate(i))
-            || own.contains(&Symbol::Momentum(i))
-            || term.place == Place::Force(i)
-    };
-    let all = system.coordinates.iter().enumerate();
-    all.filter(|(i, _)| of(*i)).map(|(_, variable)| variable.name.clone()).collect()
 }

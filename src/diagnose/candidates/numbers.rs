@@ -168,7 +168,7 @@ fn are_alike(a: &[f64], b: &[f64], apart: f64) -> bool {
 }
 
 /// Names of the coordinates and observables that a term acts on.
-fn acts_on(system: &System, graph: &Graph, term: &Term) -> Vec<String> {
+pub(super) fn acts_on(system: &System, graph: &Graph, term: &Term) -> Vec<String> {
     let observables = system.observables();
     let mut on = BTreeSet::new();
     for (place, expr) in term.parts() {

@@ -256,8 +256,8 @@ fn missing(page: &Page, figures: &Drawn) -> String {
     if let Some(sentence) = present::indistinguishable(diagnosis) {
         let _ = writeln!(out, "<p>{}</p>", escaped(&sentence));
     }
-    let snippets: Vec<&str> = diagnosis.story.iter().map(|one| one.snippet.as_str()).collect();
-    let snippets: Vec<&str> = snippets.into_iter().filter(|text| !text.is_empty()).collect();
+    let snippets = diagnosis.story.iter().map(|one| one.snippet.as_str());
+    let snippets: Vec<&str> = snippets.filter(|text| !text.is_empty()).collect();
     if !snippets.is_empty() {
         let _ = writeln!(
             out,
