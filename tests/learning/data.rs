@@ -329,6 +329,12 @@ proptest! {
             .prop_filter("names of their own", |runs| {
                 let names: std::collections::HashSet<_> = runs.iter().map(|r| &r.name).collect();
                 names.len() == runs.len()
+            })
+            // A column without any value would not be written.
+            .prop_filter("values of every column", |runs| {
+                (0..2).all(|column| {
+                    runs.iter().flat_map(|run| &run.values[column]).any(|x| !x.is_nan())
+                })
             }),
     ) {
         let data = Dataset { observables: vec!["x".into(), "y".into()], runs, inputs: Vec::new() };
