@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::candidates::{LeftOut, NumberChange};
+use super::candidates::{Candidate, LeftOut, NumberChange};
 use super::times::times;
 use crate::error::Result;
 use crate::expr::Scope;
@@ -39,6 +39,30 @@ pub struct RankedEffect {
 }
 
 impl RankedEffect {
+    /// A term of the spec that the fit left out, with the numbers of its coefficients and their
+    /// errors.
+    pub(super) fn of_term(
+        term: &Candidate,
+        numbers: Vec<(f64, f64)>,
+        p_value: f64,
+    ) -> RankedEffect {
+        let (coefficient, standard_error) = numbers.into_iter().unzip();
+        RankedEffect {
+            effect: term.label.clone(),
+            on: term.on.clone(),
+            snippet: String::new(),
+            coefficient,
+            standard_error,
+            p_value: p_value.min(1.0),
+            deviance: 0.0,
+            number: None,
+            left_out: term.left_out().cloned(),
+            held_out_error_before: f64::NAN,
+            held_out_error_after: f64::NAN,
+            indistinguishable: Vec::new(),
+        }
+    }
+
     /// A scope with it: its statement stands there, or the number is an inner parameter.
     ///
     /// # Errors

@@ -30,3 +30,15 @@ pub(super) fn excess(sums: &Sums, model: &LawOnData) -> f64 {
     let at_noise = model.tuning().verdict.at_noise * (2.0 / independent).sqrt();
     if excess < at_noise { 0.0 } else { excess }
 }
+
+/// Whether what a model leaves of other runs is the noise that it leaves of those it was fitted
+/// to, as well as the residuals of both tell its size.
+pub(super) fn is_noise_of(seen: &Sums, unseen: &Sums, model: &LawOnData) -> bool {
+    if seen.rows == 0 || unseen.rows == 0 {
+        return false;
+    }
+    let (own, other) = (seen.rows as f64, unseen.rows as f64);
+    let ratio = (unseen.loss / other) / (seen.loss / own);
+    let spread = (2.0 * model.autocorrelation_time * (1.0 / own + 1.0 / other)).sqrt();
+    ratio - 1.0 <= model.tuning().verdict.at_noise * spread
+}

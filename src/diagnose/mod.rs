@@ -15,6 +15,7 @@ pub mod discover;
 mod doubts;
 mod effect;
 mod evidence;
+mod function_space;
 pub mod hidden;
 mod in_part;
 pub mod instrument;

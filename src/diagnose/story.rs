@@ -1,6 +1,9 @@
 //! A story: changes to a model that are judged as one.
 
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
 use super::autocorrelation::{Noise, correlated_noise};
+use super::candidates::Candidate;
 use super::candidates::composed::sets::{Proposed, ProposedSet};
 use super::effect::RankedEffect;
 use super::evidence::Judged;
@@ -202,6 +205,48 @@ impl<'a> Story<'a> {
         let mut story = Story { members, scope, model, sums, explains: false, ..bare.clone() };
         story.take_numbers(&law);
         Ok(Some(story))
+    }
+
+    /// The story with the numbers of another law.
+    pub(super) fn with_law(&self, law: Law) -> Story<'a> {
+        Story { model: self.model.with_law(law), ..self.clone() }
+    }
+
+    /// Fits all numbers, and holds the story against longer and longer segments as long as it
+    /// leaves noise.
+    pub(super) fn fitted_again(mut self, question: &Question<'a, '_>) -> Story<'a> {
+        self.sums = settle(self.model.clone()).sums;
+        self.refit();
+        self.grow(question);
+        self
+    }
+
+    /// The story with those of some terms of the spec as members that its law has.
+    pub(super) fn with_own_terms(mut self, own: &[Candidate]) -> Story<'a> {
+        let system = self.scope.compiled().system.clone();
+        let rows = self.sums.rows.max(2) as f64;
+        for one in own {
+            let Some(left_out) = one.left_out() else { continue };
+            let ids = system.terms_with_ids().filter(|(_, term)| left_out.is(term));
+            let terms: Vec<TermId> = ids.map(|(id, _)| id).collect();
+            let numbers: Option<Vec<(f64, f64)>> =
+                terms.iter().map(|&id| self.model.law.coefficient_with_error(id)).collect();
+            let Some(numbers) = numbers else { continue };
+            let clear = numbers.iter().map(|(value, error)| (value / error).powi(2)).sum();
+            let effect = RankedEffect::of_term(one, numbers, p_value(clear) * own.len() as f64);
+            let price = 2.0 * one.choice + rows.ln();
+            let parameters = Vec::new();
+            let (named, positive) = (true, false);
+            self.members.push(Member { effect, terms, parameters, price, named, positive });
+        }
+        self
+    }
+
+    /// Squares that count as one: those that are left for each residual.
+    pub(super) fn variance_of(&self, sums: &Sums) -> f64 {
+        let mean = sums.loss / sums.rows.max(1) as f64;
+        let least = self.negligible.max(self.model.tuning().scan.least_variance);
+        mean.max(least) * self.model.autocorrelation_time
     }
 
     /// Holds a story of several changes that were found together against longer and longer segments
@@ -538,4 +583,9 @@ impl<'a> Story<'a> {
         labels.sort();
         labels
     }
+}
+
+/// The probability that noise takes so many squares off by one number.
+fn p_value(squares: f64) -> f64 {
+    ChiSquared::new(1.0).map_or(1.0, |chi| if squares.is_nan() { 1.0 } else { chi.sf(squares) })
 }

@@ -7,11 +7,17 @@
 use super::candidates::candidates;
 use super::candidates::composed::sets::{Around, Placed, ProposedSet, SetSearch};
 use super::description::{agree_on_noise, description_lengths};
+use super::doubts::holds;
+use super::function_space::FunctionSpace;
 use super::story::{Question, Story};
 use crate::error::Result;
 
 /// Stories of sets of changes beside `bare`, which has none; each ends where it no longer follows
 /// the data. `None` where the model is not one that can be asked for sets.
+///
+/// Sets stand beside the whole function space first. Where none of them holds, they stand beside
+/// the terms that the fit found: a whole space bends to a function that a few of its terms are
+/// nearly like.
 ///
 /// # Errors
 ///
@@ -20,10 +26,21 @@ pub(super) fn together<'a>(
     question: &Question<'a, '_>,
     bare: &Story<'a>,
 ) -> Result<Option<Vec<Story<'a>>>> {
+    let space = FunctionSpace::of(question);
+    let Some(whole) = space.all_free(bare)? else { return beside(question, bare) };
+    let Some(found) = beside(question, &whole)? else { return Ok(None) };
+    let pruned = |story| space.pruned(story, question);
+    let mut stories: Vec<Story> = found.into_iter().map(pruned).collect();
+    if !stories.iter().any(holds) && !question.monitor.stopped() {
+        stories.extend(beside(question, bare)?.into_iter().flatten());
+    }
+    Ok(Some(stories))
+}
+
+/// Stories of sets beside `bare`.
+fn beside<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<Vec<Story<'a>>>> {
     let tuning = question.model.tuning();
     let mut scope = question.scope.clone();
-    // Terms that the fit left out are not among them: powers stand in for any function, and sets
-    // that begin with some of them do not find it.
     let all = candidates(&mut scope, &question.model.data.dataset, &tuning.candidates);
     let Some(mut search) = SetSearch::of(&bare.model, &all, question.monitor) else {
         return Ok(None);

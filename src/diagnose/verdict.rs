@@ -9,7 +9,7 @@ use super::diagnosis::{Diagnosis, Verdict};
 use super::doubts::holds;
 use super::effect::RankedEffect;
 use super::law_on_data::LawOnData;
-use super::misfit::{error_of, excess};
+use super::misfit::{error_of, excess, is_noise_of};
 use super::rounding::is_feigned;
 use super::settling::settle;
 use super::story::{Member, Question, Story};
@@ -25,6 +25,8 @@ struct Unseen {
     /// Whether that is the noise, to a tenth of its size or as well as so many residuals can tell,
     /// or what the errors of the numbers add to it.
     at_noise: bool,
+    /// Whether it is that by what these errors add alone.
+    by_errors: bool,
     /// What it takes to describe them: squares where the numbers move within their errors, beside
     /// what that costs.
     length: f64,
@@ -160,21 +162,23 @@ fn unseen<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Unseen {
     let settled = settle(model.with_window(longest(&model)));
     let error = error_of(&settled.sums).0;
     let tuning = model.tuning();
-    let near = |sums: &Sums| story.excess_of(sums) == 0.0;
+    let same = |sums: &Sums| story.explains && is_noise_of(&story.sums, sums, &story.model);
+    let near = |sums: &Sums| story.excess_of(sums) == 0.0 || same(sums);
     let close = story.explains && error < tuning.ranking.strays;
     let within_errors = if close { story.left_within_errors(&settled) } else { None };
     let noise = error <= tuning.verdict.reaches || near(&settled.sums);
+    let by_errors = !noise && within_errors.as_ref().is_some_and(|(sums, _)| near(sums));
     Unseen {
         error,
-        at_noise: settled.sums.diverged == 0
-            && (noise || within_errors.as_ref().is_some_and(|(sums, _)| near(sums))),
+        at_noise: settled.sums.diverged == 0 && (noise || by_errors),
+        by_errors,
         length: within_errors.map_or(settled.sums.loss, |(sums, widened)| {
             sums.loss / model.autocorrelation_time + widened
         }),
     }
 }
 
-/// Writes one of some stories that hold: the first of the fewest changes among those whose
+/// Writes one of some stories that hold: that of the fewest changes and numbers among those whose
 /// description of all runs is about as short as any. Runs that nothing was fitted to are among
 /// these: a series may be as near as its function where both were fitted. The others are named as
 /// far as these data do not tell them from it: with odds of a twentieth or more, in as few changes
@@ -189,13 +193,13 @@ fn tell(diagnosis: &mut Diagnosis, told: Vec<(Story, Unseen)>, before: &Unseen, 
     let least = lengths.iter().copied().fold(f64::INFINITY, f64::min);
     let near = |length: &f64| length - least < tuning.ranking.indistinguishable;
     let ranked = lengths.iter().zip(&told).filter(|(length, _)| near(length));
-    let fewest = ranked.min_by_key(|(_, (story, _))| story.members.len());
-    // Lengths that are no numbers leave the first.
-    let Some((story, after)) = fewest.map(|(_, one)| one).or(told.first()) else { return };
-    told_of(diagnosis, story, (before, after), tuning);
     let unknowns = |story: &Story| -> usize {
         story.members.iter().map(|member| member.effect.coefficient.len()).sum()
     };
+    let fewest = ranked.min_by_key(|(_, (story, _))| (story.members.len(), unknowns(story)));
+    // Lengths that are no numbers leave the first.
+    let Some((story, after)) = fewest.map(|(_, one)| one).or(told.first()) else { return };
+    told_of(diagnosis, story, (before, after));
     let own = story.labels();
     // What stands beside one effect alone is none of several.
     if own.len() > 1 {
@@ -217,12 +221,7 @@ fn tell(diagnosis: &mut Diagnosis, told: Vec<(Story, Unseen)>, before: &Unseen, 
 }
 
 /// Writes a story that holds.
-fn told_of(
-    diagnosis: &mut Diagnosis,
-    story: &Story,
-    (before, after): (&Unseen, &Unseen),
-    tuning: &Tuning,
-) {
+fn told_of(diagnosis: &mut Diagnosis, story: &Story, (before, after): (&Unseen, &Unseen)) {
     let members = members(story, before, after);
     let Some((first, then)) = members.split_first() else { return };
     diagnosis.verdict = Verdict::Missing;
@@ -239,7 +238,7 @@ fn told_of(
             times(after.error)
         )
     };
-    if after.error > tuning.verdict.reaches {
+    if after.by_errors {
         diagnosis.reason += ", as far as the errors of their numbers let them";
     }
     diagnosis.begin_with(first);
@@ -270,7 +269,7 @@ fn unexplained(
     stories: &[Story],
     fault: Option<(&str, Unseen)>,
 ) {
-    if stories.is_empty() && !resolved(question) {
+    if stories.is_empty() && !is_resolved(question.model) {
         diagnosis.verdict = Verdict::NothingMissing;
         diagnosis.reason = "what is left is at the limit of what the integrator and the digits of \
                             the data resolve"
@@ -307,9 +306,9 @@ fn unexplained(
 }
 
 /// Whether the noise of some observable is above what the integrator and rounding leave.
-fn resolved(question: &Question) -> bool {
-    let LawOnData { law, .. } = question.model;
-    let tuning = &question.model.tuning().verdict;
+pub(super) fn is_resolved(model: &LawOnData) -> bool {
+    let LawOnData { law, .. } = model;
+    let tuning = &model.tuning().verdict;
     let mut known = law.noise().iter().zip(law.resolution());
     known.any(|(noise, resolution)| *noise > tuning.resolved * resolution)
 }

@@ -7,8 +7,8 @@ use leverrier::internals::expr::build;
 use leverrier::internals::fit::{Options, Silent, fit};
 
 use crate::hidden::bases::Base;
-use crate::hidden::case;
 use crate::hidden::outcome::outcome;
+use crate::hidden::{Case, case};
 
 const LINE: &str = "coordinates q\nmomenta p\n";
 const PLANE: &str = "coordinates x, y\nmomenta px, py\n";
@@ -197,6 +197,43 @@ fn a_term_that_the_fit_left_out_is_told_as_one() {
     assert_eq!((own.place.as_str(), own.term.as_str()), ("V", "q^4"));
     assert!((one.coefficient[0] / 0.1 - 1.0).abs() < 0.05, "{:?}", one.coefficient);
     assert!(one.snippet.is_empty());
+}
+
+#[test]
+fn what_the_fit_left_out_comes_back_beside_what_is_missing() {
+    // A fit without the drag takes other powers of q than the law has.
+    let truth = "T = p^2/2\nV = 1.8*q^2 + 0.2*q^4\nforce q += -1.6*p + 0.29*p^3\n";
+    let space = "T = p^2/2\nV = span{ q, q^2, q^3, q^4 }\n";
+    let damped = base(LINE, truth, space, LINE_STARTS);
+    for seed in [1, 2, 3] {
+        let found = outcome(&case(&damped, "", 0.01, seed), "");
+        let (model, found) = (found.model, found.diagnosis);
+        assert_eq!(found.verdict, Verdict::Missing, "seed {seed}: {}", found.reason);
+        let (own, new): (Vec<_>, Vec<_>) =
+            found.story.iter().partition(|member| member.left_out.is_some());
+        let mut new: Vec<&str> = new.iter().map(|member| member.effect.as_str()).collect();
+        new.sort_unstable();
+        assert_eq!(new, ["force on q: p^3", "viscous_drag(q)"], "seed {seed}: {}", found.reason);
+        let own = own.iter().map(|member| member.effect.as_str());
+        let learned = model.terms.iter().map(|term| term.term.as_str());
+        let all: Vec<&str> = own.chain(learned).collect();
+        assert!(all.iter().any(|term| term.ends_with("q^4")), "seed {seed}: {all:?}");
+    }
+}
+
+#[test]
+fn short_records_are_judged_as_well_as_they_tell_their_noise() {
+    let truth = "T = p^2/2\nV = 2.25*q^2\nforce q += -0.43*p\n";
+    let damped = base(LINE, truth, "T = p^2/2\nV = 2.25*q^2\n", LINE_STARTS);
+    let explained = (0..60).filter(|&seed| {
+        let data = case(&damped, "", 0.01, seed);
+        let (mut seen, mut unseen) = (data.training.clone(), data.held_out.clone());
+        seen.runs.truncate(1);
+        unseen.runs.truncate(1);
+        let data = Case { training: seen, held_out: unseen, ..data };
+        outcome(&data, "").diagnosis.verdict == Verdict::Missing
+    });
+    assert_eq!(explained.count(), 60);
 }
 
 #[test]

@@ -1,0 +1,112 @@
+//! Changes beside the whole function space of the spec.
+//!
+//! While something else was missing, the fit left out terms that the law has, and kept others that
+//! bent to the misfit. So sets of changes are looked for with all terms of the function space free,
+//! and of those that the fit had left out a story keeps the ones that pay for themselves.
+
+use nalgebra::DVector;
+
+use super::candidates::{Candidate, left_out};
+use super::refit::{Precision, fitted};
+use super::settling::settle;
+use super::story::{Question, Story};
+use super::verdict::is_resolved;
+use crate::error::Result;
+use crate::expr::TermId;
+use crate::fit::Law;
+use crate::fit::column::Column;
+use crate::fit::factor::Factor;
+
+/// The function space of a spec beside a law that has a part of it.
+pub(super) struct FunctionSpace {
+    /// Terms that the law does not have.
+    left_out: Vec<Candidate>,
+}
+
+impl FunctionSpace {
+    /// That of a question; empty where the spec has too many terms to have all of them free.
+    pub(super) fn of(question: &Question) -> FunctionSpace {
+        let most = question.model.tuning().candidates.left_out;
+        FunctionSpace { left_out: left_out(question.scope, &question.model.law, most) }
+    }
+
+    /// A story with all terms free, those that its law does not have beginning with nothing;
+    /// `None` where there are none.
+    ///
+    /// # Errors
+    ///
+    /// When the story is not that of the question.
+    pub(super) fn all_free<'a>(&self, story: &Story<'a>) -> Result<Option<Story<'a>>> {
+        let mut terms = self.left_out.iter().flat_map(|one| &one.terms);
+        let begin = |law: Law, &id: &TermId| law.with_term(id, 0.0);
+        let law = terms.try_fold(story.model.law.clone(), begin)?;
+        Ok((!self.left_out.is_empty()).then(|| story.with_law(law)))
+    }
+
+    /// A story that has all terms free with those that pay for themselves; these are members.
+    pub(super) fn pruned<'a>(&self, story: Story<'a>, question: &Question<'a, '_>) -> Story<'a> {
+        if self.left_out.is_empty() {
+            return story;
+        }
+        let settled = settle(story.model.clone());
+        let Some(found) = fitted(&settled, &settled.model.law, Precision::Ranking) else {
+            return story.with_own_terms(&self.left_out);
+        };
+        let rows = found.sums.rows.max(2) as f64;
+        let variance = story.variance_of(&found.sums);
+        let price = |one: &Candidate| 2.0 * one.choice + rows.ln();
+        let system = story.scope.compiled().system.clone();
+        let mut open: Vec<(TermId, f64)> = Vec::new();
+        for one in &self.left_out {
+            let Some(own) = one.left_out() else { continue };
+            let ids = system.terms_with_ids().filter(|(_, term)| own.is(term));
+            open.extend(ids.map(|(id, _)| (id, price(one))));
+        }
+        // What is left at the limit of what data resolve is no noise that a term could be told by.
+        let limit = if is_resolved(&story.model) { 0.0 } else { rows };
+        let law = without_idle(&found.law, found.factor, open, (variance, limit));
+        let shorter = story.with_law(law).fitted_again(question);
+        let kept = if story.explains && !shorter.explains { story } else { shorter };
+        kept.with_own_terms(&self.left_out)
+    }
+}
+
+/// A law without those of some terms that take less off the squares than their price, in units of
+/// `variance`, or nothing beyond a `limit`; the least first, the other numbers moving with each.
+fn without_idle(
+    law: &Law,
+    mut factor: Factor,
+    open: Vec<(TermId, f64)>,
+    (variance, limit): (f64, f64),
+) -> Law {
+    let dynamics = law.dynamics();
+    let theta = DVector::from_vec(law.theta(&dynamics));
+    if theta.len() != factor.columns() {
+        return law.clone();
+    }
+    // From here on the unknowns are the numbers themselves, no steps from where they are.
+    factor.shift(&-theta);
+    let place = |id: TermId| dynamics.active().iter().position(|&own| own == id);
+    let mut kept: Vec<Column> = Column::all(factor.columns()).collect();
+    let mut open: Vec<(TermId, Column, f64)> = open
+        .into_iter()
+        .filter_map(|(id, price)| Some((id, Column::new(place(id)?), price)))
+        .collect();
+    let mut law = law.clone();
+    loop {
+        let least = factor.select(&kept).least();
+        let gains = open.iter().enumerate().map(|(at, (_, column, price))| {
+            let others: Vec<Column> = kept.iter().copied().filter(|one| one != column).collect();
+            let more = factor.select(&others).least();
+            let beyond = (more - limit).max(0.0).min(more - least);
+            (beyond / variance - price, at)
+        });
+        let Some((gain, at)) = gains.min_by(|a, b| a.0.total_cmp(&b.0)) else { return law };
+        if gain >= 0.0 {
+            return law;
+        }
+        let (id, column, _) = open.remove(at);
+        kept.retain(|one| *one != column);
+        law = law.without_term(id);
+    }
+}
