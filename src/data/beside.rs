@@ -61,8 +61,11 @@ impl TemporaryFolder {
             let mark = path.join(MARK);
             match File::create_new(&mark) {
                 Ok(file) => Ok((mark, file)),
-                // Swept before it was locked: as good as a name that is taken.
-                Err(error) if error.kind() == ErrorKind::NotFound => {
+                // Swept before it was locked, and perhaps a file of another thread by now: as good
+                // as a name that is taken.
+                Err(error)
+                    if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) =>
+                {
                     Err(io::Error::from(ErrorKind::AlreadyExists))
                 }
                 Err(error) => {
