@@ -62,23 +62,21 @@ fn row(bases: &[f64], exponent: f64, to: &mut [f64]) {
 
 #[inline(always)]
 fn chunk(x: &[f64; CHUNK], y: &[f64; CHUNK], to: &mut [f64; CHUNK]) {
-    let mut all = true;
+    let mut fitting = [true; CHUNK];
     for i in 0..CHUNK {
-        let (value, fits) = straight(x[i], y[i]);
-        to[i] = value;
-        all &= fits;
+        (to[i], fitting[i]) = straight(x[i], y[i]);
     }
-    if !all {
-        again(x, y, to);
+    if fitting.contains(&false) {
+        again(x, y, &fitting, to);
     }
 }
 
 /// The standard library on what the straight line cannot do.
 #[inline(never)]
-fn again(x: &[f64; CHUNK], y: &[f64; CHUNK], to: &mut [f64; CHUNK]) {
-    for ((to, &x), &y) in to.iter_mut().zip(x).zip(y) {
-        if !straight(x, y).1 {
-            *to = x.powf(y);
+fn again(x: &[f64; CHUNK], y: &[f64; CHUNK], fitting: &[bool; CHUNK], to: &mut [f64; CHUNK]) {
+    for i in 0..CHUNK {
+        if !fitting[i] {
+            to[i] = x[i].powf(y[i]);
         }
     }
 }
