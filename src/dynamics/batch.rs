@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::ops::{Deref, DerefMut};
 
 use super::drive::Drive;
+use super::lanes::{gathered, scatter};
 use crate::eval::{Aligned, InstructionSet, mark_broken};
 
 /// Structure of arrays over `lanes` trajectories.
@@ -95,6 +96,32 @@ impl Batch {
     /// The state of one trajectory, 2n numbers.
     pub fn get(&self, lane: usize) -> Vec<f64> {
         (0..2 * self.degrees).map(|row| self.state[row * self.lanes + lane]).collect()
+    }
+
+    /// The states of some trajectories.
+    pub(super) fn without_tangents(&self, lanes: &[usize]) -> Batch {
+        let mut some = Batch::new(self.degrees, lanes.len());
+        some.time = lanes.iter().map(|&lane| self.time[lane]).collect();
+        some.state = gathered(&self.state, self.lanes, lanes);
+        some.drive = self.drive.of(lanes);
+        some
+    }
+
+    /// Some trajectories with the tangents that they have.
+    pub(super) fn with_tangents_of(&self, lanes: &[usize]) -> Batch {
+        let mut some = self.without_tangents(lanes);
+        some.unknowns = self.unknowns;
+        some.tangent.reshape(self.tangent.len() / self.lanes.max(1) * lanes.len());
+        some.tangent.copy_from_slice(&gathered(&self.tangent, self.lanes, lanes));
+        some
+    }
+
+    /// Takes some trajectories back.
+    pub(super) fn put_back(&mut self, lanes: &[usize], some: &Batch) {
+        scatter(&mut self.time, self.lanes, lanes, &some.time);
+        scatter(&mut self.state, self.lanes, lanes, &some.state);
+        scatter(&mut self.tangent, self.lanes, lanes, &some.tangent);
+        self.drive.take_back(lanes, &some.drive);
     }
 
     /// Whether every component of a trajectory's state is finite.

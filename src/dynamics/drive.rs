@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::lanes::{gathered, scatter};
 use crate::data::Record;
 
 /// What inputs do in one interval: of each lane and each input a polynomial in the time since the
@@ -62,6 +63,24 @@ impl Drive {
         }
         if let Some(place) = past.places.get_mut(lane) {
             *place = (run, time);
+        }
+    }
+
+    /// The same of some lanes.
+    pub(super) fn of(&self, lanes: &[usize]) -> Drive {
+        let past = self.past.as_ref().map(|past| Past {
+            record: past.record.clone(),
+            places: lanes.iter().map(|&lane| past.places[lane]).collect(),
+        });
+        let coefficients = gathered(&self.coefficients, self.lanes, lanes);
+        Drive { powers: self.powers, lanes: lanes.len(), coefficients, past }
+    }
+
+    /// Takes some lanes back.
+    pub(super) fn take_back(&mut self, lanes: &[usize], some: &Drive) {
+        scatter(&mut self.coefficients, self.lanes, lanes, &some.coefficients);
+        if let (Some(past), Some(some)) = (&mut self.past, &some.past) {
+            lanes.iter().zip(&some.places).for_each(|(&lane, place)| past.places[lane] = *place);
         }
     }
 

@@ -1,14 +1,16 @@
 //! The equations of motion of a system, compiled.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::fmt;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::batch::{Batch, Scratch};
 use super::flow::{Flow, FlowSource};
+use super::gradient::Gradient;
 use super::instrument::instrument;
 use super::methods::Method;
+use super::switches::{Between, Motion, Side, Switches, of_time};
 use super::{holonomic, internal};
 use crate::error::Result;
 use crate::eval::{Backend, Evaluator, Inputs, Series, StepSource, Steps, compile, compile_steps};
@@ -20,7 +22,7 @@ use crate::expr::{Expr, Graph, Node, Observed, ParameterId, Place, Symbol, Syste
 /// theta = coefficients of the active terms, then the inner parameters in use. What a method
 /// needs is compiled when it is first used.
 pub struct Dynamics {
-    graph: Graph,
+    motion: Motion,
     backend: Backend,
     degrees: usize,
     active: Vec<TermId>,
@@ -34,12 +36,16 @@ pub struct Dynamics {
     /// The period of each observable, where whole periods of it are lost.
     periods: Vec<Option<f64>>,
     hamiltonian: Expr,
-    slope: Gradient,
-    velocity: Gradient,
     /// Effects of terms that are only probed: derivatives without values.
     probed_slope: Vec<Vec<(usize, Expr)>>,
     probed_velocity: Vec<Vec<(usize, Expr)>>,
     instrument: Gradient,
+    compiled: CompiledParts,
+}
+
+/// What was compiled of equations of motion so far.
+#[derive(Default)]
+struct CompiledParts {
     kick: OnceLock<Flow>,
     drift: OnceLock<Flow>,
     instrument_flow: OnceLock<Option<Flow>>,
@@ -53,16 +59,28 @@ pub struct Dynamics {
     loops: Mutex<BTreeMap<usize, Option<Arc<dyn Steps>>>>,
     /// Taylor series by their order.
     series: Mutex<BTreeMap<usize, Option<Arc<Series>>>>,
+    switches: OnceLock<Option<Switches>>,
+    /// Which switching surfaces act, by which coefficients are zero.
+    acting: Mutex<HashMap<Vec<bool>, Arc<Vec<bool>>>>,
+    modes: Mutex<BTreeMap<Vec<Side>, Option<Arc<Mode>>>>,
+    surfaces: OnceLock<Flow>,
+}
+
+/// Equations of motion between switching surfaces.
+pub(super) struct Mode {
+    /// Where the state stands to each surface.
+    pub(super) sides: Vec<Side>,
+    /// The motion there.
+    pub(super) dynamics: Dynamics,
+    /// The surfaces that end the mode.
+    pub(super) watched: Vec<usize>,
+    /// For each of them how far its end is, positive inside; then, for each, the derivative of that
+    /// by the time alone.
+    pub(super) margins: Flow,
 }
 
 /// Steps of single trajectories from which on machine code for them pays.
 const WORTH_A_LOOP: usize = 400;
-
-/// g or v: n expressions, and for each the derivatives by the active coefficients.
-pub(super) struct Gradient {
-    pub(super) rows: Vec<Expr>,
-    pub(super) linear: Vec<Vec<(usize, Expr)>>,
-}
 
 impl fmt::Debug for Dynamics {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -210,7 +228,7 @@ impl Dynamics {
             .collect();
         let (terms, all_parameters) = (system.term_ids(), system.parameter_ids());
         Dynamics {
-            graph,
+            motion: Motion { graph, slope, velocity },
             backend,
             degrees,
             active: active.into_iter().map(|k| terms[k]).collect(),
@@ -223,21 +241,10 @@ impl Dynamics {
             own_inputs: false,
             periods: system.periods(),
             hamiltonian,
-            slope,
-            velocity,
             probed_slope,
             probed_velocity,
             instrument,
-            instrument_flow: OnceLock::new(),
-            kick: OnceLock::new(),
-            drift: OnceLock::new(),
-            probed_kick: OnceLock::new(),
-            probed_drift: OnceLock::new(),
-            field: OnceLock::new(),
-            energy: OnceLock::new(),
-            steps_taken: AtomicUsize::new(0),
-            loops: Mutex::default(),
-            series: Mutex::default(),
+            compiled: CompiledParts::default(),
         }
     }
 
@@ -290,12 +297,12 @@ impl Dynamics {
 
     /// H of every lane into `out`, `[lanes]`; `theta` has [`Dynamics::unknowns`] numbers.
     pub fn energy(&self, batch: &Batch, theta: &[f64], out: &mut [f64], scratch: &mut Scratch) {
-        let evaluator = self.energy.get_or_init(|| {
+        let evaluator = self.compiled.energy.get_or_init(|| {
             let mut varying = self.state.clone();
             varying.push(Symbol::Time);
             varying.extend(self.driving_energy());
             let inputs = Inputs { varying, uniform: self.unknowns.clone() };
-            compile(&self.graph, &inputs, &[self.hamiltonian], self.backend)
+            compile(&self.motion.graph, &inputs, &[self.hamiltonian], self.backend)
         });
         scratch.stand_at(batch);
         let Scratch { points, workspace, drive, since, .. } = scratch;
@@ -317,15 +324,16 @@ impl Dynamics {
 
     /// The inputs that H names.
     fn driving_energy(&self) -> Vec<Symbol> {
-        let mut symbols = self.graph.symbols(&[self.hamiltonian]);
+        let mut symbols = self.motion.graph.symbols(&[self.hamiltonian]);
         symbols.retain(|symbol| symbol.is_driving());
         symbols
     }
 
     /// Whether an input is named by the equations of motion.
     fn is_driven(&self) -> bool {
-        let rows: Vec<Expr> = self.slope.rows.iter().chain(&self.velocity.rows).copied().collect();
-        self.graph.symbols(&rows).iter().any(|symbol| symbol.is_driving())
+        let rows: Vec<Expr> =
+            self.motion.slope.rows.iter().chain(&self.motion.velocity.rows).copied().collect();
+        self.motion.graph.symbols(&rows).iter().any(|symbol| symbol.is_driving())
     }
 
     /// Rates of change of a batch of states, `[2n][lanes]`, with inputs at rest where the batch has
@@ -335,6 +343,65 @@ impl Dynamics {
         self.field().evaluate(&batch.state, batch.lanes, theta, false, scratch);
         let size = 2 * self.degrees * batch.lanes;
         out[..size].copy_from_slice(&scratch.out[..size]);
+    }
+
+    /// The switching surfaces that the motion by `theta` has, where it has any.
+    pub(super) fn switches(&self, theta: &[f64]) -> Option<(&Switches, Arc<Vec<bool>>)> {
+        let coefficients = &self.unknowns[..self.active.len()];
+        let of_motion = || Switches::new(&self.motion, &self.state, coefficients);
+        let switches = self.compiled.switches.get_or_init(of_motion).as_ref()?;
+        let zeros: Vec<bool> = theta.iter().take(self.active.len()).map(|c| *c == 0.0).collect();
+        let mut known = self.compiled.acting.lock().unwrap_or_else(PoisonError::into_inner);
+        let acting =
+            known.entry(zeros).or_insert_with_key(|zeros| Arc::new(switches.acting(zeros)));
+        acting.contains(&true).then(|| (switches, acting.clone()))
+    }
+
+    /// The motion with the state on some side of each switching surface; `None` where it cannot
+    /// slide as asked for.
+    pub(super) fn mode(&self, switches: &Switches, sides: &[Side]) -> Option<Arc<Mode>> {
+        let mut known = self.compiled.modes.lock().unwrap_or_else(PoisonError::into_inner);
+        let compile = || {
+            let Between { motion, watched, margins } = switches.between(sides)?;
+            let margins = self.margins(motion.graph.clone(), &margins);
+            let dynamics = Dynamics {
+                motion,
+                active: self.active.clone(),
+                parameters: self.parameters.clone(),
+                unknowns: self.unknowns.clone(),
+                state: self.state.clone(),
+                periods: self.periods.clone(),
+                probed_slope: self.probed_slope.clone(),
+                probed_velocity: self.probed_velocity.clone(),
+                instrument: self.instrument.clone(),
+                compiled: CompiledParts::default(),
+                ..*self
+            };
+            Some(Arc::new(Mode { sides: sides.to_vec(), dynamics, watched, margins }))
+        };
+        known.entry(sides.to_vec()).or_insert_with(compile).clone()
+    }
+
+    /// The arguments that change their signs on switching surfaces, as [`Mode::margins`].
+    pub(super) fn surfaces(&self, switches: &Switches) -> &Flow {
+        let compile = || self.margins(self.motion.graph.clone(), &switches.arguments);
+        self.compiled.surfaces.get_or_init(compile)
+    }
+
+    /// Functions of the whole state, then their derivatives by the time alone.
+    fn margins(&self, mut graph: Graph, functions: &[Expr]) -> Flow {
+        let rates: Vec<Expr> = functions.iter().map(|&f| of_time(&mut graph, f)).collect();
+        let rows = [functions, &rates].concat();
+        let mut linear = vec![Vec::new(); rows.len()];
+        for (&row, linear) in functions.iter().zip(&mut linear) {
+            for (unknown, &symbol) in self.unknowns.iter().enumerate().take(self.active.len()) {
+                let derivative = graph.derivative(row, symbol);
+                if !graph.is_zero(derivative) {
+                    linear.push((unknown, derivative));
+                }
+            }
+        }
+        self.compile(graph, &rows, &linear, 0..2 * self.degrees)
     }
 
     /// Compiles what steps of a method need, side by side, before many threads ask for it at once
@@ -350,29 +417,33 @@ impl Dynamics {
     /// g as a function of q (and of p where it is not separable).
     pub(super) fn kick(&self) -> &Flow {
         let end = if self.separable { self.degrees } else { 2 * self.degrees };
-        self.kick.get_or_init(|| self.flow(&self.slope.rows, &self.slope.linear, 0..end))
+        self.compiled
+            .kick
+            .get_or_init(|| self.flow(&self.motion.slope.rows, &self.motion.slope.linear, 0..end))
     }
 
     /// v as a function of p (and of q where it is not separable).
     pub(super) fn drift(&self) -> &Flow {
         let start = if self.separable { self.degrees } else { 0 };
         let inputs = start..2 * self.degrees;
-        self.drift.get_or_init(|| self.flow(&self.velocity.rows, &self.velocity.linear, inputs))
+        self.compiled.drift.get_or_init(|| {
+            self.flow(&self.motion.velocity.rows, &self.motion.velocity.linear, inputs)
+        })
     }
 
     /// Derivatives of g (or of v) by the probes, as functions of the whole state; none without
     /// probes.
     pub(super) fn probed(&self, drift: bool) -> Option<&Flow> {
         let (cell, linear) = if drift {
-            (&self.probed_drift, &self.probed_velocity)
+            (&self.compiled.probed_drift, &self.probed_velocity)
         } else {
-            (&self.probed_kick, &self.probed_slope)
+            (&self.compiled.probed_kick, &self.probed_slope)
         };
         let flow = cell.get_or_init(|| {
             if linear.iter().all(Vec::is_empty) {
                 return None;
             }
-            let mut graph = self.graph.clone();
+            let mut graph = self.motion.graph.clone();
             let zeros = vec![graph.number(0.0); self.degrees];
             Some(self.compile(graph, &zeros, linear, 0..2 * self.degrees))
         });
@@ -382,9 +453,9 @@ impl Dynamics {
     /// What the instrument adds to each observable, as a function of the whole state; none for
     /// an instrument that adds nothing.
     pub(super) fn instrument(&self) -> Option<&Flow> {
-        let flow = self.instrument_flow.get_or_init(|| {
+        let flow = self.compiled.instrument_flow.get_or_init(|| {
             let Gradient { rows, linear } = &self.instrument;
-            let silent = rows.iter().all(|&row| self.graph.is_zero(row));
+            let silent = rows.iter().all(|&row| self.motion.graph.is_zero(row));
             if silent && linear.iter().all(Vec::is_empty) {
                 return None;
             }
@@ -401,13 +472,13 @@ impl Dynamics {
 
     /// Taylor series of the motion; `None` for what has kinks or jumps.
     pub(super) fn series(&self, order: usize) -> Option<Arc<Series>> {
-        let mut known = self.series.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut known = self.compiled.series.lock().unwrap_or_else(PoisonError::into_inner);
         let compile = || {
             // An input has its own series in every interval.
             if self.is_driven() {
                 return None;
             }
-            let mut graph = self.graph.clone();
+            let mut graph = self.motion.graph.clone();
             let rates = self.rates(&mut graph);
             let (state, unknowns) = (&self.state, &self.unknowns);
             Series::new(&mut graph, state, unknowns, &rates, order, self.backend).map(Arc::new)
@@ -418,29 +489,29 @@ impl Dynamics {
     /// Name of a function in the equations of motion that has a kink or a jump: its derivatives
     /// come to nothing but zero.
     pub fn kink(&self) -> Option<&'static str> {
-        let mut graph = self.graph.clone();
+        let mut graph = self.motion.graph.clone();
         let rates = self.rates(&mut graph);
         let inside = graph.topological(&rates);
         inside.into_iter().find_map(|expr| match graph.node(expr) {
-            Node::Apply(function, _) if !function.row().smooth => Some(function.row().name),
+            Node::Apply(function, _) if !function.row().is_smooth() => Some(function.row().name),
             _ => None,
         })
     }
 
     /// (v, -g).
     fn rates(&self, graph: &mut Graph) -> Vec<Expr> {
-        let mut rates = self.velocity.rows.clone();
-        rates.extend(self.slope.rows.iter().map(|&g| graph.negate(g)));
+        let mut rates = self.motion.velocity.rows.clone();
+        rates.extend(self.motion.slope.rows.iter().map(|&g| graph.negate(g)));
         rates
     }
 
     /// (v, -g) as a function of the whole state.
     pub(super) fn field(&self) -> &Flow {
-        self.field.get_or_init(|| {
-            let mut graph = self.graph.clone();
+        self.compiled.field.get_or_init(|| {
+            let mut graph = self.motion.graph.clone();
             let rows = self.rates(&mut graph);
-            let mut linear = self.velocity.linear.clone();
-            linear.extend(self.slope.linear.iter().map(|list| {
+            let mut linear = self.motion.velocity.linear.clone();
+            linear.extend(self.motion.slope.linear.iter().map(|list| {
                 list.iter().map(|&(unknown, expr)| (unknown, graph.negate(expr))).collect()
             }));
             self.compile(graph, &rows, &linear, 0..2 * self.degrees)
@@ -453,20 +524,23 @@ impl Dynamics {
         if self.backend != Backend::Machine {
             return None;
         }
-        if self.steps_taken.fetch_add(steps, Ordering::Relaxed) + steps < WORTH_A_LOOP {
+        if self.compiled.steps_taken.fetch_add(steps, Ordering::Relaxed) + steps < WORTH_A_LOOP {
             return None;
         }
-        let mut loops = self.loops.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut loops = self.compiled.loops.lock().unwrap_or_else(PoisonError::into_inner);
         let compile = || {
             if self.is_driven() {
                 return None;
             }
             let order: Vec<bool> = (0..stages).map(|stage| stage % 2 == 0).collect();
             let source = StepSource {
-                graph: &self.graph,
+                graph: &self.motion.graph,
                 state: &self.state,
-                drift: (&self.velocity.rows, self.drift().sources(&self.state, &self.unknowns)),
-                kick: (&self.slope.rows, self.kick().sources(&self.state, &self.unknowns)),
+                drift: (
+                    &self.motion.velocity.rows,
+                    self.drift().sources(&self.state, &self.unknowns),
+                ),
+                kick: (&self.motion.slope.rows, self.kick().sources(&self.state, &self.unknowns)),
                 stages: &order,
             };
             compile_steps(&source).map(Arc::from)
@@ -480,7 +554,7 @@ impl Dynamics {
         linear: &[Vec<(usize, Expr)>],
         inputs: std::ops::Range<usize>,
     ) -> Flow {
-        self.compile(self.graph.clone(), rows, linear, inputs)
+        self.compile(self.motion.graph.clone(), rows, linear, inputs)
     }
 
     fn compile(
@@ -493,64 +567,6 @@ impl Dynamics {
         let source =
             FlowSource { functions, linear, state: &self.state, inputs, unknowns: &self.unknowns };
         Flow::new(graph, &source, self.backend)
-    }
-}
-
-impl Gradient {
-    /// Derivatives of H by `symbols`. Terms are linear in their coefficients, so that every
-    /// mixed derivative is the derivative of a term.
-    fn conservative(
-        graph: &mut Graph,
-        system: &System,
-        active: &[usize],
-        known: Expr,
-        symbols: &[Symbol],
-    ) -> Gradient {
-        let mut conservative: Vec<usize> = Vec::new();
-        let mut exprs = vec![known];
-        for (unknown, &k) in active.iter().enumerate() {
-            let parts: Vec<Expr> = system.terms[k]
-                .parts()
-                .filter(|(place, _)| place.is_energy())
-                .map(|(_, expr)| expr)
-                .collect();
-            if !parts.is_empty() {
-                conservative.push(unknown);
-                exprs.push(graph.sum(&parts));
-            }
-        }
-        let mut gradient = Gradient { rows: Vec::new(), linear: Vec::new() };
-        for &symbol in symbols {
-            let derivatives = graph.derivatives(&exprs, symbol);
-            let mut parts = vec![(1.0, derivatives[0])];
-            let mut linear = Vec::new();
-            for (&unknown, &derivative) in conservative.iter().zip(&derivatives[1..]) {
-                if graph.is_zero(derivative) {
-                    continue;
-                }
-                let coefficient = graph.symbol(Symbol::Coefficient(active[unknown]));
-                parts.push((1.0, graph.multiply(coefficient, derivative)));
-                linear.push((unknown, derivative));
-            }
-            gradient.rows.push(graph.linear(0.0, &parts));
-            gradient.linear.push(linear);
-        }
-        gradient
-    }
-
-    fn subtract_forces(&mut self, graph: &mut Graph, system: &System, active: &[usize]) {
-        for (i, (row, linear)) in self.rows.iter_mut().zip(&mut self.linear).enumerate() {
-            let mut parts = vec![(1.0, *row)];
-            parts.extend(system.forces.get(i).map(|&force| (-1.0, force)));
-            for (unknown, &k) in active.iter().enumerate() {
-                if let Some(expr) = system.terms[k].part(Place::Force(i)) {
-                    let coefficient = graph.symbol(Symbol::Coefficient(k));
-                    parts.push((-1.0, graph.multiply(coefficient, expr)));
-                    linear.push((unknown, graph.negate(expr)));
-                }
-            }
-            *row = graph.linear(0.0, &parts);
-        }
     }
 }
 

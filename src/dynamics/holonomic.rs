@@ -1,6 +1,6 @@
 //! Holonomic constraints among the equations of motion.
 
-use super::equations::Gradient;
+use super::gradient::Gradient;
 use crate::expr::{Expr, Graph, Symbol, System};
 
 /// Adds the forces that hold the system's constraints to what moves the momenta; `slope` is -dp/dt.

@@ -1,6 +1,6 @@
 //! What is read of a state beside itself: what instruments add, and what measures show.
 
-use super::equations::Gradient;
+use super::gradient::Gradient;
 use crate::expr::{Expr, Graph, Place, Symbol, System, without_others};
 
 /// What the instrument adds to each observable, and its derivatives by the unknowns.

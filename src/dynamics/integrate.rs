@@ -6,14 +6,9 @@ use super::methods::{Method, MethodKind};
 use super::splitting::Recorder;
 use super::{explicit, implicit, splitting};
 
-/// Advances every lane by its own `span[lane]` in `steps` equal steps.
-///
-/// A span may be negative (backward) or 0 (no motion). Inputs go by the polynomials of the batch's
-/// [`Drive`](super::Drive), which must hold for all of the span. Tangents, if the batch has them,
-/// are multiplied by the Jacobian of the discrete map. A lane that leaves the finite numbers
-/// becomes NaN, state and tangent, and does not disturb others; so does every lane when a splitting
-/// is asked for dynamics that is not separable. Nothing is computed for 0 steps.
-pub fn advance(
+/// Advances every lane by its own `span[lane]` in `steps` equal steps, without a look at switching
+/// surfaces: see [`advance`](super::advance).
+pub(super) fn advance_plainly(
     dynamics: &Dynamics,
     method: Method,
     batch: &mut Batch,

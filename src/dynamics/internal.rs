@@ -1,6 +1,6 @@
 //! Internal states of first order among the equations of motion.
 
-use super::equations::Gradient;
+use super::gradient::Gradient;
 use crate::expr::{Graph, Place, Symbol, System, without_others};
 
 /// Puts the laws of internal states where those of coordinates would stand: dw/dt in the place

@@ -2,7 +2,7 @@
 
 use super::batch::{Batch, Scratch};
 use super::equations::Dynamics;
-use super::integrate::advance;
+use super::events::advance;
 use super::methods::{Method, MethodKind};
 
 /// What to integrate with, and why.

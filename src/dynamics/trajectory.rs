@@ -2,7 +2,7 @@
 
 use super::batch::{Batch, Scratch};
 use super::equations::Dynamics;
-use super::integrate::advance;
+use super::events::advance;
 use super::methods::Method;
 
 /// Why a trajectory ends where it does.

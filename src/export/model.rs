@@ -134,7 +134,7 @@ impl Model {
         let smooth = !graph
             .topological(&acting)
             .into_iter()
-            .any(|part| matches!(graph.node(part), Node::Apply(f, _) if !f.row().smooth));
+            .any(|part| matches!(graph.node(part), Node::Apply(f, _) if !f.row().is_smooth()));
         let mut named = roots.clone();
         named.extend(jacobian.iter().chain(&forces).copied());
         let mut inputs = graph.symbols(&named);

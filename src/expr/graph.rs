@@ -438,28 +438,59 @@ impl Graph {
 
     /// Replaces symbols by expressions; symbols without an entry stay.
     pub fn substitute(&mut self, expr: Expr, replace: &HashMap<Symbol, Expr>) -> Expr {
-        self.rebuild(expr, |_, symbol| replace.get(&symbol).copied())
+        self.replace_symbols(expr, |_, symbol| replace.get(&symbol).copied())
     }
 
     /// Replaces symbols by numbers and folds what becomes constant.
     pub fn substitute_numbers(&mut self, expr: Expr, values: &HashMap<Symbol, f64>) -> Expr {
-        self.rebuild(expr, |graph, symbol| values.get(&symbol).map(|&value| graph.number(value)))
+        let number = |graph: &mut Graph, symbol| values.get(&symbol).map(|&x| graph.number(x));
+        self.replace_symbols(expr, number)
     }
 
-    fn rebuild(
+    fn replace_symbols(
         &mut self,
         expr: Expr,
         mut replace: impl FnMut(&mut Graph, Symbol) -> Option<Expr>,
     ) -> Expr {
+        self.rebuild(expr, |graph, part, _| {
+            let Node::Symbol(symbol) = *graph.node(part) else { return None };
+            replace(graph, symbol).or_else(|| {
+                let delay = symbol.inner().and_then(|inner| replace(graph, inner))?;
+                let delayed = symbol.delayed_by(graph, delay)?;
+                Some(graph.symbol(delayed))
+            })
+        })
+    }
+
+    /// Replaces parts that are functions of an argument by expressions, given the argument and what
+    /// it has become.
+    pub(crate) fn replace_functions(
+        &mut self,
+        expr: Expr,
+        mut replace: impl FnMut(&mut Graph, Expr, Function, [Expr; 2]) -> Option<Expr>,
+    ) -> Expr {
+        self.rebuild(expr, |graph, part, image| match *graph.node(part) {
+            Node::Apply(function, argument) => {
+                replace(graph, part, function, [argument, image[&argument]])
+            }
+            _ => None,
+        })
+    }
+
+    /// Builds an expression anew, some of its parts as they are given.
+    fn rebuild(
+        &mut self,
+        expr: Expr,
+        mut replace: impl FnMut(&mut Graph, Expr, &FxHashMap<Expr, Expr>) -> Option<Expr>,
+    ) -> Expr {
         let mut image: FxHashMap<Expr, Expr> = FxHashMap::default();
         for part in self.topological(&[expr]) {
+            if let Some(new) = replace(self, part, &image) {
+                image.insert(part, new);
+                continue;
+            }
             let new = match self.node(part).clone() {
-                Node::Number(_) => part,
-                Node::Symbol(symbol) => replace(self, symbol).unwrap_or_else(|| {
-                    let delay = symbol.inner().and_then(|inner| replace(self, inner));
-                    let delayed = delay.and_then(|delay| symbol.delayed_by(self, delay));
-                    delayed.map_or(part, |delayed| self.symbol(delayed))
-                }),
+                Node::Number(_) | Node::Symbol(_) => part,
                 Node::Sum { constant, terms } => {
                     let parts: Vec<_> = terms.iter().map(|(t, c)| (c.value(), image[t])).collect();
                     self.linear(constant.value(), &parts)

@@ -222,6 +222,23 @@ fn what_the_fit_left_out_comes_back_beside_what_is_missing() {
 }
 
 #[test]
+fn a_mass_that_friction_stops_and_holds_tells_its_numbers() {
+    let truth = "T = p^2/2\nV = q^2 + 0.4*q^4\nforce q += -0.3*p - 0.6*sign(p)\n";
+    let spec = "T = p^2/2\nV = q^2 + 0.4*q^4\nforce q += span{ a: -p, b: -sign(p) }\n";
+    let stopped = base(LINE, truth, spec, LINE_STARTS);
+    for seed in 1..4 {
+        let found = outcome(&case(&stopped, "", 0.01, seed), "");
+        let verdict = found.diagnosis.verdict;
+        assert_eq!(verdict, Verdict::NothingMissing, "seed {seed}: {}", found.diagnosis.reason);
+        for (term, value) in found.model.terms.iter().zip([0.3, 0.6]) {
+            let off = (term.coefficient - value).abs();
+            let text = format!("seed {seed}, {}: {}", term.term, term.coefficient);
+            assert!(off < 0.02 * value && off < 4.0 * term.standard_error, "{text}");
+        }
+    }
+}
+
+#[test]
 fn short_records_are_judged_as_well_as_they_tell_their_noise() {
     let truth = "T = p^2/2\nV = 2.25*q^2\nforce q += -0.43*p\n";
     let damped = base(LINE, truth, "T = p^2/2\nV = 2.25*q^2\n", LINE_STARTS);

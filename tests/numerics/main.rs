@@ -34,5 +34,6 @@ mod rules;
 mod simplify;
 mod suite;
 mod support;
+mod switching;
 mod taylor;
 mod trajectories;

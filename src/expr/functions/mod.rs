@@ -135,8 +135,9 @@ pub struct FunctionRow {
     pub odd: bool,
     /// f(-x) = f(x).
     pub even: bool,
-    /// It has neither kinks nor jumps where it is defined.
-    pub smooth: bool,
+    /// For one with a kink or a jump where its argument passes zero: what it is on one side,
+    /// from its argument and the sign of that side.
+    pub of_side: Option<fn(&mut Graph, Expr, Expr) -> Expr>,
     /// f(x + pi) / f(x), where that is the same for all x.
     pub half_turn: Option<f64>,
     /// Whole numbers whose function is whole: (argument, value).
@@ -159,6 +160,13 @@ pub struct FunctionRow {
     pub c: Target,
     /// Function of SymPy.
     pub sympy: &'static str,
+}
+
+impl FunctionRow {
+    /// Whether it has neither kinks nor jumps where it is defined.
+    pub fn is_smooth(&self) -> bool {
+        self.of_side.is_none()
+    }
 }
 
 /// An elementary function: a row of [`FUNCTIONS`].
