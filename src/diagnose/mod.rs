@@ -26,6 +26,7 @@ pub mod noise_floor;
 pub mod options;
 mod ranking;
 pub mod refit;
+mod rest;
 mod restarting;
 mod rounding;
 pub mod scan;

@@ -2,6 +2,7 @@
 //! start of each segment is free.
 
 use super::law_on_data::LawOnData;
+use super::rest::moving;
 use super::restarting::restarted;
 use crate::dynamics::Dynamics;
 use crate::fit::Loss;
@@ -67,12 +68,24 @@ pub(super) fn problem<'b>(
 /// Parts that nobody measures have no state that a few samples tell: segments are then no shorter
 /// than those that a fit begins with.
 pub fn settle(model: LawOnData) -> Settled {
+    settle_of(model, |_, segments| segments)
+}
+
+/// The best states of the segments in which something moves.
+pub fn settle_moving(model: LawOnData) -> Settled {
+    settle_of(model, moving)
+}
+
+fn settle_of<'a>(
+    model: LawOnData<'a>,
+    some: impl Fn(&LawOnData<'a>, Segments) -> Segments,
+) -> Settled<'a> {
     let least = shortest(&model);
     let window = model.law.window().max(least);
     let model = if least > 0 { model.with_window(window) } else { model };
     let tuning = &model.tuning().states;
     let whole = cut(&model.data.packed, window, &model.options.fit.segments);
-    let segments = whole.spread(model.data.most);
+    let segments = some(&model, whole).spread(model.data.most);
     let mut states = States::measured_by(&model.law, &model.data.packed, &segments.list);
     // Over many periods the misfit has many minima, and what was measured first need not
     // lie near the lowest: the first samples of each segment bring its state there.

@@ -91,6 +91,17 @@ impl Segments {
         short
     }
 
+    /// Those segments that meet a condition.
+    pub fn only(&self, condition: impl Fn(&Segment) -> bool) -> Segments {
+        let mut only = Segments::default();
+        for fold in &self.folds {
+            let start = only.list.len();
+            only.list.extend(self.list[fold.clone()].iter().filter(|s| condition(s)));
+            only.folds.push(start..only.list.len());
+        }
+        only
+    }
+
     /// Segments of at most about `samples` samples in all, taken evenly from every fold; all
     /// of them where there are no more. Folds with few segments are put together.
     pub fn spread(&self, samples: usize) -> Segments {

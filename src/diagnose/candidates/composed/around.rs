@@ -9,7 +9,7 @@ use crate::diagnose::law_on_data::LawOnData;
 use crate::diagnose::refit::{Precision, Refit, Start, refit_whole};
 use crate::diagnose::scan::Scored;
 use crate::diagnose::score_test::Score;
-use crate::diagnose::settling::{Settled, settle};
+use crate::diagnose::settling::{Settled, settle, settle_moving};
 use crate::diagnose::window::followed;
 use crate::error::Result;
 use crate::expr::Scope;
@@ -21,10 +21,10 @@ pub(super) fn linear<'a>(model: &LawOnData<'a>) -> Settled<'a> {
     let spread = model.spreads();
     let tuning = &model.tuning().composed;
     let mut window = tuning.shortest;
-    let mut best = settle(model.with_window(window));
+    let mut best = settle_moving(model.with_window(window));
     while window < tuning.window {
         window *= 2;
-        let longer = settle(model.with_window(window));
+        let longer = settle_moving(model.with_window(window));
         let strays = longer.sums.diverged > best.sums.diverged;
         if strays || strayed(&longer, &spread) > tuning.strays {
             break;

@@ -21,7 +21,7 @@ use super::statements::candidate_of;
 use crate::diagnose::candidates::{Candidate, NumberChange};
 use crate::diagnose::effect::RankedEffect;
 use crate::diagnose::law_on_data::LawOnData;
-use crate::diagnose::settling::{Settled, settle};
+use crate::diagnose::settling::{Settled, settle_moving};
 use crate::diagnose::tuning::{self, Tuning};
 use crate::error::Result;
 use crate::expr::{Scope, System};
@@ -157,7 +157,7 @@ impl<'a, 'b> SetSearch<'a, 'b> {
             Some(around) => {
                 let law = around.model.law.on(&base);
                 self.look_for_stand_ins(around, &law, monitor);
-                let settled = settle(around.model.clone());
+                let settled = settle_moving(around.model.clone());
                 let kept = standing(&settled, &base);
                 let spacing = composed.second_spacing;
                 let mut search = Search::of(&settled, &self.leaves, &kept, spacing, &[]);
@@ -237,7 +237,7 @@ impl<'a, 'b> SetSearch<'a, 'b> {
     /// most of what it leaves. Many are looked at before a part of the data; sets are made of the
     /// best of them before all.
     fn look_for_stand_ins(&mut self, around: &Around, law: &Law, monitor: &dyn Monitor) {
-        let few = settle(around.model.thinned(self.tuning.sets.samples));
+        let few = settle_moving(around.model.thinned(self.tuning.sets.samples));
         let mut found = Vec::new();
         if !around.explains {
             found.extend(self.in_place_of(None, &few, law, monitor));
