@@ -36,8 +36,8 @@ const ON_SURFACE: f64 = 1e-9;
 /// becomes NaN, state and tangent, and does not disturb others; so does every lane when a splitting
 /// is asked for dynamics that is not separable. Nothing is computed for 0 steps.
 ///
-/// Where the equations jump, every trajectory takes its steps between the jumps, and along a surface
-/// that holds it, as dry friction does.
+/// Where the equations jump, every trajectory takes its steps between the jumps, and along a
+/// surface that holds it, as dry friction does.
 pub fn advance(
     dynamics: &Dynamics,
     method: Method,

@@ -55,8 +55,11 @@ fn dry_friction_stops_a_mass_where_it_should() {
     }
 }
 
-/// Systems with jumps: text, theta, and starts that come to them within the span.
-const SYSTEMS: &[(&str, &[f64], &[&[f64]])] = &[
+/// A text, theta, and starts.
+type Case = (&'static str, &'static [f64], &'static [&'static [f64]]);
+
+/// Systems with jumps, and starts that come to them within the span.
+const SYSTEMS: &[Case] = &[
     (DRY, &[0.25], &[&[1.1, -0.2], &[0.1, 0.15], &[-0.9, 0.3], &[0.05, 0.02]]),
     // Both are separable: a kink in the energy, once at a number of its own.
     (
