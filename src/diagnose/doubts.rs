@@ -68,7 +68,7 @@ impl Story<'_> {
 
     /// Standard errors that the least clear coefficient of a member is away from zero. The cosine
     /// and the sine of one wave are its amplitude and its phase: they are so together.
-    fn clearness(&self, member: &Member) -> f64 {
+    pub(super) fn clearness(&self, member: &Member) -> f64 {
         let system = &self.scope.compiled().system;
         let wave = |id: TermId| {
             let name = system.term(id).and_then(|term| term.name.as_deref()).unwrap_or("");
@@ -95,6 +95,46 @@ impl Story<'_> {
         sums.fold(f64::INFINITY, f64::min).sqrt()
     }
 
+    /// Whether what a member does is infinite somewhere between two samples: where a coordinate or
+    /// a momentum passes zero.
+    pub(super) fn is_infinite_on_its_way(&self) -> bool {
+        let system = &self.scope.compiled().system;
+        let mut graph = system.graph.clone();
+        let mut actions: Vec<Expr> = Vec::new();
+        let terms = self.members.iter().flat_map(|member| &member.terms);
+        for (place, expr) in terms.filter_map(|&id| system.term(id)).flat_map(Term::parts) {
+            match place.is_energy() {
+                true => actions.extend(graph.gradient(expr, &system.state())),
+                false => actions.push(expr),
+            }
+        }
+        let parameters: HashMap<usize, f64> = system
+            .parameter_ids()
+            .into_iter()
+            .filter_map(|id| Some((id.position(), self.model.law.parameter(id)?)))
+            .collect();
+        let packed = &self.model.data.packed;
+        let state = system.state();
+        let passes = |run: usize, row: usize| {
+            let values = packed.values_of(row, run);
+            values.windows(2).position(|pair| pair[0] * pair[1] < 0.0)
+        };
+        let infinite = |run: usize, row: usize| {
+            let Some(sample) = passes(run, row) else { return false };
+            let at = |symbol: Symbol| match state.iter().position(|&own| own == symbol) {
+                Some(own) if own == row => 0.0,
+                Some(own) => packed.values_of(own, run)[sample],
+                None => match symbol {
+                    Symbol::Parameter(j) => parameters.get(&j).copied().unwrap_or(1.0),
+                    _ => 1.0,
+                },
+            };
+            actions.iter().any(|&action| graph.value(action, &at).is_infinite())
+        };
+        let rows = 0..state.len();
+        (0..packed.runs()).any(|run| rows.clone().any(|row| infinite(run, row)))
+    }
+
     /// How far each member would be believed by itself.
     pub(super) fn beliefs(&self) -> Vec<Belief> {
         let law = &self.model.law;
@@ -116,7 +156,11 @@ impl Story<'_> {
 /// Whether a story may be told: it explains the data over whole runs, with nothing to spare and by
 /// effects that are what their names say.
 pub(super) fn holds(story: &Story) -> bool {
-    story.explains && story.stands() && !story.is_patchwork() && !story.contradicts_a_name()
+    story.explains
+        && story.stands()
+        && !story.is_patchwork()
+        && !story.contradicts_a_name()
+        && !story.is_infinite_on_its_way()
 }
 
 /// The coordinate that something acts along and the coordinate or momentum that it goes by, where

@@ -7,10 +7,10 @@
 use nalgebra::DVector;
 
 use super::candidates::{Candidate, left_out};
+use super::misfit::is_resolved;
 use super::refit::{Precision, fitted};
 use super::settling::settle;
 use super::story::{Question, Story};
-use super::verdict::is_resolved;
 use crate::error::Result;
 use crate::expr::TermId;
 use crate::fit::Law;
@@ -45,22 +45,18 @@ impl FunctionSpace {
 
     /// A story that has all terms free with those that pay for themselves; these are members.
     pub(super) fn pruned<'a>(&self, story: Story<'a>, question: &Question<'a, '_>) -> Story<'a> {
-        if self.left_out.is_empty() {
-            return story;
-        }
         let settled = settle(story.model.clone());
         let Some(found) = fitted(&settled, &settled.model.law, Precision::Ranking) else {
             return story.with_own_terms(&self.left_out);
         };
         let rows = found.sums.rows.max(2) as f64;
         let variance = story.variance_of(&found.sums);
-        let price = |one: &Candidate| 2.0 * one.choice + rows.ln();
         let system = story.scope.compiled().system.clone();
         let mut open: Vec<(TermId, f64)> = Vec::new();
         for one in &self.left_out {
             let Some(own) = one.left_out() else { continue };
             let ids = system.terms_with_ids().filter(|(_, term)| own.is(term));
-            open.extend(ids.map(|(id, _)| (id, price(one))));
+            open.extend(ids.map(|(id, _)| (id, one.price_of_number(rows))));
         }
         // What is left at the limit of what data resolve is no noise that a term could be told by.
         let limit = if is_resolved(&story.model) { 0.0 } else { rows };

@@ -42,3 +42,11 @@ pub(super) fn is_noise_of(seen: &Sums, unseen: &Sums, model: &LawOnData) -> bool
     let spread = (2.0 * model.autocorrelation_time * (1.0 / own + 1.0 / other)).sqrt();
     ratio - 1.0 <= model.tuning().verdict.at_noise * spread
 }
+
+/// Whether the noise of some observable is above what the integrator and rounding leave.
+pub(super) fn is_resolved(model: &LawOnData) -> bool {
+    let LawOnData { law, .. } = model;
+    let tuning = &model.tuning().verdict;
+    let mut known = law.noise().iter().zip(law.resolution());
+    known.any(|(noise, resolution)| *noise > tuning.resolved * resolution)
+}

@@ -50,6 +50,9 @@ pub(super) struct Member {
     pub positive: bool,
 }
 
+/// Two sums of the same squares differ by this part of them, at most.
+const SAME_SQUARES: f64 = 1e-6;
+
 /// Terms of a member, and its inner parameters.
 type Own = (Vec<TermId>, Vec<ParameterId>);
 
@@ -234,7 +237,7 @@ impl<'a> Story<'a> {
             let Some(numbers) = numbers else { continue };
             let clear = numbers.iter().map(|(value, error)| (value / error).powi(2)).sum();
             let effect = RankedEffect::of_term(one, numbers, p_value(clear) * own.len() as f64);
-            let price = 2.0 * one.choice + rows.ln();
+            let price = one.price_of_number(rows);
             let parameters = Vec::new();
             let (named, positive) = (true, false);
             self.members.push(Member { effect, terms, parameters, price, named, positive });
@@ -513,7 +516,9 @@ impl<'a> Story<'a> {
     pub(super) fn left_within_errors(&self, of: &Settled) -> Option<(Sums, f64)> {
         let determined = self.determined.as_ref()?;
         let other = of.linearised();
-        if other.columns() != determined.columns() {
+        // What the derivatives lose of the motion, though the motion itself goes on, says nothing.
+        let lost = (other.select(&[]).least() - of.sums.loss).abs() > SAME_SQUARES * of.sums.loss;
+        if lost || other.columns() != determined.columns() {
             return None;
         }
         let mut both = determined.clone();

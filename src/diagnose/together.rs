@@ -83,7 +83,25 @@ fn beside<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<Ve
         let around = Around { model, changes: changes.collect(), explains: best.explains };
         proposed = search.proposed(question.scope, Some(&around), question.monitor)?;
     }
-    Ok(Some(found.into_iter().map(|(_, story)| story).collect()))
+    let shortened = |(_, story)| shortened(question, story);
+    found.into_iter().map(shortened).collect::<Result<Vec<Story>>>().map(Some)
+}
+
+/// A story that explains the data, without the members that are not clearly there as long as it
+/// explains them all the same.
+fn shortened<'a>(question: &Question<'a, '_>, mut story: Story<'a>) -> Result<Story<'a>> {
+    while story.explains && !story.stands() && story.members.len() > 1 {
+        if question.monitor.stopped() {
+            break;
+        }
+        let clearness = story.members.iter().map(|member| story.clearness(member)).enumerate();
+        let Some((least, _)) = clearness.min_by(|a, b| a.1.total_cmp(&b.1)) else { break };
+        match story.without(question, least)? {
+            Some(shorter) if shorter.explains => story = shorter,
+            _ => break,
+        }
+    }
+    Ok(story)
 }
 
 fn labels(set: &ProposedSet) -> Vec<&str> {

@@ -8,8 +8,7 @@ use super::description::description_lengths;
 use super::diagnosis::{Diagnosis, Verdict};
 use super::doubts::holds;
 use super::effect::RankedEffect;
-use super::law_on_data::LawOnData;
-use super::misfit::{error_of, excess, is_noise_of};
+use super::misfit::{error_of, excess, is_noise_of, is_resolved};
 use super::rounding::is_feigned;
 use super::settling::settle;
 use super::story::{Member, Question, Story};
@@ -27,9 +26,10 @@ struct Unseen {
     at_noise: bool,
     /// Whether it is that by what these errors add alone.
     by_errors: bool,
-    /// What it takes to describe them: squares where the numbers move within their errors, beside
-    /// what that costs.
-    length: f64,
+    /// Squares that are left where the numbers move within their errors.
+    left: f64,
+    /// What that costs: twice the nats by which it widens predictions.
+    widened: f64,
 }
 
 /// Judges stories, the best first, the model as it is among them, and writes the answer. Where none
@@ -136,6 +136,8 @@ fn fault_of(
         Some("its members are pieces of one curve, which fit any")
     } else if story.contradicts_a_name() {
         Some("one of its coefficients has the sign of the opposite effect")
+    } else if story.is_infinite_on_its_way() {
+        Some("one of its members is infinite where the motion passes")
     } else if enough.is_some_and(|bare| !pays(story, bare, tuning)) {
         Some("the model explains the data as well without it")
     } else {
@@ -172,9 +174,8 @@ fn unseen<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Unseen {
         error,
         at_noise: settled.sums.diverged == 0 && (noise || by_errors),
         by_errors,
-        length: within_errors.map_or(settled.sums.loss, |(sums, widened)| {
-            sums.loss / model.autocorrelation_time + widened
-        }),
+        left: within_errors.as_ref().map_or(settled.sums.loss, |(sums, _)| sums.loss),
+        widened: within_errors.map_or(0.0, |(_, widened)| widened),
     }
 }
 
@@ -185,10 +186,13 @@ fn unseen<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Unseen {
 /// and with as few numbers. What has numbers to spare may hold the story in it and is no rival.
 fn tell(diagnosis: &mut Diagnosis, told: Vec<(Story, Unseen)>, before: &Unseen, tuning: &Tuning) {
     let stories: Vec<&Story> = told.iter().map(|(story, _)| story).collect();
+    // Where one of them leaves white noise, what another leaves has no memory by the instrument.
+    let times = stories.iter().map(|story| story.model.autocorrelation_time);
+    let time = times.fold(f64::INFINITY, f64::min).max(1.0);
     let lengths: Vec<f64> = description_lengths(&stories, tuning)
         .iter()
         .zip(&told)
-        .map(|(length, (_, after))| length + after.length)
+        .map(|(length, (_, after))| length + after.left / time + after.widened)
         .collect();
     let least = lengths.iter().copied().fold(f64::INFINITY, f64::min);
     let near = |length: &f64| length - least < tuning.ranking.indistinguishable;
@@ -303,12 +307,4 @@ fn unexplained(
             times(before.error)
         ),
     };
-}
-
-/// Whether the noise of some observable is above what the integrator and rounding leave.
-pub(super) fn is_resolved(model: &LawOnData) -> bool {
-    let LawOnData { law, .. } = model;
-    let tuning = &model.tuning().verdict;
-    let mut known = law.noise().iter().zip(law.resolution());
-    known.any(|(noise, resolution)| *noise > tuning.resolved * resolution)
 }

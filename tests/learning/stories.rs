@@ -239,6 +239,24 @@ fn a_mass_that_friction_stops_and_holds_tells_its_numbers() {
 }
 
 #[test]
+fn a_mass_that_friction_stops_and_holds_says_so() {
+    let known = "T = p^2/2\nV = q^2 + 0.4*q^4\n";
+    let laws = [
+        (1, 0.6, "T = p^2/2\nV = q^2 + 0.4*q^4\nforce q += -0.3*p - 0.6*sign(p)\n"),
+        (2, 0.35, "T = p^2/2\nV = q^2 + 0.4*q^4\nforce q += -0.1*p - 0.35*sign(p)\n"),
+    ];
+    for (seed, dry, truth) in laws {
+        let stopped = base(LINE, truth, known, LINE_STARTS);
+        let found = outcome(&case(&stopped, "", 0.01, seed), "").diagnosis;
+        assert_eq!(found.verdict, Verdict::Missing, "seed {seed}: {}", found.reason);
+        let friction = found.story.iter().find(|member| member.effect == "coulomb_friction(q)");
+        let friction = friction.unwrap_or_else(|| panic!("seed {seed}: {}", found.reason));
+        let number = friction.coefficient[0];
+        assert!((number - dry).abs() < 0.02 * dry, "seed {seed}: {number}; {}", found.reason);
+    }
+}
+
+#[test]
 fn short_records_are_judged_as_well_as_they_tell_their_noise() {
     let truth = "T = p^2/2\nV = 2.25*q^2\nforce q += -0.43*p\n";
     let damped = base(LINE, truth, "T = p^2/2\nV = 2.25*q^2\n", LINE_STARTS);

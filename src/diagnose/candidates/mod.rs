@@ -177,6 +177,12 @@ impl Candidate {
         })
     }
 
+    /// What one number of it costs beside so many residuals: twice the nats of the Bayesian
+    /// information criterion and of the choice among its kind.
+    pub fn price_of_number(&self, residuals: f64) -> f64 {
+        2.0 * self.choice + residuals.ln()
+    }
+
     /// Columns that it has in a score test.
     pub fn columns(&self) -> usize {
         match &self.origin {
