@@ -262,9 +262,10 @@ def unfinished(fields: dict[str, Any]) -> dict[str, Any]:
 class Diagnosis(_Result):
     """Which physical effect a law lacks: ``diagnose`` in ``docs/formats.md``.
 
-    ``verdict`` is ``missing``, ``nothing_missing``, ``unexplained`` or ``too_little_data``, or
-    ``interrupted`` where Ctrl-C came before the end (``interrupted`` is then true);
-    ``reason`` says why in a sentence; ``ranking`` has what was found, the best first.
+    ``verdict`` is ``missing``, ``explained_in_part``, ``nothing_missing``, ``unexplained`` or
+    ``too_little_data``, or ``interrupted`` where Ctrl-C came before the end (``interrupted`` is
+    then true); ``reason`` says why in a sentence; ``ranking`` has what was found, the best first,
+    ``story`` what explains all, ``partial`` what is clear of a part.
     """
 
     @property

@@ -190,7 +190,6 @@ class Spec:
         u: Any = None,
         held_out: float = 0.25,
         seed: int = 0,
-        partial: bool = False,
         correlated_noise: bool = True,
         orbits: int = 0,
         all_pairs: bool = False,
@@ -200,8 +199,8 @@ class Spec:
         """Fits, asks what is missing, adds it and fits again, until what is left is noise.
 
         The spec stays as it is: ``discover(...).spec`` is the longer one, ``.law`` its law. Where no
-        story explains the data, ``partial`` adds the best that explains a part; the three options
-        behind it are those of :meth:`Law.diagnose`.
+        explanation reaches the noise, what is clear of it is added. The options behind ``seed`` are
+        those of :meth:`Law.diagnose`.
 
         >>> import leverrier
         >>> found = leverrier.open("examples/damped-pendulum/fit.ham").discover()
@@ -209,11 +208,7 @@ class Spec:
         ['viscous_drag(q)']
         """
         training, unseen = self.data(X, t=t, run=run, u=u).split(held_out, seed)
-        options = (
-            fit_options(),
-            diagnosis_options(correlated_noise, orbits, all_pairs),
-            bool(partial),
-        )
+        options = (fit_options(), diagnosis_options(correlated_noise, orbits, all_pairs))
         threads = threads_of(threads)
 
         def wrapped(found: tuple[str, _native.Law, _native.Spec]) -> Discovery:

@@ -183,14 +183,14 @@ impl Spec {
         py: Python<'_>,
         training: &Data,
         held_out: &Data,
-        options: (FitOptions, DiagnosisOptions, bool),
+        options: (FitOptions, DiagnosisOptions),
         threads: Option<usize>,
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<(String, Law, Spec)> {
         let (spec, training, held_out) = (self.0.clone(), training.0.clone(), held_out.0.clone());
-        let (fit, diagnosis, partial) = options;
+        let (fit, diagnosis) = options;
         let fit = fit.options().or_raise(py)?;
-        let options = leverrier::DiscoveryOptions { fit, diagnosis: diagnosis.options(), partial };
+        let options = leverrier::DiscoveryOptions { fit, diagnosis: diagnosis.options() };
         let search = move |monitor: &dyn leverrier::Monitor| {
             spec.discover(&training, &held_out, &options, monitor)
         };

@@ -24,7 +24,10 @@ use crate::fit::{Monitor as _, Options, Silent};
 use crate::report::discovery_text;
 use crate::report::layout::{WIDTH, wrapped};
 
-/// Diagnose, add what is missing, fit again, until no effect lowers the error on held-out runs.
+/// Diagnose, add what is missing, fit again, until what is left is noise or nothing is clear of it.
+///
+/// What is clear of an explanation that leaves more than noise is added, too, and it is said how
+/// much that is.
 ///
 /// Every addition becomes a statement of the spec and a revision of its ledger; `undo` takes
 /// them back one by one.
@@ -38,9 +41,6 @@ pub(super) struct Arguments {
     /// Say what would be added, and leave the spec as it is.
     #[arg(long)]
     pub dry_run: bool,
-    /// Where no story explains the data over whole runs, add the best that explains a part.
-    #[arg(long)]
-    pub partial: bool,
     #[command(flatten)]
     pub diagnosis: DiagnosisArguments,
     #[command(flatten)]
@@ -58,7 +58,6 @@ pub(super) fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let options = DiscoveryOptions {
         fit: Options { parameter_starts: spec.compiled().starts.clone(), ..Options::default() },
         diagnosis: arguments.diagnosis.options(),
-        partial: arguments.partial,
     }
     .tuned();
     let training = &workspace.split.training;

@@ -25,7 +25,7 @@ use super::comparison::ResidualMap;
 use super::doubts::holds;
 pub use super::effect::RankedEffect;
 use super::hidden::{Unseen, look_for_states};
-use super::in_part::in_part;
+use super::in_part::{InPart, in_part};
 use super::law_on_data::{LawOnData, Measurements};
 use super::noise_floor::shortest;
 use super::options::Options;
@@ -57,8 +57,8 @@ pub struct Diagnosis {
     /// far from the model's.
     #[serde(skip)]
     pub beside_story: Vec<(TermId, f64)>,
-    /// Where no story holds: named changes that are clear all the same, with errors that count what
-    /// they leave; what does as well in the place of each is in its `indistinguishable`.
+    /// Where a part is explained: named changes that are clear beside what they leave, with errors
+    /// that count it; what does as well in the place of each is in its `indistinguishable`.
     pub partial: Vec<RankedEffect>,
     /// The members of the story after the first.
     pub further: Vec<RankedEffect>,
@@ -84,6 +84,8 @@ pub struct Diagnosis {
 pub enum Verdict {
     /// A named effect explains what the model misses.
     Missing,
+    /// Named effects explain a part of what the model misses, and are clear beside what is left.
+    ExplainedInPart,
     /// What is left is noise.
     NothingMissing,
     /// Something is missing that the catalogue does not have.
@@ -249,7 +251,14 @@ fn asked(
     }
     if diagnosis.verdict == Verdict::Unexplained && !monitor.stopped() {
         monitor.stage("what is clear of it", 0.95);
-        diagnosis.partial = in_part(&question, &bare);
+        if let Some(InPart { members, reason, shape }) = in_part(&question, &bare) {
+            diagnosis.verdict = Verdict::ExplainedInPart;
+            diagnosis.partial = members;
+            diagnosis.reason = reason;
+            diagnosis.shape = shape;
+            diagnosis.unnamed = None;
+            diagnosis.unnamed_explains_more = false;
+        }
     }
     Ok(diagnosis)
 }

@@ -61,16 +61,6 @@ pub struct Step {
     pub indistinguishable: Vec<String>,
 }
 
-/// Which stories are added to a spec.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Accepts {
-    /// Those that hold: they explain the data over whole runs.
-    #[default]
-    Whole,
-    /// Where none holds, also what is clear of it all the same.
-    Partial,
-}
-
 /// What may be chosen about a discovery. The defaults serve every system.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DiscoveryOptions {
@@ -78,12 +68,10 @@ pub struct DiscoveryOptions {
     pub fit: fit::Options,
     /// Options of the diagnoses.
     pub diagnosis: Options,
-    /// Which stories are added.
-    pub accepts: Accepts,
 }
 
-/// Adds the story of a diagnosis to a spec, and asks again until what is left is noise, or no story
-/// holds: then nothing more is added, unless parts of an explanation are accepted.
+/// Adds what a diagnosis finds missing to a spec, all of it or the part that is clear, and asks
+/// again until what is left is noise, or nothing is clear of it.
 ///
 /// # Errors
 ///
@@ -103,6 +91,7 @@ pub fn discover(
     let start = text.clone();
     let first = (compiled.clone(), model.clone());
     let mut interrupted = false;
+    let mut in_part = false;
     let (stop, verdict) = loop {
         let round = steps.len() + 1;
         monitor.stage(&format!("what is missing, round {round}"), 0.1);
@@ -119,11 +108,15 @@ pub fn discover(
         }
         let story = match diagnosis.verdict {
             Verdict::Missing => &diagnosis.story,
-            Verdict::Unexplained if options.accepts == Accepts::Partial => &diagnosis.partial,
+            Verdict::ExplainedInPart => &diagnosis.partial,
             _ => &Vec::new(),
         };
         if story.is_empty() {
-            break (diagnosis.reason, diagnosis.verdict);
+            let verdict = match diagnosis.verdict {
+                Verdict::Unexplained if in_part => Verdict::ExplainedInPart,
+                verdict => verdict,
+            };
+            break (diagnosis.reason, verdict);
         }
         if steps.len() >= options.diagnosis.tuning.discovery.additions {
             let sentence = format!(
@@ -151,6 +144,7 @@ pub fn discover(
                 if alone { &diagnosis.indistinguishable } else { &member.indistinguishable };
             steps.push(step(member, others));
         }
+        in_part |= diagnosis.verdict == Verdict::ExplainedInPart;
         (text, compiled, model) = (longer, next, fitted);
     };
     let last = model.law_of(&compiled.system)?;

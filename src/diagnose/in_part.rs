@@ -2,26 +2,40 @@
 //!
 //! The law of a real rig lacks more than can be named. What does not reach the noise may still be
 //! most of what is missing, or may be whatever bends to it. An effect is believed where its numbers
-//! are clear by errors that count what is left ([`scores`](crate::fit::scores)), where consecutive
-//! parts of the data, each by itself, give it the same numbers, and where it takes a good part of
-//! what is left of held-out runs: what bends to a larger thing has the name of another. What does
-//! as well in its place is said. This is a lead and no answer.
+//! are clear by errors that count what is left ([`scores`](crate::fit::scores)), where parts of the
+//! data, each by itself, give it the same numbers, small motions and large ones, too, and where it
+//! takes a good part of what is left of held-out runs: what bends to a larger thing has the name of
+//! another. What does as well in its place is said, and how large and how correlated that is which
+//! is left.
 
+use super::comparison::{ResidualMap, strongest_map};
 use super::effect::RankedEffect;
 use super::misfit::error_of;
 use super::refit::{Precision, fitted};
 use super::search::extended;
 use super::settling::{Settled, settle};
 use super::story::{Question, Story};
+use super::times::times;
 use super::tuning::Tuning;
+use super::whiteness::autocovariance;
 use super::window::longest;
 use crate::fit::column::Column;
 use crate::fit::scores::{Fold, Scores};
 
-/// What is clear of what is missing: one named effect after another, as long as all of them would
-/// be believed. `bare` is the story without a change. Errors on held-out runs are those without a
-/// change and with all of them.
-pub(super) fn in_part<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Vec<RankedEffect> {
+/// What is clear of what is missing, and what is not.
+pub(super) struct InPart {
+    /// Named effects that would be believed, fitted together; what does as well in the place of
+    /// each is among its rivals.
+    pub(super) members: Vec<RankedEffect>,
+    /// What they explain and what they leave, in a sentence.
+    pub(super) reason: String,
+    /// The force that is left, where it shows most.
+    pub(super) shape: Option<ResidualMap>,
+}
+
+/// One named effect after another, as long as all of them would be believed; `None` where not one
+/// is. `bare` is the story without a change.
+pub(super) fn in_part<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Option<InPart> {
     let tuning = question.model.tuning();
     let mut story = bare.clone();
     let mut held = None;
@@ -34,7 +48,7 @@ pub(super) fn in_part<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Vec<
         (story, held) = (best.plain, Some(best.held));
         rivals.push(others);
     }
-    let Some(held) = held else { return Vec::new() };
+    let held = held?;
     let window = held.model.law.window();
     let bare = bare.with_noise(held.model.noise()).over(window);
     let (before, after) = (held_out_error(question, &bare), held_out_error(question, &held));
@@ -44,7 +58,38 @@ pub(super) fn in_part<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Vec<
         indistinguishable: rivals,
         ..member.effect.clone()
     });
-    members.collect()
+    let members: Vec<RankedEffect> = members.collect();
+    let names: Vec<&str> = members.iter().map(|member| member.effect.as_str()).collect();
+    let (take, is) = if names.len() == 1 { ("takes", "is") } else { ("take", "are") };
+    let mut reason = format!(
+        "{} {take} the error on held-out runs from {} to {} times the noise, and {is} clear by \
+         standard errors that count what is left",
+        names.join(" and "),
+        times(before),
+        times(after)
+    );
+    if let Some((name, correlation)) = most_correlated(&held) {
+        reason += &format!(
+            "; that is no noise: what is left of {name} is from one sample to the next the same to \
+             {correlation:.2} (correlation)"
+        );
+    }
+    Some(InPart { members, reason, shape: strongest_map(&held.model).ok().flatten() })
+}
+
+/// The observable whose residuals are most like their neighbours, and the correlation of these.
+fn most_correlated(story: &Story) -> Option<(String, f64)> {
+    let settled = settle(story.model.clone());
+    let residuals = settled.residuals();
+    let of = |(place, name): (usize, String)| {
+        let series = residuals.iter().filter_map(|segment| segment.get(place));
+        let series: Vec<&[f64]> = series.map(Vec::as_slice).collect();
+        let products = autocovariance(&series, 1)?;
+        Some((name, products[1] / products[0]))
+    };
+    let names = story.model.system().observables();
+    let all = names.into_iter().enumerate().filter_map(of);
+    all.max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 /// A story with one more effect, all of whose members are clear.
@@ -75,12 +120,10 @@ impl<'a> Tried<'a> {
         let excess = |error: f64| (error.powi(2) - 1.0).max(0.0);
         // Where the model before loses the motion, its error is no number.
         let left = if before.is_nan() { 0.0 } else { excess(after) / excess(before) };
-        (after.is_finite() && left < tuning.in_part.left).then_some(Tried {
-            plain,
-            held,
-            inflation: best.inflation,
-            left,
-        })
+        let tried = Tried { plain, held, inflation: best.inflation, left };
+        let last = tried.plain.members.last().map_or(0, |member| member.effect.coefficient.len());
+        let most = tuning.in_part.left.powi(last as i32);
+        (after.is_finite() && left < most).then_some(tried)
     }
 
     fn unknowns(&self) -> usize {
@@ -173,7 +216,7 @@ impl<'a> Held<'a> {
     /// wrong sign; or whether a member has no name.
     fn is_doubtful(&self, story: &Story, tuning: &Tuning) -> bool {
         let folds: Vec<Fold> = self.scores.folds().into_iter().flatten().collect();
-        let clear = tuning.verdict.standard_errors;
+        let clear = tuning.in_part.standard_errors;
         folds.len() < 2
             || story.beliefs().iter().any(|member| {
                 let agree = |one: &(f64, Column)| folds.iter().all(|fold| self.agrees(fold, *one));

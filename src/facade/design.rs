@@ -403,7 +403,7 @@ pub(crate) fn purpose(
             );
             Purpose { goal: worst, rivals, why }
         }
-        (_, Verdict::Unexplained) => {
+        (_, Verdict::Unexplained | Verdict::ExplainedInPart) => {
             let why = format!("What is missing is not in the catalogue, {measures}");
             Purpose { goal: worst, rivals: as_it_is(), why }
         }

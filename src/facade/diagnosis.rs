@@ -26,6 +26,7 @@ pub struct Diagnosis {
     reason: String,
     effects: Vec<Effect>,
     story: Vec<Effect>,
+    partial: Vec<Effect>,
     indistinguishable: Vec<String>,
     document: Value,
     /// All of it, for figures.
@@ -40,6 +41,7 @@ pub struct Diagnosis {
 /// fn act_on(verdict: Verdict) -> &'static str {
 ///     match verdict {
 ///         Verdict::Missing => "add the effect and fit again",
+///         Verdict::ExplainedInPart => "add what is clear, and look at what is left",
 ///         Verdict::NothingMissing => "done",
 ///         Verdict::Unexplained => "look at the residual force",
 ///         _ => "measure more",
@@ -52,6 +54,8 @@ pub struct Diagnosis {
 pub enum Verdict {
     /// A named effect explains what the law misses.
     Missing,
+    /// Named effects explain a part of what the law misses, and are clear beside what is left.
+    ExplainedInPart,
     /// What is left is noise.
     NothingMissing,
     /// Something is missing that the catalogue does not have.
@@ -97,6 +101,7 @@ impl Verdict {
     pub(super) fn of(verdict: diagnosis::Verdict) -> Verdict {
         match verdict {
             diagnosis::Verdict::Missing => Verdict::Missing,
+            diagnosis::Verdict::ExplainedInPart => Verdict::ExplainedInPart,
             diagnosis::Verdict::NothingMissing => Verdict::NothingMissing,
             diagnosis::Verdict::Unexplained => Verdict::Unexplained,
             diagnosis::Verdict::TooLittleData => Verdict::InsufficientData,
@@ -141,6 +146,7 @@ impl Diagnosis {
             verdict: Verdict::of(found.verdict),
             reason: found.reason,
             story: found.story.into_iter().map(effect).collect(),
+            partial: found.partial.into_iter().map(effect).collect(),
             effects: found.ranking.into_iter().map(effect).collect(),
             indistinguishable: found.indistinguishable,
         }
@@ -166,6 +172,21 @@ impl Diagnosis {
     /// ```
     pub fn story(&self) -> &[Effect] {
         &self.story
+    }
+
+    /// Where no explanation reaches the noise: the changes that are clear all the same, their
+    /// numbers fitted together, with errors that count what they leave. None unless the verdict is
+    /// [`Verdict::ExplainedInPart`].
+    ///
+    /// ```
+    /// let spec = leverrier::Spec::open("examples/damped-pendulum/fit.ham")?;
+    /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
+    /// let diagnosis = spec.fit(&training)?.diagnose(&training, &held_out)?;
+    /// assert!(diagnosis.partial().is_empty());
+    /// # Ok::<(), leverrier::Error>(())
+    /// ```
+    pub fn partial(&self) -> &[Effect] {
+        &self.partial
     }
 
     /// The answer in a word.

@@ -1,7 +1,7 @@
 //! What may be chosen about a diagnosis and the loop around it. The defaults serve every system.
 
 use crate::diagnose;
-use crate::diagnose::discover::{self, Accepts};
+use crate::diagnose::discover;
 use crate::fit;
 
 /// Options of a diagnosis.
@@ -50,14 +50,14 @@ impl DiagnosisOptions {
     }
 }
 
-/// Options of a discovery: of the fits, of the diagnoses, and of what is added.
+/// Options of a discovery: of the fits and of the diagnoses.
 ///
 /// ```
 /// use leverrier::{DiscoveryOptions, Silent, Spec};
 ///
 /// let spec = Spec::open("examples/damped-pendulum/fit.ham")?;
 /// let (training, held_out) = spec.data()?.split(0.25, 0)?;
-/// let options = DiscoveryOptions { partial: true, ..DiscoveryOptions::default() };
+/// let options = DiscoveryOptions::default();
 /// let found = spec.discover(&training, &held_out, &options, &Silent)?;
 /// assert_eq!(found.steps()[0].effect, "viscous_drag(q)");
 /// # Ok::<(), leverrier::Error>(())
@@ -68,18 +68,11 @@ pub struct DiscoveryOptions {
     pub fit: fit::Options,
     /// Of every diagnosis.
     pub diagnosis: DiagnosisOptions,
-    /// Where no story explains the data over whole runs: whether the best that explains a part is
-    /// added. By default nothing is.
-    pub partial: bool,
 }
 
 impl DiscoveryOptions {
     /// The same for the layer that discovers.
     pub(crate) fn tuned(&self) -> discover::DiscoveryOptions {
-        discover::DiscoveryOptions {
-            fit: self.fit.clone(),
-            diagnosis: self.diagnosis.tuned(),
-            accepts: if self.partial { Accepts::Partial } else { Accepts::Whole },
-        }
+        discover::DiscoveryOptions { fit: self.fit.clone(), diagnosis: self.diagnosis.tuned() }
     }
 }

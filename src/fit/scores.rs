@@ -29,7 +29,8 @@ pub struct Scores {
     /// J'J over all samples.
     information: DMatrix<f64>,
     /// The same for each of a few parts of the data, with the sum of its scores: runs that follow
-    /// each other, then what comes early and what comes late in every run.
+    /// each other, then what comes early and what comes late in every run, then small motions and
+    /// large ones.
     folds: Vec<(DMatrix<f64>, DVector<f64>)>,
     /// Of each run the scores of its samples, in the order of time.
     runs: Vec<Vec<DVector<f64>>>,
@@ -78,17 +79,20 @@ impl Scores {
         let nothing = || (DMatrix::zeros(unknowns, unknowns), DVector::zeros(unknowns));
         let mut scores = Scores {
             information: DMatrix::zeros(unknowns, unknowns),
-            folds: (0..2 * FOLDS).map(|_| nothing()).collect(),
+            folds: (0..3 * FOLDS).map(|_| nothing()).collect(),
             runs: Vec::new(),
         };
         let mut last = None;
         let count = parts.len();
         let ends = ends(&parts);
+        let ranks = ranks_by_size(problem, &parts);
         for (at, part) in parts.into_iter().enumerate() {
             let Segment { run, first, .. } = part.place;
             let end = ends.get(&run).copied().unwrap_or(1).max(1);
-            // One of the parts of all runs, one of those of each run.
-            for fold in [at * FOLDS / count, FOLDS + (first * FOLDS / end).min(FOLDS - 1)] {
+            // One of the parts of all runs, one of those of each run, one of those of one size.
+            let early = FOLDS + (first * FOLDS / end).min(FOLDS - 1);
+            let small = 2 * FOLDS + ranks[at] * FOLDS / count;
+            for fold in [at * FOLDS / count, early, small] {
                 let (information, sum) = &mut scores.folds[fold];
                 *information += &part.information;
                 *sum += part.scores.iter().sum::<DVector<f64>>();
@@ -172,6 +176,36 @@ impl Scores {
         }
         if below > 0.0 { 1.1447 * (above / below * samples as f64).cbrt() } else { 0.0 }
     }
+}
+
+/// Places of segments in the order of how far their motion goes from the middle of all motion, in
+/// units of the noise.
+fn ranks_by_size(problem: &Problem, parts: &[Part]) -> Vec<usize> {
+    let middle = |observable: usize| {
+        let known = problem.measured.column(observable).iter().filter(|x| x.is_finite());
+        let (count, sum) = known.fold((0.0, 0.0), |(count, sum), x| (count + 1.0, sum + x));
+        if count > 0.0 { sum / count } else { 0.0 }
+    };
+    let middles: Vec<f64> = (0..problem.weights.len()).map(middle).collect();
+    let size = |part: &Part| {
+        let Segment { run, first, last } = part.place;
+        let of = |(observable, (middle, weight)): (usize, (&f64, &f64))| {
+            let values = problem.measured.values_of(observable, run);
+            let values = values.get(first..=last).unwrap_or_default().iter();
+            let known = values.map(|x| (x - middle) * weight).filter(|x| x.is_finite());
+            let (count, sum) = known.fold((0.0, 0.0), |(count, sum), x| (count + 1.0, sum + x * x));
+            if count > 0.0 { sum / count } else { 0.0 }
+        };
+        middles.iter().zip(problem.weights).enumerate().map(of).sum::<f64>()
+    };
+    let sizes: Vec<f64> = parts.iter().map(size).collect();
+    let mut order: Vec<usize> = (0..parts.len()).collect();
+    order.sort_by(|&a, &b| sizes[a].total_cmp(&sizes[b]));
+    let mut ranks = vec![0; parts.len()];
+    for (rank, place) in order.into_iter().enumerate() {
+        ranks[place] = rank;
+    }
+    ranks
 }
 
 /// The sample behind the last one of each run.

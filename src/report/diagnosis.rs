@@ -158,7 +158,14 @@ pub fn discovery_text(
         1 => "One effect was added".to_string(),
         many => format!("{many} effects were added"),
     };
-    let count = if found.interrupted { format!("Interrupted. {count}") } else { count };
+    let count = match found.verdict {
+        _ if found.interrupted => format!("Interrupted. {count}"),
+        Verdict::ExplainedInPart if found.steps.len() == 1 => {
+            format!("{count}, which explains a part of what is missing")
+        }
+        Verdict::ExplainedInPart => format!("{count}, which explain a part of what is missing"),
+        _ => count,
+    };
     let mut sections = vec![wrapped(
         &format!(
             "{count}: the error on held-out runs went from {} to {} times the noise. Why it stopped: {}.",
@@ -220,6 +227,7 @@ pub fn diagnosis_text(
     let width = width.map_or(WIDTH, |width| usize::from(width).max(40));
     let word = match diagnosis.verdict {
         Verdict::Missing => "Missing",
+        Verdict::ExplainedInPart => "A part of what is missing is explained",
         Verdict::NothingMissing => "Nothing is missing",
         Verdict::Unexplained => "Something is missing that the catalogue does not have",
         Verdict::TooLittleData => "Too little data to say",
@@ -247,7 +255,11 @@ pub fn diagnosis_text(
     if let Some(sentence) = present::indistinguishable(diagnosis) {
         sections.push(wrapped(&sentence, width, 2));
     }
-    let numbers: Vec<String> = diagnosis.story.iter().filter_map(number_text).collect();
+    if !diagnosis.partial.is_empty() {
+        sections.push(wrapped(&present::in_part(diagnosis), width, 2));
+    }
+    let told = diagnosis.story.iter().chain(&diagnosis.partial);
+    let numbers: Vec<String> = told.filter_map(number_text).collect();
     if !numbers.is_empty() {
         let lines: Vec<String> =
             numbers.iter().map(|one| wrapped(&format!("- {one}"), width, 2)).collect();
@@ -280,9 +292,9 @@ fn number_text(leader: &RankedEffect) -> Option<String> {
     Some(format!("{what} (line {line}, column {column}) should be {value}"))
 }
 
-/// How to add what holds; nothing where nothing does.
+/// How to add what holds, or what is clear; nothing where nothing is.
 fn to_add(diagnosis: &Diagnosis, spec: &str) -> Option<String> {
-    let story = &diagnosis.story;
+    let story = if diagnosis.story.is_empty() { &diagnosis.partial } else { &diagnosis.story };
     let named = |member: &RankedEffect| member.snippet.strip_prefix("effect ").map(str::to_string);
     match story.as_slice() {
         [] => None,
@@ -322,17 +334,6 @@ fn unexplained(diagnosis: &Diagnosis, width: usize) -> Vec<String> {
         );
         sections.push(wrapped(&sentence, width, 2));
     }
-    if let (Some(first), Some(last)) = (diagnosis.partial.first(), diagnosis.partial.last()) {
-        let names: Vec<String> = diagnosis.partial.iter().map(or_instead).collect();
-        let sentence = format!(
-            "A part of it may be {}: the error on held-out runs goes from {} to {}, and more is \
-             missing. `leverrier discover --partial` adds that part.",
-            names.join(", with "),
-            times(first.held_out_error_before),
-            times(last.held_out_error_after),
-        );
-        sections.push(wrapped(&sentence, width, 2));
-    }
     if let Some(unnamed) = &diagnosis.unnamed {
         let sentence = format!(
             "The best term outside the catalogue is {}{}. To add it, write into the spec:",
@@ -345,17 +346,6 @@ fn unexplained(diagnosis: &Diagnosis, width: usize) -> Vec<String> {
         sections.push(drawn(shape, width));
     }
     sections
-}
-
-/// `viscous_drag(q) 0.150(2) (or quadratic_drag(q) in its place)`.
-fn or_instead(member: &RankedEffect) -> String {
-    let numbers = member.coefficient.iter().zip(&member.standard_error);
-    let numbers: Vec<String> = numbers.map(|(&x, &s)| uncertain(x, s, 4)).collect();
-    let mut text = format!("{} {}", member.effect, numbers.join(", "));
-    if !member.indistinguishable.is_empty() {
-        text += &format!(" (or {} in its place)", member.indistinguishable.join(" or "));
-    }
-    text
 }
 
 /// A coefficient before and after a revision of the spec.

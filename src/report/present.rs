@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::diagnose::diagnosis::Diagnosis;
+use crate::diagnose::diagnosis::{Diagnosis, RankedEffect};
 use crate::fit::distribution::Distribution;
 use crate::fit::model::LearnedTerm;
 use crate::simplify::{significant, uncertain};
@@ -28,6 +28,21 @@ pub fn indistinguishable(diagnosis: &Diagnosis) -> Option<String> {
     let own = if story.is_empty() { first.effect.clone() } else { story.join(" and ") };
     let others = diagnosis.indistinguishable.join(", or from ");
     Some(format!("These data cannot distinguish {own} from {others}."))
+}
+
+/// The effects that explain a part, with their numbers and what does as well in their place.
+pub fn in_part(diagnosis: &Diagnosis) -> String {
+    let with_numbers = |member: &RankedEffect| {
+        let numbers = member.coefficient.iter().zip(&member.standard_error);
+        let numbers: Vec<String> = numbers.map(|(&x, &s)| uncertain(x, s, 4)).collect();
+        let mut text = format!("{} {}", member.effect, numbers.join(", "));
+        if !member.indistinguishable.is_empty() {
+            text += &format!(" (or {} in its place)", member.indistinguishable.join(" or "));
+        }
+        text
+    };
+    let members: Vec<String> = diagnosis.partial.iter().map(with_numbers).collect();
+    format!("What is clear of it: {}. More is missing.", members.join("; "))
 }
 
 /// How often a term is chosen when the data are resampled.

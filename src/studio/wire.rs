@@ -159,7 +159,7 @@ pub(super) fn missing(diagnosis: &Diagnosis) -> Value {
         "reason": capital(&diagnosis.reason),
         "leaders": diagnosis.ranking.iter().map(leader).collect::<Vec<_>>(),
         "indistinguishable": present::indistinguishable(diagnosis),
-        "partial": diagnosis.partial.iter().map(|leader| &leader.effect).collect::<Vec<_>>(),
+        "partial": (!diagnosis.partial.is_empty()).then(|| present::in_part(diagnosis)),
         "further": diagnosis.further.iter().map(|leader| &leader.effect).collect::<Vec<_>>(),
         "unnamed": diagnosis.unnamed.as_ref().map(leader),
         "tested": (diagnosis.candidates > 0).then(|| present::tested(diagnosis)),

@@ -93,12 +93,19 @@ fn what_no_catalogue_has_is_composed_where_a_term_says_it() {
 
 #[test]
 #[ignore = "long"]
-fn what_no_term_says_is_unexplained() {
+fn what_no_term_says_is_not_explained() {
+    // A force that comes late by d is -d times its derivative along the motion to first order: for
+    // a pendulum a damping that feeds energy for small angles and takes it beyond, and to second
+    // order another spring. That part is there.
+    let late = ["self_excitation(q)", "negative_damping(q)", "linear_spring(q)"];
     for stranger in STRANGERS.iter().filter(|stranger| stranger.name != "bump") {
         let outcome = outcome(&stranger.case(0.01, 1), stranger.name);
         let reason = &outcome.diagnosis.reason;
-        assert_eq!(outcome.verdict, Verdict::Unexplained, "{}: {reason}", stranger.base);
-        assert!(outcome.diagnosis.story.is_empty());
+        let whole = matches!(outcome.verdict, Verdict::Missing | Verdict::NothingMissing);
+        assert!(!whole && outcome.diagnosis.story.is_empty(), "{}: {reason}", stranger.base);
+        let is_there = |part: &str| stranger.name == "delay" && late.contains(&part);
+        let mut parts = outcome.diagnosis.partial.iter().map(|part| part.effect.as_str());
+        assert!(parts.all(is_there), "{} of {}: {reason}", stranger.name, stranger.base);
     }
 }
 

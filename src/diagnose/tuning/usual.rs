@@ -179,7 +179,7 @@ const TUNING: Tuning = Tuning {
         unmistakable: 1e-6,
         resolved: 10.0,
     },
-    in_part: InPart { left: 0.7, segments: 8 },
+    in_part: InPart { left: 0.7, standard_errors: 8.0, segments: 8 },
     hidden: Hidden {
         gain: 1.3,
         nearly: 0.5,

@@ -75,6 +75,11 @@ pub(crate) fn cards(page: &Page) -> String {
         let first = diagnosis.ranking.first().map_or("", |leader| leader.effect.as_str());
         match diagnosis.verdict {
             Verdict::Missing => card(first, "is missing, as far as these data can say"),
+            Verdict::ExplainedInPart => {
+                let parts = diagnosis.partial.iter().map(|leader| leader.effect.as_str());
+                let parts: Vec<&str> = parts.collect();
+                card(&parts.join(", "), "explains a part of what is missing");
+            }
             Verdict::NothingMissing => card("nothing", "is missing that stands out of the noise"),
             Verdict::Unexplained => {
                 card("unnamed", "something is missing that the catalogue lacks")
@@ -190,6 +195,7 @@ pub(crate) fn findings(page: &Page) -> String {
 fn verdict(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Missing => "Something is missing",
+        Verdict::ExplainedInPart => "A part of what is missing is explained",
         Verdict::NothingMissing => "Nothing is missing",
         Verdict::Unexplained => "Something is missing that the catalogue does not have",
         Verdict::TooLittleData => "Too little data to say what is missing",
@@ -240,7 +246,7 @@ fn forces(page: &Page, figures: &Drawn) -> String {
 fn missing(page: &Page, figures: &Drawn) -> String {
     let Some(diagnosis) = page.material.diagnosis else { return String::new() };
     let class = match diagnosis.verdict {
-        Verdict::Missing => "missing",
+        Verdict::Missing | Verdict::ExplainedInPart => "missing",
         Verdict::Unexplained => "unexplained",
         Verdict::NothingMissing | Verdict::TooLittleData | Verdict::Interrupted => "quiet",
     };
@@ -256,7 +262,8 @@ fn missing(page: &Page, figures: &Drawn) -> String {
     if let Some(sentence) = present::indistinguishable(diagnosis) {
         let _ = writeln!(out, "<p>{}</p>", escaped(&sentence));
     }
-    let snippets = diagnosis.story.iter().map(|one| one.snippet.as_str());
+    let told = diagnosis.story.iter().chain(&diagnosis.partial);
+    let snippets = told.map(|one| one.snippet.as_str());
     let snippets: Vec<&str> = snippets.filter(|text| !text.is_empty()).collect();
     if !snippets.is_empty() {
         let _ = writeln!(
@@ -275,13 +282,7 @@ fn missing(page: &Page, figures: &Drawn) -> String {
         );
     }
     if !diagnosis.partial.is_empty() {
-        let parts: Vec<&str> =
-            diagnosis.partial.iter().map(|leader| leader.effect.as_str()).collect();
-        let _ = writeln!(
-            out,
-            "<p>A part of it may be {}; more is missing.</p>",
-            escaped(&parts.join(", with "))
-        );
+        let _ = writeln!(out, "<p>{}</p>", escaped(&present::in_part(diagnosis)));
     }
     if let Some(unnamed) = &diagnosis.unnamed {
         let _ = writeln!(

@@ -250,7 +250,7 @@
 
   // ---- what is missing
   const VERDICTS = {
-    missing: "Something is missing", nothing_missing: "Nothing is missing",
+    missing: "Something is missing", explained_in_part: "A part of what is missing is explained", nothing_missing: "Nothing is missing",
     unexplained: "Something is missing that has no name here",
     too_little_data: "Too little data to say", interrupted: "Interrupted",
   };
@@ -325,7 +325,7 @@
     box.append(make("strong", "", VERDICTS[missing.verdict] ?? missing.verdict), make("span", "", `${missing.reason}.`));
     if (missing.indistinguishable) box.append(make("p", "", missing.indistinguishable));
     if (missing.further.length) box.append(make("p", "", `It explains the runs together with ${missing.further.join(" and ")}.`));
-    if (missing.partial.length) box.append(make("p", "", `A part of it may be ${missing.partial.join(" with ")}; more is missing.`));
+    if (missing.partial) box.append(make("p", "", missing.partial));
     verdict.replaceChildren(box);
     const shown = missing.leaders.slice(0, 6).map((leader, at) => card(leader, at === 0 && missing.verdict === "missing"));
     if (missing.unnamed) {

@@ -287,13 +287,14 @@ pub(crate) fn scored(plan: &Plan, patience: f64) -> Record {
     record.verdict = match told.verdict {
         Verdict::Missing => "missing",
         Verdict::NothingMissing => "nothing missing",
+        Verdict::ExplainedInPart => "explained in part",
         Verdict::Unexplained => "unexplained",
         Verdict::TooLittleData => "too little data",
         Verdict::Interrupted => "interrupted",
     }
     .to_string();
     record.reason.clone_from(&told.reason);
-    for (at, one) in told.story.iter().enumerate() {
+    for (at, one) in told.story.iter().chain(&told.partial).enumerate() {
         let mut told_of = member(one.effect.clone(), &one.coefficient, &one.standard_error);
         told_of.indistinguishable.clone_from(&one.indistinguishable);
         if at == 0 && told.story.len() == 1 {
