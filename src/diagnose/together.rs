@@ -83,8 +83,13 @@ fn beside<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<Ve
         let around = Around { model, changes: changes.collect(), explains: best.explains };
         proposed = search.proposed(question.scope, Some(&around), question.monitor)?;
     }
-    let shortened = |(_, story)| shortened(question, story);
-    found.into_iter().map(shortened).collect::<Result<Vec<Story>>>().map(Some)
+    let mut stories: Vec<Story> = found.into_iter().map(|(_, story)| story).collect();
+    // Where one holds, what the others have to spare need not be known.
+    if !stories.iter().any(holds) {
+        let shortened = |story| shortened(question, story);
+        stories = stories.into_iter().map(shortened).collect::<Result<Vec<Story>>>()?;
+    }
+    Ok(Some(stories))
 }
 
 /// A story that explains the data, without the members that are not clearly there as long as it
