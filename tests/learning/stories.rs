@@ -180,6 +180,43 @@ fn what_is_clear_is_a_lead_where_something_is_left() {
     }
 }
 
+/// A damped pendulum by the midpoint rule in steps that go with its pace, as solvers of a loose
+/// tolerance take them: times, angles, angular velocities.
+fn loosely_solved() -> (Vec<f64>, Vec<f64>, Vec<f64>) {
+    let rate = |theta: f64, omega: f64| -9.81 * theta.sin() - 0.1 * omega;
+    let (mut theta, mut omega) = (0.8_f64, 0.0_f64);
+    let mut columns = (Vec::new(), Vec::new(), Vec::new());
+    for sample in 0..100 {
+        columns.0.push(0.1 * f64::from(sample));
+        columns.1.push(theta);
+        columns.2.push(omega);
+        let steps = 4 + (2.0 * omega.abs()) as usize;
+        let step = 0.1 / steps as f64;
+        for _ in 0..steps {
+            let middle = (theta + step / 2.0 * omega, omega + step / 2.0 * rate(theta, omega));
+            (theta, omega) = (theta + step * middle.1, omega + step * rate(middle.0, middle.1));
+        }
+    }
+    columns
+}
+
+#[test]
+fn what_a_loose_solver_adds_is_not_named() {
+    let text = "coordinates theta\nmomenta omega\ntime t\nT = omega^2/2\nV = span{ cos(theta) }";
+    let spec = leverrier::Spec::parse(text).expect("a sound spec");
+    let (times, theta, omega) = loosely_solved();
+    let data = leverrier::Data::from_slices(&spec, &times, &[&theta, &omega]).expect("columns");
+    let (training, held_out) = data.split(0.25, 0).expect("enough samples");
+    let law = spec.fit(&training).expect("a law");
+    let found = law.diagnose(&training, &held_out).expect("an answer");
+    let reason = found.reason();
+    assert_eq!(found.verdict(), leverrier::Verdict::ExplainedInPart, "{reason}");
+    let [drag] = found.partial() else { panic!("{reason}") };
+    assert_eq!(drag.effect, "viscous_drag(theta)", "{reason}");
+    assert!((drag.coefficients[0] / 0.1 - 1.0).abs() < 0.05, "{:?}", drag.coefficients);
+    assert!(reason.contains("correlation"), "{reason}");
+}
+
 #[test]
 fn a_term_that_the_fit_left_out_is_told_as_one() {
     let truth = "T = p^2/2\nV = q^2/2 + 0.1*q^4\n";
