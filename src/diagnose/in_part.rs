@@ -21,6 +21,7 @@ use super::whiteness::autocovariance;
 use super::window::longest;
 use crate::fit::column::Column;
 use crate::fit::scores::{Fold, Scores};
+use crate::fit::windowed::is_significant;
 
 /// What is clear of what is missing, and what is not.
 pub(super) struct InPart {
@@ -68,28 +69,38 @@ pub(super) fn in_part<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Opti
         times(before),
         times(after)
     );
-    if let Some((name, correlation)) = most_correlated(&held) {
+    if let Some(Alike { observable, correlation }) = most_alike(&held) {
         reason += &format!(
-            "; that is no noise: what is left of {name} is from one sample to the next the same to \
-             {correlation:.2} (correlation)"
+            "; that is no noise: what is left of {observable} is from one sample to the next the \
+             same to {correlation:.2} (correlation)"
         );
     }
     Some(InPart { members, reason, shape: strongest_map(&held.model).ok().flatten() })
 }
 
-/// The observable whose residuals are most like their neighbours, and the correlation of these.
-fn most_correlated(story: &Story) -> Option<(String, f64)> {
-    let settled = settle(story.model.clone());
-    let residuals = settled.residuals();
-    let of = |(place, name): (usize, String)| {
+/// Residuals of neighbouring samples that are no noise.
+struct Alike {
+    observable: String,
+    /// From one sample to the next.
+    correlation: f64,
+}
+
+/// The observable whose residuals are most like their neighbours; `None` where none are, by more
+/// than chance.
+fn most_alike(story: &Story) -> Option<Alike> {
+    let residuals = settle(story.model.clone()).residuals();
+    let of = |(place, observable): (usize, String)| {
         let series = residuals.iter().filter_map(|segment| segment.get(place));
         let series: Vec<&[f64]> = series.map(Vec::as_slice).collect();
+        let known: usize =
+            series.iter().map(|one| one.iter().filter(|x| x.is_finite()).count()).sum();
         let products = autocovariance(&series, 1)?;
-        Some((name, products[1] / products[0]))
+        let correlation = (products[1] / products[0]).min(1.0);
+        is_significant(correlation, known).then_some(Alike { observable, correlation })
     };
     let names = story.model.system().observables();
     let all = names.into_iter().enumerate().filter_map(of);
-    all.max_by(|a, b| a.1.total_cmp(&b.1))
+    all.max_by(|a, b| a.correlation.total_cmp(&b.correlation))
 }
 
 /// A story with one more effect, all of whose members are clear.

@@ -72,7 +72,7 @@ pub(crate) mod tuning_check;
 pub mod uncertainty;
 mod warned;
 pub mod warning;
-mod windowed;
+pub(crate) mod windowed;
 
 pub use gauss_newton::StopReason;
 pub use law::Law;

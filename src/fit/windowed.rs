@@ -203,7 +203,7 @@ pub(super) struct Residuals {
 pub(super) const SIGNIFICANT: f64 = 5.0;
 
 /// Whether a correlation of so many pairs is above zero, and by no chance.
-pub(super) fn is_significant(correlation: f64, pairs: usize) -> bool {
+pub(crate) fn is_significant(correlation: f64, pairs: usize) -> bool {
     correlation * (pairs as f64).sqrt() > SIGNIFICANT
 }
 

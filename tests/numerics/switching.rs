@@ -107,58 +107,69 @@ fn names(dynamics: &Dynamics) -> &'static [&'static str] {
     if dynamics.separable() { &["forest-ruth", "rk4"] } else { &["rk4", "gauss-legendre-4"] }
 }
 
-#[test]
-fn tangents_take_the_jump_of_every_event() {
+/// Motion of a system by a method from a start.
+struct Moved<'a> {
+    text: &'a str,
+    dynamics: &'a Dynamics,
+    name: &'a str,
+    start: &'a [f64],
+    theta: &'a [f64],
+}
+
+/// Every start of every system by every method that suits it.
+fn for_every_start(check: impl Fn(&Moved)) {
     for (text, theta, starts) in SYSTEMS {
-        let dynamics = Dynamics::whole(&system(text), Backend::default());
-        for (start, name) in
-            starts.iter().flat_map(|s| names(&dynamics).iter().map(move |n| (s, n)))
-        {
-            let columns = start.len() + theta.len();
-            let (_, tangent) = end(&dynamics, name, start, theta, 40);
-            for column in 0..columns {
-                let moved = |by: f64| {
-                    let (mut start, mut theta) = (start.to_vec(), theta.to_vec());
-                    match column.checked_sub(start.len()) {
-                        Some(unknown) => theta[unknown] += by,
-                        None => start[column] += by,
-                    }
-                    end(&dynamics, name, &start, &theta, 40).0
-                };
-                let (before, after) = (moved(-1e-5), moved(1e-5));
-                for row in 0..start.len() {
-                    let numeric = (after[row] - before[row]) / 2e-5;
-                    let exact = tangent[row * columns + column];
-                    assert!(
-                        (numeric - exact).abs() < 2e-5 * (1.0 + exact.abs()),
-                        "{text}\n{name} from {start:?}, d{row}/d{column}: {exact} for {numeric}"
-                    );
-                }
+        let dynamics = &Dynamics::whole(&system(text), Backend::default());
+        for start in *starts {
+            for name in names(dynamics) {
+                check(&Moved { text, dynamics, name, start, theta });
             }
         }
     }
 }
 
 #[test]
-fn every_method_keeps_its_order_across_events() {
-    for (text, theta, starts) in SYSTEMS {
-        let dynamics = Dynamics::whole(&system(text), Backend::default());
-        for (start, name) in
-            starts.iter().flat_map(|s| names(&dynamics).iter().map(move |n| (s, n)))
-        {
-            let truth = end(&dynamics, name, start, theta, 640).0;
-            let error = |steps: usize| -> f64 {
-                let state = end(&dynamics, name, start, theta, steps).0;
-                let differences = state.iter().zip(&truth).map(|(a, b)| (a - b).abs());
-                differences.fold(0.0, f64::max)
+fn tangents_take_the_jump_of_every_event() {
+    for_every_start(|&Moved { text, dynamics, name, start, theta }| {
+        let columns = start.len() + theta.len();
+        let (_, tangent) = end(dynamics, name, start, theta, 40);
+        for column in 0..columns {
+            let moved = |by: f64| {
+                let (mut start, mut theta) = (start.to_vec(), theta.to_vec());
+                match column.checked_sub(start.len()) {
+                    Some(unknown) => theta[unknown] += by,
+                    None => start[column] += by,
+                }
+                end(dynamics, name, &start, &theta, 40).0
             };
-            let (coarse, fine) = (error(10), error(40));
-            assert!(
-                fine < coarse / 100.0 || fine < 1e-9,
-                "{text}\n{name} from {start:?}: {coarse:e}, {fine:e}"
-            );
+            let (before, after) = (moved(-1e-5), moved(1e-5));
+            for row in 0..start.len() {
+                let numeric = (after[row] - before[row]) / 2e-5;
+                let exact = tangent[row * columns + column];
+                assert!(
+                    (numeric - exact).abs() < 2e-5 * (1.0 + exact.abs()),
+                    "{text}\n{name} from {start:?}, d{row}/d{column}: {exact} for {numeric}"
+                );
+            }
         }
-    }
+    });
+}
+
+#[test]
+fn every_method_keeps_its_order_across_events() {
+    for_every_start(|&Moved { text, dynamics, name, start, theta }| {
+        let truth = end(dynamics, name, start, theta, 640).0;
+        let error = |steps: usize| -> f64 {
+            let state = end(dynamics, name, start, theta, steps).0;
+            let differences = state.iter().zip(&truth).map(|(a, b)| (a - b).abs());
+            differences.fold(0.0, f64::max)
+        };
+        let (coarse, fine) = (error(10), error(40));
+        assert!(
+            fine < coarse / 100.0 || fine < 1e-9,
+            "{text}\n{name} from {start:?}: {coarse:e}, {fine:e}"
+        );
+    });
 }
 
 #[test]
