@@ -17,7 +17,6 @@ use super::settling::{Settled, settle};
 use super::story::{Question, Story};
 use super::times::times;
 use super::tuning::Tuning;
-use super::whiteness::autocovariance;
 use super::window::longest;
 use crate::fit::column::Column;
 use crate::fit::scores::{Fold, Scores};
@@ -69,7 +68,7 @@ pub(super) fn in_part<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Opti
         times(before),
         times(after)
     );
-    if let Some(Alike { observable, correlation }) = most_alike(&held) {
+    if let Some((observable, correlation)) = most_alike(&held) {
         reason += &format!(
             "; that is no noise: what is left of {observable} is from one sample to the next the \
              same to {correlation:.2} (correlation)"
@@ -78,29 +77,15 @@ pub(super) fn in_part<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Opti
     Some(InPart { members, reason, shape: strongest_map(&held.model).ok().flatten() })
 }
 
-/// Residuals of neighbouring samples that are no noise.
-struct Alike {
-    observable: String,
-    /// From one sample to the next.
-    correlation: f64,
-}
-
-/// The observable whose residuals are most like their neighbours; `None` where none are, by more
-/// than chance.
-fn most_alike(story: &Story) -> Option<Alike> {
-    let residuals = settle(story.model.clone()).residuals();
-    let of = |(place, observable): (usize, String)| {
-        let series = residuals.iter().filter_map(|segment| segment.get(place));
-        let series: Vec<&[f64]> = series.map(Vec::as_slice).collect();
-        let known: usize =
-            series.iter().map(|one| one.iter().filter(|x| x.is_finite()).count()).sum();
-        let products = autocovariance(&series, 1)?;
-        let correlation = (products[1] / products[0]).min(1.0);
-        is_significant(correlation, known).then_some(Alike { observable, correlation })
-    };
-    let names = story.model.system().observables();
-    let all = names.into_iter().enumerate().filter_map(of);
-    all.max_by(|a, b| a.correlation.total_cmp(&b.correlation))
+/// The observable whose residuals are most like those of the next sample, and their correlation;
+/// `None` where none are, by more than chance.
+fn most_alike(story: &Story) -> Option<(String, f64)> {
+    let neighbours = settle(story.model.clone()).what_is_left().neighbours;
+    let alike = neighbours
+        .into_iter()
+        .filter(|(_, correlation, pairs)| is_significant(*correlation, *pairs));
+    let most = alike.max_by(|a, b| a.1.total_cmp(&b.1));
+    most.map(|(observable, correlation, _)| (observable, correlation.min(1.0)))
 }
 
 /// A story with one more effect, all of whose members are clear.

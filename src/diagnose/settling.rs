@@ -13,6 +13,7 @@ use crate::fit::scales::{fewest_samples, scales};
 use crate::fit::scores::Scores;
 use crate::fit::segments::{Segments, cut};
 use crate::fit::states::States;
+use crate::fit::windowed::Residuals;
 
 /// A law on data, with the best state of every segment of the law's window.
 #[derive(Clone)]
@@ -169,6 +170,16 @@ impl Settled<'_> {
         let theta = model.law.theta(&dynamics);
         let weights = model.law.weights();
         pass::linearise(&problem(model, segments, &weights), &dynamics, &theta, states).merged()
+    }
+
+    /// How alike the residuals of neighbouring samples are, and how large those of each run.
+    pub(super) fn what_is_left(&self) -> Residuals {
+        let Settled { model, segments, states, .. } = self;
+        let dynamics = model.law.dynamics_of_runs();
+        let theta = model.law.theta(&dynamics);
+        let weights = model.law.weights();
+        let problem = problem(model, segments, &weights);
+        Residuals::of(&problem, (&dynamics, &theta), states, model.system())
     }
 
     /// What each sample says of all numbers of the law, states eliminated.

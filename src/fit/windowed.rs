@@ -190,10 +190,10 @@ impl<'a> Held<'a> {
 
 /// What segments leave, as far as it is looked at.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Residuals {
+pub(crate) struct Residuals {
     /// Of each observable its name, the correlation of its residuals from one sample to the next,
     /// and the pairs that it is from.
-    pub(super) neighbours: Vec<(String, f64, usize)>,
+    pub(crate) neighbours: Vec<(String, f64, usize)>,
     /// Of each run its sum of weighted squares, and the values that are in it.
     pub(super) runs: Vec<(f64, usize)>,
 }
@@ -213,7 +213,7 @@ impl Residuals {
         self.neighbours.iter().any(|(_, correlation, pairs)| is_significant(*correlation, *pairs))
     }
 
-    pub(super) fn of(
+    pub(crate) fn of(
         problem: &Problem,
         law: Equations,
         states: &States,
