@@ -11,6 +11,15 @@ pub(crate) struct Case {
     pub known: &'static str,
     pub asked: Asked,
     pub spec: &'static str,
+    /// What is added to it.
+    pub with: &'static str,
+}
+
+impl Case {
+    /// The whole spec.
+    pub(crate) fn text(&self) -> String {
+        format!("{}{}", self.spec, self.with)
+    }
 }
 
 const TORQUE: &str = "coordinates theta [rad]
@@ -32,15 +41,6 @@ T = p^2/2
 V = span{ q, q^2, q^4 }
 ";
 
-const WHEEL_WITH_FRICTION: &str = "coordinates q [rad]
-momenta p [rad/s]
-time t [s]
-data \"wheel_400mA.csv\" { time \"Zeit t\" [s]  q = \"Weg &b_A1\"  p not measured }
-T = p^2/2
-V = span{ q, q^2, q^4 }
-force q += span{ viscous: -p, dry: -sign(p) }
-";
-
 const DRIVEN_WHEEL: &str = "coordinates q [rad]
 momenta p [rad/s]
 time t [s]
@@ -49,16 +49,6 @@ data \"wheel_forced.csv\" { time \"Zeit t\" [s]  q = \"Weg &b_A1\"  p not measur
 T = p^2/2
 V = span{ q, q^2, q^4 }
 force q += span{ u }
-";
-
-const DRIVEN_WHEEL_WITH_FRICTION: &str = "coordinates q [rad]
-momenta p [rad/s]
-time t [s]
-input u [V] { linear }
-data \"wheel_forced.csv\" { time \"Zeit t\" [s]  q = \"Weg &b_A1\"  p not measured  u = \"Spannung U_B1\" }
-T = p^2/2
-V = span{ q, q^2, q^4 }
-force q += span{ u, viscous: -p }
 ";
 
 const FAN: &str = "coordinates theta [rad]
@@ -122,6 +112,7 @@ pub(crate) const CASES: &[Case] = &[
         known: "J 0.133 to 0.140, m g l 2.1 to 2.5, dry friction 0.19",
         asked: Asked::Fit,
         spec: TORQUE,
+        with: "",
     },
     Case {
         title: "the same pendulum",
@@ -129,13 +120,15 @@ pub(crate) const CASES: &[Case] = &[
         known: "dry friction",
         asked: Asked::Discover,
         spec: TORQUE,
+        with: "",
     },
     Case {
         title: "Pohl's wheel with its frictions",
         file: "wheel_400mA.csv",
         known: "q^2 5.33, viscous 0.42, dry 0.03",
         asked: Asked::Fit,
-        spec: WHEEL_WITH_FRICTION,
+        spec: WHEEL,
+        with: "force q += span{ viscous: -p, dry: -sign(p) }\n",
     },
     Case {
         title: "Pohl's wheel",
@@ -143,13 +136,15 @@ pub(crate) const CASES: &[Case] = &[
         known: "viscous and dry friction",
         asked: Asked::Discover,
         spec: WHEEL,
+        with: "",
     },
     Case {
         title: "Pohl's wheel, driven, with its friction",
         file: "wheel_forced.csv",
         known: "viscous 0.105",
         asked: Asked::Fit,
-        spec: DRIVEN_WHEEL_WITH_FRICTION,
+        spec: DRIVEN_WHEEL,
+        with: "force q += span{ viscous: -p }\n",
     },
     Case {
         title: "Pohl's wheel, driven",
@@ -157,6 +152,7 @@ pub(crate) const CASES: &[Case] = &[
         known: "viscous friction",
         asked: Asked::Discover,
         spec: DRIVEN_WHEEL,
+        with: "",
     },
     Case {
         title: "a pendulum blown by a fan",
@@ -164,6 +160,7 @@ pub(crate) const CASES: &[Case] = &[
         known: "-cos 87, lag 0.107, dry 1.4",
         asked: Asked::Fit,
         spec: FAN,
+        with: "",
     },
     Case {
         title: "a star round a black hole",
@@ -171,6 +168,7 @@ pub(crate) const CASES: &[Case] = &[
         known: "GM 2.8e-4 to 3.0e-4",
         asked: Asked::Fit,
         spec: STAR,
+        with: "",
     },
     Case {
         title: "a filmed pendulum",
@@ -178,6 +176,7 @@ pub(crate) const CASES: &[Case] = &[
         known: "quadratic drag 0.018 to 0.023, little viscous",
         asked: Asked::Discover,
         spec: FILM,
+        with: "",
     },
     Case {
         title: "a damped pendulum, solver output at its default tolerance",
@@ -185,6 +184,7 @@ pub(crate) const CASES: &[Case] = &[
         known: "viscous drag 0.1",
         asked: Asked::Discover,
         spec: CLEAN,
+        with: "",
     },
     Case {
         title: "a driven Duffing oscillator, solver output",
@@ -192,6 +192,7 @@ pub(crate) const CASES: &[Case] = &[
         known: "viscous drag 0.3, drive 0.1 of frequency 1.2",
         asked: Asked::Discover,
         spec: CLEAN_DUFFING,
+        with: "",
     },
     Case {
         title: "the same with noise",
@@ -199,5 +200,6 @@ pub(crate) const CASES: &[Case] = &[
         known: "viscous drag 0.3, drive 0.1 of frequency 1.2",
         asked: Asked::Discover,
         spec: NOISY_DUFFING,
+        with: "",
     },
 ];
