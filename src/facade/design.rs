@@ -403,7 +403,11 @@ pub(crate) fn purpose(
             );
             Purpose { goal: worst, rivals, why }
         }
-        (_, Verdict::Unexplained | Verdict::ExplainedInPart) => {
+        (_, Verdict::ExplainedInPart) => {
+            let why = format!("Only a part of what is missing is explained, {measures}");
+            Purpose { goal: worst, rivals: as_it_is(), why }
+        }
+        (_, Verdict::Unexplained) => {
             let why = format!("What is missing is not in the catalogue, {measures}");
             Purpose { goal: worst, rivals: as_it_is(), why }
         }
