@@ -118,8 +118,7 @@ impl Moving<'_> {
             let part = 0.5_f64.powi(halvings as i32);
             let mut goals = left.clone();
             lanes.iter().for_each(|&lane| goals[lane] *= part);
-            let ahead = self.ahead(&mode, batch, &lanes, &goals);
-            self.finish(&mode.dynamics, batch, &ahead.smooth, &goals);
+            let ahead = self.moved_until_events(&mode, batch, &lanes, &goals);
             let mut wait = |sides: &[Side], lanes: Vec<usize>, events, halvings| {
                 if !lanes.is_empty() {
                     waiting.push(Waiting { sides: sides.to_vec(), lanes, events, halvings });
@@ -156,13 +155,20 @@ impl Moving<'_> {
         }
     }
 
-    /// What happens to trajectories of a mode in the time ahead of each.
-    fn ahead(&mut self, mode: &Mode, batch: &Batch, lanes: &[usize], times: &[f64]) -> Ahead {
+    /// Moves trajectories of a mode by the time ahead of each that have no event in it, and says
+    /// what happens to each. Between most samples there is none: all are moved first.
+    fn moved_until_events(
+        &mut self,
+        mode: &Mode,
+        batch: &mut Batch,
+        lanes: &[usize],
+        times: &[f64],
+    ) -> Ahead {
         let spans: Vec<f64> = lanes.iter().map(|&lane| times[lane]).collect();
         let start = batch.without_tangents(lanes);
-        let mut end = start.clone();
-        self.moved(&mode.dynamics, &mut end, &spans);
-        let (before, after) = (self.margins(mode, &start), self.margins(mode, &end));
+        let mut moved = batch.with_tangents_of(lanes);
+        self.moved(&mode.dynamics, &mut moved, &spans);
+        let (before, after) = (self.margins(mode, &start), self.margins(mode, &moved));
         let course = |at: usize, of: usize| {
             let place = of * lanes.len() + at;
             let ends = [before.value[place], after.value[place]];
@@ -174,16 +180,17 @@ impl Moving<'_> {
                 ends[1].is_nan() || ends[1] < 0.0 || dips(ends, slopes)
             })
         };
-        let mut ahead = Ahead::default();
-        let mut ending = Vec::new();
-        for (at, &lane) in lanes.iter().enumerate() {
-            // What is lost already, or does not move, has no events.
-            let stands = spans[at] == 0.0 || !start.is_finite(at);
-            if !stands && leaves(at) { ending.push(at) } else { ahead.smooth.push(lane) }
-        }
+        // What is lost already, or does not move, has no events.
+        let stands = |at: usize| spans[at] == 0.0 || !start.is_finite(at);
+        let (ending, smooth): (Vec<usize>, Vec<usize>) =
+            (0..lanes.len()).partition(|&at| !stands(at) && leaves(at));
+        let mut ahead =
+            Ahead { smooth: smooth.iter().map(|&at| lanes[at]).collect(), ..Ahead::default() };
         if ending.is_empty() {
+            batch.put_back(lanes, &moved);
             return ahead;
         }
+        batch.put_back(&ahead.smooth, &moved.with_tangents_of(&smooth));
         let guess = |&at: &usize| first_root(mode.watched.len(), |of| course(at, of));
         let guesses: Vec<(f64, usize)> = ending.iter().map(guess).collect();
         let some = start.without_tangents(&ending);
