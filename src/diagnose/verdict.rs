@@ -64,6 +64,11 @@ pub(super) fn judge<'a>(
         if !told.is_empty() && !holds(&story) {
             break;
         }
+        // What leaves more than noise is not told; of the best of these it is said how much.
+        if fault.is_some() && !story.explains {
+            others.push(story);
+            continue;
+        }
         let (found, after) = asked(&mut story);
         match found {
             None => told.push((story, after)),
