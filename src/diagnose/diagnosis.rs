@@ -30,7 +30,7 @@ use super::law_on_data::{LawOnData, Measurements};
 use super::noise_floor::shortest;
 use super::options::Options;
 use super::ranking::{Ranking, ranking};
-use super::search::{beginnings, stories};
+use super::search::{beginnings, held_against_all, stories};
 use super::story::{Question, Story};
 use super::sufficiency::lacking_beside;
 use super::verdict::judge;
@@ -236,22 +236,28 @@ fn asked(
         return Ok(diagnosis);
     }
     let question = Question { scope: &scope, model: &model, held_out: &held_out, monitor };
+    // Explanations are looked for before a part of many data.
+    let most = tuning.states.searched;
+    let (few, few_held_out) = (model.thinned(most), Measurements { most, ..held_out.clone() });
+    let all = question;
+    let question = Question { model: &few, held_out: &few_held_out, ..all };
     let bare = Story::bare(&question);
     let beginnings = beginnings(&question, &bare, &first);
-    if !beginnings.iter().any(holds) && unseen.look(&question, &first, &mut diagnosis)? {
+    if !beginnings.iter().any(holds) && unseen.look(&all, &first, &mut diagnosis)? {
         return Ok(diagnosis);
     }
     let stories = stories(&question, &bare, beginnings)?;
     if monitor.halted() {
         return Ok(diagnosis);
     }
-    let rejected = judge(&question, &mut diagnosis, stories);
+    let stories = held_against_all(stories, &all);
+    let rejected = judge(&all, &mut diagnosis, stories);
     if diagnosis.verdict == Verdict::Unexplained && !monitor.stopped() {
-        look_for_states(&question, rejected.first(), &mut diagnosis)?;
+        look_for_states(&all, rejected.first(), &mut diagnosis)?;
     }
     if diagnosis.verdict == Verdict::Unexplained && !monitor.stopped() {
         monitor.stage("what is clear of it", 0.95);
-        if let Some(InPart { members, reason, shape }) = in_part(&question, &bare) {
+        if let Some(InPart { members, reason, shape }) = in_part(&question, &all, &bare)? {
             diagnosis.verdict = Verdict::ExplainedInPart;
             diagnosis.partial = members;
             diagnosis.reason = reason;

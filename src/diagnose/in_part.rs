@@ -1,23 +1,28 @@
 //! Explanations that leave something: of which effects a physicist would believe all the same.
 //!
 //! The law of a real rig lacks more than can be named. What does not reach the noise may still be
-//! most of what is missing, or may be whatever bends to it. An effect is believed where its numbers
-//! are clear by errors that count what is left ([`scores`](crate::fit::scores)), where parts of the
+//! most of what is missing, or may be whatever bends to it. So sets of named effects are chosen
+//! with as few independent residuals as those of the best resemble each other, and fitted; where
+//! none is believed, one effect after another is. An effect is believed where its numbers are
+//! clear by errors that count what is left ([`scores`](crate::fit::scores)), where parts of the
 //! data, each by itself, give it the same numbers, small motions and large ones, too, and where it
-//! takes a good part of what is left of held-out runs: what bends to a larger thing has the name of
-//! another. What does as well in its place is said, and how large and how correlated that is which
-//! is left.
+//! takes a good part of what is left of held-out runs: what bends to a larger thing has the name
+//! of another. What does as well in its place is said, and how large and how correlated that is
+//! which is left.
 
+use super::candidates::candidates;
+use super::candidates::composed::sets::{Around, Placed, ProposedSet, SetSearch};
 use super::comparison::{ResidualMap, strongest_map};
 use super::effect::RankedEffect;
 use super::misfit::error_of;
 use super::refit::{Precision, fitted};
 use super::search::extended;
 use super::settling::{Settled, settle};
-use super::story::{Question, Story};
+use super::story::{Member, Question, Story};
 use super::times::times;
 use super::tuning::Tuning;
 use super::window::longest;
+use crate::error::Result;
 use crate::fit::column::Column;
 use crate::fit::scores::{Fold, Scores};
 use crate::fit::windowed::is_significant;
@@ -33,9 +38,39 @@ pub(super) struct InPart {
     pub(super) shape: Option<ResidualMap>,
 }
 
-/// One named effect after another, as long as all of them would be believed; `None` where not one
-/// is. `bare` is the story without a change.
-pub(super) fn in_part<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Option<InPart> {
+/// The named effects all of which would be believed; `None` where not one is. `bare` is the story
+/// without a change. They are looked for before a part of the data; `all` asks the same of all.
+///
+/// # Errors
+///
+/// When a change does not fit the spec.
+pub(super) fn in_part<'a>(
+    question: &Question<'a, '_>,
+    all: &Question<'a, '_>,
+    bare: &Story<'a>,
+) -> Result<Option<InPart>> {
+    let found = match of_sets(question, bare)? {
+        Some(found) => Some(found),
+        None => one_after_another(question, bare),
+    };
+    let Some((held, rivals)) = found else { return Ok(None) };
+    let held = determined_by(all, &held).unwrap_or(held);
+    Ok(Some(told(all, bare, &held, rivals)))
+}
+
+/// A story with the numbers and errors that all data give it; `None` where they determine none.
+fn determined_by<'a>(all: &Question<'a, '_>, held: &Story<'a>) -> Option<Story<'a>> {
+    let settled = settle(held.model.thinned(all.model.data.most));
+    let found = fitted(&settled, &settled.model.law, Precision::Ranking)?;
+    let whole = Held::at(settle(settled.model.with_law(found.law)))?;
+    Some(whole.story(held))
+}
+
+/// A story all of whose members would be believed, and what does as well in the place of each.
+type Believed<'a> = (Story<'a>, Vec<Vec<String>>);
+
+/// One named effect after another.
+fn one_after_another<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Option<Believed<'a>> {
     let tuning = question.model.tuning();
     let mut story = bare.clone();
     let mut held = None;
@@ -48,10 +83,73 @@ pub(super) fn in_part<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Opti
         (story, held) = (best.plain, Some(best.held));
         rivals.push(others);
     }
-    let held = held?;
+    held.map(|held| (held, rivals))
+}
+
+/// Sets of named effects, chosen by what counts what they leave; found anew around the motion of
+/// the best as long as that makes another the best.
+fn of_sets<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<Believed<'a>>> {
+    let tuning = question.model.tuning();
+    let mut scope = question.scope.clone();
+    let all = candidates(&mut scope, &question.model.data.dataset, &tuning.candidates);
+    let Some(mut search) = SetSearch::in_part(&bare.model, &all) else { return Ok(None) };
+    let mut window = search.window();
+    let mut proposed = search.proposed(question.scope, None, question.monitor)?;
+    let mut asked: Vec<Vec<String>> = Vec::new();
+    let mut found: Vec<(ProposedSet, Tried)> = Vec::new();
+    for _ in 0..tuning.sets.looks {
+        let before = asked.len();
+        let mut least = f64::INFINITY;
+        for set in proposed {
+            // What costs more than one that is believed is its rival at most.
+            if set.cost > least + tuning.ranking.indistinguishable {
+                break;
+            }
+            let Some(story) = Story::of_set(bare, &set, window)? else { continue };
+            if asked.contains(&story.labels()) || question.monitor.stopped() {
+                continue;
+            }
+            asked.push(story.labels());
+            if let Some(tried) = Tried::of(question, bare, story) {
+                least = least.min(set.cost);
+                found.push((set, tried));
+            }
+        }
+        let prices = prices(question, found.iter().map(|(_, tried)| tried));
+        let mut priced: Vec<_> = prices.into_iter().zip(std::mem::take(&mut found)).collect();
+        priced.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        found = priced.into_iter().map(|(_, one)| one).collect();
+        let Some((set, best)) = found.first() else { break };
+        if asked.len() == before || question.monitor.stopped() {
+            break;
+        }
+        window = best.held.model.law.window().min(tuning.in_part.window).max(search.window());
+        let places = best.held.numbers().into_iter().zip(best.held.columns());
+        let changes = set.members.iter().zip(places);
+        let changes =
+            changes.map(|(proposed, (numbers, columns))| Placed { proposed, numbers, columns });
+        let model = best.held.model.with_window(window);
+        let around = Around { model, changes: changes.collect(), explains: false };
+        proposed = search.proposed(question.scope, Some(&around), question.monitor)?;
+    }
+    let mut found = found.into_iter().map(|(_, tried)| tried);
+    let Some(best) = found.next() else { return Ok(None) };
+    let others: Vec<Tried> = found.collect();
+    let rivals = best.held.members.iter().map(|member| best.instead_of(member, &others, tuning));
+    let rivals = rivals.collect();
+    Ok(Some((best.held, rivals)))
+}
+
+/// What is told of a story that is believed.
+fn told<'a>(
+    question: &Question<'a, '_>,
+    bare: &Story<'a>,
+    held: &Story<'a>,
+    rivals: Vec<Vec<String>>,
+) -> InPart {
     let window = held.model.law.window();
     let bare = bare.with_noise(held.model.noise()).over(window);
-    let (before, after) = (held_out_error(question, &bare), held_out_error(question, &held));
+    let (before, after) = (held_out_error(question, &bare), held_out_error(question, held));
     let members = held.members.iter().zip(rivals).map(|(member, rivals)| RankedEffect {
         held_out_error_before: before,
         held_out_error_after: after,
@@ -68,13 +166,13 @@ pub(super) fn in_part<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Opti
         times(before),
         times(after)
     );
-    if let Some((observable, correlation)) = most_alike(&held) {
+    if let Some((observable, correlation)) = most_alike(held) {
         reason += &format!(
             "; that is no noise: what is left of {observable} is from one sample to the next the \
              same to {correlation:.2} (correlation)"
         );
     }
-    Some(InPart { members, reason, shape: strongest_map(&held.model).ok().flatten() })
+    InPart { members, reason, shape: strongest_map(&held.model).ok().flatten() }
 }
 
 /// The observable whose residuals are most like those of the next sample, and their correlation;
@@ -97,13 +195,14 @@ struct Tried<'a> {
     /// How many times the variances of its numbers are those of independent residuals of the size
     /// of the noise.
     inflation: f64,
-    /// Squares beyond the noise that it leaves of held-out runs, in those that are left without the
-    /// last effect.
+    /// Squares beyond the noise that it leaves of held-out runs, in those that the story before
+    /// leaves.
     left: f64,
 }
 
 impl<'a> Tried<'a> {
-    /// `None` where a member is doubtful, or where too much is left of held-out runs.
+    /// `None` where a member is doubtful, or where too much is left of held-out runs beside a story
+    /// with fewer members.
     fn of(question: &Question<'a, '_>, before: &Story<'a>, plain: Story<'a>) -> Option<Tried<'a>> {
         let tuning = question.model.tuning();
         let best = Held::of(&plain, tuning)?;
@@ -111,19 +210,37 @@ impl<'a> Tried<'a> {
         if best.is_doubtful(&held, tuning) {
             return None;
         }
+        let members = before.members.len();
         let shorter = before.with_noise(held.model.noise()).over(held.model.law.window());
         let (before, after) = (held_out_error(question, &shorter), held_out_error(question, &held));
         let excess = |error: f64| (error.powi(2) - 1.0).max(0.0);
         // Where the model before loses the motion, its error is no number.
         let left = if before.is_nan() { 0.0 } else { excess(after) / excess(before) };
         let tried = Tried { plain, held, inflation: best.inflation, left };
-        let last = tried.plain.members.last().map_or(0, |member| member.effect.coefficient.len());
-        let most = tuning.in_part.left.powi(last as i32);
+        let added = tried.plain.members.iter().skip(members);
+        let added: usize = added.map(|member| member.effect.coefficient.len()).sum();
+        let most = tuning.in_part.left.powi(added as i32);
         (after.is_finite() && left < most).then_some(tried)
     }
 
     fn unknowns(&self) -> usize {
         self.plain.members.iter().map(|member| member.effect.coefficient.len()).sum()
+    }
+
+    /// What does as well in the place of a member: what another story has there.
+    fn instead_of(&self, member: &Member, others: &[Tried<'a>], tuning: &Tuning) -> Vec<String> {
+        let (own, place) = (self.held.labels(), &member.effect.effect);
+        let one = |other: &Tried| {
+            let theirs = other.held.labels();
+            let kept = own.iter().filter(|label| theirs.contains(label)).count();
+            let mut new = theirs.into_iter().filter(|label| !own.contains(label));
+            let exchanged = kept + 1 == own.len() && !other.held.labels().contains(place);
+            new.next().filter(|_| exchanged && new.next().is_none())
+        };
+        let alike = others.iter().filter(|other| other.unknowns() == self.unknowns());
+        let named = alike.filter_map(|other| Some((one(other)?, other)));
+        let close = |other: &Tried<'a>| self.behind(other) < tuning.ranking.indistinguishable;
+        named.filter(|(_, other)| close(other)).map(|(label, _)| label).collect()
     }
 
     /// By how many squares another story leaves more over the segments of this one, in units of
@@ -134,6 +251,24 @@ impl<'a> Tried<'a> {
         let (theirs, _) = other.held.with_noise(noise.clone()).over(window).squares(window, &noise);
         (theirs - own) / self.inflation
     }
+}
+
+/// What each of some stories leaves of held-out runs over the longest segments that determine the
+/// numbers of one of them, where each of its numbers has to take a part of that.
+fn prices<'a: 't, 't>(
+    question: &Question<'a, '_>,
+    all: impl Iterator<Item = &'t Tried<'a>> + Clone,
+) -> Vec<f64> {
+    let left = question.model.tuning().in_part.left;
+    let longest = all.clone().max_by_key(|one| one.held.model.law.window());
+    let Some(longest) = longest.map(|one| &one.held.model) else { return Vec::new() };
+    let price = |one: &Tried<'a>| {
+        let story = one.held.with_noise(longest.noise()).over(longest.law.window());
+        let error = held_out_error(question, &story);
+        let price = (error.powi(2) - 1.0).max(f64::MIN_POSITIVE) / left.powi(one.unknowns() as i32);
+        if price.is_nan() { f64::INFINITY } else { price }
+    };
+    all.map(price).collect()
 }
 
 /// The story that is told of some: of those with the fewest numbers that which leaves least of

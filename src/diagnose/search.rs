@@ -8,6 +8,7 @@ use super::doubts::holds;
 use super::evidence::Judged;
 use super::naming::with_name;
 use super::ranking::{Ranking, ranking};
+use super::settling::settle;
 use super::story::{Question, Story};
 use super::together::together;
 use super::tuning::Tuning;
@@ -123,6 +124,27 @@ pub(super) fn stories<'a>(
     }
     ended.push(grown);
     Ok(ended)
+}
+
+/// Stories that were found before a part of the data, held against all of them; those first that
+/// hold then.
+pub(super) fn held_against_all<'a>(
+    mut stories: Vec<Story<'a>>,
+    question: &Question<'a, '_>,
+) -> Vec<Story<'a>> {
+    let (data, few) = (&question.model.data, question.model.tuning().states.searched);
+    if data.packed.samples().min(data.most) <= few {
+        return stories;
+    }
+    for story in &mut stories {
+        story.model = story.model.thinned(data.most);
+        story.sums = settle(story.model.clone()).sums;
+        if story.explains {
+            story.grow(question);
+        }
+    }
+    stories.sort_by_key(|story| !holds(story));
+    stories
 }
 
 /// Stories of one change beside `bare`, which has none: the best of those that asking all named

@@ -129,6 +129,8 @@ pub struct States {
     pub settled: f64,
     /// Samples of the longest segments that a model is held against.
     pub longest: usize,
+    /// Samples that explanations are looked for before, at most; what is found is held against all.
+    pub searched: usize,
     /// Squares for each residual, in those of half the segments, that make a segment stray: its
     /// state starts again from where the segment before it goes on to.
     pub strays: f64,
@@ -471,12 +473,13 @@ pub struct InPart {
     /// runs, in those that are left without it: what has two may leave the square of that part.
     pub left: f64,
     /// Standard errors that every number of an effect is away from zero, at least. Those of what
-    /// resembles the rest are too small: beside a force of 100 times the noise that no term
-    /// resembles none of 23 learned numbers was more than five off, beside one that some term
-    /// resembles 8 to 12 of 32.
+    /// resembles the rest are too small: beside a force of 100 times the noise none of 23 learned
+    /// numbers was more than five off, beside one that some term resembles 8 to 12 of 32.
     pub standard_errors: f64,
     /// Segments that the data are cut into, at least: parts of them have a few each.
     pub segments: usize,
+    /// Samples of segments around whose motion sets are found, at most.
+    pub window: usize,
 }
 
 /// Names of composed terms.

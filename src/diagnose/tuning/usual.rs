@@ -38,6 +38,7 @@ const TUNING: Tuning = Tuning {
         retries: 6,
         settled: 1e-4,
         longest: 20_000,
+        searched: 4_000,
         strays: 25.0,
         restarts: 8,
     },
@@ -179,7 +180,7 @@ const TUNING: Tuning = Tuning {
         unmistakable: 1e-6,
         resolved: 10.0,
     },
-    in_part: InPart { left: 0.7, standard_errors: 8.0, segments: 8 },
+    in_part: InPart { left: 0.7, standard_errors: 8.0, segments: 8, window: 256 },
     hidden: Hidden {
         gain: 1.3,
         nearly: 0.5,

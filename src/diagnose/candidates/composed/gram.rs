@@ -51,6 +51,8 @@ pub(super) struct Pool<'a> {
     squares: f64,
     /// Independent residuals.
     rows: usize,
+    /// How many of them say as much as one that is independent of the others.
+    inflation: f64,
     tuning: &'a tuning::Sets,
 }
 
@@ -82,6 +84,7 @@ impl<'a> Pool<'a> {
             limits: Vec::new(),
             squares: target.norm_squared(),
             rows,
+            inflation: 1.0,
             tuning,
         };
         nothing.with(members, target)
@@ -379,7 +382,7 @@ impl<'a> Pool<'a> {
     /// for all that might have stood there.
     pub(super) fn p_values(&self, set: &[usize]) -> Vec<f64> {
         let left = self.left(set).unwrap_or(self.squares);
-        let variance = left / self.rows.max(1) as f64;
+        let variance = self.inflation * left / self.rows.max(1) as f64;
         let of = |(place, &at): (usize, &usize)| {
             let more = self.left(&without(set, &[place])).unwrap_or(left) - left;
             match ChiSquared::new(self.members[at].count.max(1) as f64) {
@@ -398,7 +401,42 @@ impl<'a> Pool<'a> {
     fn cost_of(&self, left: f64, price: f64) -> f64 {
         let rows = self.rows.max(1) as f64;
         let floor = self.tuning.floor * self.squares / rows;
-        rows * (left / rows).max(floor).max(f64::MIN_POSITIVE).ln() + 2.0 * price
+        let nats = (left / rows).max(floor).max(f64::MIN_POSITIVE).ln();
+        rows / self.inflation * nats + 2.0 * price
+    }
+
+    /// The pool where so many residuals say as much as one independent one.
+    pub(super) fn counting(self, inflation: f64) -> Pool<'a> {
+        Pool { inflation, ..self }
+    }
+
+    /// How many residuals say as much as an independent one about the members of a set: how many
+    /// times their variances by what it leaves of each of some stretches, of so many `lengths`, are
+    /// those of independent residuals. What a law leaves of a rig resembles itself from one sample
+    /// to the next.
+    ///
+    /// Source: H. White, Econometrica 50, 1 (1982), for sums over stretches.
+    pub(super) fn inflation(&self, set: &[usize], target: &DVector<f64>, lengths: &[usize]) -> f64 {
+        let own = self.columns(set);
+        let (Some(values), Some(lower)) = (self.solved(&own), self.factor(&own)) else {
+            return self.inflation;
+        };
+        let columns = self.design.select_columns(&own);
+        let rest = target - &columns * values;
+        // An orthonormal basis of what the set does.
+        let Some(basis) = lower.solve_lower_triangular(&columns.transpose()) else {
+            return self.inflation;
+        };
+        let mut start = 0;
+        let mut squares = 0.0;
+        for &length in lengths {
+            let score = basis.columns(start, length) * rest.rows(start, length);
+            squares += score.norm_squared();
+            start += length;
+        }
+        let variance = rest.norm_squared() / self.rows.max(1) as f64;
+        let inflation = squares / own.len().max(1) as f64 / variance;
+        if inflation.is_finite() { inflation.max(self.inflation) } else { self.inflation }
     }
 }
 
@@ -442,158 +480,5 @@ fn without(set: &[usize], places: &[usize]) -> Set {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::diagnose::tuning::Tuning;
-    use rand::SeedableRng;
-    use rand_distr::{Distribution, StandardNormal};
-    use rand_pcg::Pcg64;
-
-    const ROWS: usize = 400;
-
-    /// Columns at random; the last two are near the sum of the first two, apart from each other.
-    fn columns(count: usize, generator: &mut Pcg64) -> Vec<DVector<f64>> {
-        let mut draw = || DVector::from_fn(ROWS, |_, _| StandardNormal.sample(generator));
-        let mut all: Vec<DVector<f64>> = (0..count).map(|_| draw()).collect();
-        let sum = &all[0] + &all[1];
-        all.push(&sum + 0.3 * draw());
-        all.push(&sum + 0.3 * draw());
-        all
-    }
-
-    /// All columns with what is made of some of them, each times a number, and noise.
-    fn drawn(truth: &[(usize, f64)], noise: f64, seed: u64) -> (Vec<DVector<f64>>, DVector<f64>) {
-        let mut generator = Pcg64::seed_from_u64(seed);
-        let all = columns(60, &mut generator);
-        let mut target: DVector<f64> =
-            DVector::from_fn(ROWS, |_, _| StandardNormal.sample(&mut generator));
-        target *= noise;
-        for &(at, coefficient) in truth {
-            target.axpy(coefficient, &all[at], 1.0);
-        }
-        (all, target)
-    }
-
-    /// Columns as members, known up to a coefficient.
-    fn members(all: &[DVector<f64>], most: f64) -> Vec<(usize, f64, Vec<Known>)> {
-        let limits = (-most, most);
-        let member =
-            |(kind, one): (usize, &DVector<f64>)| (kind, 10.0, vec![(one.clone(), limits)]);
-        all.iter().enumerate().map(member).collect()
-    }
-
-    fn found(truth: &[(usize, f64)], noise: f64, seed: u64) -> (FoundSet, Vec<f64>) {
-        let (all, target) = drawn(truth, noise, seed);
-        let tuning = Tuning::default();
-        let pool = Pool::of(members(&all, f64::INFINITY), &target, ROWS, &tuning.sets);
-        let best = pool.search(&[]).swap_remove(0);
-        let values = pool.coefficients(&best.members).expect("columns that stand apart");
-        (best, values.into_iter().flatten().collect())
-    }
-
-    #[test]
-    fn sets_are_found_whole_with_their_numbers() {
-        for seed in 0..8 {
-            let (best, values) = found(&[(3, 2.0), (17, -1.0), (40, 0.5)], 0.3, seed);
-            assert_eq!(best.members, [3, 17, 40], "seed {seed}");
-            for (value, truth) in values.iter().zip([2.0, -1.0, 0.5]) {
-                assert!((value - truth).abs() < 5.0 * 0.3 / (ROWS as f64).sqrt(), "{values:?}");
-            }
-        }
-    }
-
-    #[test]
-    fn what_stood_in_for_two_members_is_given_back() {
-        for seed in 0..8 {
-            // One column of the last two is nearly both of the first; with them it says nothing.
-            let (best, _) = found(&[(0, 1.0), (1, 1.0), (9, 0.7)], 0.1, seed);
-            assert_eq!(best.members, [0, 1, 9], "seed {seed}");
-        }
-    }
-
-    #[test]
-    fn nothing_is_found_in_noise() {
-        for seed in 0..20 {
-            assert!(found(&[], 1.0, seed).0.members.is_empty(), "seed {seed}");
-        }
-    }
-
-    #[test]
-    fn the_search_may_begin_with_any_set() {
-        let tuning = Tuning::default();
-        for seed in 0..4 {
-            let (all, target) = drawn(&[(3, 2.0), (17, -1.0), (40, 0.5)], 0.3, seed);
-            let pool = Pool::of(members(&all, f64::INFINITY), &target, ROWS, &tuning.sets);
-            for standing in [vec![50, 17, 2], vec![61], vec![40, 3]] {
-                let best = pool.search(&standing).swap_remove(0);
-                assert_eq!(best.members, [3, 17, 40], "seed {seed} from {standing:?}");
-            }
-        }
-    }
-
-    #[test]
-    fn no_coefficient_is_larger_than_its_column_is_known_for() {
-        let tuning = Tuning::default();
-        let (all, target) = drawn(&[(3, 2.0), (17, -1.0)], 0.3, 1);
-        let pool = Pool::of(members(&all, 1.5), &target, ROWS, &tuning.sets);
-        for one in pool.search(&[]) {
-            let values = pool.coefficients(&one.members).expect("columns that stand apart");
-            assert!(values.iter().flatten().all(|value| value.abs() <= 1.5), "{values:?}");
-        }
-    }
-
-    #[test]
-    fn a_member_whose_coefficient_would_be_negative_has_no_place() {
-        let tuning = Tuning::default();
-        let (all, target) = drawn(&[(3, 2.0), (17, -1.0)], 0.3, 1);
-        let mut own = members(&all, f64::INFINITY);
-        own[17].2[0].1 = (0.0, f64::INFINITY);
-        let best = Pool::of(own, &target, ROWS, &tuning.sets).search(&[]).swap_remove(0);
-        assert!(best.members.contains(&3) && !best.members.contains(&17), "{:?}", best.members);
-    }
-
-    #[test]
-    fn two_that_tell_little_alone_are_found_among_many_alike() {
-        let tuning = Tuning::default();
-        for seed in 0..4 {
-            let mut generator = Pcg64::seed_from_u64(seed);
-            let mut draw = || DVector::from_fn(ROWS, |_, _| StandardNormal.sample(&mut generator));
-            let (large, small, noise): (DVector<f64>, DVector<f64>, DVector<f64>) =
-                (draw(), draw(), draw());
-            // Two columns explain the target with opposite signs, and hardly anything alone;
-            // sixty others explain a third of it, each by itself.
-            let target = &small + 0.01 * noise;
-            let mut all = vec![8.0 * &large + &small, 8.0 * &large - &small];
-            all.extend((0..60).map(|_| &small + 1.4 * draw()));
-            let pool = Pool::of(members(&all, f64::INFINITY), &target, ROWS, &tuning.sets);
-            let best = pool.search(&[]).swap_remove(0);
-            assert_eq!(best.members, [0, 1], "seed {seed}");
-        }
-    }
-
-    #[test]
-    fn a_set_holds_those_of_fewer_kinds_of_members() {
-        let tuning = Tuning::default();
-        let (all, target) = drawn(&[(3, 2.0)], 0.3, 1);
-        let mut own = members(&all, f64::INFINITY);
-        // The second and the fourth differ in their inner numbers alone.
-        own[3].0 = own[1].0;
-        let pool = Pool::of(own, &target, ROWS, &tuning.sets);
-        let set = |members: &[usize]| FoundSet { members: members.to_vec(), cost: 0.0 };
-        assert!(pool.holds(&set(&[0, 3, 5]), &set(&[0, 1])));
-        assert!(!pool.holds(&set(&[0, 1]), &set(&[0, 3, 5])));
-        assert!(!pool.holds(&set(&[0, 2, 5]), &set(&[0, 1])));
-    }
-
-    #[test]
-    fn members_may_be_added_to_a_pool() {
-        let tuning = Tuning::default();
-        let (all, target) = drawn(&[(3, 2.0), (17, -1.0)], 0.3, 1);
-        let mut first = members(&all, f64::INFINITY);
-        let second = first.split_off(25);
-        let whole = Pool::of(members(&all, f64::INFINITY), &target, ROWS, &tuning.sets);
-        let parts = Pool::of(first, &target, ROWS, &tuning.sets).with(second, &target);
-        assert!((whole.gram - parts.gram).amax() < 1e-12);
-        assert!((whole.heights - parts.heights).amax() < 1e-9);
-    }
-}
+#[path = "gram_tests.rs"]
+mod tests;

@@ -309,6 +309,11 @@ impl Responses {
         self.free.iter().copied().zip(changes.iter().copied()).collect()
     }
 
+    /// Rows of each segment among those of all.
+    pub(super) fn lengths(&self) -> Vec<usize> {
+        self.segments.iter().map(|segment| segment.target.len()).collect()
+    }
+
     /// Residuals with the model's unknowns free, in the order of [`Responses::column`].
     pub(super) fn target(&self) -> DVector<f64> {
         let all = self.segments.iter().flat_map(|segment| segment.target.iter().copied());

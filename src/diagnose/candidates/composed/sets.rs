@@ -51,6 +51,8 @@ pub struct ProposedSet {
     pub members: Vec<Proposed>,
     /// The model as it is, with the numbers that it has beside them to first order.
     pub law: Law,
+    /// Twice the nats of its description, to first order.
+    pub cost: f64,
 }
 
 /// A motion that candidates are judged around.
@@ -83,6 +85,9 @@ pub struct SetSearch<'a, 'b> {
     spreads: Vec<f64>,
     /// Changes for which stand-ins are among the terms.
     asked: Vec<Change>,
+    /// Whether sets are of named candidates alone, chosen by what counts what they leave: the law
+    /// of a real rig lacks more than can be named.
+    in_part: bool,
     tuning: &'a Tuning,
 }
 
@@ -94,22 +99,15 @@ impl<'a, 'b> SetSearch<'a, 'b> {
         candidates: &'b [Candidate],
         monitor: &dyn Monitor,
     ) -> Option<SetSearch<'a, 'b>> {
-        let tuning = model.tuning();
-        let system = model.system();
-        let unlike = !system.constraints.is_empty() || !system.measures.is_empty();
-        if unlike || system.degrees() > tuning.sets.coordinates {
-            return None;
-        }
+        let named = SetSearch::in_part(model, candidates)?;
         monitor.stage("sets of changes", 0.65);
-        let model = &model.thinned(model.data.most.min(tuning.scan.samples));
-        let first = linear(model);
-        let leaves = Leaves::of(model.system(), &tuning.composed);
+        let SetSearch { first, leaves, tuning, .. } = &named;
         let kept: Vec<Column> = Column::all(first.model.law.dynamics().unknowns()).collect();
-        let search = Search::of(&first, &leaves, &kept, tuning.composed.first_spacing, &[]);
+        let search = Search::of(first, leaves, &kept, tuning.composed.first_spacing, &[]);
         if search.responses.rows == 0 {
             return None;
         }
-        let library = Library::of(&leaves, &search.jets, &tuning.composed);
+        let library = Library::of(leaves, &search.jets, &tuning.composed);
         let variance = search.variance(search.responses.squares);
         let seen = enumerate(&library, &search.responses, variance, &tuning.composed, monitor);
         let mut terms: Vec<Composed> = refined_leaders(&search, seen.found)
@@ -122,8 +120,31 @@ impl<'a, 'b> SetSearch<'a, 'b> {
                 terms.push(term);
             }
         }
-        let spreads = model.spreads();
-        Some(SetSearch { candidates, leaves, terms, first, spreads, asked: Vec::new(), tuning })
+        Some(SetSearch { terms, in_part: false, ..named })
+    }
+
+    /// The same for sets of named candidates that explain a part of what is missing.
+    pub fn in_part(
+        model: &LawOnData<'a>,
+        candidates: &'b [Candidate],
+    ) -> Option<SetSearch<'a, 'b>> {
+        let tuning = model.tuning();
+        let system = model.system();
+        let unlike = !system.constraints.is_empty() || !system.measures.is_empty();
+        if unlike || system.degrees() > tuning.sets.coordinates {
+            return None;
+        }
+        let model = &model.thinned(model.data.most.min(tuning.scan.samples));
+        Some(SetSearch {
+            candidates,
+            leaves: Leaves::of(model.system(), &tuning.composed),
+            terms: Vec::new(),
+            first: linear(model),
+            spreads: model.spreads(),
+            asked: Vec::new(),
+            in_part: true,
+            tuning,
+        })
     }
 
     /// Samples of the segments that the first sets are chosen on.
@@ -156,7 +177,9 @@ impl<'a, 'b> SetSearch<'a, 'b> {
             }
             Some(around) => {
                 let law = around.model.law.on(&base);
-                self.look_for_stand_ins(around, &law, monitor);
+                if !self.in_part {
+                    self.look_for_stand_ins(around, &law, monitor);
+                }
                 let settled = settle_moving(around.model.clone());
                 let kept = standing(&settled, &base);
                 let spacing = composed.second_spacing;
@@ -209,6 +232,9 @@ impl<'a, 'b> SetSearch<'a, 'b> {
             entries.extend(sharp);
             found = pool.search_from(&standing, found);
         }
+        if self.in_part {
+            (pool, found) = counting_what_is_left(pool, found, &search.responses);
+        }
         let mut sets = Vec::new();
         let mut taken: Vec<&FoundSet> = Vec::new();
         let least = found.first().map_or(0.0, |best| best.cost);
@@ -224,7 +250,7 @@ impl<'a, 'b> SetSearch<'a, 'b> {
             }
             let Some(members) = self.written(scope, &pool, &entries, one)? else { continue };
             let law = first_order(&search.responses, &pool, &entries, one, &law, &unknowns)?;
-            sets.push(ProposedSet { members, law });
+            sets.push(ProposedSet { members, law, cost: one.cost });
             taken.push(one);
             if sets.len() == self.tuning.sets.proposed {
                 break;
@@ -396,6 +422,25 @@ impl<'a, 'b> SetSearch<'a, 'b> {
         }
         Ok(Some(all))
     }
+}
+
+/// Sets found anew with residuals that resemble each other as those do which the best leaves, as
+/// long as the best becomes smaller: a large set leaves less that does.
+fn counting_what_is_left<'p>(
+    mut pool: Pool<'p>,
+    mut found: Vec<FoundSet>,
+    responses: &Responses,
+) -> (Pool<'p>, Vec<FoundSet>) {
+    let (target, lengths) = (responses.target(), responses.lengths());
+    while let Some(best) = found.first().filter(|best| !best.members.is_empty()).cloned() {
+        let inflation = pool.inflation(&best.members, &target, &lengths);
+        pool = pool.counting(inflation);
+        found = pool.search(&[]);
+        if found.first().is_none_or(|first| first.members.len() >= best.members.len()) {
+            break;
+        }
+    }
+    (pool, found)
 }
 
 /// Columns of the unknowns of a model that the system `base` has, too.
