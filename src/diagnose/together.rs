@@ -9,7 +9,9 @@ use super::candidates::composed::sets::{Around, Placed, ProposedSet, SetSearch};
 use super::description::{agree_on_noise, description_lengths};
 use super::doubts::holds;
 use super::function_space::FunctionSpace;
+use super::settling::settle;
 use super::story::{Question, Story};
+use super::tuning::Tuning;
 use crate::error::Result;
 
 /// Stories of sets of changes beside `bare`, which has none; each ends where it no longer follows
@@ -47,7 +49,7 @@ fn beside<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<Ve
     };
     let mut found: Vec<(ProposedSet, Story<'a>)> = Vec::new();
     let mut window = search.window();
-    let mut before = None;
+    let mut before: Option<Story> = None;
     let mut proposed = search.proposed(question.scope, None, question.monitor)?;
     for look in 0..tuning.sets.looks {
         question.monitor.stage("sets of changes", 0.7);
@@ -69,11 +71,11 @@ fn beside<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<Ve
             found.push((set, story));
         }
         let Some((set, best)) = leader(&found, question) else { break };
-        let same = before.as_ref() == Some(&best.labels());
+        let same = before.as_ref().is_some_and(|before| !is_nearer(best, before, tuning));
         if same || question.monitor.stopped() || look + 1 == tuning.sets.looks {
             break;
         }
-        before = Some(best.labels());
+        before = Some(best.clone());
         window = best.model.law.window().min(tuning.sets.window).max(search.window());
         let model = best.model.with_window(window);
         let places = best.numbers().into_iter().zip(best.columns());
@@ -90,6 +92,16 @@ fn beside<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<Ve
         stories = stories.into_iter().map(shortened).collect::<Result<Vec<Story>>>()?;
     }
     Ok(Some(stories))
+}
+
+/// Whether a story is another than the best of the look before, and explains the data, follows
+/// longer segments or leaves clearly less: what a rig leaves bends a little to any further change.
+fn is_nearer(best: &Story, before: &Story, tuning: &Tuning) -> bool {
+    let longer = best.model.law.window() > before.model.law.window();
+    let before_now = before.with_noise(best.model.noise());
+    let most = tuning.sets.nearer * before_now.excess_of(&settle(before_now.model.clone()).sums);
+    best.labels() != before.labels()
+        && (best.explains || longer || best.excess_of(&best.sums) < most)
 }
 
 /// A story that explains the data, without the members that are not clearly there as long as it

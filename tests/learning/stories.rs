@@ -180,6 +180,31 @@ fn what_is_clear_is_a_lead_where_something_is_left() {
     }
 }
 
+#[test]
+fn a_part_of_two_effects_is_told_whole() {
+    let truth = "T = p^2/2\nV = q^2/2\nforce q += 0.4 - 0.15*p + 0.08*sin(0.11*t^2)\n";
+    let driven = base(LINE, truth, OSCILLATOR, LINE_STARTS);
+    let found = outcome(&case(&driven, "", 0.01, 1), "").diagnosis;
+    let reason = &found.reason;
+    assert_eq!(found.verdict, Verdict::ExplainedInPart, "{reason}");
+    // A spring that a constant force stretches is one whose sensor is off.
+    let numbers = |names: [&str; 2]| -> Option<f64> {
+        let is_one = |name: &String| names.contains(&name.as_str());
+        let mut part = found.partial.iter();
+        let one = part.find(|one| is_one(&one.effect))?;
+        let all = names.iter().all(|name| {
+            one.effect == *name || one.indistinguishable.iter().any(|other| other == name)
+        });
+        assert!(all, "{one:?}");
+        Some(one.coefficient[0].abs())
+    };
+    let offset = numbers(["constant_force(q)", "sensor_offset(q)"]).expect("an offset");
+    let drag = numbers(["viscous_drag(q)", "viscous_drag(q)"]).expect("a drag");
+    assert_eq!(found.partial.len(), 2, "{reason}");
+    assert!((offset / 0.4 - 1.0).abs() < 0.2, "{reason}");
+    assert!((drag / 0.15 - 1.0).abs() < 0.2, "{reason}");
+}
+
 /// A damped pendulum by the midpoint rule in steps that go with its pace, as solvers of a loose
 /// tolerance take them: times, angles, angular velocities.
 fn loosely_solved() -> (Vec<f64>, Vec<f64>, Vec<f64>) {

@@ -62,6 +62,9 @@ pub struct Sets {
     pub grown: usize,
     /// Looks around a motion that is nearer to that of the data, at most.
     pub looks: usize,
+    /// Part of what the best leaves beyond the noise that the best of the next look may leave, at
+    /// most: where it leaves more, there is no further one.
+    pub nearer: f64,
     /// Samples of the segments of later looks, at most.
     pub window: usize,
 }

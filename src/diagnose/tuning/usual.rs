@@ -140,6 +140,7 @@ const TUNING: Tuning = Tuning {
         proposed: 10,
         grown: 5,
         looks: 4,
+        nearer: 0.9,
         window: 64,
     },
     scan: Scan {
