@@ -117,7 +117,11 @@ fn of_sets<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<B
         }
         let prices = prices(question, found.iter().map(|(_, tried)| tried));
         let mut priced: Vec<_> = prices.into_iter().zip(std::mem::take(&mut found)).collect();
-        priced.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        // Of two that are one law the first of the catalogue is told.
+        let price = |price: f64| (price.ln() / SAME).round();
+        priced.sort_by(|(a, (one, _)), (b, (other, _))| {
+            price(*a).total_cmp(&price(*b)).then(one.places.cmp(&other.places))
+        });
         found = priced.into_iter().map(|(_, one)| one).collect();
         let Some((set, best)) = found.first() else { break };
         if asked.len() == before || question.monitor.stopped() {
@@ -364,6 +368,9 @@ impl<'a> Held<'a> {
         off < OFF * value.abs() || off < ERRORS * error
     }
 }
+
+/// Prices of two sets that are one law differ by this part, at most.
+const SAME: f64 = 1e-3;
 
 /// Part of its size that a coefficient may be off in a part of the data.
 const OFF: f64 = 0.5;

@@ -53,6 +53,8 @@ pub struct ProposedSet {
     pub law: Law,
     /// Twice the nats of its description, to first order.
     pub cost: f64,
+    /// Places of its members in the list of candidates, composed terms behind them, in order.
+    pub places: Vec<usize>,
 }
 
 /// A motion that candidates are judged around.
@@ -250,7 +252,9 @@ impl<'a, 'b> SetSearch<'a, 'b> {
             }
             let Some(members) = self.written(scope, &pool, &entries, one)? else { continue };
             let law = first_order(&search.responses, &pool, &entries, one, &law, &unknowns)?;
-            sets.push(ProposedSet { members, law, cost: one.cost });
+            let mut places: Vec<usize> = one.members.iter().map(|&at| entries[at].kind).collect();
+            places.sort_unstable();
+            sets.push(ProposedSet { members, law, cost: one.cost, places });
             taken.push(one);
             if sets.len() == self.tuning.sets.proposed {
                 break;
