@@ -34,6 +34,21 @@ impl Story<'_> {
     /// momentum, in so many numbers that any smooth curve would look like them; or several terms
     /// without a name do, whose forms were looked for.
     pub(super) fn is_patchwork(&self) -> bool {
+        let most = self.model.tuning().verdict.curve;
+        let curves = self.curves();
+        curves.iter().any(|curve| curve.unnamed > 1 || curve.bent > 1 && curve.numbers > most)
+    }
+
+    /// Whether two members with numbers inside bend one force by one and the same coordinate or
+    /// momentum, a known number that is off among them: where something is left all the same, they
+    /// are pieces of a curve that has another name or none.
+    pub(super) fn bends_a_curve_twice(&self) -> bool {
+        let off = self.members.iter().filter(|member| member.effect.number.is_some()).count();
+        self.curves().iter().any(|curve| curve.bent > 0 && curve.bent + off > 1)
+    }
+
+    /// What members do to each force by one coordinate or momentum.
+    fn curves(&self) -> Vec<Curve> {
         let system = &self.scope.compiled().system;
         let mut curves: HashMap<(usize, Symbol), Curve> = HashMap::new();
         for member in &self.members {
@@ -50,8 +65,7 @@ impl Story<'_> {
                 curve.numbers += member.effect.coefficient.len();
             }
         }
-        let most = self.model.tuning().verdict.curve;
-        curves.values().any(|curve| curve.unnamed > 1 || curve.bent > 1 && curve.numbers > most)
+        curves.into_values().collect()
     }
 
     /// Whether a coefficient of a member contradicts its name: a drag that feeds energy is none.

@@ -211,7 +211,7 @@ impl<'a> Tried<'a> {
         let tuning = question.model.tuning();
         let best = Held::of(&plain, tuning)?;
         let held = best.story(&plain);
-        if best.is_doubtful(&held, tuning) {
+        if held.bends_a_curve_twice() || best.is_doubtful(&held, tuning) {
             return None;
         }
         let members = before.members.len();
