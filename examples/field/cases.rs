@@ -66,7 +66,7 @@ force theta += span{ thrust: w, dry: -sign(p) }
 const STAR: &str = "coordinates x, y
 momenta px, py
 time t
-data \"s2_star.csv\" { time t  px not measured  py not measured }
+data \"s2_star.csv\" { time t  x = x error x_err  y = y error y_err  px not measured  py not measured }
 param GM = 5e-4 in 1e-5..1e-2
 T = (px^2 + py^2)/2
 V = -GM/sqrt(x^2 + y^2)

@@ -62,6 +62,7 @@ fn pairs(block: u64, count: u64) -> Vec<Run> {
                 clock: Clock::default(),
                 inputs: Vec::new(),
                 groups: Vec::new(),
+                errors: Vec::new(),
             }
         })
         .collect()

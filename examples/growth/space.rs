@@ -50,6 +50,7 @@ fn pairs(degrees: usize, count: usize) -> Dataset {
             clock: Clock::default(),
             inputs: Vec::new(),
             groups: Vec::new(),
+            errors: Vec::new(),
         })
         .collect();
     Dataset { observables: names, runs, inputs: Vec::new() }

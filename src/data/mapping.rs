@@ -87,13 +87,22 @@ pub struct ObservableMap {
     pub offset: f64,
     /// Whether the column must exist; otherwise every value is NaN without it.
     pub required: bool,
+    /// The column that holds the standard error of each value, where one does.
+    pub error: Option<ColumnMap>,
 }
 
 impl ObservableMap {
     /// A required observable in the column of its own name, without conversion.
     pub fn plain(name: impl Into<String>) -> Self {
         let name = name.into();
-        ObservableMap { columns: vec![name.clone()], name, scale: 1.0, offset: 0.0, required: true }
+        ObservableMap {
+            columns: vec![name.clone()],
+            name,
+            scale: 1.0,
+            offset: 0.0,
+            required: true,
+            error: None,
+        }
     }
 }
 
@@ -159,6 +168,9 @@ pub(super) fn without_column(table: &Table, mapping: &Mapping) -> Result<Option<
     }
     if missing.is_empty() {
         return Ok(None);
+    }
+    for map in mapping.observables.iter().filter_map(|observable| observable.error.as_ref()) {
+        used.extend(table.find(&map.column)?.map(|column| column.header.as_str()));
     }
     for input in &mapping.inputs {
         used.extend(observable_column(table, &input.column)?.map(|column| column.header.as_str()));

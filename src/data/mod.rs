@@ -17,6 +17,7 @@ mod clock;
 mod counted;
 mod delimiter;
 mod driving;
+mod errors;
 mod files;
 mod folder;
 mod format;
@@ -62,6 +63,7 @@ pub use cells::Cells;
 pub use clock::Clock;
 pub use counted::count_times;
 pub use delimiter::Delimiter;
+pub(crate) use errors::as_parts_of_the_middle;
 pub use files::Kind;
 pub use folder::write_folder;
 pub use format::{Format, file_of, read, read_bytes, to_bytes};
@@ -98,6 +100,10 @@ pub struct Run {
     pub times: Vec<f64>,
     /// `values[observable][sample]`, in the spec's units; NaN where nothing was measured.
     pub values: Vec<Vec<f64>>,
+    /// `errors[observable][sample]`: standard errors that a column holds beside the values, as
+    /// parts of the middle one of all; empty for observables that have none, and altogether where
+    /// none has.
+    pub errors: Vec<Vec<f64>>,
     /// Line of the file that each sample came from, counted from 1; 0 when not from a file.
     pub lines: Vec<u64>,
     /// What `times` are counted from: zero, unless a file has times far from it.
@@ -184,7 +190,15 @@ impl Dataset {
             let measured = |place: &Option<usize>| place.and_then(|at| run.values.get(at).cloned());
             let nothing = || vec![f64::NAN; run.times.len()];
             let column = |place: &Option<usize>| measured(place).unwrap_or_else(nothing);
-            Run { values: places.iter().map(column).collect(), ..run.clone() }
+            let errors = |place: &Option<usize>| {
+                place.and_then(|at| run.errors.get(at).cloned()).unwrap_or_default()
+            };
+            let errors = if run.errors.is_empty() {
+                Vec::new()
+            } else {
+                places.iter().map(errors).collect()
+            };
+            Run { values: places.iter().map(column).collect(), errors, ..run.clone() }
         };
         Cow::Owned(Dataset {
             runs: self.runs.iter().map(run).collect(),

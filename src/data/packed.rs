@@ -23,6 +23,9 @@ pub struct Packed {
     /// Of each [grouping](super::Mapping::groups) the group of every run: the first run of it, and
     /// its name.
     groups: Vec<Vec<(usize, String)>>,
+    /// `[observable][sample]`, standard errors as parts of the middle one; empty for observables
+    /// that have none, and altogether where none has.
+    errors: Vec<Vec<f64>>,
     /// First guesses of observables that no column holds, laid out as `values` are; empty where
     /// there are none.
     guessed: OnceLock<Vec<Vec<f64>>>,
@@ -66,8 +69,37 @@ impl Packed {
         let clocks = if far { runs.iter().map(|run| run.clock).collect() } else { Vec::new() };
         let groups = groups(runs);
         let record = Arc::new(Record { times, values, places, ..Record::default() });
-        let packed = Packed { record, clocks, groups, ..Packed::default() };
+        let mut packed = Packed { record, clocks, groups, ..Packed::default() };
+        packed.errors = packed.errors(runs, observables);
         packed.driven_by(observables, &dataset.inputs)
+    }
+
+    /// Standard errors of all observables; 1 where a run gives none.
+    fn errors(&self, runs: &[Run], observables: usize) -> Vec<Vec<f64>> {
+        fn of(run: &Run, observable: usize) -> Option<&[f64]> {
+            run.errors.get(observable).filter(|errors| !errors.is_empty()).map(Vec::as_slice)
+        }
+        let any = |observable: &usize| runs.iter().any(|run| of(run, *observable).is_some());
+        if !(0..observables).any(|observable| any(&observable)) {
+            return Vec::new();
+        }
+        let column = |observable: usize| {
+            if !any(&observable) {
+                return Vec::new();
+            }
+            let own = runs.iter().map(|run| of(run, observable).unwrap_or_default());
+            let mut column = self.column_of(own);
+            column.iter_mut().filter(|error| error.is_nan()).for_each(|error| *error = 1.0);
+            column
+        };
+        (0..observables).map(column).collect()
+    }
+
+    /// The standard errors of what a run shows of an observable, as parts of the middle one of all;
+    /// nothing where there are none.
+    pub fn errors_of(&self, observable: usize, run: usize) -> &[f64] {
+        let column = self.errors.get(observable).map_or(&[][..], Vec::as_slice);
+        column.get(self.samples_of(run)).unwrap_or_default()
     }
 
     /// The same with inputs, whose columns stand behind those of so many observables.
@@ -298,6 +330,7 @@ mod tests {
             clock: Clock::default(),
             inputs: Vec::new(),
             groups: Vec::new(),
+            errors: Vec::new(),
         };
         // More runs than one thread copies, of different lengths, one of them without a column.
         let mut runs: Vec<Run> = (0..7 * SIDE_BY_SIDE + 4).map(|i| run(1 + i % 4, 2)).collect();

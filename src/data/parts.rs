@@ -520,6 +520,7 @@ impl Kept {
             clock: Clock { origin: self.origin, rounding: self.rounding },
             inputs: Vec::new(),
             groups: Vec::new(),
+            errors: Vec::new(),
         }
     }
 }

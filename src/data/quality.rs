@@ -230,6 +230,7 @@ mod tests {
                 clock: Clock::default(),
                 inputs: Vec::new(),
                 groups: Vec::new(),
+                errors: Vec::new(),
             }],
         }
     }
@@ -283,6 +284,7 @@ mod tests {
                 clock: Clock::default(),
                 inputs: Vec::new(),
                 groups: Vec::new(),
+                errors: Vec::new(),
             }],
         };
         let rough = rough_noise(&data, 0).expect("enough samples");

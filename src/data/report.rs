@@ -281,6 +281,7 @@ mod tests {
             clock: Clock::default(),
             inputs: Vec::new(),
             groups: Vec::new(),
+            errors: Vec::new(),
         }
     }
 

@@ -7,6 +7,7 @@ use super::cells::entry;
 use super::clock::{Clock, Since, is_far};
 use super::counted as times;
 use super::driving;
+use super::errors;
 use super::grouping;
 use super::header::counted;
 use super::mapping::{
@@ -51,6 +52,9 @@ pub fn dataset(table: &Table, mapping: &Mapping) -> Result<(Dataset, DataReport)
             None => vec![f64::NAN; table.rows()],
         });
         sources.push(column.map(|column| column.header.clone()));
+    }
+    for (column, map) in errors::columns(table, mapping)? {
+        values.push(converted(table, column, map.scale, 0.0)?);
     }
     let rows = ConvertedColumns { table, mapping, time: time.0, scale: time.1, times, values };
     let mut notes = Notes::default();
@@ -102,6 +106,7 @@ pub fn dataset(table: &Table, mapping: &Mapping) -> Result<(Dataset, DataReport)
         runs,
         inputs: Vec::new(),
     };
+    errors::take_errors(&mut data, table, mapping)?;
     driving::take_inputs(&mut data, table, mapping)?;
     grouping::take_groups(&mut data, table, mapping)?;
     let mut sentences = table.reading.notes().to_vec();
@@ -371,6 +376,7 @@ impl ConvertedColumns<'_> {
             clock: Clock::default(),
             inputs: Vec::new(),
             groups: Vec::new(),
+            errors: Vec::new(),
         };
         let mut rows = Vec::with_capacity(members.len());
         for &row in members {

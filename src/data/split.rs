@@ -246,6 +246,7 @@ impl Run {
             name,
             times: cut(&self.times, start, end),
             values: self.values.iter().map(|v| cut(v, start, end)).collect(),
+            errors: self.errors.iter().map(|v| cut(v, start, end)).collect(),
             lines: cut(&self.lines, start, end),
             clock: self.clock,
             inputs: self.inputs.iter().map(|v| cut(v, start, end)).collect(),
@@ -288,6 +289,10 @@ pub fn concatenate(sets: &[Dataset]) -> Result<Dataset> {
             let mut run = run.clone();
             run.values =
                 places.iter().map(|at| run.values.get(*at).cloned().unwrap_or_default()).collect();
+            if !run.errors.is_empty() {
+                let own = |at: &usize| run.errors.get(*at).cloned().unwrap_or_default();
+                run.errors = places.iter().map(own).collect();
+            }
             let plain = run.name.clone();
             let mut number = 1;
             while !names.insert(run.name.clone()) {
@@ -314,6 +319,7 @@ mod tests {
             clock: Clock::default(),
             inputs: Vec::new(),
             groups: Vec::new(),
+            errors: Vec::new(),
         };
         Dataset {
             inputs: Vec::new(),

@@ -260,6 +260,7 @@ impl Reservoir {
             clock: piece.clock,
             inputs: Vec::new(),
             groups: Vec::new(),
+            errors: Vec::new(),
         };
         self.keep(key, run);
     }

@@ -179,6 +179,7 @@ mod tests {
             clock,
             inputs: Vec::new(),
             groups: Vec::new(),
+            errors: Vec::new(),
         };
         Dataset { observables: vec!["x".to_string()], runs: vec![run], inputs: Vec::new() }
     }

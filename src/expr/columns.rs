@@ -26,6 +26,8 @@ pub struct ObservedColumn {
     pub candidates: Vec<String>,
     /// The spec's units per unit of the column.
     pub scale: f64,
+    /// The column that holds the standard error of each value, where one does.
+    pub error: Option<ColumnScale>,
 }
 
 /// The `data` statement with its names and units resolved.
@@ -75,7 +77,7 @@ impl System {
         let observables = self.observables();
         let column = |(at, name): (usize, String)| {
             let candidates = if self.is_hidden(at) { Vec::new() } else { candidates(&name) };
-            ObservedColumn { candidates, name, scale: 1.0 }
+            ObservedColumn { candidates, name, scale: 1.0, error: None }
         };
         observables.into_iter().enumerate().map(column).collect()
     }
@@ -92,6 +94,7 @@ impl System {
             name: input.variable.name.clone(),
             candidates: candidates(&input.variable.name),
             scale: 1.0,
+            error: None,
         };
         self.inputs.iter().map(column).collect()
     }
@@ -146,9 +149,16 @@ fn of_statement(
             }
             DataItemKind::Run(column) => out.run.replace(column.text.clone()).is_some(),
             DataItemKind::Pairs => std::mem::replace(&mut out.pairs, true),
-            DataItemKind::Column { variable, column, unit }
+            DataItemKind::Column { variable, column, unit, error }
                 if let Some(at) = input(system, variable) =>
             {
+                if let Some(error) = error {
+                    lowering.report(
+                        Diagnostic::error(error.column.site.0, "an input has no errors of its own")
+                            .label("what drives the motion is taken as it was recorded")
+                            .hint("leave `error` and the column behind it away"),
+                    );
+                }
                 let own = system.inputs.get(at).and_then(|input| input.variable.unit);
                 let scale = scale(lowering, unit.as_ref(), own, column);
                 if let Some(found) = out.inputs.get_mut(at) {
@@ -165,15 +175,24 @@ fn of_statement(
                 );
                 false
             }
-            DataItemKind::Column { variable, column, unit } => {
+            DataItemKind::Column { variable, column, unit, error } => {
                 let Some(at) = observable(lowering, system, &out.observables, variable) else {
                     continue;
                 };
                 let of = system.observed_variables().nth(at);
-                let scale = scale(lowering, unit.as_ref(), of.and_then(|of| of.unit), column);
+                let own = of.and_then(|of| of.unit);
+                let scale = self::scale(lowering, unit.as_ref(), own, column);
+                let error = error.as_ref().map(|error| ColumnScale {
+                    column: error.column.text.clone(),
+                    scale: match &error.unit {
+                        Some(unit) => self::scale(lowering, Some(unit), own, &error.column),
+                        None => scale,
+                    },
+                });
                 if let Some(observed) = out.observables.get_mut(at) {
                     observed.candidates = vec![column.text.clone()];
                     observed.scale = scale;
+                    observed.error = error;
                 }
                 mapped.get_mut(at).is_some_and(|mapped| std::mem::replace(mapped, true))
             }

@@ -424,5 +424,6 @@ fn run(
         clock: Clock::default(),
         inputs,
         groups: Vec::new(),
+        errors: Vec::new(),
     })
 }

@@ -110,13 +110,14 @@ pub(crate) fn read(compiled: &Compiled, names: &[Named]) -> Result<(Dataset, Dat
         named |= mapped.file.name.is_some();
         of_table(mapped.table, mapped.mapping, pairs(mapped.columns))
     })?;
-    let (dataset, mut report) = match parts.pop() {
+    let (mut dataset, mut report) = match parts.pop() {
         Some(only) if parts.is_empty() && !named => only,
         last => {
             parts.extend(last);
             data::together(&in_a_row(names), parts)
         }
     };
+    data::as_parts_of_the_middle(&mut dataset);
     look_at_measures(&compiled.system, &dataset, &mut report);
     Ok((dataset, report))
 }
@@ -177,7 +178,8 @@ pub(crate) fn of_columns(
         mapping.every = None;
     }
     mapping.run = run.map(str::to_string).or(mapping.run);
-    let (dataset, mut report) = of_table(table, mapping, pairs(said))?;
+    let (mut dataset, mut report) = of_table(table, mapping, pairs(said))?;
+    data::as_parts_of_the_middle(&mut dataset);
     look_at_measures(&compiled.system, &dataset, &mut report);
     Ok((dataset, report))
 }
@@ -327,6 +329,18 @@ pub(crate) fn source(compiled: &Compiled, names: &[Named]) -> Result<FileSource>
         |path| data::head(path, HEAD),
         |mapped| {
             let pairs = pairs(mapped.columns);
+            let with_errors = mapped.mapping.observables.iter().find(|one| one.error.is_some());
+            if let Some(one) = with_errors {
+                return Err(Error::new(
+                    ErrorKind::InvalidArgument,
+                    format!(
+                        "the standard errors of {} cannot be read from a file that is read part by \
+                         part",
+                        one.name
+                    ),
+                    "leave `error` and its column away, or read less data at once",
+                ));
+            }
             Ok(FilePart { path: mapped.file.path, mapping: mapped.mapping, pairs })
         },
     )?;
@@ -405,6 +419,11 @@ fn mapping(compiled: &Compiled, columns: Option<&DataColumns>, table: &Table) ->
             columns: column.candidates,
             scale: column.scale,
             offset: 0.0,
+            error: column.error.map(|error| ColumnMap {
+                column: error.column,
+                scale: error.scale,
+                offset: 0.0,
+            }),
         })
         .collect();
     let driving = columns.map_or_else(|| system.input_columns(), |c| c.inputs.clone());
@@ -419,6 +438,7 @@ fn mapping(compiled: &Compiled, columns: Option<&DataColumns>, table: &Table) ->
                 columns: column.candidates,
                 scale: column.scale,
                 offset: 0.0,
+                error: None,
             },
             between: input.between,
         })

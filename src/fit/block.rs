@@ -18,6 +18,9 @@ pub(super) struct Block<'a> {
     spans: Vec<f64>,
     /// `[sample][observable][lane]`; not a number where nothing was measured.
     measured: Vec<f64>,
+    /// One over the standard error of each of these, as part of the middle one; empty where columns
+    /// have none.
+    precisions: Vec<f64>,
     /// What inputs do from each sample to the next, `[sample][input][power][lane]`.
     driving: Vec<f64>,
     /// Inputs, and coefficients of each.
@@ -40,6 +43,7 @@ impl<'a> Block<'a> {
             starts: Vec::with_capacity(lanes),
             spans: vec![0.0; samples * lanes],
             measured: vec![f64::NAN; samples * observables * lanes],
+            precisions: Vec::new(),
             driving: vec![0.0; samples * driven.0 * driven.1 * lanes],
             driven,
             counts: vec![0; lanes],
@@ -60,6 +64,15 @@ impl<'a> Block<'a> {
                 for (sample, &x) in values.iter().enumerate().filter(|(_, x)| x.is_finite()) {
                     block.measured[(sample * observables + observable) * lanes + lane] = x;
                     block.counts[lane] += 1;
+                }
+                let errors = measured.errors_of(observable, segment.run);
+                let errors = errors.get(segment.first..=segment.last).unwrap_or_default();
+                if !errors.is_empty() && block.precisions.is_empty() {
+                    block.precisions = vec![1.0; samples * observables * lanes];
+                }
+                for (sample, error) in errors.iter().enumerate() {
+                    block.precisions[(sample * observables + observable) * lanes + lane] =
+                        1.0 / error;
                 }
             }
         }
@@ -105,6 +118,13 @@ impl<'a> Block<'a> {
     /// Time of each lane to a sample from the one before.
     pub(super) fn span(&self, sample: usize) -> &[f64] {
         &self.spans[sample * self.lanes()..][..self.lanes()]
+    }
+
+    /// How much more than a middle one each of these says, as a factor of its residual; `None`
+    /// where no column holds standard errors.
+    pub(super) fn precisions(&self, sample: usize, observable: usize) -> Option<&[f64]> {
+        let row = sample * self.observables + observable;
+        self.precisions.get(row * self.lanes()..(row + 1) * self.lanes())
     }
 
     /// What was measured of an observable at a sample, one number a lane; not a number where

@@ -146,6 +146,16 @@ impl DesignRows {
                     &near[..]
                 }
             };
+            let precise = block.precisions(sample, observable).map(|precisions| {
+                let times = |values: &[f64]| -> Vec<f64> {
+                    values.iter().zip(precisions).map(|(x, precision)| x * precision).collect()
+                };
+                (precisions, times(measured), times(predicted))
+            });
+            let (measured, predicted) = match &precise {
+                Some((_, measured, predicted)) => (&measured[..], &predicted[..]),
+                None => (measured, predicted),
+            };
             let losses = &mut self.losses[..];
             if problem.loss.is_squares() {
                 let out = Compared { residuals, weights, squares: scales, losses };
@@ -155,6 +165,9 @@ impl DesignRows {
                 let mut out = Compared { residuals, weights, squares: scales, losses: lost };
                 compare(set, out.again(), measured, predicted, weight);
                 add_robust(problem.loss, out, losses);
+            }
+            if let Some((precisions, ..)) = &precise {
+                weights.iter_mut().zip(*precisions).for_each(|(weight, by)| *weight *= by);
             }
             let from = &tangent[observable * derivatives.len()..][..derivatives.len()];
             let known = if self.shown && sample == 0 { self.state * lanes } else { from.len() };

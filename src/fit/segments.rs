@@ -247,6 +247,7 @@ mod tests {
             clock: Clock::default(),
             inputs: Vec::new(),
             groups: Vec::new(),
+            errors: Vec::new(),
         }
     }
 

@@ -201,6 +201,7 @@ mod tests {
             clock: Clock::default(),
             inputs: Vec::new(),
             groups: Vec::new(),
+            errors: Vec::new(),
         };
         let data = Dataset {
             observables: vec!["q".into(), "p".into()],

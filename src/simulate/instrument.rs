@@ -81,6 +81,11 @@ pub fn consecutive_pairs(data: &Dataset) -> Dataset {
                 clock: run.clock,
                 inputs: run.inputs.iter().map(|column| column[at - 1..=at].to_vec()).collect(),
                 groups: run.groups.clone(),
+                errors: run
+                    .errors
+                    .iter()
+                    .map(|one| one.get(at - 1..=at).unwrap_or_default().to_vec())
+                    .collect(),
             });
         }
     }

@@ -365,6 +365,7 @@ impl Trajectories {
             clock: Clock::default(),
             inputs: Vec::new(),
             groups: Vec::new(),
+            errors: Vec::new(),
         });
         let runs = runs.collect();
         Dataset { observables, runs, inputs: Vec::new() }

@@ -203,10 +203,22 @@ pub enum DataItemKind {
     Run(Word),
     /// `pairs`: every two rows are one transition.
     Pairs,
-    /// `theta = angle [deg]`
-    Column { variable: Expression, column: Word, unit: Option<UnitText> },
+    /// `theta = angle [deg] error angle_err [deg]`
+    Column {
+        variable: Expression,
+        column: Word,
+        unit: Option<UnitText>,
+        error: Option<ErrorColumn>,
+    },
     /// `omega not measured`: no column holds it.
     NotMeasured(Expression),
+}
+
+/// The column that holds the standard error of each value of another; in its unit without one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ErrorColumn {
+    pub column: Word,
+    pub unit: Option<UnitText>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]

@@ -197,9 +197,12 @@ impl Display for DataItem {
             DataItemKind::Every(period) => write!(f, "every {period}"),
             DataItemKind::Run(column) => write!(f, "run {}", ColumnName(column)),
             DataItemKind::Pairs => f.write_str("pairs"),
-            DataItemKind::Column { variable, column, unit } => {
+            DataItemKind::Column { variable, column, unit, error } => {
                 write!(f, "{variable} = {}", ColumnName(column))?;
-                bracket(f, unit)
+                bracket(f, unit)?;
+                let Some(error) = error else { return Ok(()) };
+                write!(f, " error {}", ColumnName(&error.column))?;
+                bracket(f, &error.unit)
             }
             DataItemKind::NotMeasured(variable) => write!(f, "{variable} not measured"),
         }

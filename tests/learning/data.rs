@@ -273,6 +273,7 @@ fn run(name: &str, times: &[f64], values: &[&[f64]]) -> Run {
         clock: Clock::default(),
         inputs: Vec::new(),
         groups: Vec::new(),
+        errors: Vec::new(),
     }
 }
 
@@ -302,6 +303,7 @@ fn any_run(name: String) -> impl Strategy<Value = Run> {
             clock: Clock::default(),
             inputs: Vec::new(),
             groups: Vec::new(),
+            errors: Vec::new(),
         }
     })
 }

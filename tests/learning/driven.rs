@@ -45,6 +45,7 @@ pub(crate) fn shaken(
             clock: Clock::default(),
             inputs: columns.clone(),
             groups: Vec::new(),
+            errors: Vec::new(),
         };
         let data = Dataset { runs: vec![driving], inputs: inputs.clone(), ..Dataset::default() };
         let record = InputRecord::of_runs(system, &data).unwrap().remove(0);

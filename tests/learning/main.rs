@@ -18,6 +18,7 @@ mod design;
 mod detectors;
 mod diagnosis;
 mod driven;
+mod errors;
 #[allow(dead_code, reason = "the example of the same name uses the rest")]
 mod hidden;
 mod hidden_effects;

@@ -204,6 +204,7 @@ fn sample() -> Dataset {
         clock: Clock::default(),
         inputs: Vec::new(),
         groups: Vec::new(),
+        errors: Vec::new(),
     };
     Dataset {
         inputs: Vec::new(),

@@ -32,6 +32,7 @@ fn swings(runs: usize, samples: usize, second: &str) -> Dataset {
             clock: Clock::default(),
             inputs: Vec::new(),
             groups: Vec::new(),
+            errors: Vec::new(),
         }
     };
     Dataset {

@@ -65,6 +65,7 @@ fn next_to_no_data() {
             clock: Clock::default(),
             inputs: Vec::new(),
             groups: Vec::new(),
+            errors: Vec::new(),
         }],
         ..empty.clone()
     };

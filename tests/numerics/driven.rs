@@ -154,6 +154,7 @@ fn record(system: &System, between: Interpolation, times: &[f64], values: &[f64]
         clock: Clock::default(),
         inputs: input.columns(times, values),
         groups: Vec::new(),
+        errors: Vec::new(),
     };
     let data = Dataset { observables: Vec::new(), runs: vec![run], inputs: vec![input] };
     InputRecord::of_runs(system, &data).unwrap().remove(0)
@@ -215,6 +216,7 @@ fn cubic_record(system: &System) -> InputRecord {
         clock: Clock::default(),
         inputs: input.columns(&times, &values),
         groups: Vec::new(),
+        errors: Vec::new(),
         times,
     };
     let data = Dataset { observables: Vec::new(), runs: vec![run], inputs: vec![input.clone()] };

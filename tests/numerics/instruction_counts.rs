@@ -201,6 +201,7 @@ fn pair_of_chain(at: usize) -> Run {
         clock: Clock::default(),
         inputs: Vec::new(),
         groups: Vec::new(),
+        errors: Vec::new(),
     }
 }
 
@@ -222,6 +223,7 @@ fn fit_springs(runs: usize) {
             clock: Clock::default(),
             inputs: Vec::new(),
             groups: Vec::new(),
+            errors: Vec::new(),
             times,
         }
     };

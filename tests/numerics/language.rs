@@ -199,6 +199,8 @@ fn statement() -> impl Strategy<Value = Statement> {
     let text = "[^\"\n\r]{0,12}".prop_map(word).boxed();
     let column = || "[^\"\n\r]{0,8}".prop_map(word);
     let role = prop::sample::select(vec![Role::Coordinates, Role::Momenta, Role::Velocities]);
+    let error_column = (column(), prop::option::of(unit_text()))
+        .prop_map(|(column, unit)| ErrorColumn { column, unit });
     let data_item = prop_oneof![
         (column(), prop::option::of(unit_text()))
             .prop_map(|(column, unit)| DataItemKind::Time { column, unit }),
@@ -206,8 +208,10 @@ fn statement() -> impl Strategy<Value = Statement> {
         column().prop_map(DataItemKind::Run),
         Just(DataItemKind::Pairs),
         variable().prop_map(DataItemKind::NotMeasured),
-        (variable(), column(), prop::option::of(unit_text()))
-            .prop_map(|(variable, column, unit)| DataItemKind::Column { variable, column, unit }),
+        (variable(), column(), prop::option::of(unit_text()), prop::option::of(error_column))
+            .prop_map(|(variable, column, unit, error)| {
+                DataItemKind::Column { variable, column, unit, error }
+            }),
     ]
     .prop_map(|kind| DataItem { kind, site: site() });
     let part = || {

@@ -41,6 +41,7 @@ impl Sampling {
             clock,
             inputs,
             groups: Vec::new(),
+            errors: Vec::new(),
         });
         Sampling { times, typical: typical_step(&all) }
     }
@@ -197,6 +198,7 @@ impl Criterion<'_> {
                 clock: Clock::default(),
                 inputs: Vec::new(),
                 groups: Vec::new(),
+                errors: Vec::new(),
             }
         });
         let observables = self.dataset.observables.clone();

@@ -239,7 +239,7 @@ fn data(input: Tokens) -> Parsed<StatementKind> {
 }
 
 /// data_item = "time" , column , [ unit ] | "every" , expression | "run" , column | "pairs"
-///           | variable , ( "=" , column , [ unit ] | "not" , "measured" ) ;
+///           | variable , ( "=" , column , [ unit ] , error_column | "not" , "measured" ) ;
 fn data_item(input: Tokens) -> Parsed<DataItem> {
     let word = input.first().map_or("", |token| token.text);
     // A column may be called `"="`, in quotes.
@@ -270,12 +270,27 @@ fn data_item(input: Tokens) -> Parsed<DataItem> {
                 (rest, DataItemKind::NotMeasured(variable))
             } else {
                 let (rest, ((), column, unit)) = (mark("="), column, opt(unit)).parse(rest)?;
-                (rest, DataItemKind::Column { variable, column, unit })
+                let (rest, error) = error_column(rest)?;
+                (rest, DataItemKind::Column { variable, column, unit, error })
             }
         }
     };
     let site = Site(Span::new(input.place().start, rest.taken));
     Ok((rest, DataItem { kind, site }))
+}
+
+/// error_column = [ "error" , column , [ unit ] ] ;
+fn error_column(input: Tokens) -> Parsed<Option<ErrorColumn>> {
+    // What is called `error` may be measured, too.
+    let names_column = input.rest.get(1).is_some_and(|next| match next.kind {
+        TokenKind::Word => next.text != "not",
+        kind => kind == TokenKind::Text,
+    });
+    if !names_column || keyword("error")(input).is_err() {
+        return Ok((input, None));
+    }
+    let (rest, (column, unit)) = preceded(keyword("error"), (column, opt(unit))).parse(input)?;
+    Ok((rest, Some(ErrorColumn { column, unit })))
 }
 
 /// column = name | quoted ;

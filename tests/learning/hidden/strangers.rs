@@ -138,6 +138,7 @@ impl Force {
                 clock: Clock::default(),
                 inputs: Vec::new(),
                 groups: Vec::new(),
+                errors: Vec::new(),
             }
         });
         Dataset { observables, runs: runs.collect(), inputs: Vec::new() }
