@@ -217,8 +217,8 @@ const HABITS: &[Habit] = &[
         "t [s],x [m],x_err [m],sigma_x [m],±\n",
         |at| format!("{:.1},{:.5},0.01,0.01,0.01", time(at), place(at)),
         &[
-            "`x_err [m]` holds the errors of x. Left out.",
-            "`sigma_x [m]`",
+            "x = x error x_err",
+            "`sigma_x [m]` holds the errors of x. Left out.",
             "`±`",
             "coordinates x [m]",
         ],
@@ -442,6 +442,12 @@ const HABITS: &[Habit] = &[
         "Zeit;Winkel;Unsicherheit Winkel\n",
         german,
         &["holds the errors of winkel. Left out."],
+    ),
+    habit(
+        "uncertainties in other units",
+        "t [s],x [mm],± [um],v [mm/s],rel. error v [%]\n",
+        |at| format!("{:.1},{:.5},{},{:.5},2", time(at), place(at), at % 7 + 1, speed(at)),
+        &["x = x error \"±\" [um]", "`rel. error v [%]` holds the errors of v. Left out."],
     ),
     habit("momenta", "t,q,p\n", three, &["momenta     p", "T = p^2/2"]),
     habit(

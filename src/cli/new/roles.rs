@@ -138,6 +138,8 @@ pub(super) struct ColumnRoles<'a> {
     /// Whether nothing but its place says that the coordinate is one.
     pub guessed: bool,
     pub inputs: Vec<Named<'a>>,
+    /// The header of a column that is used, and the column of its standard errors.
+    pub errors: Vec<(String, Named<'a>)>,
     pub left: Vec<(Named<'a>, Why)>,
     /// What no fit will accept, in sentences.
     pub wrong: Vec<String>,
@@ -312,6 +314,7 @@ pub(super) fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
         role,
         guessed,
         inputs: Vec::new(),
+        errors: Vec::new(),
         left: Vec::new(),
         wrong: Vec::new(),
     };
@@ -331,6 +334,14 @@ pub(super) fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
             None => left.push((named.clone(), Why::Unknown)),
         }
     }
+    for (named, why) in std::mem::take(&mut left) {
+        match &why {
+            Why::Error(of) if let Some(column) = measured_with(&roles, table, &named, of) => {
+                roles.errors.push((column, named));
+            }
+            _ => left.push((named, why)),
+        }
+    }
     let text = text.into_iter().filter(|named| !is_run(named));
     left.extend(text.map(|named| (named.clone(), Why::Text)));
     // In the order of the file.
@@ -346,6 +357,37 @@ pub(super) fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
     });
     roles.wrong = wrong.collect();
     Ok(roles)
+}
+
+/// The header of the column whose standard errors another holds: the one that its name says, or
+/// the one before it. None where it is not used, or where its errors are not to be used: in
+/// another kind of unit, as parts of the value are, missing beside a value, or not above zero.
+fn measured_with(
+    roles: &ColumnRoles,
+    table: &Table,
+    named: &Named,
+    of: &str,
+) -> Option<String> {
+    let before = table.columns.array_windows::<2>();
+    let before = before.map(|[a, b]| (a, b)).find(|row| row.1.header == named.column.header);
+    let is_meant = |other: &&Named| match of {
+        "" => before.is_some_and(|row| row.0.header == other.column.header),
+        of => other.is_called(of),
+    };
+    let used = roles.used().find(is_meant)?;
+    if roles.errors.iter().any(|(taken, _)| *taken == used.column.header) || named.is_relative() {
+        return None;
+    }
+    let unit = |named: &Named| named.unit.as_deref().and_then(|unit| Unit::parse(unit).ok());
+    let of_one_kind = match (unit(used), unit(named)) {
+        (Some(value), Some(error)) => value.same_kind(error),
+        (None, Some(_)) => false,
+        (_, None) => true,
+    };
+    let values = table.numbers(used.column).ok()?;
+    let errors = table.numbers(named.column).ok()?;
+    let sound = values.iter().zip(&errors).all(|(value, error)| value.is_nan() || *error > 0.0);
+    (of_one_kind && sound).then(|| used.column.header.clone())
 }
 
 /// The unit of a time whose numbers are as large as dates are: days since 1900, as sheets count

@@ -74,6 +74,8 @@ struct Variable<'g, 'a> {
     /// The unit of the spec, and that of the file.
     unit: Option<String>,
     in_file: Option<String>,
+    /// The column of its standard errors.
+    error: Option<&'g Named<'a>>,
 }
 
 impl Variable<'_, '_> {
@@ -85,10 +87,15 @@ impl Variable<'_, '_> {
     fn item(&self, table: &Table) -> Option<String> {
         let column = reference(self.named?, table);
         let other = self.in_file.as_ref().filter(|unit| Some(*unit) != self.unit.as_ref());
-        if column == self.name && other.is_none() {
+        if column == self.name && other.is_none() && self.error.is_none() {
             return None;
         }
-        Some(format!("{} = {}{}", self.name, quoted(&column), bracketed(other)))
+        let error = self.error.map_or_else(String::new, |error| {
+            let own = error.unit.as_ref().filter(|unit| Some(*unit) != self.in_file.as_ref());
+            let own = own.filter(|_| self.in_file.is_some());
+            format!(" error {}{}", quoted(&reference(error, table)), bracketed(own))
+        });
+        Some(format!("{} = {}{}{error}", self.name, quoted(&column), bracketed(other)))
     }
 }
 
@@ -135,6 +142,10 @@ pub(super) fn spec(
     style: Style,
 ) -> (String, Vec<String>) {
     let assumed = assumed(roles, style);
+    let error = |named: &Named| {
+        let own = roles.errors.iter().find(|(of, _)| *of == named.column.header);
+        own.map(|(_, error)| error)
+    };
     // Units are all or nothing: half of them would only be half checked.
     let all =
         style.units && roles.time.unit.is_some() && roles.used().all(|named| named.unit.is_some());
@@ -168,6 +179,7 @@ pub(super) fn spec(
                     _ => rate,
                 },
                 in_file: v.unit.clone().filter(|_| all),
+                error: error(v),
             },
             // That of a velocity: the mass is a plain 1.
             None => {
@@ -177,10 +189,10 @@ pub(super) fn spec(
                     Some(inertia) => rate.map(|rate| format!("{inertia}*{rate}")),
                     None => rate,
                 };
-                Variable { named: None, name, unit, in_file: None }
+                Variable { named: None, name, unit, in_file: None, error: None }
             }
         };
-        coordinates.push(Variable { named: Some(q), name, unit, in_file });
+        coordinates.push(Variable { named: Some(q), name, unit, in_file, error: error(q) });
         seconds.push(second);
     }
     let mut inputs: Vec<Variable> = Vec::new();
@@ -191,6 +203,7 @@ pub(super) fn spec(
             name: word(&with_group(named, roles), &mut taken),
             in_file: unit.clone(),
             unit,
+            error: None,
         });
     }
 
@@ -335,6 +348,9 @@ fn assumed(roles: &ColumnRoles, style: Style) -> Vec<String> {
     }
     if roles.role != Partner::Momentum {
         assumed.push("every mass is 1 (change T in the spec if you know better)".to_string());
+    }
+    for (of, named) in &roles.errors {
+        assumed.push(format!("`{}` holds the standard errors of `{of}`", named.column.header));
     }
     for named in roles.inputs.iter().filter(|_| style.inputs) {
         assumed.push(format!("`{}` drives the motion", named.column.header));

@@ -392,6 +392,20 @@ impl<'a> Named<'a> {
         [Some(self.parted()), alias].into_iter().flatten().collect()
     }
 
+    /// Whether a word means this column: its name, its symbol or what either is called here.
+    pub(super) fn is_called(&self, word: &str) -> bool {
+        let alias = self.alias.as_deref();
+        let here = quantity(word);
+        [Some(self.key.as_str()), alias].into_iter().flatten().any(|own| own == word || own == here)
+            || self.name.to_lowercase() == word
+    }
+
+    /// Whether it holds parts of a value rather than a quantity in a unit of its own.
+    pub(super) fn is_relative(&self) -> bool {
+        let words = words(&self.column.header);
+        self.column.header.contains('%') || words.iter().any(|word| word.starts_with("rel"))
+    }
+
     /// The name by which its partner is looked for, with the body that it belongs to.
     pub(super) fn whole(&self) -> String {
         format!("{}@{}", self.key, self.group)
