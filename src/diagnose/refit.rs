@@ -165,7 +165,7 @@ impl Refit {
     /// are looked for once more from what was measured.
     pub fn left_of_all(&self, model: &LawOnData) -> Sums {
         let segments = &model.options.fit.segments;
-        let count = cut(&model.data.packed, model.law.window(), segments).list.len();
+        let count = cut(&model.data.packed, model.law.reach(), segments).list.len();
         let by_fit = self.left_by_fit(model.law.window(), count);
         if let Some(sums) = by_fit.filter(|sums| sums.unsettled == 0) {
             return sums.clone();

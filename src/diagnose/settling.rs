@@ -11,7 +11,7 @@ use crate::fit::factor::Factor;
 use crate::fit::pass::{self, Problem, Sums};
 use crate::fit::scales::{fewest_samples, scales};
 use crate::fit::scores::Scores;
-use crate::fit::segments::{Segments, cut};
+use crate::fit::segments::{Reach, Segments, cut};
 use crate::fit::states::States;
 use crate::fit::windowed::Residuals;
 
@@ -85,7 +85,8 @@ fn settle_of<'a>(
     let window = model.law.window().max(least);
     let model = if least > 0 { model.with_window(window) } else { model };
     let tuning = &model.tuning().states;
-    let whole = cut(&model.data.packed, window, &model.options.fit.segments);
+    let reach = Reach { window, ..model.law.reach() };
+    let whole = cut(&model.data.packed, reach, &model.options.fit.segments);
     let segments = some(&model, whole).spread(model.data.most);
     let mut states = States::measured_by(&model.law, &model.data.packed, &segments.list);
     // Over many periods the misfit has many minima, and what was measured first need not

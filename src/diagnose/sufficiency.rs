@@ -6,7 +6,7 @@ use super::settling::settle;
 use super::tuning::Sufficiency;
 use crate::data::Dataset;
 use crate::expr::System;
-use crate::fit::segments::{Segment, cut};
+use crate::fit::segments::{Reach, Segment, cut};
 
 /// What no model could make up for: fewer measured values than a verdict asks for even if the
 /// initial state of every run were all that is unknown. A sentence, or none.
@@ -47,7 +47,8 @@ pub(super) fn lacking_beside(training: &LawOnData, held_out: &Measurements) -> O
 /// Measured values beyond those that the initial states of uninterrupted stretches take up.
 fn independent(system: &System, data: &Measurements, options: &Options) -> usize {
     let state = 2 * system.degrees();
-    let segments = cut(&data.packed, data.packed.longest_run(), &options.fit.segments);
+    let whole = Reach::of(data.packed.longest_run());
+    let segments = cut(&data.packed, whole, &options.fit.segments);
     let measured = |segment: &Segment| {
         let columns = data.dataset.runs[segment.run].values.iter();
         columns

@@ -101,6 +101,7 @@ pub(super) fn record(training: &Training, round: &Round, found: Findings) -> Mod
             segments,
             searched_first: training.stream.map(|_| training.measured.samples()),
             window: law.window(),
+            bridged: law.reach().bridged,
             residuals,
             diverged: refit.sums().diverged,
             error: variance(round).sqrt(),

@@ -5,6 +5,7 @@ use super::gauss_newton::StopReason;
 use super::law::Law;
 use super::monitor::Monitor;
 use super::options::Options;
+use super::segments::Reach;
 use super::train::{Extent, Round, Training};
 use std::sync::Arc;
 
@@ -53,6 +54,7 @@ fn lengthen<'a>(
 ) -> Result<(Training<'a>, Round)> {
     if training.options.window.is_none() {
         (training, round) = grow(training, round, monitor)?;
+        (training, round) = bridge(training, round, monitor)?;
     }
     super::prune::prune(&mut training, &mut round, monitor);
     training.finish(&mut round, monitor);
@@ -104,26 +106,72 @@ fn grow<'a>(
         monitor.stage(&format!("segments of {window} samples"), fraction);
         let mut longer = training.clone();
         longer.recut(window)?;
-        let next = match longer.rounds(monitor) {
-            Err(Error::Interrupted) => {
-                round.refit.stop = StopReason::Interrupted;
-                break;
-            }
-            next => next?,
-        };
-        let follows = (longer.law().noise().iter())
-            .zip(training.law().noise().iter().zip(&longer.accuracy.resolution))
-            .all(|(new, (old, floor))| {
-                *new <= training.options.tuning.course.follows
-                    * old.max(training.options.tuning.course.above_resolution * floor)
-            });
-        if !follows || next.refit.sums().diverged > round.refit.sums().diverged {
-            break;
+        match followed(longer, &training, &mut round, monitor) {
+            Some(longer) => (training, round) = longer,
+            None => break,
         }
-        training = longer;
-        round = next;
     }
     Ok((training, round))
+}
+
+/// Segments bridge holes that are no longer than this many of the longest segment: numbers that
+/// follow the motion through that are off by a part of the noise in each, and over four times as
+/// long still by less than the motion.
+const BRIDGED: f64 = 4.0;
+
+/// Joins segments across holes for as long as the model follows, once it follows all of them up to
+/// their holes: records with a hole after every few samples, as those of stars by seasons, know
+/// more than the pieces do. What drives the motion is not known in a hole.
+fn bridge<'a>(
+    mut training: Training<'a>,
+    mut round: Round,
+    monitor: &dyn Monitor,
+) -> Result<(Training<'a>, Round)> {
+    let most = training.options.tuning.course.longest;
+    let follows = training.law().window() >= training.measured.longest_run().min(most);
+    if !follows || training.stream.is_some() || training.measured.driven().0 > 0 {
+        return Ok((training, round));
+    }
+    loop {
+        let (samples, span) = training.longest_segment();
+        let reach = Reach { window: (2 * samples).min(most), bridged: BRIDGED * span };
+        let mut longer = training.clone();
+        longer.recut_to(reach)?;
+        if longer.longest_segment().1 <= span || round.refit.stop == StopReason::Interrupted {
+            return Ok((training, round));
+        }
+        monitor.stage("segments that bridge holes", 0.9);
+        match followed(longer, &training, &mut round, monitor) {
+            Some(longer) => (training, round) = longer,
+            None => return Ok((training, round)),
+        }
+    }
+}
+
+/// A training on longer segments than another, where the model follows these; `None` where it does
+/// not, or where the round before is all that there is time for.
+fn followed<'a>(
+    mut longer: Training<'a>,
+    training: &Training<'a>,
+    round: &mut Round,
+    monitor: &dyn Monitor,
+) -> Option<(Training<'a>, Round)> {
+    let next = match longer.rounds(monitor) {
+        Err(Error::Interrupted) => {
+            round.refit.stop = StopReason::Interrupted;
+            return None;
+        }
+        // No motion of the law reaches the ends of these.
+        Err(_) => return None,
+        Ok(next) => next,
+    };
+    let tuning = &training.options.tuning.course;
+    let before = training.law().noise().iter().zip(&longer.accuracy.resolution);
+    let allowed =
+        before.map(|(old, floor)| tuning.follows * old.max(tuning.above_resolution * floor));
+    let follows = longer.law().noise().iter().zip(allowed).all(|(new, most)| *new <= most);
+    let diverges = next.refit.sums().diverged > round.refit.sums().diverged;
+    (follows && !diverges).then_some((longer, next))
 }
 
 /// Tries several starts of the inner parameters on a part of the data; keeps the best.

@@ -21,7 +21,7 @@ use super::pass::Stepping;
 use super::path::soft_threshold;
 use super::rounding::{NOT_ZERO, WHOLE_STEPS};
 use super::scales::scales;
-use super::segments::{Segment, cut, packed};
+use super::segments::{Reach, Segment, cut, packed};
 use super::states::States;
 use super::stepping;
 use crate::data::{Dataset, Packed};
@@ -156,8 +156,8 @@ impl<'a> ProximalDescent<'a> {
         let rounding: Vec<f64> = scales.iter().map(|scale| scale.rounding).collect();
         let separable = dynamics.separable();
         let integrator = stepping::coarse(system, options, separable, typical, &rounding)?;
-        let segments =
-            cut(&measured, options.window.unwrap_or(tuning.window), &options.tuning.segments).list;
+        let reach = Reach::of(options.window.unwrap_or(tuning.window));
+        let segments = cut(&measured, reach, &options.tuning.segments).list;
         let (held_back, training): (Vec<_>, Vec<_>) = segments
             .into_iter()
             .enumerate()

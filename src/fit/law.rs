@@ -8,7 +8,7 @@ use super::column::Column;
 use super::distribution::Distribution;
 use super::hidden::HiddenMotion;
 use super::pass::Stepping;
-use super::segments::SHORTEST;
+use super::segments::{Reach, SHORTEST};
 use crate::dynamics::{Dynamics, Method};
 use crate::error::{Error, ErrorKind, Result};
 use crate::eval::Backend;
@@ -36,7 +36,7 @@ pub struct Law {
     noise: Vec<f64>,
     resolution: Vec<f64>,
     stepping: Stepping,
-    window: usize,
+    reach: Reach,
     /// Values of the inner parameters that runs have for themselves, as far as they are known.
     distributions: Arc<Vec<Distribution>>,
     /// Where what nobody measures was in the runs that it was learned from.
@@ -86,7 +86,7 @@ impl Law {
             noise,
             resolution,
             stepping,
-            window,
+            reach: Reach::of(window),
             distributions: Arc::default(),
             hidden: Arc::default(),
         })
@@ -299,7 +299,12 @@ impl Law {
 
     /// Samples of the segments that it was learned from, at most.
     pub fn window(&self) -> usize {
-        self.window
+        self.reach.window
+    }
+
+    /// The same, and the holes that they bridged.
+    pub fn reach(&self) -> Reach {
+        self.reach
     }
 
     /// The same with one more term; one that it has already gets the coefficient.
@@ -356,7 +361,7 @@ impl Law {
             noise: self.noise_on(system, 1.0),
             resolution: self.of_observables(&self.resolution, system, 0.0),
             stepping: self.stepping,
-            window: self.window,
+            reach: self.reach,
             distributions: self.distributions.clone(),
             hidden: self.hidden.clone(),
             system: system.clone(),
@@ -419,8 +424,8 @@ impl Law {
         self.noise = noise;
     }
 
-    pub(super) fn set_window(&mut self, window: usize) {
-        self.window = window;
+    pub(super) fn set_reach(&mut self, reach: Reach) {
+        self.reach = reach;
     }
 
     pub(super) fn set_stepping(&mut self, stepping: Stepping) {
@@ -443,7 +448,13 @@ impl Law {
 
     /// The same over segments of another length, in samples.
     pub fn with_window(mut self, window: usize) -> Law {
-        self.window = window;
+        self.reach.window = window;
+        self
+    }
+
+    /// The same over segments that bridge holes up to this one, in the unit of time.
+    pub fn with_bridged(mut self, bridged: f64) -> Law {
+        self.reach.bridged = bridged;
         self
     }
 

@@ -153,6 +153,10 @@ pub struct IntegratorRecord {
     pub reason: String,
 }
 
+fn is_zero(number: &f64) -> bool {
+    *number == 0.0
+}
+
 /// What the fit rests on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
@@ -168,6 +172,9 @@ pub struct Evidence {
     pub searched_first: Option<usize>,
     /// Samples of the longest segment.
     pub window: usize,
+    /// The longest hole that a segment bridges, in the unit of time; 0 where none does.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub bridged: f64,
     /// Independent residuals.
     pub residuals: usize,
     /// Segments whose predicted trajectory left the finite numbers.
@@ -337,6 +344,7 @@ impl Model {
         let resolution: Vec<f64> = self.noise.iter().map(|noise| noise.resolution).collect();
         let resolved = resolution.len() == system.observed_count();
         let law = if resolved { law.with_resolution(resolution) } else { law };
+        let law = law.with_bridged(self.evidence.bridged);
         let law = law.with_distributions(self.distributions.clone());
         let law = law.with_hidden(self.hidden.clone());
         law.with_covariance(covariance).ok()

@@ -60,7 +60,9 @@ pub fn fit_as_far_as_it_tells(
     let mut counts = followed.clone();
     let mut all = vec![followed.clone()];
     let mut window = followed.window();
-    while window < longest && !monitor.stopped() {
+    // Beyond holes that the law does not follow through, its numbers are those of another minimum.
+    let ends = followed.training.law().reach().bridged > 0.0;
+    while window < longest && !ends && !monitor.stopped() {
         window = (2 * window).min(longest);
         monitor.stage(&format!("numbers from segments of {window} samples"), 0.9);
         let last = all.last().unwrap_or(&followed);
@@ -84,7 +86,7 @@ pub fn fit_as_far_as_it_tells(
         counts.give_errors(&mut model);
     }
     model.warnings = of_law(&counts.training.law, &model, &counts.training.states);
-    if asked.is_none() {
+    if asked.is_none() && !ends {
         model.warnings.extend(of_windows(&all, &counts, longest, period));
     }
     model.warnings.extend(of_residuals.into_iter().filter(|_| resolved));

@@ -129,19 +129,19 @@ pub fn packed(dataset: &Dataset, tuning: &SegmentTuning) -> Packed {
     Packed::of(dataset, tuning.folds)
 }
 
-/// Cuts every run into segments of at most `window` samples that share no sample.
+/// Cuts every run into segments of so many samples at most that share no sample.
 ///
-/// A hole ends a segment, and so does twice the usual duration of a window. What is left over
-/// at the end of a run joins the segment before it if it is a single sample. Within a fold
-/// segments are sorted by length, so that blocks of them are nearly rectangular.
-pub fn cut(measured: &Packed, window: usize, tuning: &SegmentTuning) -> Segments {
+/// A hole that is not bridged ends a segment, and so does twice the usual duration of a window.
+/// What is left over at the end of a run joins the segment before it if it is a single sample.
+/// Within a fold segments are sorted by length, so that blocks of them are nearly rectangular.
+pub fn cut(measured: &Packed, reach: Reach, tuning: &SegmentTuning) -> Segments {
     let runs = measured.runs();
-    let typical = measured.typical_step();
+    let rule = (reach, measured.typical_step(), tuning);
     let of = |runs: StepBy<Range<usize>>| {
         let mut segments = Vec::with_capacity(runs.len());
         for run in runs {
             let times = measured.times_of(run);
-            cut_run(times, (window, typical, tuning), times.len() == 2, true, |first, last| {
+            cut_run(times, rule, times.len() == 2, true, |first, last| {
                 segments.push(Segment { run, first, last });
             });
         }
@@ -163,24 +163,41 @@ pub fn cut(measured: &Packed, window: usize, tuning: &SegmentTuning) -> Segments
     segments
 }
 
+/// How far segments reach.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reach {
+    /// Samples, at most.
+    pub window: usize,
+    /// The longest hole that is bridged, in the unit of time; 0 where none is.
+    pub bridged: f64,
+}
+
+impl Reach {
+    /// No hole is bridged.
+    pub fn of(window: usize) -> Reach {
+        Reach { window, bridged: 0.0 }
+    }
+}
+
 /// Cuts one run: `take(first, last)` for each segment. Gives the sample that the next segment
 /// starts from, which is the end unless more samples of the run may come (`complete` is false).
 /// A `pair` is not cut for a hole, unless its samples are [`FAR`] apart.
 pub(super) fn cut_run(
     times: &[f64],
-    (window, typical, tuning): (usize, f64, &SegmentTuning),
+    (reach, typical, tuning): (Reach, f64, &SegmentTuning),
     pair: bool,
     complete: bool,
     mut take: impl FnMut(usize, usize),
 ) -> usize {
-    let window = window.max(SHORTEST);
+    let window = reach.window.max(SHORTEST);
     let longest = tuning.slack * typical * (window - 1) as f64;
+    let widest = reach.bridged.max(tuning.hole * typical);
     let mut first = 0;
     // What comes may still join a segment that reaches the last two samples.
     while first + 1 < times.len() && (complete || first + window + 2 <= times.len()) {
         let mut last = first;
         while last + 1 < times.len() && last + 1 - first < window {
-            let hole = times[last + 1] - times[last] > tuning.hole * typical;
+            let hole = times[last + 1] - times[last] > widest;
             let long = last > first && times[last + 1] - times[first] > longest;
             let far = times[last + 1] - times[last] > FAR * typical;
             if (hole || long) && !pair || far {
@@ -204,14 +221,14 @@ pub(super) fn cut_run(
 /// between samples is `typical`.
 pub fn stretches(
     times: &[f64],
-    window: usize,
+    reach: Reach,
     typical: f64,
     tuning: &SegmentTuning,
 ) -> Vec<(usize, usize)> {
     let mut found = Vec::new();
     let pair = times.len() == 2;
     let add = |first, last| found.push((first, last));
-    cut_run(times, (window, typical, tuning), pair, true, add);
+    cut_run(times, (reach, typical, tuning), pair, true, add);
     found
 }
 
@@ -259,7 +276,7 @@ mod tests {
     fn pairs_stay_pairs() {
         let data = dataset(vec![run(&[0.0, 0.1]), run(&[0.0, 7.0])]);
         let tuning = SegmentTuning::default();
-        let all = cut(&packed(&data, &tuning), 16, &tuning).list;
+        let all = cut(&packed(&data, &tuning), Reach::of(16), &tuning).list;
         assert_eq!(all.len(), 2);
         assert!(all.iter().all(|s| s.samples() == 2));
     }
@@ -268,9 +285,23 @@ mod tests {
     fn no_pair_bridges_what_no_integrator_would_come_across() {
         let data = dataset(vec![run(&[0.0, 0.1]), run(&[0.0, 0.2]), run(&[0.0, 1e204])]);
         let tuning = SegmentTuning::default();
-        let all = cut(&packed(&data, &tuning), 16, &tuning).list;
+        let all = cut(&packed(&data, &tuning), Reach::of(16), &tuning).list;
         assert_eq!(all.len(), 2);
         assert!(all.iter().all(|segment| segment.run < 2));
+    }
+
+    #[test]
+    fn a_hole_is_bridged_where_that_is_asked_for() {
+        let seasons = (0..6).flat_map(|year| (0..8).map(move |night| 20 * year + night));
+        let times: Vec<f64> = seasons.map(f64::from).collect();
+        let data = dataset(vec![run(&times)]);
+        let tuning = SegmentTuning::default();
+        let longest = |(window, bridged)| {
+            cut(&packed(&data, &tuning), Reach { window, bridged }, &tuning).longest()
+        };
+        // A hole is 13 intervals; 16 samples last up to 30 of them, and 48 up to 94.
+        assert_eq!([(48, 0.0), (48, 12.9)].map(longest), [8, 8]);
+        assert_eq!([(8, 13.0), (16, 13.0), (48, 13.0)].map(longest), [8, 16, 40]);
     }
 
     #[test]
@@ -281,7 +312,7 @@ mod tests {
         for window in [2, 3, 5, 8, 64] {
             let mut used = vec![0; times.len()];
             let tuning = SegmentTuning::default();
-            let segments = cut(&packed(&data, &tuning), window, &tuning);
+            let segments = cut(&packed(&data, &tuning), Reach::of(window), &tuning);
             let longest = segments.list.iter().map(|segment| segment.samples()).max();
             assert_eq!(Some(segments.longest()), longest);
             for segment in segments.list {

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use super::monitor::Monitor;
 use super::pass::{FoldPass, FoldResult, Linearised, Problem, block_width, shares};
-use super::segments::{Segment, Segments, blocks, cut_run};
+use super::segments::{Reach, Segment, Segments, blocks, cut_run};
 use super::states::States;
 use super::tuning::SegmentTuning;
 use crate::data::{Chunk, Clock, MeasuredInput, Packed, PartPlace, Source, Survey};
@@ -322,7 +322,7 @@ impl Cutter<'_> {
             // What is left of a segment that another source began comes first, by itself.
             let begun = (std::mem::take(&mut self.carried) % self.window as u64) as usize;
             let rest = if begun > 0 { (self.window - begun).min(times.len()) } else { 0 };
-            let rule = (self.window, self.typical, self.tuning);
+            let rule = (Reach::of(self.window), self.typical, self.tuning);
             let mut push = |first: usize, last: usize| {
                 let start = piece.samples.start;
                 let place = self.before + (start + first).saturating_sub(carried) as u64;

@@ -24,7 +24,7 @@ use super::own_values::is_said;
 use super::pass::{Linearised, Problem, Sums, settle_and_linearise};
 use super::per_run::medians;
 use super::scales::{fewest_samples, measurable, nothing_left, scales, spreads};
-use super::segments::{Segment, Segments, cut, packed};
+use super::segments::{Reach, Segment, Segments, cut, packed};
 use super::states::States;
 use super::stepping::{self, Accuracy, Choice};
 use super::stream::Stream;
@@ -144,7 +144,7 @@ impl<'a> Training<'a> {
         let window = options.window.unwrap_or(shortest).clamp(2, longest.max(2));
         let rounding: Vec<f64> = scales.iter().map(|scale| scale.rounding).collect();
         let (segments, separable) = rayon::join(
-            || not_empty(cut(&measured, window, &options.tuning.segments)),
+            || not_empty(cut(&measured, Reach::of(window), &options.tuning.segments)),
             || compiled.of_all(system).separable(),
         );
         let segments = segments?;
@@ -201,9 +201,14 @@ impl<'a> Training<'a> {
 
     /// Cuts the data anew; every segment starts from its own measurements.
     pub fn recut(&mut self, window: usize) -> Result<()> {
-        let segments = not_empty(cut(&self.measured, window, &self.options.tuning.segments))?;
+        self.recut_to(Reach { window, ..self.law.reach() })
+    }
+
+    /// The same with the holes that segments bridge.
+    pub(super) fn recut_to(&mut self, reach: Reach) -> Result<()> {
+        let segments = not_empty(cut(&self.measured, reach, &self.options.tuning.segments))?;
         let before = std::mem::replace(&mut self.segments, segments);
-        self.law.set_window(window);
+        self.law.set_reach(reach);
         // Over many periods the misfit has many minima: what a state was before is a nearer start
         // than what was measured first.
         let place = |segment: &Segment| (segment.run, segment.first);
@@ -217,6 +222,16 @@ impl<'a> Training<'a> {
         }
         self.states = states;
         Ok(())
+    }
+
+    /// Samples and duration of the segments with most.
+    pub(super) fn longest_segment(&self) -> (usize, f64) {
+        let span = |segment: &Segment| {
+            let times = self.measured.times_of(segment.run);
+            times[segment.last] - times[segment.first]
+        };
+        let spans = self.segments.list.iter().map(span);
+        (self.segments.longest(), spans.fold(0.0, f64::max))
     }
 
     /// Works on a part of the segments from now on; gives those of before.

@@ -36,6 +36,7 @@ mod per_run;
 mod plots;
 mod reach;
 mod recovery;
+mod seasons;
 mod settling;
 mod stored_files;
 mod stories;

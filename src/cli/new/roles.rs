@@ -362,12 +362,7 @@ pub(super) fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
 /// The header of the column whose standard errors another holds: the one that its name says, or
 /// the one before it. None where it is not used, or where its errors are not to be used: in
 /// another kind of unit, as parts of the value are, missing beside a value, or not above zero.
-fn measured_with(
-    roles: &ColumnRoles,
-    table: &Table,
-    named: &Named,
-    of: &str,
-) -> Option<String> {
+fn measured_with(roles: &ColumnRoles, table: &Table, named: &Named, of: &str) -> Option<String> {
     let before = table.columns.array_windows::<2>();
     let before = before.map(|[a, b]| (a, b)).find(|row| row.1.header == named.column.header);
     let is_meant = |other: &&Named| match of {

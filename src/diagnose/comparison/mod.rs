@@ -22,7 +22,7 @@ use super::settling::shortest;
 use super::times::times;
 use crate::data::Dataset;
 use crate::error::Result;
-use crate::fit::segments::{cut, longest_run, typical_step};
+use crate::fit::segments::{Reach, cut, longest_run, typical_step};
 
 /// A model held against measurements.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -105,7 +105,8 @@ fn horizons(training: &LawOnData, held_out: Option<&LawOnData>) -> Vec<Horizon> 
 /// The guess that nothing moves: each segment's mean, in units of the noise.
 fn baseline(model: &LawOnData, window: usize) -> f64 {
     let (mut squares, mut freedom) = (0.0, 0.0);
-    for segment in cut(&model.data.packed, window, &model.options.fit.segments).list {
+    let reach = Reach { window, ..model.law.reach() };
+    for segment in cut(&model.data.packed, reach, &model.options.fit.segments).list {
         let run = &model.data.dataset.runs[segment.run];
         for (values, noise) in run.values.iter().zip(model.law.noise()) {
             let seen: Vec<f64> = values[segment.first..=segment.last]

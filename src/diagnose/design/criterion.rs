@@ -11,7 +11,7 @@
 use super::rival::{Known, Path};
 use crate::data::{Clock, Dataset, Run};
 use crate::diagnose::options::Options;
-use crate::fit::segments::{Segment, Segments, stretches, typical_step};
+use crate::fit::segments::{Reach, Segment, Segments, stretches, typical_step};
 use crate::fit::states::States;
 use crate::fit::uncertainty::covariance;
 use crate::simulate::Interval;
@@ -169,7 +169,8 @@ impl Criterion<'_> {
         for (run, &i) in chosen.iter().enumerate() {
             let Sampling { times, typical } = planned[i].sampling;
             let from = segments.list.len();
-            let mut parts = stretches(times, self.window, *typical, &self.options.fit.segments);
+            let reach = Reach::of(self.window);
+            let mut parts = stretches(times, reach, *typical, &self.options.fit.segments);
             // Side by side, segments of one length waste no samples.
             parts.sort_by_key(|(first, last)| (last - first, *first));
             let of = |(first, last)| Segment { run, first, last };

@@ -15,7 +15,7 @@ use crate::fit::factor::Factor;
 use crate::fit::gauss_newton::{self, Refit};
 use crate::fit::pass::{Linearised, Stepping, Sums, settle_and_linearise};
 use crate::fit::refit::{Integrator, Refitting, refitted};
-use crate::fit::segments::{Segments, cut, typical_step};
+use crate::fit::segments::{Reach, Segments, cut, typical_step};
 use crate::fit::states::States;
 use crate::fit::{Law, Silent};
 
@@ -113,7 +113,7 @@ impl<'a> Known<'a> {
         let law = rival.law.clone().with_noise(noise.to_vec()).with_window(window);
         let model = LawOnData::on(law.with_stepping(stepping), data, options);
         let dynamics = model.law.dynamics();
-        let segments = cut(&data.packed, window, &options.fit.segments);
+        let segments = cut(&data.packed, Reach::of(window), &options.fit.segments);
         let states = States::measured(&data.packed, &segments.list, dynamics.degrees());
         let theta = model.law.theta(&dynamics);
         let best = fitted(&model, (&dynamics, &theta), &segments, states);
