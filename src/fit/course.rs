@@ -133,11 +133,14 @@ fn bridge<'a>(
         return Ok((training, round));
     }
     loop {
-        let (samples, span) = training.longest_segment();
-        let reach = Reach { window: (2 * samples).min(most), bridged: BRIDGED * span };
+        let samples = training.segments.longest();
+        let time = training.segments.longest_time(&training.measured);
+        let reach = Reach { window: (2 * samples).min(most), bridged: BRIDGED * time };
         let mut longer = training.clone();
         longer.recut_to(reach)?;
-        if longer.longest_segment().1 <= span || round.refit.stop == StopReason::Interrupted {
+        if longer.segments.longest_time(&longer.measured) <= time
+            || round.refit.stop == StopReason::Interrupted
+        {
             return Ok((training, round));
         }
         monitor.stage("segments that bridge holes", 0.9);

@@ -56,6 +56,15 @@ impl Segments {
         self.folds.iter().filter_map(last).max().unwrap_or(1)
     }
 
+    /// How long the one lasts that lasts longest.
+    pub(super) fn longest_time(&self, measured: &Packed) -> f64 {
+        let time = |segment: &Segment| {
+            let times = measured.times_of(segment.run);
+            times[segment.last] - times[segment.first]
+        };
+        self.list.iter().map(time).fold(0.0, f64::max)
+    }
+
     /// Only the first segments of each fold, at most `most` in all. Where these are few,
     /// neighbouring folds become one: narrow blocks are slow.
     pub fn thinned(&self, most: usize) -> Segments {

@@ -224,16 +224,6 @@ impl<'a> Training<'a> {
         Ok(())
     }
 
-    /// Samples and duration of the segments with most.
-    pub(super) fn longest_segment(&self) -> (usize, f64) {
-        let span = |segment: &Segment| {
-            let times = self.measured.times_of(segment.run);
-            times[segment.last] - times[segment.first]
-        };
-        let spans = self.segments.list.iter().map(span);
-        (self.segments.longest(), spans.fold(0.0, f64::max))
-    }
-
     /// Works on a part of the segments from now on; gives those of before.
     pub fn thin(&mut self, most: usize) -> Segments {
         let part = self.segments.thinned(most);

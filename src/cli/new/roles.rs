@@ -370,7 +370,7 @@ fn measured_with(roles: &ColumnRoles, table: &Table, named: &Named, of: &str) ->
         of => other.is_called(of),
     };
     let used = roles.used().find(is_meant)?;
-    if roles.errors.iter().any(|(taken, _)| *taken == used.column.header) || named.is_relative() {
+    if roles.errors.iter().any(|(taken, _)| *taken == used.column.header) || is_relative(named) {
         return None;
     }
     let unit = |named: &Named| named.unit.as_deref().and_then(|unit| Unit::parse(unit).ok());
@@ -383,6 +383,12 @@ fn measured_with(roles: &ColumnRoles, table: &Table, named: &Named, of: &str) ->
     let errors = table.numbers(named.column).ok()?;
     let sound = values.iter().zip(&errors).all(|(value, error)| value.is_nan() || *error > 0.0);
     (of_one_kind && sound).then(|| used.column.header.clone())
+}
+
+/// Whether a column holds parts of a value rather than a quantity in a unit of its own.
+fn is_relative(named: &Named) -> bool {
+    let header = &named.column.header;
+    header.contains('%') || words::words(header).iter().any(|word| word.starts_with("rel"))
 }
 
 /// The unit of a time whose numbers are as large as dates are: days since 1900, as sheets count

@@ -291,7 +291,7 @@ pub(super) fn error_of(named: &Named) -> Option<String> {
 }
 
 /// The words of a name, in small letters.
-fn words(name: &str) -> Vec<String> {
+pub(super) fn words(name: &str) -> Vec<String> {
     let lower = name.to_lowercase();
     let words = lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
     words.map(str::to_string).collect()
@@ -398,12 +398,6 @@ impl<'a> Named<'a> {
         let here = quantity(word);
         [Some(self.key.as_str()), alias].into_iter().flatten().any(|own| own == word || own == here)
             || self.name.to_lowercase() == word
-    }
-
-    /// Whether it holds parts of a value rather than a quantity in a unit of its own.
-    pub(super) fn is_relative(&self) -> bool {
-        let words = words(&self.column.header);
-        self.column.header.contains('%') || words.iter().any(|word| word.starts_with("rel"))
     }
 
     /// The name by which its partner is looked for, with the body that it belongs to.
