@@ -15,7 +15,10 @@ pub(super) fn description_lengths(stories: &[&Story], tuning: &Tuning) -> Vec<f6
         stories.iter().map(|story| story.squares(window, &noise)).collect();
     let mean = squares.iter().map(|(loss, rows)| loss / rows).fold(f64::INFINITY, f64::min);
     let negligible = stories.iter().map(|story| story.negligible).fold(0.0, f64::max);
-    let least = negligible.max(tuning.scan.least_variance);
+    // What steps leave is no white noise that a further change could be told by.
+    let at_steps = stories.iter().any(|story| story.explains && story.model.at_steps);
+    let least = if at_steps { 1.0 } else { tuning.scan.least_variance };
+    let least = negligible.max(least);
     let variance = if mean.is_finite() { mean.max(least) } else { 1.0 };
     let variance = variance * noise.autocorrelation_time;
     let both = stories.iter().zip(&squares);
@@ -24,13 +27,20 @@ pub(super) fn description_lengths(stories: &[&Story], tuning: &Tuning) -> Vec<f6
 
 /// The noise of the story that leaves the least of it: what all are judged by. Where a story leaves
 /// nothing but correlated noise of whole runs, it is that of a story that explains whole runs: over
-/// short segments every model leaves less.
+/// short segments every model leaves less. Where stories leave what their steps do, it is the most
+/// that any does.
 fn least_noise(stories: &[&Story]) -> Option<Noise> {
+    let size = |noise: &Noise| noise.log_size();
+    let at_steps = stories.iter().filter(|story| story.explains && story.model.at_steps);
+    let most = at_steps.map(|story| story.model.noise()).max_by(|a, b| size(a).total_cmp(&size(b)));
+    if most.is_some() {
+        return most;
+    }
     let correlated = |story: &&&Story| story.explains && story.model.autocorrelation_time > 1.0;
     let any = stories.iter().any(|story| correlated(&story));
     let judged = stories.iter().filter(|story| story.explains || !any);
     let noises = judged.map(|story| story.model.noise());
-    noises.min_by(|a, b| a.log_size().total_cmp(&b.log_size()))
+    noises.min_by(|a, b| size(a).total_cmp(&size(b)))
 }
 
 /// Judges all stories by the noise of the one that leaves the least of it.

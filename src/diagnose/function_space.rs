@@ -7,10 +7,11 @@
 use nalgebra::DVector;
 
 use super::candidates::{Candidate, left_out};
+use super::effect::RankedEffect;
 use super::misfit::is_resolved;
 use super::refit::{Precision, fitted};
 use super::settling::settle;
-use super::story::{Question, Story};
+use super::story::{Member, Question, Story, p_value};
 use crate::error::Result;
 use crate::expr::TermId;
 use crate::fit::Law;
@@ -47,7 +48,7 @@ impl FunctionSpace {
     pub(super) fn pruned<'a>(&self, story: Story<'a>, question: &Question<'a, '_>) -> Story<'a> {
         let settled = settle(story.model.clone());
         let Some(found) = fitted(&settled, &settled.model.law, Precision::Ranking) else {
-            return story.with_own_terms(&self.left_out);
+            return with_own_terms(story, &self.left_out);
         };
         let rows = found.sums.rows.max(2) as f64;
         let variance = story.variance_of(&found.sums);
@@ -63,8 +64,29 @@ impl FunctionSpace {
         let law = without_idle(&found.law, found.factor, open, (variance, limit));
         let shorter = story.with_law(law).fitted_again(question);
         let kept = if story.explains && !shorter.explains { story } else { shorter };
-        kept.with_own_terms(&self.left_out)
+        with_own_terms(kept, &self.left_out)
     }
+}
+
+/// A story with those of some terms of the spec as members that its law has.
+fn with_own_terms<'a>(mut story: Story<'a>, own: &[Candidate]) -> Story<'a> {
+    let system = story.scope.compiled().system.clone();
+    let rows = story.sums.rows.max(2) as f64;
+    for one in own {
+        let Some(left_out) = one.left_out() else { continue };
+        let ids = system.terms_with_ids().filter(|(_, term)| left_out.is(term));
+        let terms: Vec<TermId> = ids.map(|(id, _)| id).collect();
+        let numbers: Option<Vec<(f64, f64)>> =
+            terms.iter().map(|&id| story.model.law.coefficient_with_error(id)).collect();
+        let Some(numbers) = numbers else { continue };
+        let clear = numbers.iter().map(|(value, error)| (value / error).powi(2)).sum();
+        let effect = RankedEffect::of_term(one, numbers, p_value(clear) * own.len() as f64);
+        let price = one.price_of_number(rows);
+        let parameters = Vec::new();
+        let (named, positive) = (true, false);
+        story.members.push(Member { effect, terms, parameters, price, named, positive });
+    }
+    story
 }
 
 /// A law without those of some terms that take less off the squares than their price, in units of

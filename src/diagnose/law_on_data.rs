@@ -52,6 +52,9 @@ pub struct LawOnData<'a> {
     /// Samples for each independent one, at least 1: the integrated autocorrelation time of the
     /// noise.
     pub autocorrelation_time: f64,
+    /// Whether the noise is what the steps leave: these are kept then, for noise that grew by them
+    /// would ask for larger ones.
+    pub at_steps: bool,
     /// Asked whether to stop.
     pub monitor: &'a dyn Monitor,
     /// The law whose runs have numbers for themselves, where they have: here these are inputs.
@@ -74,7 +77,15 @@ impl<'a> LawOnData<'a> {
             None => (law, data.clone(), None),
         };
         let law = resolving(law, &data.packed, options.tuning.noise_floor.levels);
-        LawOnData { law, data, options, autocorrelation_time: 1.0, monitor: &Silent, before }
+        LawOnData {
+            law,
+            data,
+            options,
+            autocorrelation_time: 1.0,
+            at_steps: false,
+            monitor: &Silent,
+            before,
+        }
     }
 
     /// The same, whose fits end early when a monitor says so.

@@ -33,6 +33,7 @@ pub mod scan;
 mod score_test;
 mod search;
 pub mod settling;
+mod steps;
 mod story;
 pub mod sufficiency;
 pub mod times;

@@ -3,7 +3,6 @@
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::autocorrelation::{Noise, correlated_noise};
-use super::candidates::Candidate;
 use super::candidates::composed::sets::{Proposed, ProposedSet};
 use super::effect::RankedEffect;
 use super::evidence::Judged;
@@ -12,6 +11,7 @@ use super::misfit::{error_of, excess};
 use super::noise_floor::noise_of;
 use super::refit::{Precision, fitted, fitted_from_afar};
 use super::settling::{Settled, settle};
+use super::steps::noise_of_steps;
 use super::window::{doubled, longest};
 use crate::error::Result;
 use crate::expr::{KnownNumber, ParameterId, Place, Scope, Term, TermId};
@@ -43,7 +43,7 @@ pub(super) struct Member {
     /// Its inner parameters there.
     pub parameters: Vec<ParameterId>,
     /// What its unknowns cost, and what it takes to say which candidate it is: twice the nats.
-    price: f64,
+    pub price: f64,
     /// Whether it has a name: an effect of the catalogue, or of the spec.
     pub named: bool,
     /// Whether that name says that no coefficient is negative.
@@ -224,27 +224,6 @@ impl<'a> Story<'a> {
         self
     }
 
-    /// The story with those of some terms of the spec as members that its law has.
-    pub(super) fn with_own_terms(mut self, own: &[Candidate]) -> Story<'a> {
-        let system = self.scope.compiled().system.clone();
-        let rows = self.sums.rows.max(2) as f64;
-        for one in own {
-            let Some(left_out) = one.left_out() else { continue };
-            let ids = system.terms_with_ids().filter(|(_, term)| left_out.is(term));
-            let terms: Vec<TermId> = ids.map(|(id, _)| id).collect();
-            let numbers: Option<Vec<(f64, f64)>> =
-                terms.iter().map(|&id| self.model.law.coefficient_with_error(id)).collect();
-            let Some(numbers) = numbers else { continue };
-            let clear = numbers.iter().map(|(value, error)| (value / error).powi(2)).sum();
-            let effect = RankedEffect::of_term(one, numbers, p_value(clear) * own.len() as f64);
-            let price = one.price_of_number(rows);
-            let parameters = Vec::new();
-            let (named, positive) = (true, false);
-            self.members.push(Member { effect, terms, parameters, price, named, positive });
-        }
-        self
-    }
-
     /// Squares that count as one: those that are left for each residual.
     pub(super) fn variance_of(&self, sums: &Sums) -> f64 {
         let mean = sums.loss / sums.rows.max(1) as f64;
@@ -355,10 +334,15 @@ impl<'a> Story<'a> {
     }
 
     /// Holds the story against longer segments as long as it leaves noise, its numbers fitted
-    /// again where they no longer do.
+    /// again where they no longer do. What its integrator leaves is noise.
     pub(super) fn grow(&mut self, question: &Question) {
         self.explains = self.leaves_white_noise(question)
             || !question.monitor.stopped() && self.leaves_correlated_noise();
+        while let Some(noise) = noise_of_steps(&self.model, question.model) {
+            self.model.at_steps = true;
+            self.hold_against(noise.into());
+            self.explains = self.leaves_white_noise(question);
+        }
     }
 
     /// Whether all that it leaves of whole runs is noise of a short memory, larger than it looks
@@ -591,6 +575,6 @@ impl<'a> Story<'a> {
 }
 
 /// The probability that noise takes so many squares off by one number.
-fn p_value(squares: f64) -> f64 {
+pub(super) fn p_value(squares: f64) -> f64 {
     ChiSquared::new(1.0).map_or(1.0, |chi| if squares.is_nan() { 1.0 } else { chi.sf(squares) })
 }

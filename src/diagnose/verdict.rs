@@ -11,6 +11,7 @@ use super::effect::RankedEffect;
 use super::misfit::{error_of, excess, is_noise_of, is_resolved};
 use super::rounding::is_feigned;
 use super::settling::settle;
+use super::steps::noise_of_steps;
 use super::story::{Member, Question, Story};
 use super::times::times;
 use super::tuning::Tuning;
@@ -166,7 +167,15 @@ fn pays(story: &Story, than: &Story, tuning: &Tuning) -> bool {
 /// The error of a story on held-out runs, over all of their length.
 fn unseen<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Unseen {
     let model = story.model.with_data(question.held_out);
-    let settled = settle(model.with_window(longest(&model)));
+    let mut model = model.with_window(longest(&model));
+    // Other runs meet kinks in their own way.
+    let than = question.model.with_data(question.held_out);
+    if model.at_steps
+        && let Some(noise) = noise_of_steps(&model, &than)
+    {
+        model = model.with_noise(noise);
+    }
+    let settled = settle(model.clone());
     let error = error_of(&settled.sums).0;
     let tuning = model.tuning();
     let same = |sums: &Sums| story.explains && is_noise_of(&story.sums, sums, &story.model);
