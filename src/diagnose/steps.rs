@@ -14,6 +14,8 @@ const FINER: f64 = 4.0;
 /// Noise is this many times the root mean square of what finer steps change: they err, too, and
 /// the few kinks of other runs may be met worse.
 const MARGIN: f64 = 2.0;
+/// Noise that is off by less is not changed: it would be, a little, again and again.
+const CLEARLY: f64 = 1.1;
 /// What is missing from a law is at least so many times as large over the same segments: errors of
 /// steps hide no more than a hundredth of it.
 const SMALL: f64 = 100.0;
@@ -48,7 +50,7 @@ pub(super) fn noise_of_steps(model: &LawOnData, than: &LawOnData) -> Option<Vec<
         MARGIN * f64::sqrt(sum / f64::max(count, 1.0))
     };
     let times: Vec<f64> = (0..model.law.noise().len()).map(changed).collect();
-    if times.iter().all(|times| *times <= 1.0) {
+    if times.iter().all(|times| *times <= CLEARLY) {
         return None;
     }
     let both = model.law.noise().iter().zip(&times);

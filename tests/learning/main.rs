@@ -25,6 +25,7 @@ mod hidden_effects;
 mod hidden_parts;
 mod holonomic;
 mod instruments;
+mod kinks;
 mod lagrangian;
 mod local;
 mod measurements;
