@@ -15,14 +15,21 @@ pub(super) fn description_lengths(stories: &[&Story], tuning: &Tuning) -> Vec<f6
         stories.iter().map(|story| story.squares(window, &noise)).collect();
     let mean = squares.iter().map(|(loss, rows)| loss / rows).fold(f64::INFINITY, f64::min);
     let negligible = stories.iter().map(|story| story.negligible).fold(0.0, f64::max);
-    // What steps leave is no white noise that a further change could be told by.
-    let at_steps = stories.iter().any(|story| story.explains && story.model.at_steps);
-    let least = if at_steps { 1.0 } else { tuning.scan.least_variance };
-    let least = negligible.max(least);
+    let least = negligible.max(tuning.scan.least_variance);
     let variance = if mean.is_finite() { mean.max(least) } else { 1.0 };
     let variance = variance * noise.autocorrelation_time;
+    let known = |loss: f64, rows: f64| match is_computed(stories) {
+        true => loss.max(rows) / noise.autocorrelation_time,
+        false => loss / variance,
+    };
     let both = stories.iter().zip(&squares);
-    both.map(|(story, (loss, _))| loss / variance + story.price()).collect()
+    both.map(|(story, &(loss, rows))| known(loss, rows) + story.price()).collect()
+}
+
+/// Whether one of some stories leaves of computed data what steps and digits do. That is no white
+/// noise that a further change could be told by: what is below it is as good as nothing.
+pub(super) fn is_computed(stories: &[&Story]) -> bool {
+    stories.iter().any(|story| story.explains && story.model.is_computed())
 }
 
 /// The noise of the story that leaves the least of it: what all are judged by. Where a story leaves

@@ -11,7 +11,7 @@
 //! which is left.
 
 use super::candidates::candidates;
-use super::candidates::composed::sets::{Around, Placed, ProposedSet, SetSearch};
+use super::candidates::composed::sets::{ProposedSet, SetSearch};
 use super::comparison::{ResidualMap, strongest_map};
 use super::effect::RankedEffect;
 use super::misfit::error_of;
@@ -20,6 +20,7 @@ use super::search::extended;
 use super::settling::{Settled, settle};
 use super::story::{Member, Question, Story};
 use super::times::times;
+use super::together::around_motion_of;
 use super::tuning::Tuning;
 use super::window::longest;
 use crate::error::Result;
@@ -94,7 +95,7 @@ fn of_sets<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<B
     let all = candidates(&mut scope, &question.model.data.dataset, &tuning.candidates);
     let Some(mut search) = SetSearch::in_part(&bare.model, &all) else { return Ok(None) };
     let mut window = search.window();
-    let mut proposed = search.proposed(question.scope, None, question.monitor)?;
+    let mut proposed = search.look(None, question.monitor).proposed(question.scope)?;
     let mut asked: Vec<Vec<String>> = Vec::new();
     let mut found: Vec<(ProposedSet, Tried)> = Vec::new();
     for _ in 0..tuning.sets.looks {
@@ -128,13 +129,8 @@ fn of_sets<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<B
             break;
         }
         window = best.held.model.law.window().min(tuning.in_part.window).max(search.window());
-        let places = best.held.numbers().into_iter().zip(best.held.columns());
-        let changes = set.members.iter().zip(places);
-        let changes =
-            changes.map(|(proposed, (numbers, columns))| Placed { proposed, numbers, columns });
-        let model = best.held.model.with_window(window);
-        let around = Around { model, changes: changes.collect(), explains: false };
-        proposed = search.proposed(question.scope, Some(&around), question.monitor)?;
+        let around = around_motion_of(set, &best.held, window);
+        proposed = search.look(Some(&around), question.monitor).proposed(question.scope)?;
     }
     let mut found = found.into_iter().map(|(_, tried)| tried);
     let Some(best) = found.next() else { return Ok(None) };

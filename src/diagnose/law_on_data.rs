@@ -128,6 +128,14 @@ impl<'a> LawOnData<'a> {
         (0..self.law.noise().len()).map(of).collect()
     }
 
+    /// Whether what is left below the noise is no white noise that anything could be told by, but
+    /// what steps and digits leave: of data that are finer than those of instruments.
+    pub fn is_computed(&self) -> bool {
+        let finest = self.options.fit.conclusion.clean;
+        let mut both = self.law.noise().iter().zip(self.spreads());
+        self.at_steps || both.all(|(noise, spread)| *noise < finest * spread)
+    }
+
     /// What residuals are weighed by.
     pub fn noise(&self) -> Noise {
         let autocorrelation_time = self.autocorrelation_time;

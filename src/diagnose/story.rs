@@ -174,7 +174,8 @@ impl<'a> Story<'a> {
     }
 
     /// The story of several changes to `bare` at once, fitted over segments of `window` samples,
-    /// over which they were chosen; `None` where their numbers cannot be fitted.
+    /// over which they were chosen; `None` where their numbers cannot be fitted, or first order
+    /// leads away from the data.
     ///
     /// # Errors
     ///
@@ -200,6 +201,12 @@ impl<'a> Story<'a> {
             members.push(Member { effect, terms, parameters, price, named, positive });
         }
         let settled = settle(bare.model.with_law(law.with_window(window)));
+        // What first order says is not followed where that leaves more than nothing does.
+        let (without, _) = bare.squares(window, &bare.model.noise());
+        let leads = settled.sums.loss < without;
+        if !leads {
+            return Ok(None);
+        }
         let Some(found) = fitted(&settled, &settled.model.law, Precision::Ranking) else {
             return Ok(None);
         };
@@ -227,7 +234,8 @@ impl<'a> Story<'a> {
     /// Squares that count as one: those that are left for each residual.
     pub(super) fn variance_of(&self, sums: &Sums) -> f64 {
         let mean = sums.loss / sums.rows.max(1) as f64;
-        let least = self.negligible.max(self.model.tuning().scan.least_variance);
+        let all = if self.model.is_computed() { 1.0 } else { 0.0 };
+        let least = self.negligible.max(self.model.tuning().scan.least_variance).max(all);
         mean.max(least) * self.model.autocorrelation_time
     }
 

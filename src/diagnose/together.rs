@@ -5,14 +5,16 @@
 //! segments smaller changes show, and what stood in for them is given back.
 
 use super::candidates::candidates;
-use super::candidates::composed::sets::{Around, Placed, ProposedSet, SetSearch};
+use super::candidates::composed::sets::{Around, Placed, Proposed, ProposedSet, SetSearch};
 use super::description::{agree_on_noise, description_lengths};
 use super::doubts::holds;
 use super::function_space::FunctionSpace;
+use super::misfit::is_noise_of;
 use super::settling::settle;
 use super::story::{Question, Story};
 use super::tuning::Tuning;
 use crate::error::Result;
+use crate::fit::pass::Sums;
 
 /// Stories of sets of changes beside `bare`, which has none; each ends where it no longer follows
 /// the data. `None` where the model is not one that can be asked for sets.
@@ -31,45 +33,59 @@ pub(super) fn together<'a>(
     let space = FunctionSpace::of(question);
     let Some(whole) = space.all_free(bare)? else { return beside(question, bare) };
     let Some(found) = beside(question, &whole)? else { return Ok(None) };
-    let pruned = |story| space.pruned(story, question);
-    let mut stories: Vec<Story> = found.into_iter().map(pruned).collect();
+    // Where one explains the data, what the others have to spare need not be known.
+    let explained = found.iter().any(|story| story.explains);
+    let open = found.into_iter().filter(|story| story.explains || !explained);
+    let mut stories: Vec<Story> = open.map(|story| space.pruned(story, question)).collect();
     if !stories.iter().any(holds) && !question.monitor.stopped() {
         stories.extend(beside(question, bare)?.into_iter().flatten());
     }
     Ok(Some(stories))
 }
 
-/// Stories of sets beside `bare`.
+/// A set that was proposed, fitted in full.
+type Fitted<'a> = (ProposedSet, Story<'a>);
+
+/// Stories of sets beside `bare`. Where none of those explains the data that are chosen along the
+/// model's own motion, forces are asked for along the measured one, too: a model that lacks much
+/// is far from it.
 fn beside<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<Vec<Story<'a>>>> {
     let tuning = question.model.tuning();
     let mut scope = question.scope.clone();
     let all = candidates(&mut scope, &question.model.data.dataset, &tuning.candidates);
-    let Some(mut search) = SetSearch::of(&bare.model, &all, question.monitor) else {
+    let Some(search) = SetSearch::of(&bare.model, &all, question.monitor) else {
         return Ok(None);
     };
-    let mut found: Vec<(ProposedSet, Story<'a>)> = Vec::new();
+    let mut stories = looked_for(question, bare, search)?;
+    if !stories.iter().any(|story| story.explains)
+        && !question.monitor.stopped()
+        && let Some(search) = SetSearch::of_measured(&bare.model, &all, question.monitor)
+    {
+        stories.extend(looked_for(question, bare, search)?);
+    }
+    // Where one holds, what the others have to spare need not be known.
+    if !stories.iter().any(holds) {
+        let shortened = |story| shortened(question, story);
+        stories = stories.into_iter().map(shortened).collect::<Result<Vec<Story>>>()?;
+    }
+    Ok(Some(stories))
+}
+
+/// Stories of the sets that a search proposes, and proposes anew around the best of them.
+fn looked_for<'a>(
+    question: &Question<'a, '_>,
+    bare: &Story<'a>,
+    mut search: SetSearch<'a, '_>,
+) -> Result<Vec<Story<'a>>> {
+    let tuning = question.model.tuning();
+    let mut found: Vec<Fitted> = Vec::new();
     let mut window = search.window();
     let mut before: Option<Story> = None;
-    let mut proposed = search.proposed(question.scope, None, question.monitor)?;
+    let mut around: Option<Around> = None;
     for look in 0..tuning.sets.looks {
         question.monitor.stage("sets of changes", 0.7);
-        let mut fitted = Vec::new();
-        for set in proposed {
-            let known = found.iter().any(|(other, _)| labels(other) == labels(&set));
-            if known || question.monitor.stopped() {
-                continue;
-            }
-            if let Some(story) = Story::of_set(bare, &set, window)? {
-                fitted.push((set, story));
-            }
-        }
-        for (set, mut story) in best_first(fitted, question).into_iter().take(tuning.sets.grown) {
-            if question.monitor.stopped() {
-                break;
-            }
-            story.hold_together(question);
-            found.push((set, story));
-        }
+        let proposed = search.look(around.as_ref(), question.monitor).proposed(question.scope)?;
+        try_sets(question, bare, proposed, window, &mut found)?;
         let Some((set, best)) = leader(&found, question) else { break };
         let same = before.as_ref().is_some_and(|before| !is_nearer(best, before, tuning));
         if same || question.monitor.stopped() || look + 1 == tuning.sets.looks {
@@ -77,21 +93,69 @@ fn beside<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<Ve
         }
         before = Some(best.clone());
         window = best.model.law.window().min(tuning.sets.window).max(search.window());
-        let model = best.model.with_window(window);
-        let places = best.numbers().into_iter().zip(best.columns());
-        let changes = set.members.iter().zip(places);
-        let changes =
-            changes.map(|(proposed, (numbers, columns))| Placed { proposed, numbers, columns });
-        let around = Around { model, changes: changes.collect(), explains: best.explains };
-        proposed = search.proposed(question.scope, Some(&around), question.monitor)?;
+        around = Some(around_motion_of(set, best, window));
     }
-    let mut stories: Vec<Story> = found.into_iter().map(|(_, story)| story).collect();
-    // Where one holds, what the others have to spare need not be known.
-    if !stories.iter().any(holds) {
-        let shortened = |story| shortened(question, story);
-        stories = stories.into_iter().map(shortened).collect::<Result<Vec<Story>>>()?;
+    Ok(found.into_iter().map(|(_, story)| story).collect())
+}
+
+/// Fits the sets that are not known yet over segments of `window` samples, and holds the best of
+/// them against longer ones.
+fn try_sets<'a>(
+    question: &Question<'a, '_>,
+    bare: &Story<'a>,
+    proposed: Vec<ProposedSet>,
+    window: usize,
+    found: &mut Vec<Fitted<'a>>,
+) -> Result<()> {
+    let mut sets: Vec<Fitted> = Vec::new();
+    for set in proposed {
+        let known = found.iter().any(|(other, _)| labels(other) == labels(&set));
+        if known || question.monitor.stopped() {
+            continue;
+        }
+        if let Some(story) = Story::of_set(bare, &set, window)? {
+            sets.push((set, story));
+        }
     }
-    Ok(Some(stories))
+    let mut explained: Option<Sums> = None;
+    let most = question.model.tuning().sets.grown;
+    for (set, mut story) in best_first(sets, question).into_iter().take(most) {
+        if question.monitor.stopped() {
+            break;
+        }
+        // What leaves more of these segments than one that explains whole runs says no more.
+        let seen = story.sums.clone();
+        let says_more = |sums: &Sums| is_noise_of(sums, &seen, &story.model);
+        if !explained.as_ref().is_none_or(says_more) {
+            continue;
+        }
+        story.hold_together(question);
+        if story.explains {
+            let loss = seen.loss.max(seen.rows as f64);
+            explained.get_or_insert(Sums { loss, ..seen });
+        }
+        found.push((set, story));
+    }
+    Ok(())
+}
+
+/// The motion of a set's story over segments of `window` samples.
+pub(super) fn around_motion_of<'a>(
+    set: &ProposedSet,
+    story: &Story<'a>,
+    window: usize,
+) -> Around<'a> {
+    let places = story.numbers().into_iter().zip(story.columns());
+    let placed = |(proposed, (numbers, columns)): (&Proposed, _)| Placed {
+        proposed: proposed.clone(),
+        numbers,
+        columns,
+    };
+    Around {
+        model: story.model.with_window(window),
+        changes: set.members.iter().zip(places).map(placed).collect(),
+        explains: story.explains,
+    }
 }
 
 /// Whether a story is another than the best of the look before, and explains the data, follows
@@ -128,10 +192,7 @@ fn labels(set: &ProposedSet) -> Vec<&str> {
 }
 
 /// Sets with their stories, that of the shortest description first.
-fn best_first<'a>(
-    fitted: Vec<(ProposedSet, Story<'a>)>,
-    question: &Question<'a, '_>,
-) -> Vec<(ProposedSet, Story<'a>)> {
+fn best_first<'a>(fitted: Vec<Fitted<'a>>, question: &Question<'a, '_>) -> Vec<Fitted<'a>> {
     let stories: Vec<&Story> = fitted.iter().map(|(_, story)| story).collect();
     let lengths = description_lengths(&stories, question.model.tuning());
     let mut both: Vec<_> = lengths.into_iter().zip(fitted).collect();
@@ -140,10 +201,7 @@ fn best_first<'a>(
 }
 
 /// The story of the shortest description, with its set.
-fn leader<'f, 'a>(
-    found: &'f [(ProposedSet, Story<'a>)],
-    question: &Question<'a, '_>,
-) -> Option<&'f (ProposedSet, Story<'a>)> {
+fn leader<'f, 'a>(found: &'f [Fitted<'a>], question: &Question<'a, '_>) -> Option<&'f Fitted<'a>> {
     let mut stories: Vec<Story> = found.iter().map(|(_, story)| story.clone()).collect();
     agree_on_noise(&mut stories);
     let lengths = description_lengths(&stories.iter().collect::<Vec<_>>(), question.model.tuning());

@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 
 use super::comparison::strongest_map;
-use super::description::description_lengths;
+use super::description::{description_lengths, is_computed};
 use super::diagnosis::{Diagnosis, Verdict};
 use super::doubts::holds;
 use super::effect::RankedEffect;
@@ -29,6 +29,8 @@ struct Unseen {
     by_errors: bool,
     /// Squares that are left where the numbers move within their errors.
     left: f64,
+    /// Independent residuals.
+    rows: f64,
     /// What that costs: twice the nats by which it widens predictions.
     widened: f64,
 }
@@ -189,6 +191,7 @@ fn unseen<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Unseen {
         at_noise: settled.sums.diverged == 0 && (noise || by_errors),
         by_errors,
         left: within_errors.as_ref().map_or(settled.sums.loss, |(sums, _)| sums.loss),
+        rows: settled.sums.rows as f64,
         widened: within_errors.map_or(0.0, |(_, widened)| widened),
     }
 }
@@ -203,10 +206,12 @@ fn tell(diagnosis: &mut Diagnosis, told: Vec<(Story, Unseen)>, before: &Unseen, 
     // Where one of them leaves white noise, what another leaves has no memory by the instrument.
     let times = stories.iter().map(|story| story.model.autocorrelation_time);
     let time = times.fold(f64::INFINITY, f64::min).max(1.0);
+    let computed = is_computed(&stories);
+    let unsaid = |after: &Unseen| if computed { after.rows } else { 0.0 };
     let lengths: Vec<f64> = description_lengths(&stories, tuning)
         .iter()
         .zip(&told)
-        .map(|(length, (_, after))| length + after.left / time + after.widened)
+        .map(|(length, (_, after))| length + after.left.max(unsaid(after)) / time + after.widened)
         .collect();
     let least = lengths.iter().copied().fold(f64::INFINITY, f64::min);
     let near = |length: &f64| length - least < tuning.ranking.indistinguishable;

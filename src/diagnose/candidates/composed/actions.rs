@@ -1,5 +1,9 @@
 //! What terms act on, and how strongly along a motion.
 
+use std::ops::Range;
+
+use super::states::half;
+
 /// Channels that a term acts on: rates of the momenta (kicks), rates of the coordinates (drifts),
 /// and what the instrument adds to each observable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,6 +23,11 @@ impl Channels {
 
     pub(super) fn sensor(self, observable: usize) -> usize {
         2 * self.degrees + observable
+    }
+
+    /// Where in a row of values at phase points those are by which a channel goes.
+    pub(super) fn values(self, channel: usize, values: usize) -> Range<usize> {
+        half(channel < self.degrees, values)
     }
 
     /// The observable whose sensor a channel is of.

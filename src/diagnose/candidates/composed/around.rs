@@ -4,6 +4,7 @@ use super::expression::Composed;
 use super::leaves::Leaves;
 use super::search::Search;
 use super::statements::candidate_of;
+use super::states::Along;
 use crate::diagnose::candidates::Candidate;
 use crate::diagnose::law_on_data::LawOnData;
 use crate::diagnose::refit::{Precision, Refit, Start, refit_whole};
@@ -118,7 +119,7 @@ impl<'a> Around<'a> {
         let restored: Vec<(Composed, f64)> =
             fitted.map(|((term, _), &coefficient)| (term.clone(), coefficient)).collect();
         let spacing = self.settled.model.tuning().composed.second_spacing;
-        Search::of(&self.settled, leaves, &self.kept, spacing, &restored)
+        Search::of(&self.settled, leaves, &self.kept, spacing, Along::Model, &restored)
     }
 }
 

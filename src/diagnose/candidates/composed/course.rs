@@ -1,7 +1,7 @@
 //! The model's own trajectory over a segment, with what a small push anywhere along it does to
 //! every later prediction.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::diagnose::law_on_data::LawOnData;
@@ -159,6 +159,28 @@ impl Together<'_> {
 }
 
 impl Course {
+    /// By how much the states at the samples, which stand at every `between`th point, were measured
+    /// to be off, as far as residuals are no noise by `trust`. Where coordinates alone are measured
+    /// nothing is known of momenta.
+    pub(super) fn off(&self, between: usize, trust: &[f64]) -> Vec<DVector<f64>> {
+        let size = self.states.first().map_or(0, Vec::len);
+        let of = |(sample, tangent): (usize, &DMatrix<f64>)| {
+            let (residuals, weights) = (&self.residuals[sample], &self.weights[sample]);
+            let off: Vec<f64> = residuals.iter().zip(trust).map(|(r, trust)| r * trust).collect();
+            if weights.len() == size && weights.iter().all(|weight| *weight > 0.0) {
+                let by_state = tangent.columns(0, size) * &self.inverses[sample * between];
+                let off = DVector::from_vec(off);
+                return by_state.lu().solve(&off).unwrap_or_else(|| DVector::zeros(size));
+            }
+            let coordinate = |i: usize| match weights.get(i) {
+                Some(&weight) if i < size / 2 && weight > 0.0 => off[i] / weight,
+                _ => 0.0,
+            };
+            DVector::from_fn(size, |i, _| coordinate(i))
+        };
+        self.tangents.iter().enumerate().map(of).collect()
+    }
+
     /// Takes one point of a lane in; false where it is lost.
     fn take_point(&mut self, batch: &Batch, lane: usize, span: f64) -> bool {
         let size = 2 * batch.degrees();
@@ -177,6 +199,19 @@ impl Course {
         self.inverses.push(inverse);
         true
     }
+}
+
+/// Of each observable, the part of its residuals that is no noise.
+pub(super) fn trust(courses: &[Course]) -> Vec<f64> {
+    let observables = courses.iter().find_map(|course| course.weights.first()).map_or(0, Vec::len);
+    let of = |observable: usize| {
+        let all = courses.iter().flat_map(|course| course.residuals.iter().zip(&course.weights));
+        let known = all.filter(|(_, weights)| weights[observable] > 0.0);
+        let squares = known.map(|(residuals, _)| residuals[observable].powi(2));
+        let (sum, count) = squares.fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
+        if sum > count { 1.0 - count / sum } else { 0.0 }
+    };
+    (0..observables).map(of).collect()
 }
 
 /// Highest angular frequency of the motion, in the sense that a harmonic motion has its own: the

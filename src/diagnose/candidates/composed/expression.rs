@@ -1,5 +1,7 @@
 //! Composed terms: products of shapes of leaves, at a place in the equations of motion.
 
+use std::ops::Range;
+
 use super::actions::{Action, Channels};
 use super::leaves::{Jet, Leaf, LeafUnit, Leaves};
 use super::shapes::{Inner, SHAPES, Shape};
@@ -159,60 +161,60 @@ impl Composed {
 /// What the product of some parts does at a place, at all their points.
 pub(super) fn action(place: Place, parts: &[&Jet], channels: Channels) -> Action {
     let n = channels.degrees;
+    let values = parts.first().map_or(0, |jet| jet.value.len());
     let depends = |component: usize| parts.iter().any(|jet| jet.slopes[component].is_some());
     let mut action = Action::default();
-    let energy = |action: &mut Action| {
-        for i in (0..n).filter(|&i| depends(i)) {
-            action.channels.push(channels.kick(i));
-            push_slope(&mut action.values, parts, i, -1.0);
-        }
-        for i in (0..n).filter(|&i| depends(n + i)) {
-            action.channels.push(channels.drift(i));
-            push_slope(&mut action.values, parts, n + i, 1.0);
-        }
+    let mut value = |channel: usize| {
+        action.channels.push(channel);
+        push_value(&mut action.values, parts, channels.values(channel, values));
     };
     match place {
-        Place::Kinetic | Place::Potential | Place::Hamiltonian => energy(&mut action),
-        Place::Force(i) => {
-            action.channels.push(channels.kick(i));
-            push_value(&mut action.values, parts);
+        Place::Kinetic | Place::Potential | Place::Hamiltonian => {
+            let kicks = (0..n).map(|i| (channels.kick(i), i, -1.0));
+            let drifts = (0..n).map(|i| (channels.drift(i), n + i, 1.0));
+            for (channel, by, sign) in kicks.chain(drifts).filter(|(_, by, _)| depends(*by)) {
+                let points = channels.values(channel, values);
+                action.channels.push(channel);
+                push_slope(&mut action.values, parts, points, by, sign);
+            }
         }
-        Place::Rate(i) => {
-            action.channels.push(channels.drift(i));
-            push_value(&mut action.values, parts);
-        }
-        Place::Sensor(i) => {
-            action.channels.push(channels.sensor(i));
-            push_value(&mut action.values, parts);
-        }
+        Place::Force(i) => value(channels.kick(i)),
+        Place::Rate(i) => value(channels.drift(i)),
+        Place::Sensor(i) => value(channels.sensor(i)),
     }
     action
 }
 
-/// Appends the product of the parts' values.
-fn push_value(out: &mut Vec<f64>, parts: &[&Jet]) {
+/// Appends the product of the parts' values at some points.
+fn push_value(out: &mut Vec<f64>, parts: &[&Jet], points: Range<usize>) {
     let start = out.len();
     let Some((first, others)) = parts.split_first() else { return };
-    out.extend_from_slice(&first.value);
+    out.extend_from_slice(&first.value[points.clone()]);
     for jet in others {
-        out[start..].iter_mut().zip(&jet.value).for_each(|(x, y)| *x *= y);
+        let values = &jet.value[points.clone()];
+        out[start..].iter_mut().zip(values).for_each(|(x, y)| *x *= y);
     }
 }
 
-/// Appends the derivative of the parts' product by one component, times a sign.
-fn push_slope(out: &mut Vec<f64>, parts: &[&Jet], component: usize, sign: f64) {
+/// Appends the derivative of the parts' product by one component at some points, times a sign.
+fn push_slope(
+    out: &mut Vec<f64>,
+    parts: &[&Jet],
+    points: Range<usize>,
+    component: usize,
+    sign: f64,
+) {
     let start = out.len();
-    let count = parts.first().map_or(0, |jet| jet.value.len());
-    out.resize(start + count, 0.0);
+    out.resize(start + points.len(), 0.0);
     for (at, jet) in parts.iter().enumerate() {
         let Some(slope) = &jet.slopes[component] else { continue };
         let others: Vec<&[f64]> = parts
             .iter()
             .enumerate()
             .filter(|(other, _)| *other != at)
-            .map(|(_, jet)| jet.value.as_slice())
+            .map(|(_, jet)| &jet.value[points.clone()])
             .collect();
-        let sums = out[start..].iter_mut().zip(slope);
+        let sums = out[start..].iter_mut().zip(&slope[points.clone()]);
         match others.as_slice() {
             [] => sums.for_each(|(sum, x)| *sum += sign * x),
             [a] => sums.zip(*a).for_each(|((sum, x), a)| *sum += sign * x * a),
@@ -226,12 +228,13 @@ fn push_slope(out: &mut Vec<f64>, parts: &[&Jet], component: usize, sign: f64) {
 /// The product of several parts with its gradient.
 pub(super) fn product(parts: &[&Jet]) -> Jet {
     let size = parts.first().map_or(0, |jet| jet.slopes.len());
+    let all = 0..parts.first().map_or(0, |jet| jet.value.len());
     let mut value = Vec::new();
-    push_value(&mut value, parts);
+    push_value(&mut value, parts, all.clone());
     let slope = |component: usize| {
         parts.iter().any(|jet| jet.slopes[component].is_some()).then(|| {
             let mut slope = Vec::new();
-            push_slope(&mut slope, parts, component, 1.0);
+            push_slope(&mut slope, parts, all.clone(), component, 1.0);
             slope
         })
     };

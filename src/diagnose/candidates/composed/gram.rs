@@ -161,7 +161,7 @@ impl<'a> Pool<'a> {
             let new = moves.into_iter().filter(|one| seen.insert(one.members.clone()));
             pool.extend(new);
             pool.sort_by(|a, b| a.cost.total_cmp(&b.cost).then(a.members.cmp(&b.members)));
-            pool.truncate(tuning.kept);
+            shorten(&mut pool, tuning.kept);
             let next: Vec<FoundSet> = pool.iter().take(tuning.beam).cloned().collect();
             let same = next.iter().map(|one| &one.members).eq(front.iter().map(|one| &one.members));
             if same {
@@ -471,6 +471,16 @@ fn cheapest(all: &mut [Addition], most: usize) -> (&mut [Addition], &mut [Additi
     let (first, then) = all.split_at_mut(count);
     first.sort_unstable_by(order);
     (first, then)
+}
+
+/// Keeps so many sets, which are in the order of their cost, and the best of each size.
+fn shorten(pool: &mut Vec<FoundSet>, kept: usize) {
+    let mut place = 0;
+    let mut sizes = FxHashSet::default();
+    pool.retain(|one| {
+        place += 1;
+        sizes.insert(one.members.len()) || place <= kept
+    });
 }
 
 /// A set without the members at some of its places.

@@ -180,3 +180,16 @@ fn residuals_that_resemble_each_other_count_as_fewer() {
     assert!((0.8..1.7).contains(&white), "{white}");
     assert!((14.0..26.0).contains(&alike), "{alike}");
 }
+
+#[test]
+fn the_best_of_each_size_is_remembered() {
+    let (all, target) = drawn(&[(3, 2.0), (17, -1.0), (40, 0.5)], 1e-4, 5);
+    let mut tuning = Tuning::default();
+    tuning.sets.kept = 3;
+    let pool = Pool::of(members(&all, f64::INFINITY), &target, ROWS, &tuning.sets);
+    let found = pool.search(&[]);
+    let best = |size: usize| found.iter().find(|one| one.members.len() == size);
+    assert_eq!(best(3).expect("a set").members, [3, 17, 40]);
+    assert_eq!(best(2).expect("a pair").members, [3, 17]);
+    assert_eq!(best(1).expect("one").members, [3]);
+}

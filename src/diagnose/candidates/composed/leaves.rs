@@ -208,7 +208,7 @@ impl Leaves {
         }
         let inputs = Inputs { varying: self.state.clone(), uniform: self.parameters.clone() };
         let compiled = compile(&graph, &inputs, &outputs, Backend::default());
-        let count = points.count;
+        let count = points.values();
         let mut out = vec![0.0; outputs.len() * count];
         compiled.evaluate(&points.states, parameters, count, &mut out, &mut Vec::new());
         let mut rows = out.chunks_exact(count.max(1)).map(<[f64]>::to_vec);

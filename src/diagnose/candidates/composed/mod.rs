@@ -46,6 +46,7 @@ use self::library::Library;
 use self::refine::refined_leaders;
 use self::search::Search;
 use self::statements::candidate_of;
+use self::states::Along;
 use super::Candidate;
 use crate::diagnose::law_on_data::LawOnData;
 use crate::error::Result;
@@ -99,7 +100,7 @@ pub fn composition(
     let settled = linear(model);
     let leaves = Leaves::of(model.system(), tuning);
     let kept: Vec<Column> = Column::all(settled.model.law.dynamics().unknowns()).collect();
-    let first = Search::of(&settled, &leaves, &kept, tuning.first_spacing, &[]);
+    let first = Search::of(&settled, &leaves, &kept, tuning.first_spacing, Along::Model, &[]);
     if first.responses.rows == 0 {
         return Ok(nothing);
     }

@@ -56,7 +56,7 @@ pub(super) fn at_all_points(
         plans.push((values, plan.collect()));
     }
     let Some(found) = values_at(&system, &outputs, law, points) else { return Vec::new() };
-    let action = |plan: &Plan| plan.action(&found, points.count);
+    let action = |plan: &Plan| plan.action(&found, channels, points.values());
     let named = plans.into_iter().map(|(values, plan)| NamedAction {
         values: values.clone(),
         actions: plan.iter().map(action).collect(),
@@ -91,7 +91,8 @@ pub(super) fn of_unknowns(
                 plan.add(&mut system, &mut outputs, (place, expr), channels);
             }
         }
-        let action = plan.action(&values_at(&system, &outputs, law, points)?, points.count);
+        let action =
+            plan.action(&values_at(&system, &outputs, law, points)?, channels, points.values());
         action.values.iter().all(|x| x.is_finite()).then_some(action)
     };
     unknowns.iter().map(&mut own).collect()
@@ -131,9 +132,9 @@ fn values_at(
     let numbers: Vec<f64> =
         law.parameters().iter().copied().chain(law.coefficient_of_each_term()).collect();
     let compiled = compile(&system.graph, &inputs, outputs, Backend::default());
-    let mut found = vec![0.0; outputs.len() * points.count];
+    let mut found = vec![0.0; outputs.len() * points.values()];
     let here = points.with_times();
-    compiled.evaluate(&here, &numbers, points.count, &mut found, &mut Vec::new());
+    compiled.evaluate(&here, &numbers, points.values(), &mut found, &mut Vec::new());
     Some(found)
 }
 
@@ -146,15 +147,15 @@ struct Plan {
 }
 
 impl Plan {
-    /// With the values of all outputs, one after another.
-    fn action(&self, found: &[f64], points: usize) -> Action {
-        let row = |&(output, sign): &(usize, f64)| {
-            let row = &found[output * points..(output + 1) * points];
-            row.iter().map(move |x| sign * x)
+    /// With so many values of each output, one output after another.
+    fn action(&self, found: &[f64], channels: Channels, values: usize) -> Action {
+        let row = |(&channel, &(output, sign)): (&usize, &(usize, f64))| {
+            let row = &found[output * values..(output + 1) * values];
+            row[channels.values(channel, values)].iter().map(move |x| sign * x)
         };
         Action {
             channels: self.channels.clone(),
-            values: self.outputs.iter().flat_map(row).collect(),
+            values: self.channels.iter().zip(&self.outputs).flat_map(row).collect(),
         }
     }
 

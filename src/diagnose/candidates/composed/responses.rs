@@ -13,9 +13,9 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::actions::{Action, Channels};
-use super::course::{Course, courses, frequency};
+use super::course::{Course, courses, frequency, trust};
 use super::named::of_unknowns;
-use super::states::PhasePoints;
+use super::states::{Along, PhasePoints};
 use crate::diagnose::settling::Settled;
 use crate::expr::Observed;
 use crate::fit::column::Column;
@@ -79,8 +79,9 @@ const PANEL: usize = 2;
 impl Responses {
     /// From the model before some segments, nodes `spacing` radians of the fastest motion apart.
     ///
-    /// `kept` are the columns of the model's unknowns that are eliminated.
-    pub(super) fn of(settled: &Settled, kept: &[Column], spacing: f64) -> Responses {
+    /// `kept` are the columns of the model's unknowns that are eliminated. Forces act along the
+    /// motion that is said.
+    pub(super) fn of(settled: &Settled, kept: &[Column], spacing: f64, along: Along) -> Responses {
         let model = &settled.model;
         let mut found = courses(settled, PANEL);
         let turning = frequency(&found);
@@ -95,24 +96,29 @@ impl Responses {
         let channels = Channels { degrees: model.system().degrees() };
         let velocities = model.system().observed == Observed::Velocities;
         let apart = spacing / turning.max(f64::MIN_POSITIVE);
-        let built: Vec<(Segment, Nodes)> = found
-            .par_iter()
-            .map(|course| segment(course, channels, between, apart, kept, velocities))
-            .collect();
-        let (mut nodes, mut times) = (Vec::new(), Vec::new());
+        let trust = match along {
+            Along::Model => vec![0.0; model.law.noise().len()],
+            Along::Measured => trust(&found),
+        };
+        let of = |course: &Course| {
+            let (segment, places) = segment(course, channels, between, apart, kept, velocities);
+            (segment, Nodes::of(course, &places, between, &trust))
+        };
+        let built: Vec<(Segment, Nodes)> = found.par_iter().map(of).collect();
+        let (mut nodes, mut measured, mut times) = (Vec::new(), Vec::new(), Vec::new());
         let mut list = Vec::with_capacity(built.len());
         for (mut segment, own) in built {
             segment.first = nodes.len();
             nodes.extend(own.states);
+            measured.extend(own.measured);
             times.extend(own.times);
             list.push(segment);
         }
         let size = channels.moving();
-        let measured =
-            |course: &Course| course.weights.iter().flatten().filter(|w| **w > 0.0).count();
-        let rows: usize = found.iter().map(|c| measured(c).saturating_sub(size)).sum();
+        let known = |course: &Course| course.weights.iter().flatten().filter(|w| **w > 0.0).count();
+        let rows: usize = found.iter().map(|c| known(c).saturating_sub(size)).sum();
         let mut responses = Responses {
-            points: PhasePoints::of(&nodes, times),
+            points: PhasePoints::of(&nodes, &measured, times),
             channels,
             squares: 0.0,
             rows,
@@ -387,10 +393,31 @@ fn interpolation(nodes: &[f64], time: f64) -> Vec<(usize, f64)> {
 /// Nodes of a segment.
 struct Nodes {
     states: Vec<Vec<f64>>,
+    measured: Vec<Vec<f64>>,
     times: Vec<f64>,
 }
 
-/// The matrices of a segment, and its nodes.
+impl Nodes {
+    fn of(course: &Course, places: &[usize], between: usize, trust: &[f64]) -> Nodes {
+        let off = course.off(between, trust);
+        let samples: Vec<f64> = course.times.iter().copied().step_by(between).collect();
+        let state = |&place: &usize| course.states[place].clone();
+        let measured = |place: &usize| {
+            let mut moved = DVector::from_vec(state(place));
+            for (sample, weight) in interpolation(&samples, course.times[*place]) {
+                moved.axpy(weight, &off[sample], 1.0);
+            }
+            moved.as_slice().to_vec()
+        };
+        Nodes {
+            states: places.iter().map(state).collect(),
+            measured: places.iter().map(measured).collect(),
+            times: places.iter().map(|&place| course.start + course.times[place]).collect(),
+        }
+    }
+}
+
+/// The matrices of a segment, and the places of its nodes among the points of its course.
 fn segment(
     course: &Course,
     channels: Channels,
@@ -398,7 +425,7 @@ fn segment(
     apart: f64,
     kept: &[Column],
     velocities: bool,
-) -> (Segment, Nodes) {
+) -> (Segment, Vec<usize>) {
     let (size, n) = (channels.moving(), channels.degrees);
     let last = course.times.len() - 1;
     let duration = course.times[last];
@@ -474,9 +501,7 @@ fn segment(
         information: nothing,
         of_sensors: Vec::new(),
     };
-    let states = places.iter().map(|&place| course.states[place].clone()).collect();
-    let times = times.iter().map(|time| course.start + time).collect();
-    (segment, Nodes { states, times })
+    (segment, places)
 }
 
 /// An orthonormal basis of some columns, those left out that others span.

@@ -7,6 +7,7 @@ use super::enumerate::Found;
 use super::expression::{Composed, LeafJets};
 use super::leaves::Leaves;
 use super::responses::{Responses, TOGETHER};
+use super::states::Along;
 use crate::diagnose::settling::Settled;
 use crate::diagnose::tuning::Tuning;
 use crate::fit::column::Column;
@@ -27,10 +28,11 @@ impl<'a> Search<'a> {
         leaves: &Leaves,
         kept: &[Column],
         spacing: f64,
+        along: Along,
         restored: &[(Composed, f64)],
     ) -> Search<'a> {
         let model = &settled.model;
-        let mut responses = Responses::of(settled, kept, spacing);
+        let mut responses = Responses::of(settled, kept, spacing, along);
         let compared_at = model.tuning().composed.compared_at;
         let jets = LeafJets::of(leaves, model.law.parameters(), &responses.points, compared_at);
         let actions: Vec<(f64, Action)> = restored

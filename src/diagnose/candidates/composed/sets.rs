@@ -4,12 +4,14 @@
 //! stand side by side in one `Pool`, and sets of them are chosen there. The best are handed on
 //! to be fitted in full; around the motion of the best of these, all is asked again.
 
+use rustc_hash::FxHashSet;
+
 use super::actions::Action;
 use super::around::linear;
 use super::entries::{Change, Entry, Motion};
 use super::enumerate::enumerate;
 use super::expression::Composed;
-use super::first_order::{first_order, unknowns};
+use super::first_order::{Unknown, first_order, unknowns};
 use super::gram::{FoundSet, Pool};
 use super::leaves::Leaves;
 use super::library::Library;
@@ -18,6 +20,7 @@ use super::refine::refined_leaders;
 use super::responses::Responses;
 use super::search::Search;
 use super::statements::candidate_of;
+use super::states::Along;
 use crate::diagnose::candidates::{Candidate, NumberChange};
 use crate::diagnose::effect::RankedEffect;
 use crate::diagnose::law_on_data::LawOnData;
@@ -58,19 +61,19 @@ pub struct ProposedSet {
 }
 
 /// A motion that candidates are judged around.
-pub struct Around<'a, 'b> {
+pub struct Around<'a> {
     /// A model with some changes, over segments that it follows.
     pub model: LawOnData<'a>,
     /// The changes.
-    pub changes: Vec<Placed<'b>>,
+    pub changes: Vec<Placed>,
     /// Whether it leaves noise.
     pub explains: bool,
 }
 
 /// A change of a model.
-pub struct Placed<'b> {
+pub struct Placed {
     /// What it was proposed as.
-    pub proposed: &'b Proposed,
+    pub proposed: Proposed,
     /// All of its numbers: coefficients, then inner ones.
     pub numbers: Vec<f64>,
     /// Their columns among those of the model.
@@ -90,6 +93,8 @@ pub struct SetSearch<'a, 'b> {
     /// Whether sets are of named candidates alone, chosen by what counts what they leave: the law
     /// of a real rig lacks more than can be named.
     in_part: bool,
+    /// Where forces act in the first look: later ones are around a motion that is near.
+    along: Along,
     tuning: &'a Tuning,
 }
 
@@ -101,11 +106,34 @@ impl<'a, 'b> SetSearch<'a, 'b> {
         candidates: &'b [Candidate],
         monitor: &dyn Monitor,
     ) -> Option<SetSearch<'a, 'b>> {
+        SetSearch::along(Along::Model, model, candidates, monitor)
+    }
+
+    /// The same where forces act along the measured motion; `None` also where the model's is
+    /// nearer to it than noise is.
+    pub fn of_measured(
+        model: &LawOnData<'a>,
+        candidates: &'b [Candidate],
+        monitor: &dyn Monitor,
+    ) -> Option<SetSearch<'a, 'b>> {
+        let sums = &linear(&model.thinned(model.data.most.min(model.tuning().scan.samples))).sums;
+        let mut both = sums.squares.iter().zip(&sums.freedom);
+        // Noise beside a misfit as large as it is doubles the squares.
+        let far = both.any(|(squares, freedom)| *squares > 2.0 * freedom.max(1.0));
+        far.then(|| SetSearch::along(Along::Measured, model, candidates, monitor)).flatten()
+    }
+
+    fn along(
+        along: Along,
+        model: &LawOnData<'a>,
+        candidates: &'b [Candidate],
+        monitor: &dyn Monitor,
+    ) -> Option<SetSearch<'a, 'b>> {
         let named = SetSearch::in_part(model, candidates)?;
         monitor.stage("sets of changes", 0.65);
         let SetSearch { first, leaves, tuning, .. } = &named;
         let kept: Vec<Column> = Column::all(first.model.law.dynamics().unknowns()).collect();
-        let search = Search::of(first, leaves, &kept, tuning.composed.first_spacing, &[]);
+        let search = Search::of(first, leaves, &kept, tuning.composed.first_spacing, along, &[]);
         if search.responses.rows == 0 {
             return None;
         }
@@ -122,7 +150,7 @@ impl<'a, 'b> SetSearch<'a, 'b> {
                 terms.push(term);
             }
         }
-        Some(SetSearch { terms, in_part: false, ..named })
+        Some(SetSearch { terms, in_part: false, along, ..named })
     }
 
     /// The same for sets of named candidates that explain a part of what is missing.
@@ -145,6 +173,7 @@ impl<'a, 'b> SetSearch<'a, 'b> {
             spreads: model.spreads(),
             asked: Vec::new(),
             in_part: true,
+            along: Along::Model,
             tuning,
         })
     }
@@ -154,18 +183,9 @@ impl<'a, 'b> SetSearch<'a, 'b> {
         self.first.model.law.window()
     }
 
-    /// The best sets, the best first: around the motion of the bare model over segments so short
-    /// that it follows them, or around that of a model with some changes.
-    ///
-    /// # Errors
-    ///
-    /// When a member makes no sense in the spec.
-    pub fn proposed(
-        &mut self,
-        scope: &Scope,
-        around: Option<&Around<'a, '_>>,
-        monitor: &dyn Monitor,
-    ) -> Result<Vec<ProposedSet>> {
+    /// All members side by side, around the motion of the bare model over segments so short that it
+    /// follows them, or around that of a model with some changes.
+    pub fn look(&mut self, around: Option<&Around<'a>>, monitor: &dyn Monitor) -> Look<'_, 'a> {
         let composed = &self.tuning.composed;
         let base = self.first.model.system().clone();
         let (search, law, unknowns) = match around {
@@ -173,7 +193,7 @@ impl<'a, 'b> SetSearch<'a, 'b> {
                 let law = self.first.model.law.clone();
                 let kept: Vec<Column> = Column::all(law.dynamics().unknowns()).collect();
                 let spacing = composed.first_spacing;
-                let search = Search::of(&self.first, &self.leaves, &kept, spacing, &[]);
+                let search = Search::of(&self.first, &self.leaves, &kept, spacing, self.along, &[]);
                 let unknowns = unknowns(&law, &kept);
                 (search, law, unknowns)
             }
@@ -185,7 +205,8 @@ impl<'a, 'b> SetSearch<'a, 'b> {
                 let settled = settle_moving(around.model.clone());
                 let kept = standing(&settled, &base);
                 let spacing = composed.second_spacing;
-                let mut search = Search::of(&settled, &self.leaves, &kept, spacing, &[]);
+                let mut search =
+                    Search::of(&settled, &self.leaves, &kept, spacing, Along::Model, &[]);
                 let restored = self.restored(&around.changes, &search, &law);
                 search.responses.restore(&restored);
                 let unknowns = unknowns(&settled.model.law, &kept);
@@ -237,30 +258,10 @@ impl<'a, 'b> SetSearch<'a, 'b> {
         if self.in_part {
             (pool, found) = counting_what_is_left(pool, found, &search.responses);
         }
-        let mut sets = Vec::new();
-        let mut taken: Vec<&FoundSet> = Vec::new();
-        let least = found.first().map_or(0.0, |best| best.cost);
-        for one in found.iter().filter(|one| !one.members.is_empty()) {
-            // Around a motion that leaves noise, first order says what a set is worth.
-            let close = self.tuning.ranking.indistinguishable;
-            if around.is_some_and(|one| one.explains) && one.cost - least > close {
-                break;
-            }
-            // What holds a better set says nothing else: its other members come later, if at all.
-            if taken.iter().any(|better| pool.holds(one, better)) {
-                continue;
-            }
-            let Some(members) = self.written(scope, &pool, &entries, one)? else { continue };
-            let law = first_order(&search.responses, &pool, &entries, one, &law, &unknowns)?;
-            let mut places: Vec<usize> = one.members.iter().map(|&at| entries[at].kind).collect();
-            places.sort_unstable();
-            sets.push(ProposedSet { members, law, cost: one.cost, places });
-            taken.push(one);
-            if sets.len() == self.tuning.sets.proposed {
-                break;
-            }
-        }
-        Ok(sets)
+        let explains = around.is_some_and(|around| around.explains);
+        let responses = search.responses;
+        let is_first = around.is_none();
+        Look { of: self, responses, law, unknowns, entries, pool, found, explains, is_first }
     }
 
     /// Adds to the terms those that may stand in the place of a change of a model, or that explain
@@ -317,7 +318,8 @@ impl<'a, 'b> SetSearch<'a, 'b> {
         let kept: Vec<Column> = Column::all(settled.model.law.dynamics().unknowns())
             .filter(|column| !own(column))
             .collect();
-        let mut search = Search::of(settled, &self.leaves, &kept, composed.first_spacing, &[]);
+        let mut search =
+            Search::of(settled, &self.leaves, &kept, composed.first_spacing, Along::Model, &[]);
         if search.responses.rows == 0 || monitor.stopped() {
             return Vec::new();
         }
@@ -334,7 +336,7 @@ impl<'a, 'b> SetSearch<'a, 'b> {
     /// What changes of a model do along its motion.
     fn restored<'p>(
         &self,
-        changes: impl IntoIterator<Item = &'p Placed<'p>>,
+        changes: impl IntoIterator<Item = &'p Placed>,
         search: &Search,
         law: &Law,
     ) -> Vec<(f64, Action)> {
@@ -365,16 +367,70 @@ impl<'a, 'b> SetSearch<'a, 'b> {
         }
         all
     }
+}
+
+/// Sets chosen around one motion.
+pub struct Look<'s, 'a> {
+    of: &'s SetSearch<'a, 's>,
+    responses: Responses,
+    /// The model as it is, with the numbers that it has there, and its unknowns.
+    law: Law,
+    unknowns: Vec<Unknown>,
+    entries: Vec<Entry>,
+    pool: Pool<'a>,
+    found: Vec<FoundSet>,
+    /// Whether the motion leaves noise.
+    explains: bool,
+    /// Whether it is that of the bare model.
+    is_first: bool,
+}
+
+impl Look<'_, '_> {
+    /// The best sets, the best first.
+    ///
+    /// # Errors
+    ///
+    /// When a member makes no sense in the spec.
+    pub fn proposed(&self, scope: &Scope) -> Result<Vec<ProposedSet>> {
+        let Look { responses, law, unknowns, entries, pool, found, .. } = self;
+        let tuning = self.of.tuning;
+        let mut sets = Vec::new();
+        let mut taken: Vec<&FoundSet> = Vec::new();
+        let mut sizes = FxHashSet::default();
+        let least = found.first().map_or(0.0, |best| best.cost);
+        for one in found.iter().filter(|one| !one.members.is_empty()) {
+            // Around a motion that leaves noise, first order says what a set is worth.
+            if self.explains && one.cost - least > tuning.ranking.indistinguishable {
+                break;
+            }
+            // First order may be far from what a strong change does: the best of each size is
+            // fitted.
+            let is_far = self.is_first && self.of.along == Along::Measured;
+            if is_far && !sizes.insert(one.members.len()) {
+                continue;
+            }
+            // What holds a better set says nothing else: its other members come later, if at all.
+            if !is_far && taken.iter().any(|better| pool.holds(one, better)) {
+                continue;
+            }
+            let Some(members) = self.written(scope, one)? else { continue };
+            let law = first_order(responses, pool, entries, one, law, unknowns)?;
+            let mut places: Vec<usize> = one.members.iter().map(|&at| entries[at].kind).collect();
+            places.sort_unstable();
+            sets.push(ProposedSet { members, law, cost: one.cost, places });
+            taken.push(one);
+            if sets.len() == tuning.sets.proposed {
+                break;
+            }
+        }
+        Ok(sets)
+    }
 
     /// A set as changes to a spec, each in the scope of those before it; `None` where the language
     /// does not take a term beside the others, or where they nearly span one another.
-    fn written(
-        &self,
-        scope: &Scope,
-        pool: &Pool,
-        entries: &[Entry],
-        found: &FoundSet,
-    ) -> Result<Option<Vec<Proposed>>> {
+    fn written(&self, scope: &Scope, found: &FoundSet) -> Result<Option<Vec<Proposed>>> {
+        let Look { entries, pool, .. } = self;
+        let SetSearch { candidates, leaves, .. } = self.of;
         let Some(coefficients) = pool.coefficients(&found.members) else { return Ok(None) };
         let p_values = pool.p_values(&found.members);
         let mut scope = scope.clone();
@@ -384,10 +440,10 @@ impl<'a, 'b> SetSearch<'a, 'b> {
             let entry = &entries[at];
             let own;
             let (candidate, named) = match &entry.change {
-                Change::Named(place) => (&self.candidates[*place], true),
+                Change::Named(place) => (&candidates[*place], true),
                 Change::Composed(term) => {
                     let terms = std::slice::from_ref(term);
-                    let Some(found) = candidate_of(&mut scope, &self.leaves, terms, false) else {
+                    let Some(found) = candidate_of(&mut scope, leaves, terms, false) else {
                         return Ok(None);
                     };
                     own = found;

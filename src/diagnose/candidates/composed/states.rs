@@ -1,37 +1,66 @@
-//! Points of the model's own trajectories, where candidates are evaluated.
+//! Points along trajectories, where candidates are evaluated.
+//!
+//! Each is there twice, as forces may be asked to act along the measured motion. What changes
+//! velocities or readings themselves says by that where the motion was: it acts along the model's.
+
+use std::ops::Range;
+
+/// The motion along which forces act.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Along {
+    /// The model's: it has no noise, and is not where the motion was.
+    Model,
+    /// The measured one, as far as the model is off by more than noise.
+    Measured,
+}
 
 /// Points in phase space, side by side.
 #[derive(Debug, Clone, Default)]
 pub(super) struct PhasePoints {
-    /// `[component][point]`, coordinates before momenta.
+    /// `[component][point]`, coordinates before momenta; in each row first all points where the
+    /// model has them, then all where forces act.
     pub(super) states: Vec<f64>,
-    /// Time at each point.
+    /// Time at each of these.
     pub(super) times: Vec<f64>,
-    /// Number of points.
+    /// Number of points, each counted once.
     pub(super) count: usize,
 }
 
 impl PhasePoints {
-    /// From the states of all points, one after the other, and their times.
-    pub(super) fn of(points: &[Vec<f64>], times: Vec<f64>) -> PhasePoints {
-        let size = points.first().map_or(0, Vec::len);
-        let row = |component: usize| points.iter().map(move |point| point[component]);
-        PhasePoints { states: (0..size).flat_map(row).collect(), times, count: points.len() }
+    /// From the states of all points where the model has them and where forces act, and their
+    /// times.
+    pub(super) fn of(modelled: &[Vec<f64>], measured: &[Vec<f64>], times: Vec<f64>) -> PhasePoints {
+        let size = modelled.first().map_or(0, Vec::len);
+        let row =
+            |component: usize| modelled.iter().chain(measured).map(move |point| point[component]);
+        let states = (0..size).flat_map(row).collect();
+        PhasePoints { states, times: times.repeat(2), count: modelled.len() }
+    }
+
+    /// Values in each row: two for each point.
+    pub(super) fn values(&self) -> usize {
+        2 * self.count
     }
 
     /// Some of the points, spread evenly over all of them.
     pub(super) fn sample(&self, most: usize) -> PhasePoints {
         let count = self.count.min(most);
-        let rows = self.states.chunks_exact(self.count.max(1));
         // An odd fraction of the length, so that the places do not fall into step with segments.
         let place = |i: usize| (2 * i + 1) * self.count / (2 * count.max(1));
-        let states = rows.flat_map(|row| (0..count).map(move |i| row[place(i)])).collect();
-        let times = (0..count).map(|i| self.times[place(i)]).collect();
-        PhasePoints { states, times, count }
+        let halves = |values: &[f64]| -> Vec<f64> {
+            let halves = values.chunks_exact(self.count.max(1));
+            halves.flat_map(|half| (0..count).map(|i| half[place(i)])).collect()
+        };
+        PhasePoints { states: halves(&self.states), times: halves(&self.times), count }
     }
 
     /// States, and the times after them: `[component, time][point]`.
     pub(super) fn with_times(&self) -> Vec<f64> {
         self.states.iter().chain(&self.times).copied().collect()
     }
+}
+
+/// Where in a row are the values for what acts on rates of momenta, and for anything else.
+pub(super) fn half(of_kicks: bool, values: usize) -> Range<usize> {
+    if of_kicks { values / 2..values } else { 0..values / 2 }
 }

@@ -2,9 +2,11 @@
 
 use super::entries::{Change, Motion};
 use super::expression::{Composed, Factor};
+use super::front::joint;
 use super::leaves::Leaves;
 use super::search::Search;
 use super::shapes::SHAPES;
+use super::states::Along;
 use crate::data::Dataset;
 use crate::diagnose::candidates::candidates;
 use crate::diagnose::law_on_data::LawOnData;
@@ -57,7 +59,7 @@ fn a_score_is_that_of_a_pass_over_the_data() {
     let options = Options::default();
     let settled = settled(PENDULUM, &data, &options);
     let leaves = Leaves::of(settled.model.system(), &options.tuning.composed);
-    let search = Search::of(&settled, &leaves, &[], 0.12, &[]);
+    let search = Search::of(&settled, &leaves, &[], 0.12, Along::Model, &[]);
     let mut scope = Scope::of(&build("model", PENDULUM).expect("a spec"));
     let cases = [
         (term(Place::Potential, &[(0, "{x}^4", 0.0)]), "V += span{ term: q^4 }"),
@@ -86,6 +88,26 @@ fn a_score_is_that_of_a_pass_over_the_data() {
 }
 
 #[test]
+fn forces_act_where_the_motion_was_measured() {
+    let data = measured(
+        "coordinates q\nmomenta p\nT = p^2/2\nV = -cos(q)\n\
+         force q = -0.8*p*sqrt(0.01 + p^2) - 0.6*q^2*p\n",
+    );
+    let options = Options::default();
+    let settled = settled(PENDULUM, &data, &options);
+    let leaves = Leaves::of(settled.model.system(), &options.tuning.composed);
+    let search = Search::of(&settled, &leaves, &[], 0.06, Along::Measured, &[]);
+    let responses = &search.responses;
+    let drag = term(Place::Force(0), &[(1, "{x}", 0.0), (1, "sqrt({a}^2 + {x}^2)", 0.1)]);
+    let other = term(Place::Force(0), &[(0, "{x}^2", 0.0), (1, "{x}", 0.0)]);
+    let of =
+        |term: &Composed| responses.column(&term.action(&search.jets.nodes, responses.channels));
+    let (columns, target) = ([of(&drag), of(&other)], responses.target());
+    let both = joint(&[&columns[0], &columns[1]], &target).expect("two directions");
+    assert!((both[0] / -0.8 - 1.0).abs() < 0.02 && (both[1] / -0.6 - 1.0).abs() < 0.02, "{both:?}");
+}
+
+#[test]
 fn what_stands_in_the_model_is_not_scored() {
     let text = "coordinates q\nmomenta p\nT = p^2/2\nV = span{ q^2, q^4 }\n";
     let data = measured("coordinates q\nmomenta p\nT = p^2/2\nV = q^2/2 + q^4/4 + 0.005*q^6\n");
@@ -98,7 +120,8 @@ fn what_stands_in_the_model_is_not_scored() {
     let options = Options::default();
     let settled = settle(LawOnData::of(law, &data, &options));
     let leaves = Leaves::of(settled.model.system(), &options.tuning.composed);
-    let search = Search::of(&settled, &leaves, &Column::all(2).collect::<Vec<_>>(), 0.12, &[]);
+    let search =
+        Search::of(&settled, &leaves, &Column::all(2).collect::<Vec<_>>(), 0.12, Along::Model, &[]);
     let fall = |power: &str| {
         let term = term(Place::Potential, &[(0, power, 0.0)]);
         search.responses.fall(&term.action(&search.jets.nodes, search.responses.channels))
@@ -115,7 +138,7 @@ fn what_terms_do_is_explained_again_where_it_is_restored() {
     let settled = settled(with, &data, &options);
     let leaves = Leaves::of(settled.model.system(), &options.tuning.composed);
     let quartic = term(Place::Potential, &[(0, "{x}^4", 0.0)]);
-    let search = Search::of(&settled, &leaves, &[], 0.12, &[(quartic.clone(), 0.05)]);
+    let search = Search::of(&settled, &leaves, &[], 0.12, Along::Model, &[(quartic.clone(), 0.05)]);
     let left = |term: &Composed| {
         let action = term.action(&search.jets.nodes, search.responses.channels);
         1.0 - search.responses.fall(&action) / search.responses.squares
@@ -138,7 +161,8 @@ fn the_numbers_of_the_model_move_to_first_order_with_a_term() {
     let options = Options::default();
     let settled = settle(LawOnData::of(law, &data, &options));
     let leaves = Leaves::of(settled.model.system(), &options.tuning.composed);
-    let search = Search::of(&settled, &leaves, &Column::all(2).collect::<Vec<_>>(), 0.06, &[]);
+    let search =
+        Search::of(&settled, &leaves, &Column::all(2).collect::<Vec<_>>(), 0.06, Along::Model, &[]);
     let responses = &search.responses;
     let sixth = term(Place::Potential, &[(0, "{x}^6", 0.0)]);
     let response = responses.response(&sixth.action(&search.jets.nodes, responses.channels));
@@ -156,7 +180,7 @@ fn what_was_fitted_stands_beside_the_best_points_of_the_grids() {
     options.tuning.sets.points = 1;
     let settled = settled(PENDULUM, &data, &options);
     let leaves = Leaves::of(settled.model.system(), &options.tuning.composed);
-    let search = Search::of(&settled, &leaves, &[], 0.12, &[]);
+    let search = Search::of(&settled, &leaves, &[], 0.12, Along::Model, &[]);
     let mut scope = Scope::of(&build("model", PENDULUM).expect("a spec"));
     let all = candidates(&mut scope, &data, &options.tuning.candidates);
     let place = all.iter().position(|one| one.label == "harmonic_drive(q)").expect("a drive");
