@@ -125,8 +125,8 @@ fn try_sets<'a>(
         }
         // What leaves more of these segments than one that explains whole runs says no more.
         let seen = story.sums.clone();
-        let says_more = |sums: &Sums| is_noise_of(sums, &seen, &story.model);
-        if !explained.as_ref().is_none_or(says_more) {
+        let leaves_more = |least: &Sums| !is_noise_of(least, &seen, &story.model);
+        if explained.as_ref().is_some_and(leaves_more) {
             continue;
         }
         story.hold_together(question);

@@ -2,8 +2,6 @@
 
 use std::ops::Range;
 
-use super::states::half;
-
 /// Channels that a term acts on: rates of the momenta (kicks), rates of the coordinates (drifts),
 /// and what the instrument adds to each observable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,9 +23,11 @@ impl Channels {
         2 * self.degrees + observable
     }
 
-    /// Where in a row of values at phase points those are by which a channel goes.
+    /// Where in a row of values at phase points those are by which a channel goes: kicks act where
+    /// forces do.
     pub(super) fn values(self, channel: usize, values: usize) -> Range<usize> {
-        half(channel < self.degrees, values)
+        let middle = values / 2;
+        if channel < self.degrees { middle..values } else { 0..middle }
     }
 
     /// The observable whose sensor a channel is of.

@@ -106,7 +106,7 @@ impl<'a, 'b> SetSearch<'a, 'b> {
         candidates: &'b [Candidate],
         monitor: &dyn Monitor,
     ) -> Option<SetSearch<'a, 'b>> {
-        SetSearch::along(Along::Model, model, candidates, monitor)
+        SetSearch::in_part(model, candidates)?.along(Along::Model, monitor)
     }
 
     /// The same where forces act along the measured motion; `None` also where the model's is
@@ -116,22 +116,18 @@ impl<'a, 'b> SetSearch<'a, 'b> {
         candidates: &'b [Candidate],
         monitor: &dyn Monitor,
     ) -> Option<SetSearch<'a, 'b>> {
-        let sums = &linear(&model.thinned(model.data.most.min(model.tuning().scan.samples))).sums;
+        let named = SetSearch::in_part(model, candidates)?;
+        let sums = &named.first.sums;
         let mut both = sums.squares.iter().zip(&sums.freedom);
         // Noise beside a misfit as large as it is doubles the squares.
         let far = both.any(|(squares, freedom)| *squares > 2.0 * freedom.max(1.0));
-        far.then(|| SetSearch::along(Along::Measured, model, candidates, monitor)).flatten()
+        if far { named.along(Along::Measured, monitor) } else { None }
     }
 
-    fn along(
-        along: Along,
-        model: &LawOnData<'a>,
-        candidates: &'b [Candidate],
-        monitor: &dyn Monitor,
-    ) -> Option<SetSearch<'a, 'b>> {
-        let named = SetSearch::in_part(model, candidates)?;
+    /// Composed terms beside the named candidates, forces acting along a motion.
+    fn along(self, along: Along, monitor: &dyn Monitor) -> Option<SetSearch<'a, 'b>> {
         monitor.stage("sets of changes", 0.65);
-        let SetSearch { first, leaves, tuning, .. } = &named;
+        let SetSearch { first, leaves, tuning, .. } = &self;
         let kept: Vec<Column> = Column::all(first.model.law.dynamics().unknowns()).collect();
         let search = Search::of(first, leaves, &kept, tuning.composed.first_spacing, along, &[]);
         if search.responses.rows == 0 {
@@ -150,7 +146,7 @@ impl<'a, 'b> SetSearch<'a, 'b> {
                 terms.push(term);
             }
         }
-        Some(SetSearch { terms, in_part: false, along, ..named })
+        Some(SetSearch { terms, in_part: false, along, ..self })
     }
 
     /// The same for sets of named candidates that explain a part of what is missing.

@@ -3,8 +3,6 @@
 //! Each is there twice, as forces may be asked to act along the measured motion. What changes
 //! velocities or readings themselves says by that where the motion was: it acts along the model's.
 
-use std::ops::Range;
-
 /// The motion along which forces act.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Along {
@@ -58,9 +56,4 @@ impl PhasePoints {
     pub(super) fn with_times(&self) -> Vec<f64> {
         self.states.iter().chain(&self.times).copied().collect()
     }
-}
-
-/// Where in a row are the values for what acts on rates of momenta, and for anything else.
-pub(super) fn half(of_kicks: bool, values: usize) -> Range<usize> {
-    if of_kicks { values / 2..values } else { 0..values / 2 }
 }
