@@ -2,12 +2,16 @@
 
 use std::ops::Range;
 
+use super::states::Along;
+
 /// Channels that a term acts on: rates of the momenta (kicks), rates of the coordinates (drifts),
 /// and what the instrument adds to each observable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Channels {
     /// Degrees of freedom.
     pub(super) degrees: usize,
+    /// Where kicks act.
+    pub(super) along: Along,
 }
 
 impl Channels {
@@ -26,8 +30,11 @@ impl Channels {
     /// Where in a row of values at phase points those are by which a channel goes: kicks act where
     /// forces do.
     pub(super) fn values(self, channel: usize, values: usize) -> Range<usize> {
-        let middle = values / 2;
-        if channel < self.degrees { middle..values } else { 0..middle }
+        match self.along {
+            Along::Model => 0..values,
+            Along::Measured if channel < self.degrees => values / 2..values,
+            Along::Measured => 0..values / 2,
+        }
     }
 
     /// The observable whose sensor a channel is of.

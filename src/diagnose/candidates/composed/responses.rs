@@ -93,24 +93,24 @@ impl Responses {
             found = courses(settled, PANEL * panels);
         }
         let between = PANEL * panels;
-        let channels = Channels { degrees: model.system().degrees() };
+        let channels = Channels { degrees: model.system().degrees(), along };
         let velocities = model.system().observed == Observed::Velocities;
         let apart = spacing / turning.max(f64::MIN_POSITIVE);
         let trust = match along {
-            Along::Model => vec![0.0; model.law.noise().len()],
-            Along::Measured => trust(&found),
+            Along::Model => None,
+            Along::Measured => Some(trust(&found)),
         };
         let of = |course: &Course| {
             let (segment, places) = segment(course, channels, between, apart, kept, velocities);
-            (segment, Nodes::of(course, &places, between, &trust))
+            (segment, Nodes::of(course, &places, between, trust.as_deref()))
         };
         let built: Vec<(Segment, Nodes)> = found.par_iter().map(of).collect();
-        let (mut nodes, mut measured, mut times) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut nodes, mut forced, mut times) = (Vec::new(), Vec::new(), Vec::new());
         let mut list = Vec::with_capacity(built.len());
         for (mut segment, own) in built {
             segment.first = nodes.len();
             nodes.extend(own.states);
-            measured.extend(own.measured);
+            forced.extend(own.forced);
             times.extend(own.times);
             list.push(segment);
         }
@@ -118,7 +118,7 @@ impl Responses {
         let known = |course: &Course| course.weights.iter().flatten().filter(|w| **w > 0.0).count();
         let rows: usize = found.iter().map(|c| known(c).saturating_sub(size)).sum();
         let mut responses = Responses {
-            points: PhasePoints::of(&nodes, &measured, times),
+            points: PhasePoints::of(&nodes, &forced, times),
             channels,
             squares: 0.0,
             rows,
@@ -393,25 +393,29 @@ fn interpolation(nodes: &[f64], time: f64) -> Vec<(usize, f64)> {
 /// Nodes of a segment.
 struct Nodes {
     states: Vec<Vec<f64>>,
-    measured: Vec<Vec<f64>>,
+    /// Where forces act; none where that is along the model's motion.
+    forced: Vec<Vec<f64>>,
     times: Vec<f64>,
 }
 
 impl Nodes {
-    fn of(course: &Course, places: &[usize], between: usize, trust: &[f64]) -> Nodes {
-        let off = course.off(between, trust);
-        let samples: Vec<f64> = course.times.iter().copied().step_by(between).collect();
+    fn of(course: &Course, places: &[usize], between: usize, trust: Option<&[f64]>) -> Nodes {
         let state = |&place: &usize| course.states[place].clone();
-        let measured = |place: &usize| {
-            let mut moved = DVector::from_vec(state(place));
-            for (sample, weight) in interpolation(&samples, course.times[*place]) {
-                moved.axpy(weight, &off[sample], 1.0);
-            }
-            moved.as_slice().to_vec()
+        let samples: Vec<f64> = course.times.iter().copied().step_by(between).collect();
+        let measured = |trust: &[f64]| -> Vec<Vec<f64>> {
+            let off = course.off(between, trust);
+            let moved = |place: &usize| {
+                let mut moved = DVector::from_vec(state(place));
+                for (sample, weight) in interpolation(&samples, course.times[*place]) {
+                    moved.axpy(weight, &off[sample], 1.0);
+                }
+                moved.as_slice().to_vec()
+            };
+            places.iter().map(moved).collect()
         };
         Nodes {
             states: places.iter().map(state).collect(),
-            measured: places.iter().map(measured).collect(),
+            forced: trust.map(measured).unwrap_or_default(),
             times: places.iter().map(|&place| course.start + course.times[place]).collect(),
         }
     }

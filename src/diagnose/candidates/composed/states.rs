@@ -1,7 +1,7 @@
 //! Points along trajectories, where candidates are evaluated.
 //!
-//! Each is there twice, as forces may be asked to act along the measured motion. What changes
-//! velocities or readings themselves says by that where the motion was: it acts along the model's.
+//! Where forces are asked to act along the measured motion, each is there twice: what changes
+//! velocities or readings themselves says by that where the motion was, and acts along the model's.
 
 /// The motion along which forces act.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -16,7 +16,7 @@ pub(super) enum Along {
 #[derive(Debug, Clone, Default)]
 pub(super) struct PhasePoints {
     /// `[component][point]`, coordinates before momenta; in each row first all points where the
-    /// model has them, then all where forces act.
+    /// model has them, then all where forces act, if they are others.
     pub(super) states: Vec<f64>,
     /// Time at each of these.
     pub(super) times: Vec<f64>,
@@ -25,19 +25,20 @@ pub(super) struct PhasePoints {
 }
 
 impl PhasePoints {
-    /// From the states of all points where the model has them and where forces act, and their
-    /// times.
-    pub(super) fn of(modelled: &[Vec<f64>], measured: &[Vec<f64>], times: Vec<f64>) -> PhasePoints {
+    /// From the states of all points where the model has them, those where forces act, none if they
+    /// are the same, and their times.
+    pub(super) fn of(modelled: &[Vec<f64>], forced: &[Vec<f64>], times: Vec<f64>) -> PhasePoints {
         let size = modelled.first().map_or(0, Vec::len);
         let row =
-            |component: usize| modelled.iter().chain(measured).map(move |point| point[component]);
+            |component: usize| modelled.iter().chain(forced).map(move |point| point[component]);
         let states = (0..size).flat_map(row).collect();
-        PhasePoints { states, times: times.repeat(2), count: modelled.len() }
+        let times = if forced.is_empty() { times } else { times.repeat(2) };
+        PhasePoints { states, times, count: modelled.len() }
     }
 
-    /// Values in each row: two for each point.
+    /// Values in each row: one for each point, or two.
     pub(super) fn values(&self) -> usize {
-        2 * self.count
+        self.times.len()
     }
 
     /// Some of the points, spread evenly over all of them.
@@ -45,11 +46,11 @@ impl PhasePoints {
         let count = self.count.min(most);
         // An odd fraction of the length, so that the places do not fall into step with segments.
         let place = |i: usize| (2 * i + 1) * self.count / (2 * count.max(1));
-        let halves = |values: &[f64]| -> Vec<f64> {
-            let halves = values.chunks_exact(self.count.max(1));
-            halves.flat_map(|half| (0..count).map(|i| half[place(i)])).collect()
+        let chosen = |values: &[f64]| -> Vec<f64> {
+            let all = values.chunks_exact(self.count.max(1));
+            all.flat_map(|each| (0..count).map(|i| each[place(i)])).collect()
         };
-        PhasePoints { states: halves(&self.states), times: halves(&self.times), count }
+        PhasePoints { states: chosen(&self.states), times: chosen(&self.times), count }
     }
 
     /// States, and the times after them: `[component, time][point]`.
