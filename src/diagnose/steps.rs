@@ -17,16 +17,18 @@ const MARGIN: f64 = 2.0;
 /// Noise that is off by less is not changed: it would be, a little, again and again.
 const CLEARLY: f64 = 1.1;
 /// What is missing from a law is at least so many times as large over the same segments: errors of
-/// steps hide no more than a hundredth of it.
+/// steps hide no more than a hundredth of it. Nothing is known to be missing where they are as fine
+/// as no instrument.
 const SMALL: f64 = 100.0;
 
 /// Noise of every observable that is no less than what the steps of a law's integrator leave of
 /// segments of its window. `None` where they leave less than the noise, where the noise is that of
-/// an instrument, and where it is not small beside what another law leaves, `than`.
+/// an instrument, and where it would be and is not small beside what another law leaves, `than`.
 pub(super) fn noise_of_steps(model: &LawOnData, than: &LawOnData) -> Option<Vec<f64>> {
     let finest = model.options.fit.conclusion.clean;
-    let mut sizes = model.law.noise().iter().zip(model.spreads());
-    if !sizes.any(|(noise, spread)| *noise < finest * spread) {
+    let spreads = model.spreads();
+    let is_fine = |(noise, spread): (&f64, &f64)| *noise < finest * spread;
+    if !model.law.noise().iter().zip(&spreads).any(is_fine) {
         return None;
     }
     let Settled { model, segments, states, .. } = settle(model.clone());
@@ -56,5 +58,6 @@ pub(super) fn noise_of_steps(model: &LawOnData, than: &LawOnData) -> Option<Vec<
     let both = model.law.noise().iter().zip(&times);
     let noise: Vec<f64> = both.map(|(noise, times)| noise * times.max(1.0)).collect();
     let other = than.with_noise(noise.clone()).with_window(model.law.window());
-    (error_of(&settle(other).sums).0 > SMALL).then_some(noise)
+    let fine = noise.iter().zip(&spreads).all(is_fine);
+    (fine || error_of(&settle(other).sums).0 > SMALL).then_some(noise)
 }
