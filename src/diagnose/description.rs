@@ -23,7 +23,10 @@ pub(super) fn description_lengths(stories: &[&Story], tuning: &Tuning) -> Vec<f6
         false => loss / variance,
     };
     let both = stories.iter().zip(&squares);
-    both.map(|(story, &(loss, rows))| known(loss, rows) + story.price()).collect()
+    both.map(|(story, &(loss, rows))| {
+        known(loss, rows) + story.price() + story.standing().len() as f64 * rows.max(2.0).ln()
+    })
+    .collect()
 }
 
 /// Whether one of some stories leaves of computed data what steps and digits do. That is no white

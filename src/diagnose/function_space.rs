@@ -2,7 +2,7 @@
 //!
 //! While something else was missing, the fit left out terms that the law has, and kept others that
 //! bent to the misfit. So sets of changes are looked for with all terms of the function space free,
-//! and of those that the fit had left out a story keeps the ones that pay for themselves.
+//! and of these a story keeps the ones that pay for themselves.
 
 use nalgebra::DVector;
 
@@ -17,6 +17,7 @@ use crate::expr::TermId;
 use crate::fit::Law;
 use crate::fit::column::Column;
 use crate::fit::factor::Factor;
+use crate::fit::own_values::may_be_left_out;
 
 /// The function space of a spec beside a law that has a part of it.
 pub(super) struct FunctionSpace {
@@ -31,20 +32,25 @@ impl FunctionSpace {
         FunctionSpace { left_out: left_out(question.scope, &question.model.law, most) }
     }
 
-    /// A story with all terms free, those that its law does not have beginning with nothing;
-    /// `None` where there are none.
+    /// Whether the law has all of it.
+    pub(super) fn is_whole(&self) -> bool {
+        self.left_out.is_empty()
+    }
+
+    /// A story with all terms free, those that its law does not have beginning with nothing.
     ///
     /// # Errors
     ///
     /// When the story is not that of the question.
-    pub(super) fn all_free<'a>(&self, story: &Story<'a>) -> Result<Option<Story<'a>>> {
+    pub(super) fn all_free<'a>(&self, story: &Story<'a>) -> Result<Story<'a>> {
         let mut terms = self.left_out.iter().flat_map(|one| &one.terms);
         let begin = |law: Law, &id: &TermId| law.with_term(id, 0.0);
         let law = terms.try_fold(story.model.law.clone(), begin)?;
-        Ok((!self.left_out.is_empty()).then(|| story.with_law(law)))
+        Ok(story.with_law(law))
     }
 
-    /// A story that has all terms free with those that pay for themselves; these are members.
+    /// A story that has all terms free with those that pay for themselves; of them these are
+    /// members that the law did not have.
     pub(super) fn pruned<'a>(&self, story: Story<'a>, question: &Question<'a, '_>) -> Story<'a> {
         let settled = settle(story.model.clone());
         let Some(found) = fitted(&settled, &settled.model.law, Precision::Ranking) else {
@@ -59,9 +65,21 @@ impl FunctionSpace {
             let ids = system.terms_with_ids().filter(|(_, term)| own.is(term));
             open.extend(ids.map(|(id, _)| (id, one.price_of_number(rows))));
         }
+        // What a story leaves that explains nothing says nothing of the model's own terms.
+        if story.explains {
+            let mut standing = story.standing();
+            standing.retain(|&id| {
+                may_be_left_out(&system, id) && open.iter().all(|(other, _)| *other != id)
+            });
+            open.extend(standing.into_iter().map(|id| (id, rows.ln())));
+        }
         // What is left at the limit of what data resolve is no noise that a term could be told by.
-        let limit = if is_resolved(&story.model) { 0.0 } else { rows };
+        let tells_apart = is_resolved(&story.model) && !story.model.is_computed();
+        let limit = if tells_apart { 0.0 } else { rows };
         let law = without_idle(&found.law, found.factor, open, (variance, limit));
+        if law.terms().count() == story.model.law.terms().count() {
+            return with_own_terms(story, &self.left_out);
+        }
         let shorter = story.with_law(law).fitted_again(question);
         let kept = if story.explains && !shorter.explains { story } else { shorter };
         with_own_terms(kept, &self.left_out)

@@ -562,6 +562,12 @@ impl<'a> Story<'a> {
         self.members.iter().map(|member| member.price).sum::<f64>() + self.cancellation
     }
 
+    /// Coefficients of the model beside those of its members.
+    pub(super) fn standing(&self) -> Vec<TermId> {
+        let own = |id: &TermId| self.members.iter().any(|member| member.terms.contains(id));
+        self.model.law.dynamics().active().iter().copied().filter(|id| !own(id)).collect()
+    }
+
     /// Squares that are left over segments of `window` samples before such a noise, and independent
     /// residuals.
     pub(super) fn squares(&self, window: usize, noise: &Noise) -> (f64, f64) {

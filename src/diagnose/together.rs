@@ -31,13 +31,13 @@ pub(super) fn together<'a>(
     bare: &Story<'a>,
 ) -> Result<Option<Vec<Story<'a>>>> {
     let space = FunctionSpace::of(question);
-    let Some(whole) = space.all_free(bare)? else { return beside(question, bare) };
-    let Some(found) = beside(question, &whole)? else { return Ok(None) };
+    let Some(found) = beside(question, &space.all_free(bare)?)? else { return Ok(None) };
     // Where one explains the data, what the others have to spare need not be known.
     let explained = found.iter().any(|story| story.explains);
     let open = found.into_iter().filter(|story| story.explains || !explained);
     let mut stories: Vec<Story> = open.map(|story| space.pruned(story, question)).collect();
-    if !stories.iter().any(holds) && !question.monitor.stopped() {
+    let more = !space.is_whole() && !question.monitor.stopped();
+    if more && !stories.iter().any(holds) {
         stories.extend(beside(question, bare)?.into_iter().flatten());
     }
     Ok(Some(stories))
@@ -194,7 +194,7 @@ fn labels(set: &ProposedSet) -> Vec<&str> {
 /// Sets with their stories, that of the shortest description first.
 fn best_first<'a>(fitted: Vec<Fitted<'a>>, question: &Question<'a, '_>) -> Vec<Fitted<'a>> {
     let stories: Vec<&Story> = fitted.iter().map(|(_, story)| story).collect();
-    let lengths = description_lengths(&stories, question.model.tuning());
+    let lengths = lengths_of(&fitted, &stories, question);
     let mut both: Vec<_> = lengths.into_iter().zip(fitted).collect();
     both.sort_by(|a, b| a.0.total_cmp(&b.0));
     both.into_iter().map(|(_, one)| one).collect()
@@ -204,7 +204,14 @@ fn best_first<'a>(fitted: Vec<Fitted<'a>>, question: &Question<'a, '_>) -> Vec<F
 fn leader<'f, 'a>(found: &'f [Fitted<'a>], question: &Question<'a, '_>) -> Option<&'f Fitted<'a>> {
     let mut stories: Vec<Story> = found.iter().map(|(_, story)| story.clone()).collect();
     agree_on_noise(&mut stories);
-    let lengths = description_lengths(&stories.iter().collect::<Vec<_>>(), question.model.tuning());
+    let lengths = lengths_of(found, &stories.iter().collect::<Vec<_>>(), question);
     let best = lengths.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
     best.and_then(|(place, _)| found.get(place))
+}
+
+/// Description lengths of sets with their stories, without the terms of the model that idle beside
+/// them.
+fn lengths_of(sets: &[Fitted], stories: &[&Story], question: &Question) -> Vec<f64> {
+    let lengths = description_lengths(stories, question.model.tuning()).into_iter();
+    lengths.zip(sets).map(|(length, (set, _))| length - set.saved).collect()
 }

@@ -27,12 +27,13 @@ struct Unseen {
     at_noise: bool,
     /// Whether it is that by what these errors add alone.
     by_errors: bool,
-    /// Squares that are left where the numbers move within their errors.
+    /// Squares that are left.
     left: f64,
+    /// Those that are left where the numbers move within their errors, and what that costs: twice
+    /// the nats by which it widens predictions; where it is known.
+    within_errors: Option<(f64, f64)>,
     /// Independent residuals.
     rows: f64,
-    /// What that costs: twice the nats by which it widens predictions.
-    widened: f64,
 }
 
 /// Judges stories, the best first, the model as it is among them, and writes the answer. Where none
@@ -190,9 +191,9 @@ fn unseen<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Unseen {
         error,
         at_noise: settled.sums.diverged == 0 && (noise || by_errors),
         by_errors,
-        left: within_errors.as_ref().map_or(settled.sums.loss, |(sums, _)| sums.loss),
+        left: settled.sums.loss,
+        within_errors: within_errors.map(|(sums, widened)| (sums.loss, widened)),
         rows: settled.sums.rows as f64,
-        widened: within_errors.map_or(0.0, |(_, widened)| widened),
     }
 }
 
@@ -208,10 +209,16 @@ fn tell(diagnosis: &mut Diagnosis, told: Vec<(Story, Unseen)>, before: &Unseen, 
     let time = times.fold(f64::INFINITY, f64::min).max(1.0);
     let computed = is_computed(&stories);
     let unsaid = |after: &Unseen| if computed { after.rows } else { 0.0 };
+    // Like is compared with like: where a force has a kink, what errors add may not be known.
+    let known = told.iter().all(|(_, after)| after.within_errors.is_some());
+    let unseen = |after: &Unseen| {
+        let (left, widened) = after.within_errors.filter(|_| known).unwrap_or((after.left, 0.0));
+        left.max(unsaid(after)) / time + widened
+    };
     let lengths: Vec<f64> = description_lengths(&stories, tuning)
         .iter()
         .zip(&told)
-        .map(|(length, (_, after))| length + after.left.max(unsaid(after)) / time + after.widened)
+        .map(|(length, (_, after))| length + unseen(after))
         .collect();
     let least = lengths.iter().copied().fold(f64::INFINITY, f64::min);
     let near = |length: &f64| length - least < tuning.ranking.indistinguishable;

@@ -188,6 +188,13 @@ pub(crate) fn is_said(system: &System, term: TermId) -> bool {
     bounds.is_some_and(|bounds| bounds.lower == bounds.upper)
 }
 
+/// Whether the constraints on a coefficient let it be nothing, and something else.
+pub(crate) fn may_be_left_out(system: &System, term: TermId) -> bool {
+    let bounds = system.terms.get(term.position()).map(|term| term.bounds);
+    bounds.is_some_and(|bounds| bounds.lower <= 0.0 && bounds.upper >= 0.0)
+        && !is_said(system, term)
+}
+
 impl Training<'_> {
     /// The start of every segment as it was measured; what runs have for themselves stays.
     pub(super) fn first_states(&self) -> States {

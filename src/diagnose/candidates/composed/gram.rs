@@ -65,6 +65,8 @@ pub(super) struct FoundSet {
     pub(super) members: Set,
     /// Twice the nats of its description.
     pub(super) cost: f64,
+    /// What of that is saved by terms of the model that idle beside it.
+    pub(super) saved: f64,
 }
 
 impl<'a> Pool<'a> {
@@ -210,9 +212,36 @@ impl<'a> Pool<'a> {
         found
     }
 
+    /// The set where each member, the dearest first, is exchanged for the cheapest that does nearly
+    /// the same beside the others. First order may tell a form from its limiting form by no more
+    /// than its own error.
+    pub(super) fn simplest(&self, found: &FoundSet) -> Option<FoundSet> {
+        let price = |at: usize| self.members[at].price;
+        let mut order = found.members.clone();
+        order.sort_by(|&a, &b| price(b).total_cmp(&price(a)));
+        let mut set = found.members.clone();
+        for own in order {
+            let rest: Set = set.iter().copied().filter(|&at| at != own).collect();
+            let beside = self.beside(&rest)?;
+            let all = self.costs(&rest, &beside).into_iter();
+            let simpler = all.filter(|&(_, at)| {
+                price(at) < price(own)
+                    && self.is_alike(at, own, &beside)
+                    && self.is_within(&with(&rest, &(0.0, at)).members)
+            });
+            let cheapest = simpler.min_by(|&(cost, a), &(other, b)| {
+                price(a).total_cmp(&price(b)).then(cost.total_cmp(&other)).then(a.cmp(&b))
+            });
+            if let Some(one) = cheapest {
+                set = with(&rest, &one).members;
+            }
+        }
+        if set == found.members { None } else { self.found(set) }
+    }
+
     fn found(&self, members: Set) -> Option<FoundSet> {
         let left = self.left(&members)?;
-        Some(FoundSet { cost: self.cost(left, &members), members })
+        Some(FoundSet { cost: self.cost(left, &members), members, saved: 0.0 })
     }
 
     /// The set with each of the members that it is best with.
@@ -397,6 +426,23 @@ impl<'a> Pool<'a> {
         self.cost_of(left, set.iter().map(|&at| self.members[at].price).sum())
     }
 
+    /// The cost of a set that leaves so many squares more without `dropped` numbers of the model.
+    pub(super) fn cost_without(&self, set: &[usize], more: f64, dropped: usize) -> Option<f64> {
+        let price: f64 = set.iter().map(|&at| self.members[at].price).sum();
+        let number = (self.rows.max(1) as f64).ln();
+        Some(self.cost_of(self.left(set)? + more, price) - dropped as f64 * number)
+    }
+
+    /// Rows that go with the columns of a set, by an orthonormal basis of these: `[row][column]`.
+    pub(super) fn orthonormal(&self, set: &[usize], rows: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+        let own = self.columns(set);
+        let mut rows = rows.transpose();
+        for (mut row, &at) in rows.row_iter_mut().zip(&own) {
+            row /= self.norms[at];
+        }
+        Some(self.factor(&own)?.solve_lower_triangular(&rows)?.transpose())
+    }
+
     /// Twice the nats of a description: what is left is the variance.
     fn cost_of(&self, left: f64, price: f64) -> f64 {
         let rows = self.rows.max(1) as f64;
@@ -458,7 +504,7 @@ fn with(set: &[usize], &(cost, at): &Addition) -> FoundSet {
     let mut members = set.to_vec();
     members.push(at);
     members.sort_unstable();
-    FoundSet { members, cost }
+    FoundSet { members, cost, saved: 0.0 }
 }
 
 /// The cheapest so many in their order, and the others in none.

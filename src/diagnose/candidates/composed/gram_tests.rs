@@ -135,7 +135,7 @@ fn a_set_holds_those_of_fewer_kinds_of_members() {
     // The second and the fourth differ in their inner numbers alone.
     own[3].0 = own[1].0;
     let pool = Pool::of(own, &target, ROWS, &tuning.sets);
-    let set = |members: &[usize]| FoundSet { members: members.to_vec(), cost: 0.0 };
+    let set = |members: &[usize]| FoundSet { members: members.to_vec(), cost: 0.0, saved: 0.0 };
     assert!(pool.holds(&set(&[0, 3, 5]), &set(&[0, 1])));
     assert!(!pool.holds(&set(&[0, 1]), &set(&[0, 3, 5])));
     assert!(!pool.holds(&set(&[0, 2, 5]), &set(&[0, 1])));

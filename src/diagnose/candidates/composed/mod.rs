@@ -25,6 +25,7 @@ mod expression;
 mod first_order;
 mod front;
 mod gram;
+mod idle;
 mod leaves;
 mod library;
 mod named;

@@ -306,6 +306,12 @@ impl Responses {
         DVector::zeros(self.free.len())
     }
 
+    /// The columns of the model's unknowns, those of [`Responses::unknowns_beside`], by an
+    /// orthonormal basis: an upper triangle.
+    pub(super) fn by_basis(&self) -> &DMatrix<f64> {
+        &self.by_basis
+    }
+
     /// Changes of the model's unknowns, with their places among those that are eliminated, by which
     /// it takes over what `added` leaves to it of what is to be explained.
     pub(super) fn unknowns_beside(&self, added: &DVector<f64>) -> Vec<(usize, f64)> {

@@ -13,6 +13,7 @@ use super::enumerate::enumerate;
 use super::expression::Composed;
 use super::first_order::{Unknown, first_order, unknowns};
 use super::gram::{FoundSet, Pool};
+use super::idle::without_idle_terms;
 use super::leaves::Leaves;
 use super::library::Library;
 use super::named::at_all_points;
@@ -56,6 +57,8 @@ pub struct ProposedSet {
     pub law: Law,
     /// Twice the nats of its description, to first order.
     pub cost: f64,
+    /// What of that is saved by terms of the model that idle beside it.
+    pub saved: f64,
     /// Places of its members in the list of candidates, composed terms behind them, in order.
     pub places: Vec<usize>,
 }
@@ -253,6 +256,9 @@ impl<'a, 'b> SetSearch<'a, 'b> {
         }
         if self.in_part {
             (pool, found) = counting_what_is_left(pool, found, &search.responses);
+        } else {
+            let all = (&search.responses, &pool, &entries[..]);
+            found = without_idle_terms(found, all, &law, &unknowns);
         }
         let explains = around.is_some_and(|around| around.explains);
         let responses = search.responses;
@@ -392,18 +398,19 @@ impl Look<'_, '_> {
         let tuning = self.of.tuning;
         let mut sets = Vec::new();
         let mut taken: Vec<&FoundSet> = Vec::new();
-        let mut sizes = FxHashSet::default();
         let least = found.first().map_or(0.0, |best| best.cost);
+        let is_far = self.is_first && self.of.along == Along::Measured;
+        let best_of_sizes;
+        let found = if is_far {
+            best_of_sizes = self.best_of_sizes();
+            &best_of_sizes
+        } else {
+            found
+        };
         for one in found.iter().filter(|one| !one.members.is_empty()) {
             // Around a motion that leaves noise, first order says what a set is worth.
             if self.explains && one.cost - least > tuning.ranking.indistinguishable {
                 break;
-            }
-            // First order may be far from what a strong change does: the best of each size is
-            // fitted.
-            let is_far = self.is_first && self.of.along == Along::Measured;
-            if is_far && !sizes.insert(one.members.len()) {
-                continue;
             }
             // What holds a better set says nothing else: its other members come later, if at all.
             if !is_far && taken.iter().any(|better| pool.holds(one, better)) {
@@ -413,13 +420,21 @@ impl Look<'_, '_> {
             let law = first_order(responses, pool, entries, one, law, unknowns)?;
             let mut places: Vec<usize> = one.members.iter().map(|&at| entries[at].kind).collect();
             places.sort_unstable();
-            sets.push(ProposedSet { members, law, cost: one.cost, places });
+            sets.push(ProposedSet { members, law, cost: one.cost, saved: one.saved, places });
             taken.push(one);
             if sets.len() == tuning.sets.proposed {
                 break;
             }
         }
         Ok(sets)
+    }
+
+    /// The best set of each size, and the simplest that does nearly the same: first order may be
+    /// far from what a strong change does, and then bends to that.
+    fn best_of_sizes(&self) -> Vec<FoundSet> {
+        let mut sizes = FxHashSet::default();
+        let best = self.found.iter().filter(|one| sizes.insert(one.members.len()));
+        best.flat_map(|one| [Some(one.clone()), self.pool.simplest(one)]).flatten().collect()
     }
 
     /// A set as changes to a spec, each in the scope of those before it; `None` where the language

@@ -2,7 +2,9 @@
 
 use super::entries::{Change, Motion};
 use super::expression::{Composed, Factor};
+use super::first_order::unknowns;
 use super::front::joint;
+use super::idle::without_idle_terms;
 use super::leaves::Leaves;
 use super::search::Search;
 use super::shapes::SHAPES;
@@ -201,4 +203,48 @@ fn what_was_fitted_stands_beside_the_best_points_of_the_grids() {
     let both = drives(&[(place, vec![0.01234])]);
     assert_eq!(both.len(), 2);
     assert!(both.contains(&vec![0.01234]) && both.contains(&best[0]), "{both:?}");
+}
+
+/// What is saved beside a term of degree 6 by the terms of a model that is known as a bowl.
+fn saved_beside_sixth(truth: &str) -> f64 {
+    let text = "coordinates q\nmomenta p\nT = p^2/2\nV = span{ q^2, q^4 }\n";
+    let data = measured(truth);
+    let system = build("model", text).expect("a spec").system;
+    let ids = system.term_ids();
+    let terms = vec![(ids[0], 0.01), (ids[1], 0.25)];
+    let known = Law::known(build("model", PENDULUM).expect("a spec").system).expect("a law");
+    let how = (known.stepping(), 16);
+    let law = Law::new(system, terms, Vec::new(), vec![1e-3; 2], how).expect("a law");
+    let options = Options::default();
+    let settled = settle(LawOnData::of(law, &data, &options));
+    let law = &settled.model.law;
+    let kept: Vec<Column> = Column::all(2).collect();
+    let leaves = Leaves::of(law.system(), &options.tuning.composed);
+    let search = Search::of(&settled, &leaves, &kept, 0.06, Along::Model, &[]);
+    let motion = Motion {
+        search: &search,
+        law,
+        candidates: &[],
+        spreads: &settled.model.spreads(),
+        tuning: &options.tuning.sets,
+    };
+    let entries = motion.composed(&[term(Place::Potential, &[(0, "{x}^6", 0.0)])]);
+    let pool = motion.pool(&entries);
+    let found = pool.search(&[0]);
+    let before: Vec<f64> = found.iter().map(|one| one.cost).collect();
+    let all = (&search.responses, &pool, &entries[..]);
+    let after = without_idle_terms(found, all, law, &unknowns(law, &kept));
+    let one = after.iter().find(|one| one.members == [0]).expect("the set of this term");
+    assert!(before.iter().any(|before| (before - one.saved - one.cost).abs() < 1e-9));
+    one.saved
+}
+
+#[test]
+fn terms_that_idle_beside_a_set_are_saved() {
+    let law = |v: &str| format!("coordinates q\nmomenta p\nT = p^2/2\nV = {v}\n");
+    let rows: f64 = 500.0;
+    let one = saved_beside_sixth(&law("0.25*q^4 + 0.01*q^6"));
+    assert!(one > 3.0 && one < rows.ln() + 1.0, "{one}");
+    let none = saved_beside_sixth(&law("0.02*q^2 + 0.25*q^4 + 0.01*q^6"));
+    assert_eq!(none, 0.0);
 }
