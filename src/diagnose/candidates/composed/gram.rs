@@ -224,10 +224,10 @@ impl<'a> Pool<'a> {
             let rest: Set = set.iter().copied().filter(|&at| at != own).collect();
             let beside = self.beside(&rest)?;
             let all = self.costs(&rest, &beside).into_iter();
-            let simpler = all.filter(|&(_, at)| {
+            let simpler = all.filter(|&(cost, at)| {
                 price(at) < price(own)
                     && self.is_alike(at, own, &beside)
-                    && self.is_within(&with(&rest, &(0.0, at)).members)
+                    && self.is_within(&with(&rest, &(cost, at)).members)
             });
             let cheapest = simpler.min_by(|&(cost, a), &(other, b)| {
                 price(a).total_cmp(&price(b)).then(cost.total_cmp(&other)).then(a.cmp(&b))
@@ -428,9 +428,8 @@ impl<'a> Pool<'a> {
 
     /// The cost of a set that leaves so many squares more without `dropped` numbers of the model.
     pub(super) fn cost_without(&self, set: &[usize], more: f64, dropped: usize) -> Option<f64> {
-        let price: f64 = set.iter().map(|&at| self.members[at].price).sum();
         let number = (self.rows.max(1) as f64).ln();
-        Some(self.cost_of(self.left(set)? + more, price) - dropped as f64 * number)
+        Some(self.cost(self.left(set)? + more, set) - dropped as f64 * number)
     }
 
     /// Rows that go with the columns of a set, by an orthonormal basis of these: `[row][column]`.

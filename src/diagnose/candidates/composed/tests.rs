@@ -40,6 +40,17 @@ fn settled<'a>(text: &str, data: &'a Dataset, options: &'a Options) -> Settled<'
     settle(LawOnData::of(law, data, options))
 }
 
+/// A law of the terms q^2, with a coefficient, and q^4.
+fn bowl(square: f64) -> Law {
+    let text = "coordinates q\nmomenta p\nT = p^2/2\nV = span{ q^2, q^4 }\n";
+    let system = build("model", text).expect("a spec").system;
+    let ids = system.term_ids();
+    let terms = vec![(ids[0], square), (ids[1], 0.25)];
+    let known = Law::known(build("model", PENDULUM).expect("a spec").system).expect("a law");
+    let how = (known.stepping(), 16);
+    Law::new(system, terms, Vec::new(), vec![1e-3; 2], how).expect("a law")
+}
+
 /// The place in the table of a shape.
 fn shape(template: &str) -> usize {
     SHAPES.iter().position(|shape| shape.template == template).expect("a shape")
@@ -151,15 +162,9 @@ fn what_terms_do_is_explained_again_where_it_is_restored() {
 
 #[test]
 fn the_numbers_of_the_model_move_to_first_order_with_a_term() {
-    let text = "coordinates q\nmomenta p\nT = p^2/2\nV = span{ q^2, q^4 }\n";
     let truth = "coordinates q\nmomenta p\nT = p^2/2\nV = 0.502*q^2 + 0.253*q^4 + 0.002*q^6\n";
     let data = measured(truth);
-    let system = build("model", text).expect("a spec").system;
-    let ids = system.term_ids();
-    let terms = vec![(ids[0], 0.5), (ids[1], 0.25)];
-    let known = Law::known(build("model", PENDULUM).expect("a spec").system).expect("a law");
-    let how = (known.stepping(), 16);
-    let law = Law::new(system, terms, Vec::new(), vec![1e-3; 2], how).expect("a law");
+    let law = bowl(0.5);
     let options = Options::default();
     let settled = settle(LawOnData::of(law, &data, &options));
     let leaves = Leaves::of(settled.model.system(), &options.tuning.composed);
@@ -205,16 +210,10 @@ fn what_was_fitted_stands_beside_the_best_points_of_the_grids() {
     assert!(both.contains(&vec![0.01234]) && both.contains(&best[0]), "{both:?}");
 }
 
-/// What is saved beside a term of degree 6 by the terms of a model that is known as a bowl.
+/// What the terms of a bowl save beside one of degree 6.
 fn saved_beside_sixth(truth: &str) -> f64 {
-    let text = "coordinates q\nmomenta p\nT = p^2/2\nV = span{ q^2, q^4 }\n";
     let data = measured(truth);
-    let system = build("model", text).expect("a spec").system;
-    let ids = system.term_ids();
-    let terms = vec![(ids[0], 0.01), (ids[1], 0.25)];
-    let known = Law::known(build("model", PENDULUM).expect("a spec").system).expect("a law");
-    let how = (known.stepping(), 16);
-    let law = Law::new(system, terms, Vec::new(), vec![1e-3; 2], how).expect("a law");
+    let law = bowl(0.01);
     let options = Options::default();
     let settled = settle(LawOnData::of(law, &data, &options));
     let law = &settled.model.law;
