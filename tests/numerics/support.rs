@@ -3,9 +3,10 @@
 use leverrier::internals::dynamics::Method;
 use leverrier::internals::dynamics::systems::known_system;
 use leverrier::internals::expr::{
-    Bounds, Expr, Function, Graph, Parameter, Place, Symbol, System, Term,
+    Bounds, Expr, Function, Graph, Node, Parameter, Place, Symbol, System, Term, raise,
 };
 use proptest::prelude::*;
+use std::collections::HashMap;
 
 /// A system of two degrees of freedom with learned terms in T and V, an inner parameter in V
 /// and one that nothing uses, and on request a learned drive, or a learned drag and coupling.
@@ -158,13 +159,57 @@ pub(crate) fn shape() -> impl Strategy<Value = Shape> {
     })
 }
 
-/// How far a value may be magnified by its parts: a rough bound of its condition.
-pub(crate) fn largest_part(graph: &Graph, expr: Expr, of: &dyn Fn(Symbol) -> f64) -> f64 {
-    graph
-        .topological(&[expr])
-        .into_iter()
-        .map(|part| graph.value(part, of).abs())
-        .fold(0.0, |a: f64, b| if b.is_finite() { a.max(b) } else { f64::INFINITY })
+/// How far rounding may carry a value: what the errors of its parts do to it, and what each
+/// operation adds. Without bound where a part may leave the range of its function.
+pub(crate) fn rounding(graph: &Graph, expr: Expr, of: &dyn Fn(Symbol) -> f64) -> f64 {
+    // An operation of doubles errs by 1e-16 of its parts, an approximated function by ten times
+    // that: no more than a tenth of what is allowed.
+    const OPERATION: f64 = 1e-14;
+    // Beyond it, and below its inverse, an order of operations may leave what doubles reach.
+    const FAR: f64 = 1e100;
+    let mut known: HashMap<Expr, (f64, f64)> = HashMap::new();
+    for part in graph.topological(&[expr]) {
+        let value = |moved: Option<(Expr, f64)>| {
+            let at = |part: &Expr| {
+                known[part].0
+                    + moved.map_or(0.0, |(which, by)| if which == *part { by } else { 0.0 })
+            };
+            match graph.node(part) {
+                Node::Number(number) => number.value(),
+                Node::Symbol(symbol) => of(*symbol),
+                Node::Sum { constant, terms } => {
+                    terms.iter().map(|(t, c)| c.value() * at(t)).sum::<f64>() + constant.value()
+                }
+                Node::Product(parts) => {
+                    parts.iter().map(|(b, e)| raise(at(b), e.value())).product()
+                }
+                Node::Power(base, exponent) => at(base).powf(at(exponent)),
+                Node::Apply(function, argument) => (function.row().value)(at(argument)),
+            }
+        };
+        let here = value(None);
+        let added = match graph.node(part) {
+            Node::Sum { constant, terms } => terms
+                .iter()
+                .map(|(t, c)| (c.value() * known[t].0).abs())
+                .fold(constant.value().abs(), f64::max),
+            _ => here.abs(),
+        };
+        let mut error = OPERATION * added + FAR.recip();
+        for child in graph.children(part) {
+            let range = known[&child].1;
+            let farthest = [-1.0, -0.6, -0.25, 0.25, 0.6, 1.0]
+                .map(|share| (value(Some((child, share * range))) - here).abs())
+                .into_iter()
+                .fold(0.0, |a: f64, b| if b.is_nan() { f64::INFINITY } else { a.max(b) });
+            error += if range > 0.0 { farthest } else { 0.0 };
+        }
+        known.insert(
+            part,
+            (here, if here.abs() < FAR && error < FAR { error } else { f64::INFINITY }),
+        );
+    }
+    known[&expr].1
 }
 
 /// Whether errors after 2, 4, ... steps fall as a method's order says: the best order between two
