@@ -542,21 +542,29 @@ impl Graph {
     pub fn value(&self, expr: Expr, of: &dyn Fn(Symbol) -> f64) -> f64 {
         let mut values: FxHashMap<Expr, f64> = FxHashMap::default();
         for part in self.topological(&[expr]) {
-            let value = match self.node(part) {
-                Node::Number(number) => number.value(),
-                Node::Symbol(symbol) => of(*symbol),
-                Node::Sum { constant, terms } => {
-                    constant.value() + terms.iter().map(|(t, c)| c.value() * values[t]).sum::<f64>()
-                }
-                Node::Product(parts) => {
-                    parts.iter().map(|(b, e)| raise(values[b], e.value())).product()
-                }
-                Node::Power(base, exponent) => values[base].powf(values[exponent]),
-                Node::Apply(function, argument) => (function.row().value)(values[argument]),
-            };
+            let value = self.value_of_parts(part, &|child| values[&child], of);
             values.insert(part, value);
         }
         values[&expr]
+    }
+
+    /// The value of an expression whose own parts have these values.
+    pub fn value_of_parts(
+        &self,
+        expr: Expr,
+        part: &dyn Fn(Expr) -> f64,
+        of: &dyn Fn(Symbol) -> f64,
+    ) -> f64 {
+        match self.node(expr) {
+            Node::Number(number) => number.value(),
+            Node::Symbol(symbol) => of(*symbol),
+            Node::Sum { constant, terms } => {
+                constant.value() + terms.iter().map(|(t, c)| c.value() * part(*t)).sum::<f64>()
+            }
+            Node::Product(parts) => parts.iter().map(|(b, e)| raise(part(*b), e.value())).product(),
+            Node::Power(base, exponent) => part(*base).powf(part(*exponent)),
+            Node::Apply(function, argument) => (function.row().value)(part(*argument)),
+        }
     }
 }
 

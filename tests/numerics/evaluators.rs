@@ -7,6 +7,8 @@ use leverrier::internals::eval::{
 };
 use leverrier::internals::expr::{Expr, Graph, Symbol};
 use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use proptest::test_runner::TestRunner;
 
 /// Two varying symbols of each kind and two uniform ones, one of them in each list.
 fn inputs() -> Inputs {
@@ -110,6 +112,34 @@ proptest! {
             }
         }
     }
+}
+
+/// Of nearly all values it is known how far rounding may carry them, and that is not far.
+#[test]
+fn rounding_is_bounded() {
+    let mut runner = TestRunner::deterministic();
+    let (mut finite, mut bounded, mut sharp) = (0, 0, 0);
+    for _ in 0..4_000 {
+        let shape = shape().new_tree(&mut runner).expect("a shape").current();
+        let mut graph = Graph::new();
+        let output = shape.build(&mut graph);
+        let of = |symbol| match symbol {
+            Symbol::Momentum(0) => 0.83,
+            Symbol::Coordinate(0) => -0.62,
+            Symbol::Time => 1.13,
+            Symbol::Coefficient(0) => 0.7,
+            _ => -0.3,
+        };
+        let value = graph.value(output, &of);
+        if value.is_finite() {
+            let near = crate::support::rounding(&graph, output, &of);
+            finite += 1;
+            bounded += usize::from(near.is_finite());
+            sharp += usize::from(near <= 1e-11 * (1.0 + value.abs()));
+        }
+    }
+    assert!(100 * bounded > 99 * finite, "{bounded} of {finite}");
+    assert!(100 * sharp > 99 * finite, "{sharp} of {finite}");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use leverrier::internals::dynamics::Method;
 use leverrier::internals::dynamics::systems::known_system;
 use leverrier::internals::expr::{
-    Bounds, Expr, Function, Graph, Node, Parameter, Place, Symbol, System, Term, raise,
+    Bounds, Expr, Function, Graph, Node, Parameter, Place, Symbol, System, Term,
 };
 use proptest::prelude::*;
 use std::collections::HashMap;
@@ -160,34 +160,23 @@ pub(crate) fn shape() -> impl Strategy<Value = Shape> {
 }
 
 /// How far rounding may carry a value: what the errors of its parts do to it, and what each
-/// operation adds. Without bound where a part may leave the range of its function.
+/// operation adds. Without bound where a part may leave the range of its function, or moves it by
+/// more than a tenth: a few points say nothing of a pole or a wave between them.
 pub(crate) fn rounding(graph: &Graph, expr: Expr, of: &dyn Fn(Symbol) -> f64) -> f64 {
     // An operation of doubles errs by 1e-16 of its parts, an approximated function by ten times
     // that: no more than a tenth of what is allowed.
     const OPERATION: f64 = 1e-14;
+    const TENTH: f64 = 0.1;
     // Beyond it, and below its inverse, an order of operations may leave what doubles reach.
     const FAR: f64 = 1e100;
     let mut known: HashMap<Expr, (f64, f64)> = HashMap::new();
     for part in graph.topological(&[expr]) {
-        let value = |moved: Option<(Expr, f64)>| {
-            let at = |part: &Expr| {
-                known[part].0
-                    + moved.map_or(0.0, |(which, by)| if which == *part { by } else { 0.0 })
-            };
-            match graph.node(part) {
-                Node::Number(number) => number.value(),
-                Node::Symbol(symbol) => of(*symbol),
-                Node::Sum { constant, terms } => {
-                    terms.iter().map(|(t, c)| c.value() * at(t)).sum::<f64>() + constant.value()
-                }
-                Node::Product(parts) => {
-                    parts.iter().map(|(b, e)| raise(at(b), e.value())).product()
-                }
-                Node::Power(base, exponent) => at(base).powf(at(exponent)),
-                Node::Apply(function, argument) => (function.row().value)(at(argument)),
-            }
+        // With one of its parts moved.
+        let value = |moved: Expr, by: f64| {
+            let at = |own: Expr| known[&own].0 + if own == moved { by } else { 0.0 };
+            graph.value_of_parts(part, &at, of)
         };
-        let here = value(None);
+        let here = graph.value_of_parts(part, &|own| known[&own].0, of);
         let added = match graph.node(part) {
             Node::Sum { constant, terms } => terms
                 .iter()
@@ -196,18 +185,26 @@ pub(crate) fn rounding(graph: &Graph, expr: Expr, of: &dyn Fn(Symbol) -> f64) ->
             _ => here.abs(),
         };
         let mut error = OPERATION * added + FAR.recip();
+        // How far an argument may move, and what the value is compared with: near a pole, itself.
+        let (argument, scale) = match graph.node(part) {
+            Node::Apply(..) => (TENTH, 1.0 + here.abs()),
+            Node::Product(_) | Node::Power(..) => (f64::MAX, here.abs()),
+            _ => (f64::MAX, 1.0 + here.abs()),
+        };
         for child in graph.children(part) {
             let range = known[&child].1;
             let farthest = [-1.0, -0.6, -0.25, 0.25, 0.6, 1.0]
-                .map(|share| (value(Some((child, share * range))) - here).abs())
+                .map(|share| (value(child, share * range) - here).abs())
                 .into_iter()
                 .fold(0.0, |a: f64, b| if b.is_nan() { f64::INFINITY } else { a.max(b) });
-            error += if range > 0.0 { farthest } else { 0.0 };
+            error += match range {
+                0.0 => 0.0,
+                _ if range > argument => f64::INFINITY,
+                _ => farthest,
+            };
         }
-        known.insert(
-            part,
-            (here, if here.abs() < FAR && error < FAR { error } else { f64::INFINITY }),
-        );
+        let is_near = here.abs() < FAR && error <= TENTH * scale + 2.0 * FAR.recip();
+        known.insert(part, (here, if is_near { error } else { f64::INFINITY }));
     }
     known[&expr].1
 }
