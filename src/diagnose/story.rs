@@ -366,7 +366,9 @@ impl<'a> Story<'a> {
         if !near(error_of(&settled.sums).0) {
             return false;
         }
-        let Some(found) = fitted(&settled, &self.model.law, Precision::Full) else { return false };
+        let Some(found) = fitted(&settled, &self.model.law, Precision::Ranking) else {
+            return false;
+        };
         let model = settled.model.with_law(found.law);
         let Some(noise) = correlated_noise(&model, self.members.len()) else { return false };
         self.model = model;

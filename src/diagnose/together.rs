@@ -117,22 +117,26 @@ fn try_sets<'a>(
             sets.push((set, story));
         }
     }
-    let mut explained: Option<Sums> = None;
+    let mut explained: Option<(Sums, f64)> = None;
     let most = question.model.tuning().sets.grown;
     for (set, mut story) in best_first(sets, question).into_iter().take(most) {
         if question.monitor.stopped() {
             break;
         }
-        // What leaves more of these segments than one that explains whole runs says no more.
-        let seen = story.sums.clone();
-        let leaves_more = |least: &Sums| !is_noise_of(least, &seen, &story.model);
-        if explained.as_ref().is_some_and(leaves_more) {
+        // What leaves more of these segments than one that explains whole runs says no more; but of
+        // computed data what steps leave is not known yet, and a longer form may bend to that.
+        let (seen, price) = (story.sums.clone(), story.price());
+        let says_no_more = |(least, paid): &(Sums, f64)| {
+            let is_simpler = story.model.is_computed() && price < *paid;
+            !is_simpler && !is_noise_of(least, &seen, &story.model)
+        };
+        if explained.as_ref().is_some_and(says_no_more) {
             continue;
         }
         story.hold_together(question);
         if story.explains {
             let loss = seen.loss.max(seen.rows as f64);
-            explained.get_or_insert(Sums { loss, ..seen });
+            explained.get_or_insert((Sums { loss, ..seen }, price));
         }
         found.push((set, story));
     }

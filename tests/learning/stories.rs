@@ -87,6 +87,27 @@ fn members_that_nearly_cancel_are_found_together() {
 }
 
 #[test]
+fn a_term_without_a_name_is_told_before_a_name_that_is_nearly_like_it() {
+    // To first order an attraction to a magnet does nearly as well, and costs less.
+    let truth = "T = p^2/2\nV = 1.5*q^2\nforce q += -0.3*p - 1.2*tanh(5*q)\n";
+    let space = "T = p^2/2\nV = span{ q^2, q^4 }\n";
+    let bent = base(LINE, truth, space, LINE_STARTS);
+    for seed in [1, 2] {
+        let (verdict, members, reason) = story(&bent, 0.01, seed);
+        assert_eq!(verdict, Verdict::Missing, "seed {seed}: {reason}");
+        let [(drag, by), (term, numbers)] = members.as_slice() else {
+            panic!("seed {seed}: {reason}")
+        };
+        assert_eq!(drag, "viscous_drag(q)", "seed {seed}: {reason}");
+        assert!(term.starts_with("force on q: tanh(q/"), "seed {seed}: {reason}");
+        let found = [by[0], numbers[0], numbers[1]];
+        for (found, truth) in found.iter().zip([0.3, -1.2, 0.2]) {
+            assert!((found / truth - 1.0).abs() < 0.05, "seed {seed}: {members:?}");
+        }
+    }
+}
+
+#[test]
 fn no_number_contradicts_the_name_of_its_effect() {
     // What feeds energy is no drag, and what takes it more slowly at speed is no sum of drags.
     let cases: [(&str, &[(&str, f64)]); 2] = [

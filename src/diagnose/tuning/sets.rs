@@ -58,6 +58,9 @@ pub struct Sets {
     pub floor: f64,
     /// Sets that are fitted in full, in every look.
     pub proposed: usize,
+    /// By how much their descriptions are longer than the shortest, at most, where first order says
+    /// what a set is worth, and a set costs more and leaves less: twice the nats.
+    pub near: f64,
     /// Those of them that are held against longer and longer segments: the best.
     pub grown: usize,
     /// Looks around a motion that is nearer to that of the data, at most.

@@ -138,6 +138,7 @@ const TUNING: Tuning = Tuning {
         linear: 0.5,
         floor: 1e-6,
         proposed: 10,
+        near: 16.0,
         grown: 5,
         looks: 4,
         nearer: 0.9,

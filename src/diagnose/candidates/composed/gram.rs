@@ -423,7 +423,18 @@ impl<'a> Pool<'a> {
     }
 
     fn cost(&self, left: f64, set: &[usize]) -> f64 {
-        self.cost_of(left, set.iter().map(|&at| self.members[at].price).sum())
+        self.cost_of(left, self.price(set))
+    }
+
+    /// What the members of a set cost, in nats.
+    fn price(&self, set: &[usize]) -> f64 {
+        set.iter().map(|&at| self.members[at].price).sum()
+    }
+
+    /// Twice the nats by which a set describes what is left of the data, without what its members
+    /// cost and terms of the model save.
+    pub(super) fn misfit(&self, set: &FoundSet) -> f64 {
+        set.cost + set.saved - 2.0 * self.price(&set.members)
     }
 
     /// The cost of a set that leaves so many squares more without `dropped` numbers of the model.

@@ -142,6 +142,21 @@ fn a_set_holds_those_of_fewer_kinds_of_members() {
 }
 
 #[test]
+fn what_members_cost_is_no_part_of_the_misfit() {
+    let tuning = Tuning::default();
+    let (all, target) = drawn(&[(3, 2.0)], 0.3, 1);
+    let misfit = |dearer: f64| {
+        let mut own = members(&all, f64::INFINITY);
+        own[3].1 += dearer;
+        let pool = Pool::of(own, &target, ROWS, &tuning.sets);
+        let set = pool.found(vec![3]).expect("a set of one column");
+        (set.cost, pool.misfit(&FoundSet { cost: set.cost - 5.0, saved: 5.0, ..set.clone() }))
+    };
+    let ((cost, own), (dear, same)) = (misfit(0.0), misfit(7.0));
+    assert!((dear - cost - 14.0).abs() < 1e-9 && (own - same).abs() < 1e-9);
+}
+
+#[test]
 fn members_may_be_added_to_a_pool() {
     let tuning = Tuning::default();
     let (all, target) = drawn(&[(3, 2.0), (17, -1.0)], 0.3, 1);

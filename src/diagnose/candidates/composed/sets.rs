@@ -398,7 +398,6 @@ impl Look<'_, '_> {
         let tuning = self.of.tuning;
         let mut sets = Vec::new();
         let mut taken: Vec<&FoundSet> = Vec::new();
-        let least = found.first().map_or(0.0, |best| best.cost);
         let is_far = self.is_first && self.of.along == Along::Measured;
         let best_of_sizes;
         let found = if is_far {
@@ -409,8 +408,8 @@ impl Look<'_, '_> {
         };
         for one in found.iter().filter(|one| !one.members.is_empty()) {
             // Around a motion that leaves noise, first order says what a set is worth.
-            if self.explains && one.cost - least > tuning.ranking.indistinguishable {
-                break;
+            if self.explains && !self.may_lead(one) {
+                continue;
             }
             // What holds a better set says nothing else: its other members come later, if at all.
             if !is_far && taken.iter().any(|better| pool.holds(one, better)) {
@@ -427,6 +426,17 @@ impl Look<'_, '_> {
             }
         }
         Ok(sets)
+    }
+
+    /// Whether a set that is fitted may come out first: it is hardly behind the best, or behind for
+    /// what it costs and leaves less.
+    fn may_lead(&self, set: &FoundSet) -> bool {
+        let (sets, ranking) = (&self.of.tuning.sets, &self.of.tuning.ranking);
+        self.found.first().is_none_or(|best| {
+            let behind = set.cost - best.cost;
+            let leaves_less = self.pool.misfit(best) - self.pool.misfit(set) > ranking.same;
+            behind <= ranking.indistinguishable || behind <= sets.near && leaves_less
+        })
     }
 
     /// The best set of each size, and the simplest that does nearly the same: first order may be
