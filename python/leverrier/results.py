@@ -349,8 +349,10 @@ class Design(_Result):
 class Discovery(_Result):
     """What was added until what is left is noise: ``discover`` in ``docs/formats.md``.
 
-    ``steps`` has the additions, ``stop`` says why it ended, ``text`` is the longer spec;
-    ``law`` is its law, learned from the training part.
+    ``steps`` has the additions, each with what these data cannot tell from it in
+    ``indistinguishable``; ``instead`` says what does as well in the place of several of them.
+    ``stop`` says why it ended, ``text`` is the longer spec; ``law`` is its law, learned from the
+    training part.
     """
 
     def __init__(self, fields: dict[str, Any], law: Law, spec: Spec) -> None:

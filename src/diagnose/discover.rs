@@ -19,6 +19,8 @@ use crate::fit::{self, Law, Model, Monitor, resume};
 pub struct Discovery {
     /// Additions, in order.
     pub steps: Vec<Step>,
+    /// What these data cannot tell from several additions together.
+    pub instead: Vec<Instead>,
     /// Why it ended, in a sentence.
     pub stop: String,
     /// Whether it was interrupted before it came to its end.
@@ -32,6 +34,16 @@ pub struct Discovery {
     /// Error on held-out runs over their whole length at the start and at the end, in units of the
     /// last noise estimate.
     pub held_out_error: (f64, f64),
+}
+
+/// Several additions that were found together, and what explains the data as well in the place of
+/// more than one of them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Instead {
+    /// Labels of the additions.
+    pub of: Vec<String>,
+    /// Labels of the others, those of one explanation joined by `and`.
+    pub others: Vec<String>,
 }
 
 /// One addition.
@@ -57,7 +69,7 @@ pub struct Step {
     pub held_out_error_before: f64,
     /// The same with it.
     pub held_out_error_after: f64,
-    /// RankedEffects that these data could not tell from it.
+    /// What these data cannot tell from it, all other additions being the same.
     pub indistinguishable: Vec<String>,
 }
 
@@ -88,6 +100,7 @@ pub fn discover(
     let mut compiled = build(name, &text)?;
     let mut model = fit::fit(&compiled.system, training, &options.fit, monitor)?;
     let mut steps: Vec<Step> = Vec::new();
+    let mut instead: Vec<Instead> = Vec::new();
     let start = text.clone();
     let first = (compiled.clone(), model.clone());
     let mut interrupted = false;
@@ -144,6 +157,7 @@ pub fn discover(
                 if alone { &diagnosis.indistinguishable } else { &member.indistinguishable };
             steps.push(step(member, others));
         }
+        instead.extend(Instead::of(&diagnosis));
         in_part |= diagnosis.verdict == Verdict::ExplainedInPart;
         (text, compiled, model) = (longer, next, fitted);
     };
@@ -163,6 +177,7 @@ pub fn discover(
     let after = held_out_error(&compiled, &model)?;
     Ok(Discovery {
         steps,
+        instead,
         stop,
         interrupted,
         verdict,
@@ -197,6 +212,30 @@ fn in_writing(story: &[RankedEffect]) -> Vec<&RankedEffect> {
         None => (1, std::cmp::Reverse(0)),
     });
     members
+}
+
+impl Instead {
+    /// What a diagnosis names in the place of all of its story, as far as that is no exchange of
+    /// one member alone; `None` where it names nothing.
+    fn of(diagnosis: &Diagnosis) -> Option<Instead> {
+        let story = &diagnosis.story;
+        let of: Vec<String> = story.iter().map(|member| member.effect.clone()).collect();
+        let exchanged = |at: usize, other: &String| {
+            let mut labels = of.clone();
+            labels[at].clone_from(other);
+            labels.sort();
+            labels.join(" and ")
+        };
+        let exchanges: Vec<String> = story
+            .iter()
+            .enumerate()
+            .flat_map(|(at, member)| member.indistinguishable.iter().map(move |one| (at, one)))
+            .map(|(at, other)| exchanged(at, other))
+            .collect();
+        let others = diagnosis.indistinguishable.iter();
+        let others: Vec<String> = others.filter(|one| !exchanges.contains(one)).cloned().collect();
+        (story.len() > 1 && !others.is_empty()).then_some(Instead { of, others })
+    }
 }
 
 impl Step {

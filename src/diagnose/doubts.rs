@@ -80,6 +80,11 @@ impl Story<'_> {
         self.members.iter().all(|member| self.clearness(member) >= clear)
     }
 
+    /// Numbers of all members.
+    pub(super) fn unknowns(&self) -> usize {
+        self.members.iter().map(|member| member.effect.coefficient.len()).sum()
+    }
+
     /// Standard errors that the least clear coefficient of a member is away from zero. The cosine
     /// and the sine of one wave are its amplitude and its phase: they are so together.
     pub(super) fn clearness(&self, member: &Member) -> f64 {

@@ -11,7 +11,6 @@ use super::ranking::{Ranking, ranking};
 use super::settling::settle;
 use super::story::{Question, Story};
 use super::together::together;
-use super::tuning::Tuning;
 use crate::error::Result;
 
 /// Stories, the best first: at least that without a change.
@@ -119,9 +118,6 @@ pub(super) fn stories<'a>(
     {
         ended.insert(0, named);
     }
-    if sets_asked {
-        note_exchanges(&mut ended, all);
-    }
     ended.push(grown);
     Ok(ended)
 }
@@ -172,34 +168,6 @@ pub(super) fn beginnings<'a>(
         beam.extend(bare.with(judged, first.window, question));
     }
     beam
-}
-
-/// Notes beside each member of the first story what stands in its place in another one that
-/// explains as much.
-fn note_exchanges(stories: &mut [Story], tuning: &Tuning) {
-    let Some((best, others)) = stories.split_first_mut() else { return };
-    let alike = |other: &&Story| holds(other) && other.members.len() == best.members.len();
-    let others: Vec<&Story> = others.iter().filter(alike).collect();
-    let all: Vec<&Story> = std::iter::once(&*best).chain(others.iter().copied()).collect();
-    let lengths = description_lengths(&all, tuning);
-    let Some((own, lengths)) = lengths.split_first() else { return };
-    let labels = best.labels();
-    let mut notes: Vec<(String, String)> = Vec::new();
-    for (other, length) in others.iter().zip(lengths) {
-        let theirs = other.labels();
-        let mut only = labels.iter().filter(|label| !theirs.contains(label));
-        let mut instead = theirs.iter().filter(|label| !labels.contains(label));
-        if let (Some(one), None, Some(other), None) =
-            (only.next(), only.next(), instead.next(), instead.next())
-            && length - own < tuning.ranking.indistinguishable
-        {
-            notes.push((one.clone(), other.clone()));
-        }
-    }
-    for (one, other) in notes {
-        let member = best.members.iter_mut().find(|member| member.effect.effect == one);
-        member.into_iter().for_each(|member| member.effect.indistinguishable.push(other.clone()));
-    }
 }
 
 /// The story with each of the changes that pay most beside it: so many of those refitted.

@@ -51,7 +51,7 @@ pub(super) struct Member {
 }
 
 /// Two sums of the same squares differ by this part of them, at most.
-const SAME_SQUARES: f64 = 1e-6;
+pub(super) const SAME_SQUARES: f64 = 1e-6;
 
 /// Terms of a member, and its inner parameters.
 type Own = (Vec<TermId>, Vec<ParameterId>);

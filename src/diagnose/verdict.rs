@@ -12,7 +12,7 @@ use super::misfit::{error_of, excess, is_noise_of, is_resolved};
 use super::rounding::is_feigned;
 use super::settling::settle;
 use super::steps::noise_of_steps;
-use super::story::{Member, Question, Story};
+use super::story::{Member, Question, SAME_SQUARES, Story};
 use super::times::times;
 use super::tuning::Tuning;
 use super::window::longest;
@@ -103,8 +103,13 @@ pub(super) fn judge<'a>(
     stories
 }
 
-/// The members of a story, the errors before and after all of it with the first and the last.
-fn members(story: &Story, before: &Unseen, after: &Unseen) -> Vec<RankedEffect> {
+/// The members of a story, the errors before and after all of it with the first and the last, and
+/// what does as well in the place of each.
+fn members(
+    story: &Story,
+    (before, after): (&Unseen, &Unseen),
+    exchanges: &[(String, String)],
+) -> Vec<RankedEffect> {
     let mut members: Vec<RankedEffect> =
         story.members.iter().map(|member| member.effect.clone()).collect();
     if let Some(first) = members.first_mut() {
@@ -120,6 +125,12 @@ fn members(story: &Story, before: &Unseen, after: &Unseen) -> Vec<RankedEffect> 
         }
         if member.held_out_error_after.is_nan() {
             member.held_out_error_after = after.error;
+        }
+        let instead = exchanges.iter().filter(|(own, _)| *own == member.effect);
+        for (_, other) in instead {
+            if !member.indistinguishable.contains(other) {
+                member.indistinguishable.push(other.clone());
+            }
         }
     }
     members
@@ -223,36 +234,67 @@ fn tell(diagnosis: &mut Diagnosis, told: Vec<(Story, Unseen)>, before: &Unseen, 
     let least = lengths.iter().copied().fold(f64::INFINITY, f64::min);
     let near = |length: &f64| length - least < tuning.ranking.indistinguishable;
     let ranked = lengths.iter().zip(&told).filter(|(length, _)| near(length));
-    let unknowns = |story: &Story| -> usize {
-        story.members.iter().map(|member| member.effect.coefficient.len()).sum()
-    };
-    let fewest = ranked.min_by_key(|(_, (story, _))| (story.members.len(), unknowns(story)));
+    let fewest = ranked.min_by_key(|(_, (story, _))| (story.members.len(), story.unknowns()));
     // Lengths that are no numbers leave the first.
-    let Some((story, after)) = fewest.map(|(_, one)| one).or(told.first()) else { return };
-    told_of(diagnosis, story, (before, after));
-    let own = story.labels();
+    let Some((length, (story, after))) = fewest.or(lengths.iter().zip(&told).next()) else {
+        return;
+    };
+    // What a name saves says which is told, and not what the data tell apart; but one law in two
+    // ways of writing is no other.
+    let data_alone = |length: &f64, story: &Story| length - story.price();
+    let own = data_alone(length, story);
+    let as_likely = |length: &f64, (other, its): &(Story, Unseen)| {
+        let is_same_law = (its.left - after.left).abs() <= SAME_SQUARES * after.left;
+        !is_same_law && data_alone(length, other) - own < tuning.ranking.indistinguishable
+    };
+    let labels = story.labels();
+    let rivals: Vec<(Vec<String>, bool)> = lengths
+        .iter()
+        .zip(&told)
+        .filter(|(_, (other, _))| {
+            let is_simple = !other.members.is_empty()
+                && other.members.len() <= story.members.len()
+                && other.unknowns() <= story.unknowns();
+            is_simple && other.labels() != labels
+        })
+        .map(|(length, one)| (one.0.labels(), near(length) || as_likely(length, one)))
+        .collect();
+    told_of(diagnosis, story, (before, after), &exchanges(&labels, &rivals));
     // What stands beside one effect alone is none of several.
-    if own.len() > 1 {
+    if labels.len() > 1 {
         diagnosis.indistinguishable.clear();
     }
-    for (length, (other, _)) in lengths.iter().zip(&told) {
-        let simple = !other.members.is_empty()
-            && other.members.len() <= story.members.len()
-            && unknowns(other) <= unknowns(story);
-        if !simple || other.labels() == own {
-            continue;
-        }
-        let name = other.labels().join(" and ");
+    for (other, is_as_good) in rivals {
+        let name = other.join(" and ");
         diagnosis.indistinguishable.retain(|known| *known != name);
-        if near(length) {
+        if is_as_good {
             diagnosis.indistinguishable.push(name);
         }
     }
 }
 
+/// What does as well in the place of one member of a story of several, all others being the same:
+/// pairs of the member and the other, by their labels.
+fn exchanges(own: &[String], rivals: &[(Vec<String>, bool)]) -> Vec<(String, String)> {
+    let exchange = |other: &[String]| {
+        let mut only = own.iter().filter(|label| !other.contains(label));
+        let mut instead = other.iter().filter(|label| !own.contains(label));
+        let one = only.next().zip(instead.next());
+        one.filter(|_| own.len() > 1 && only.next().is_none() && instead.next().is_none())
+            .map(|(member, other)| (member.clone(), other.clone()))
+    };
+    let as_good = rivals.iter().filter(|(_, is_as_good)| *is_as_good);
+    as_good.filter_map(|(other, _)| exchange(other)).collect()
+}
+
 /// Writes a story that holds.
-fn told_of(diagnosis: &mut Diagnosis, story: &Story, (before, after): (&Unseen, &Unseen)) {
-    let members = members(story, before, after);
+fn told_of(
+    diagnosis: &mut Diagnosis,
+    story: &Story,
+    (before, after): (&Unseen, &Unseen),
+    exchanges: &[(String, String)],
+) {
+    let members = members(story, (before, after), exchanges);
     let Some((first, then)) = members.split_first() else { return };
     diagnosis.verdict = Verdict::Missing;
     diagnosis.held_out_error = before.error;
@@ -333,4 +375,24 @@ fn unexplained(
             times(before.error)
         ),
     };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::exchanges;
+
+    #[test]
+    fn an_exchange_leaves_all_other_members() {
+        let all = |labels: &[&str]| labels.iter().map(|one| one.to_string()).collect::<Vec<_>>();
+        let rivals = [
+            (all(&["drag", "tanh"]), true),
+            (all(&["drag", "sine"]), false),
+            (all(&["cubic", "tanh"]), true),
+            (all(&["magnet"]), true),
+        ];
+        let found = exchanges(&all(&["drag", "magnet"]), &rivals);
+        assert_eq!(found, [("magnet".to_string(), "tanh".to_string())]);
+        // Of one alone the whole story is exchanged.
+        assert!(exchanges(&all(&["drag"]), &[(all(&["tanh"]), true)]).is_empty());
+    }
 }

@@ -193,6 +193,10 @@ pub fn discovery_text(
     if !rows.is_empty() {
         let header = ["added", "coefficient", "p-value", "indistinguishable from"];
         sections.push(table(&header, rows, &[1, 2], width));
+        for one in &found.instead {
+            let sentence = present::cannot_distinguish(&one.of.join(" and "), &one.others);
+            sections.push(wrapped(&sentence, width, 2));
+        }
         let place =
             if written { format!("Written to {spec}:") } else { "To be added:".to_string() };
         let written = found.steps.iter().filter(|step| !step.snippet.is_empty());

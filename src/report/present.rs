@@ -26,8 +26,12 @@ pub fn indistinguishable(diagnosis: &Diagnosis) -> Option<String> {
     }
     let story: Vec<&str> = diagnosis.story.iter().map(|member| member.effect.as_str()).collect();
     let own = if story.is_empty() { first.effect.clone() } else { story.join(" and ") };
-    let others = diagnosis.indistinguishable.join(", or from ");
-    Some(format!("These data cannot distinguish {own} from {others}."))
+    Some(cannot_distinguish(&own, &diagnosis.indistinguishable))
+}
+
+/// That the data allow other explanations than one.
+pub fn cannot_distinguish(own: &str, others: &[String]) -> String {
+    format!("These data cannot distinguish {own} from {}.", others.join(", or from "))
 }
 
 /// The effects that explain a part, with their numbers and what does as well in their place.

@@ -108,6 +108,22 @@ fn a_term_without_a_name_is_told_before_a_name_that_is_nearly_like_it() {
 }
 
 #[test]
+fn what_the_data_do_not_tell_from_a_member_is_named_beside_it() {
+    // Before twice the noise the same tanh is told from a magnet by nothing but its price.
+    let truth = "T = p^2/2\nV = 1.5*q^2\nforce q += -0.3*p - 1.2*tanh(5*q)\n";
+    let space = "T = p^2/2\nV = span{ q^2, q^4 }\n";
+    let found = outcome(&case(&base(LINE, truth, space, LINE_STARTS), "", 0.02, 1), "").diagnosis;
+    let [drag, pull] = found.story.as_slice() else { panic!("{}", found.reason) };
+    assert_eq!(drag.effect, "viscous_drag(q)", "{}", found.reason);
+    assert!(drag.indistinguishable.is_empty(), "{:?}", drag.indistinguishable);
+    let mut all = std::iter::once(&pull.effect).chain(&pull.indistinguishable);
+    assert!(all.any(|one| one.starts_with("force on q: tanh(q/")), "{pull:?}");
+    let joined = |one: &String| [one.as_str(), "viscous_drag(q)"].join(" and ");
+    let mut others = pull.indistinguishable.iter();
+    assert!(others.all(|one| found.indistinguishable.contains(&joined(one))));
+}
+
+#[test]
 fn no_number_contradicts_the_name_of_its_effect() {
     // What feeds energy is no drag, and what takes it more slowly at speed is no sum of drags.
     let cases: [(&str, &[(&str, f64)]); 2] = [
