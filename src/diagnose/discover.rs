@@ -317,3 +317,43 @@ fn step(member: &RankedEffect, others: &[String]) -> Step {
         indistinguishable: others.iter().filter(|name| **name != member.effect).cloned().collect(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn effect(name: &str, instead: &[&str]) -> RankedEffect {
+        RankedEffect {
+            effect: name.to_string(),
+            on: Vec::new(),
+            snippet: String::new(),
+            number: None,
+            left_out: None,
+            coefficient: Vec::new(),
+            standard_error: Vec::new(),
+            p_value: 1.0,
+            deviance: 0.0,
+            held_out_error_before: f64::NAN,
+            held_out_error_after: f64::NAN,
+            indistinguishable: instead.iter().map(|one| one.to_string()).collect(),
+        }
+    }
+
+    #[test]
+    fn only_what_takes_the_place_of_several_members_is_instead_of_a_story() {
+        let drag = effect("viscous drag", &[]);
+        let bowl = effect("tanh", &["magnet"]);
+        let mut diagnosis = Diagnosis::too_little(String::new());
+        diagnosis.story = vec![drag.clone(), bowl];
+        diagnosis.indistinguishable = vec!["magnet and viscous drag".to_string()];
+        // The magnet is named beside the member that it stands in for.
+        assert!(Instead::of(&diagnosis).is_none());
+        diagnosis.indistinguishable.push("memory".to_string());
+        let instead = Instead::of(&diagnosis).unwrap();
+        assert_eq!(instead.of, ["viscous drag", "tanh"]);
+        assert_eq!(instead.others, ["memory"]);
+        // What stands in for one change alone is said beside that.
+        diagnosis.story = vec![drag];
+        assert!(Instead::of(&diagnosis).is_none());
+    }
+}

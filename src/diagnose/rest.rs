@@ -4,7 +4,7 @@
 //! acts there by the direction of the motion follows the noise of a velocity that is none.
 
 use super::law_on_data::LawOnData;
-use crate::fit::segments::{Segment, Segments};
+use crate::fit::segments::Segments;
 
 /// Samples of the shortest stretch that is taken for one at rest.
 const SHORTEST: usize = 8;
@@ -14,7 +14,9 @@ const FAR: f64 = 3.5;
 /// that turns passes through its slow part faster.
 const MORE_THAN_NOISE: f64 = 4.0;
 
-/// The segments in which something moves; all of them where nothing does.
+/// The stretches of some segments in which something moves; the segments as they are where nothing
+/// does. To first order a force acts along the model's motion, which goes on where a mass that
+/// friction holds stands: no sample at rest may be among them.
 pub(super) fn moving(model: &LawOnData, segments: Segments) -> Segments {
     let packed = &model.data.packed;
     let degrees = model.system().degrees();
@@ -33,11 +35,10 @@ pub(super) fn moving(model: &LawOnData, segments: Segments) -> Segments {
             rests(&columns, packed.times_of(run).len())
         })
         .collect();
-    let moves = |segment: &Segment| {
-        let rest = at_rest.get(segment.run).and_then(|run| run.get(segment.first..=segment.last));
-        !rest.is_some_and(|rest| rest.iter().all(|&rest| rest))
+    let moves = |run: usize, sample: usize| {
+        !at_rest.get(run).and_then(|run| run.get(sample)).copied().unwrap_or(false)
     };
-    let moving = segments.only(moves);
+    let moving = segments.stretches_where(moves);
     if moving.list.is_empty() { segments } else { moving }
 }
 

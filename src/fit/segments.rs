@@ -100,15 +100,21 @@ impl Segments {
         short
     }
 
-    /// Those segments that meet a condition.
-    pub fn only(&self, condition: impl Fn(&Segment) -> bool) -> Segments {
-        let mut only = Segments::default();
-        for fold in &self.folds {
-            let start = only.list.len();
-            only.list.extend(self.list[fold.clone()].iter().filter(|s| condition(s)));
-            only.folds.push(start..only.list.len());
-        }
-        only
+    /// The stretches of each segment whose samples all meet a condition on run and sample; a single
+    /// sample is none.
+    pub fn stretches_where(&self, condition: impl Fn(usize, usize) -> bool) -> Segments {
+        let stretches = |segment: &Segment| -> Vec<Segment> {
+            let Segment { run, first, last } = *segment;
+            let samples: Vec<usize> = (first..=last).collect();
+            let alike = samples.chunk_by(|&a, &b| condition(run, a) == condition(run, b));
+            let ends = alike.filter(|stretch| stretch.len() >= SHORTEST);
+            let ends = ends.filter_map(|stretch| Some((*stretch.first()?, *stretch.last()?)));
+            ends.filter(|&(first, _)| condition(run, first))
+                .map(|(first, last)| Segment { run, first, last })
+                .collect()
+        };
+        let of = |fold: &Range<usize>| self.list[fold.clone()].iter().flat_map(stretches).collect();
+        Segments::of(self.folds.iter().map(of).collect())
     }
 
     /// Segments of at most about `samples` samples in all, taken evenly from every fold; all
