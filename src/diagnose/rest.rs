@@ -14,6 +14,9 @@ const FAR: f64 = 3.5;
 /// that turns passes through its slow part faster.
 const MORE_THAN_NOISE: f64 = 4.0;
 
+/// A stretch that is no noise is looked at again without one of so many parts.
+const PARTS: usize = 16;
+
 /// The stretches of some segments in which something moves; the segments as they are where nothing
 /// does. To first order a force acts along the model's motion, which goes on where a mass that
 /// friction holds stands: no sample at rest may be among them.
@@ -63,9 +66,11 @@ fn rests(columns: &[Column], samples: usize) -> Vec<bool> {
         let long = end - first >= SHORTEST;
         if long && columns.iter().all(|column| column.is_noise(first, end)) {
             rests[first..end].fill(true);
+            first = end;
+        } else {
+            // What comes to rest moves in the first part of such a stretch.
+            first += if long { (end - first).div_ceil(PARTS) } else { 1 };
         }
-        // Where a stretch ends that does not rest, another may begin soon.
-        first = if long { end } else { first + 1 };
     }
     rests
 }
