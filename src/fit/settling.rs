@@ -5,8 +5,14 @@ use super::blocking::BLOCKING;
 use super::motion::{Equations, Propagation};
 use super::pass::Problem;
 use super::rows::DesignRows;
+use super::segments::Segment;
 use super::states::States;
 use crate::dynamics::{Dynamics, KeptScratch, Scratch};
+
+/// After so many steps the lanes that are still moving go on alone, where they are at most one in
+/// [`FEW`]; it changes cost alone.
+const TOGETHER: usize = 3;
+const FEW: usize = 4;
 
 /// What it took to settle the states of a block.
 pub(super) struct Settlement {
@@ -47,7 +53,6 @@ pub(super) fn settled(
     scratch: &mut Scratch,
 ) -> (DesignRows, Settlement) {
     let tuning = &problem.tuning.settling;
-    let size = 2 * present.0.degrees();
     let lanes = block.lanes();
     if let Some(by) = by
         && let Some(extrapolated) = by.extrapolated
@@ -56,53 +61,16 @@ pub(super) fn settled(
         states.copy_from_slice(extrapolated);
         return rows;
     }
-    let mut trial = states.to_vec();
-    let mut best = vec![f64::INFINITY; lanes];
-    let mut step = vec![0.0; size * lanes];
-    let mut length = vec![1.0; lanes];
-    let mut settled = vec![false; lanes];
-    let mut lower = vec![false; lanes];
+    let mut search = Search::from(states, lanes);
     let mut taken = 0;
     while taken < tuning.steps {
         let here = by.filter(|by| by.expected == Some(taken));
         let propagation = Propagation { present, by: here.map(|by| by.law) };
-        let mut rows = DesignRows::integrate(problem, propagation, block, &trial, scratch);
+        let mut rows = DesignRows::integrate(problem, propagation, block, &search.trial, scratch);
         rows.eliminate_states(here.is_some_and(|by| by.responses));
-        let steps = rows.state_steps();
         let promised = rows.promised();
-        for lane in 0..lanes {
-            let loss = rows.losses[lane];
-            let still = is_still(problem, &rows, &promised, lane);
-            let equal = still && loss <= best[lane] * (1.0 + tuning.equal_loss);
-            lower[lane] = loss < best[lane] || equal || settled[lane];
-            if lower[lane] {
-                best[lane] = loss;
-                length[lane] = 1.0;
-                settled[lane] = still;
-            } else {
-                // The last step overshot: a quarter of it.
-                length[lane] *= tuning.shorter;
-                settled[lane] = !best[lane].is_finite() || length[lane] < tuning.shortest;
-            }
-        }
-        for (step, new) in step.chunks_exact_mut(lanes).zip(steps.chunks_exact(lanes)) {
-            for ((step, new), lower) in step.iter_mut().zip(new).zip(&lower) {
-                *step = if *lower { *new } else { *step };
-            }
-        }
-        let of_lanes = states.chunks_exact_mut(size).zip(trial.chunks_exact_mut(size));
-        for (lane, (state, trial)) in of_lanes.enumerate() {
-            if lower[lane] {
-                state.copy_from_slice(trial);
-            }
-            let part = if settled[lane] { 0.0 } else { length[lane] };
-            let step = step[lane..].iter().step_by(lanes);
-            for ((trial, state), step) in trial.iter_mut().zip(state).zip(step) {
-                *trial = *state + part * step;
-            }
-        }
-        let improved = lower.iter().all(|&lower| lower);
-        if settled.iter().all(|&done| done) && improved {
+        let improved = search.step(problem, &rows, &promised, states);
+        if search.open().next().is_none() && improved {
             // The rows at hand are those of the settled states.
             if by.is_none() || here.is_some() {
                 return (rows, Settlement { steps: taken, unsettled: 0, promised: 0.0 });
@@ -111,19 +79,147 @@ pub(super) fn settled(
             break;
         }
         let enough =
-            |lane: usize| settled[lane] || is_nearly_still(problem, &rows, &promised, lane);
+            |lane: usize| search.settled[lane] || is_nearly_still(problem, &rows, &promised, lane);
         if here.is_some_and(|by| by.nearly) && improved && (0..lanes).all(enough) {
-            let taken = left_to_take(&promised, taken, |lane| settled[lane]);
+            let taken = left_to_take(&promised, taken, |lane| search.settled[lane]);
             return (rows, taken);
         }
         rows.recycle(scratch);
         taken += 1;
+        let open: Vec<usize> = search.open().collect();
+        if taken >= TOGETHER && open.len() * FEW <= lanes {
+            taken = search.finish(problem, present, (block, &open), (states, taken), scratch);
+            break;
+        }
     }
     let propagation = Propagation { present, by: by.map(|by| by.law) };
     let mut rows = DesignRows::integrate(problem, propagation, block, states, scratch);
     rows.eliminate_states(by.is_some_and(|by| by.responses));
-    let unsettled = settled.iter().filter(|&&done| !done).count();
+    let unsettled = search.open().count();
     (rows, Settlement { steps: taken, unsettled, promised: 0.0 })
+}
+
+/// The search of each lane for its best state.
+struct Search {
+    /// Where to look next, `[lane][state]`.
+    trial: Vec<f64>,
+    /// The least that was left.
+    best: Vec<f64>,
+    /// From the best state, `[state][lane]`.
+    step: Vec<f64>,
+    /// The part of it that is tried.
+    length: Vec<f64>,
+    settled: Vec<bool>,
+}
+
+impl Search {
+    fn from(states: &[f64], lanes: usize) -> Search {
+        Search {
+            trial: states.to_vec(),
+            best: vec![f64::INFINITY; lanes],
+            step: vec![0.0; states.len()],
+            length: vec![1.0; lanes],
+            settled: vec![false; lanes],
+        }
+    }
+
+    /// Lanes that are still moving.
+    fn open(&self) -> impl Iterator<Item = usize> {
+        self.settled.iter().enumerate().filter(|(_, settled)| !**settled).map(|(lane, _)| lane)
+    }
+
+    /// Takes in what the trial leaves, keeps in `states` what is better, and says whether no lane
+    /// is worse off.
+    fn step(
+        &mut self,
+        problem: &Problem,
+        rows: &DesignRows,
+        promised: &[f64],
+        states: &mut [f64],
+    ) -> bool {
+        let tuning = &problem.tuning.settling;
+        let lanes = self.settled.len();
+        let size = states.len() / lanes.max(1);
+        let steps = rows.state_steps();
+        let mut improved = true;
+        for lane in 0..lanes {
+            let loss = rows.losses[lane];
+            let still = is_still(problem, rows, promised, lane);
+            let equal = still && loss <= self.best[lane] * (1.0 + tuning.equal_loss);
+            let lower = loss < self.best[lane] || equal || self.settled[lane];
+            let own = lane * size..(lane + 1) * size;
+            if lower {
+                self.best[lane] = loss;
+                self.length[lane] = 1.0;
+                self.settled[lane] = still;
+                states[own.clone()].copy_from_slice(&self.trial[own.clone()]);
+            } else {
+                // The last step overshot: a quarter of it.
+                self.length[lane] *= tuning.shorter;
+                self.settled[lane] =
+                    !self.best[lane].is_finite() || self.length[lane] < tuning.shortest;
+                improved = false;
+            }
+            let part = if self.settled[lane] { 0.0 } else { self.length[lane] };
+            for (place, at) in own.enumerate() {
+                let step = &mut self.step[place * lanes + lane];
+                if lower {
+                    *step = steps[place * lanes + lane];
+                }
+                self.trial[at] = states[at] + part * *step;
+            }
+        }
+        improved
+    }
+
+    /// The search of some lanes alone.
+    fn of(&self, lanes: &[usize]) -> Search {
+        let all = self.settled.len();
+        let size = self.trial.len() / all.max(1);
+        let own = |lane: &usize| self.trial[lane * size..(lane + 1) * size].iter().copied();
+        let step = |place| lanes.iter().map(move |lane| self.step[place * all + lane]);
+        Search {
+            trial: lanes.iter().flat_map(own).collect(),
+            best: lanes.iter().map(|&lane| self.best[lane]).collect(),
+            step: (0..size).flat_map(step).collect(),
+            length: lanes.iter().map(|&lane| self.length[lane]).collect(),
+            settled: vec![false; lanes.len()],
+        }
+    }
+
+    /// Goes on with the few lanes of a block that are still moving: the others would be integrated
+    /// beside them for nothing. Gives the steps that were taken in all.
+    fn finish(
+        &mut self,
+        problem: &Problem,
+        present: Equations,
+        (block, open): (&Block, &[usize]),
+        (states, mut taken): (&mut [f64], usize),
+        scratch: &mut Scratch,
+    ) -> usize {
+        let segments: Vec<Segment> = open.iter().map(|&lane| block.segments[lane]).collect();
+        let few = Block::gather(problem, &segments);
+        let size = states.len() / block.lanes().max(1);
+        let own = |lane: usize| lane * size..(lane + 1) * size;
+        let mut search = self.of(open);
+        let mut moved: Vec<f64> =
+            open.iter().flat_map(|&lane| states[own(lane)].to_vec()).collect();
+        let propagation = Propagation { present, by: None };
+        while taken < problem.tuning.settling.steps && search.open().next().is_some() {
+            let mut rows =
+                DesignRows::integrate(problem, propagation, &few, &search.trial, scratch);
+            rows.eliminate_states(false);
+            let promised = rows.promised();
+            search.step(problem, &rows, &promised, &mut moved);
+            rows.recycle(scratch);
+            taken += 1;
+        }
+        for (place, &lane) in open.iter().enumerate() {
+            states[own(lane)].copy_from_slice(&moved[own(place)]);
+            self.settled[lane] = search.settled[place];
+        }
+        taken
+    }
 }
 
 /// Whether the state of a lane is settled.

@@ -4,7 +4,7 @@ use leverrier::internals::data::{Clock, Dataset, Run};
 use leverrier::internals::dynamics::Dynamics;
 use leverrier::internals::eval::Backend;
 use leverrier::internals::expr::{Compiled, build};
-use leverrier::internals::fit::pass::{Linearised, Problem, settle_linearise_and_respond};
+use leverrier::internals::fit::pass::{Linearised, Problem, settle, settle_linearise_and_respond};
 use leverrier::internals::fit::states::States;
 use leverrier::internals::fit::train::Training;
 use leverrier::internals::fit::{Options, Silent};
@@ -99,6 +99,27 @@ fn states_are_led_to_where_the_next_theta_wants_them() {
             assert!(half < 0.3 * whole, "not of second order: {whole} and {half}");
         });
     }
+}
+
+#[test]
+fn a_state_that_takes_its_time_ends_where_the_others_do() {
+    let space = build("swing", SPACE).unwrap_or_else(|error| panic!("{error}"));
+    let data = swings(9, 80, "p");
+    before(&space, &data, |problem, dynamics, starts| {
+        let theta = [0.4, -0.15, 0.05];
+        let mut expected = starts.clone();
+        let least = settle(problem, dynamics, &theta, &mut expected);
+        assert_eq!(least.unsettled, 0);
+        // From so far off a state overshoots, and is not there when all others are.
+        for late in [0, 7, expected.len() - 1] {
+            let mut states = expected.clone();
+            states.of_mut(late).iter_mut().for_each(|x| *x += 2.5);
+            let sums = settle(problem, dynamics, &theta, &mut states);
+            assert_eq!(sums.unsettled, 0);
+            assert!((sums.loss / least.loss - 1.0).abs() < 1e-6, "{} {}", sums.loss, least.loss);
+            assert!(apart(&states, &expected) < 1e-5, "{late}");
+        }
+    });
 }
 
 #[test]
