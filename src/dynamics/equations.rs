@@ -14,7 +14,7 @@ use super::switches::{Between, Motion, Side, Switches, of_time};
 use super::{holonomic, internal};
 use crate::error::Result;
 use crate::eval::{Backend, Evaluator, Inputs, Series, StepSource, Steps, compile, compile_steps};
-use crate::expr::{Expr, Graph, Node, Observed, ParameterId, Place, Symbol, System, TermId};
+use crate::expr::{Expr, Graph, Observed, ParameterId, Place, Symbol, System, TermId};
 
 /// Equations of motion of a system with some of its learned terms.
 ///
@@ -491,11 +491,7 @@ impl Dynamics {
     pub fn kink(&self) -> Option<&'static str> {
         let mut graph = self.motion.graph.clone();
         let rates = self.rates(&mut graph);
-        let inside = graph.topological(&rates);
-        inside.into_iter().find_map(|expr| match graph.node(expr) {
-            Node::Apply(function, _) if !function.row().is_smooth() => Some(function.row().name),
-            _ => None,
-        })
+        graph.kink(&rates)
     }
 
     /// (v, -g).

@@ -415,6 +415,14 @@ impl Graph {
         order
     }
 
+    /// Name of a function inside some expressions that has a kink or a jump.
+    pub fn kink(&self, roots: &[Expr]) -> Option<&'static str> {
+        self.topological(roots).into_iter().find_map(|expr| match self.node(expr) {
+            Node::Apply(function, _) if !function.row().is_smooth() => Some(function.row().name),
+            _ => None,
+        })
+    }
+
     /// The symbols that the roots depend on, sorted.
     pub fn symbols(&self, roots: &[Expr]) -> Vec<Symbol> {
         let mut symbols: Vec<Symbol> = self

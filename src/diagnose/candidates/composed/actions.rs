@@ -51,11 +51,13 @@ impl Channels {
     }
 }
 
-/// A term's values at all nodes, channel after channel.
+/// A term's values at all nodes, channel after channel, or at finer points.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Action {
     /// Channels that it acts on.
     pub(super) channels: Vec<usize>,
-    /// `[channel of the list][node]`.
+    /// `[channel of the list][point]`.
     pub(super) values: Vec<f64>,
+    /// Whether they are at finer points than the nodes: kicks that have a kink or a jump.
+    pub(super) fine: bool,
 }

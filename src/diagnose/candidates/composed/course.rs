@@ -201,6 +201,19 @@ impl Course {
     }
 }
 
+/// Weights of up to four neighbouring nodes in the cubic through them.
+pub(super) fn interpolation(nodes: &[f64], time: f64) -> Vec<(usize, f64)> {
+    let after = nodes.partition_point(|&node| node < time);
+    let width = nodes.len().min(4);
+    let first = after.saturating_sub(2).min(nodes.len() - width);
+    let among = first..first + width;
+    let weight = |k: usize| {
+        let others = among.clone().filter(|&other| other != k);
+        others.map(|o| (time - nodes[o]) / (nodes[k] - nodes[o])).product::<f64>()
+    };
+    among.clone().map(|k| (k, weight(k))).collect()
+}
+
 /// Of each observable, the part of its residuals that is no noise.
 pub(super) fn trust(courses: &[Course]) -> Vec<f64> {
     let observables = courses.iter().find_map(|course| course.weights.first()).map_or(0, Vec::len);

@@ -258,7 +258,7 @@ mod tests {
 
     fn action(channels: &[usize], of: impl Fn(f64) -> f64) -> Action {
         let values = (0..24).map(|i| of(-1.3 + 0.11 * f64::from(i)));
-        Action { channels: channels.to_vec(), values: values.collect() }
+        Action { channels: channels.to_vec(), values: values.collect(), fine: false }
     }
 
     #[test]

@@ -22,6 +22,7 @@ mod course;
 mod entries;
 mod enumerate;
 mod expression;
+mod fine;
 mod first_order;
 mod front;
 mod gram;

@@ -2,7 +2,7 @@
 //! unknowns of the model itself do.
 
 use super::actions::{Action, Channels};
-use super::states::PhasePoints;
+use super::states::{Along, PhasePoints, Points};
 use crate::diagnose::candidates::Candidate;
 use crate::eval::{Backend, Inputs, compile};
 use crate::expr::{Expr, Place, Symbol, System};
@@ -38,7 +38,7 @@ pub(super) fn at_all_points(
     candidate: &Candidate,
     grid: &[Vec<f64>],
     law: &Law,
-    points: &PhasePoints,
+    points: &Points,
     channels: Channels,
 ) -> Vec<NamedAction> {
     let mut system = System::clone(law.system());
@@ -55,8 +55,11 @@ pub(super) fn at_all_points(
         });
         plans.push((values, plan.collect()));
     }
-    let Some(found) = values_at(&system, &outputs, law, points) else { return Vec::new() };
-    let action = |plan: &Plan| plan.action(&found, channels, points.values());
+    let all: Vec<&Plan> = plans.iter().flat_map(|(_, plan)| plan).collect();
+    let Some(known) = Evaluated::of(&system, &outputs, law, points, channels, &all) else {
+        return Vec::new();
+    };
+    let action = |plan: &Plan| known.action(plan);
     let named = plans.into_iter().map(|(values, plan)| NamedAction {
         values: values.clone(),
         actions: plan.iter().map(action).collect(),
@@ -70,7 +73,7 @@ pub(super) fn at_all_points(
 pub(super) fn of_unknowns(
     law: &Law,
     unknowns: &[Column],
-    points: &PhasePoints,
+    points: &Points,
     channels: Channels,
 ) -> Vec<Option<Action>> {
     let mut system = System::clone(law.system());
@@ -92,7 +95,7 @@ pub(super) fn of_unknowns(
             }
         }
         let action =
-            plan.action(&values_at(&system, &outputs, law, points)?, channels, points.values());
+            Evaluated::of(&system, &outputs, law, points, channels, &[&plan])?.action(&plan);
         action.values.iter().all(|x| x.is_finite()).then_some(action)
     };
     unknowns.iter().map(&mut own).collect()
@@ -138,6 +141,44 @@ fn values_at(
     Some(found)
 }
 
+/// Values of some outputs, at the points that suit them.
+struct Evaluated {
+    /// One output after another.
+    values: Vec<f64>,
+    /// Of each output.
+    count: usize,
+    channels: Channels,
+    fine: bool,
+}
+
+impl Evaluated {
+    /// Forces with a kink or a jump are known at the finer points, all else at the nodes.
+    fn of(
+        system: &System,
+        outputs: &[Expr],
+        law: &Law,
+        points: &Points,
+        channels: Channels,
+        plans: &[&Plan],
+    ) -> Option<Evaluated> {
+        let mut acted = plans.iter().flat_map(|plan| &plan.channels);
+        let fine = system.graph.kink(outputs).is_some() && acted.all(|&c| c < channels.degrees);
+        let points = if fine { &points.fine } else { &points.nodes };
+        let along = if fine { Along::Model } else { channels.along };
+        let values = values_at(system, outputs, law, points)?;
+        Some(Evaluated {
+            values,
+            count: points.values(),
+            channels: Channels { along, ..channels },
+            fine,
+        })
+    }
+
+    fn action(&self, plan: &Plan) -> Action {
+        Action { fine: self.fine, ..plan.action(&self.values, self.channels, self.count) }
+    }
+}
+
 /// Where the outputs of an evaluation act.
 #[derive(Default)]
 struct Plan {
@@ -156,6 +197,7 @@ impl Plan {
         Action {
             channels: self.channels.clone(),
             values: self.channels.iter().zip(&self.outputs).flat_map(row).collect(),
+            fine: false,
         }
     }
 

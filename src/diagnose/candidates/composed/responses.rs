@@ -13,9 +13,10 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::actions::{Action, Channels};
-use super::course::{Course, courses, frequency, trust};
+use super::course::{Course, courses, frequency, interpolation, trust};
+use super::fine::{self, Fine};
 use super::named::of_unknowns;
-use super::states::{Along, PhasePoints};
+use super::states::{Along, PhasePoints, Points};
 use crate::diagnose::settling::Settled;
 use crate::expr::Observed;
 use crate::fit::column::Column;
@@ -34,6 +35,8 @@ struct Segment {
     target: DVector<f64>,
     /// Residuals by the model's unknowns: first as they are, then an orthonormal basis.
     base: DMatrix<f64>,
+    /// Residuals by what no interpolation follows.
+    fine: Fine,
     /// design' target, the unknowns eliminated from the latter.
     gain: DVector<f64>,
     /// design' base.
@@ -46,8 +49,8 @@ struct Segment {
 
 /// What any force would do to all predictions.
 pub(super) struct Responses {
-    /// Nodes of all segments.
-    pub(super) points: PhasePoints,
+    /// Nodes of all segments, and finer points.
+    pub(super) points: Points,
     /// Channels of the system.
     pub(super) channels: Channels,
     /// Squares of the residuals with the model's unknowns free.
@@ -101,14 +104,20 @@ impl Responses {
             Along::Measured => Some(trust(&found)),
         };
         let of = |course: &Course| {
-            let (segment, places) = segment(course, channels, between, apart, kept, velocities);
-            (segment, Nodes::of(course, &places, between, trust.as_deref()))
+            let off = trust.as_ref().map(|trust| Off::of(course, between, trust));
+            let (segment, places, fine) =
+                segment(course, channels, between, apart, kept, velocities, off.as_ref());
+            (segment, Nodes::of(course, &places, off.as_ref()), fine)
         };
-        let built: Vec<(Segment, Nodes)> = found.par_iter().map(of).collect();
+        let built: Vec<(Segment, Nodes, fine::Points)> = found.par_iter().map(of).collect();
         let (mut nodes, mut forced, mut times) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut fine_states, mut fine_times) = (Vec::new(), Vec::new());
         let mut list = Vec::with_capacity(built.len());
-        for (mut segment, own) in built {
+        for (mut segment, own, fine) in built {
             segment.first = nodes.len();
+            segment.fine.first = fine_states.len();
+            fine_states.extend(fine.0);
+            fine_times.extend(fine.1);
             nodes.extend(own.states);
             forced.extend(own.forced);
             times.extend(own.times);
@@ -118,7 +127,10 @@ impl Responses {
         let known = |course: &Course| course.weights.iter().flatten().filter(|w| **w > 0.0).count();
         let rows: usize = found.iter().map(|c| known(c).saturating_sub(size)).sum();
         let mut responses = Responses {
-            points: PhasePoints::of(&nodes, &forced, times),
+            points: Points {
+                nodes: PhasePoints::of(&nodes, &forced, times),
+                fine: PhasePoints::of(&fine_states, &[], fine_times),
+            },
             channels,
             squares: 0.0,
             rows,
@@ -228,7 +240,7 @@ impl Responses {
     /// for those that the model spans.
     pub(super) fn falls<const LANES: usize>(&self, actions: &[Action]) -> [f64; LANES] {
         let Some(first) = actions.first() else { return [0.0; LANES] };
-        let (channels, count) = (&first.channels, self.points.count);
+        let (channels, count) = (&first.channels, self.points.nodes.count);
         let mut gain = [0.0; LANES];
         let mut whole = [0.0; LANES];
         let mut shadows = vec![[0.0; LANES]; self.free.len()];
@@ -341,6 +353,9 @@ fn add<const LANES: usize>(sums: &mut [f64; LANES], factor: f64, values: &[f64; 
 
 impl Segment {
     fn column(&self, action: &Action) -> DVector<f64> {
+        if action.fine {
+            return self.fine.column(action);
+        }
         let count = action.values.len() / action.channels.len().max(1);
         let mut column = DVector::zeros(self.target.len());
         for (at, channel) in action.channels.iter().enumerate() {
@@ -383,17 +398,24 @@ impl Segment {
     }
 }
 
-/// Weights of up to four neighbouring nodes in the cubic through them.
-fn interpolation(nodes: &[f64], time: f64) -> Vec<(usize, f64)> {
-    let after = nodes.partition_point(|&node| node < time);
-    let width = nodes.len().min(4);
-    let first = after.saturating_sub(2).min(nodes.len() - width);
-    let among = first..first + width;
-    let weight = |k: usize| {
-        let others = among.clone().filter(|&other| other != k);
-        others.map(|o| (time - nodes[o]) / (nodes[k] - nodes[o])).product::<f64>()
-    };
-    among.clone().map(|k| (k, weight(k))).collect()
+/// By how much the motion was measured to be off the model's in one segment.
+struct Off {
+    samples: Vec<f64>,
+    by: Vec<DVector<f64>>,
+}
+
+impl Off {
+    fn of(course: &Course, between: usize, trust: &[f64]) -> Off {
+        let samples = course.times.iter().copied().step_by(between).collect();
+        Off { samples, by: course.off(between, trust) }
+    }
+
+    /// At a time from the first point on.
+    fn at(&self, time: f64) -> DVector<f64> {
+        let size = self.by.first().map_or(0, |by| by.len());
+        let weights = interpolation(&self.samples, time).into_iter();
+        weights.fold(DVector::zeros(size), |sum, (sample, weight)| sum + &self.by[sample] * weight)
+    }
 }
 
 /// Nodes of a segment.
@@ -405,29 +427,25 @@ struct Nodes {
 }
 
 impl Nodes {
-    fn of(course: &Course, places: &[usize], between: usize, trust: Option<&[f64]>) -> Nodes {
+    fn of(course: &Course, places: &[usize], off: Option<&Off>) -> Nodes {
         let state = |&place: &usize| course.states[place].clone();
-        let samples: Vec<f64> = course.times.iter().copied().step_by(between).collect();
-        let measured = |trust: &[f64]| -> Vec<Vec<f64>> {
-            let off = course.off(between, trust);
+        let measured = |off: &Off| -> Vec<Vec<f64>> {
             let moved = |place: &usize| {
-                let mut moved = DVector::from_vec(state(place));
-                for (sample, weight) in interpolation(&samples, course.times[*place]) {
-                    moved.axpy(weight, &off[sample], 1.0);
-                }
+                let moved = DVector::from_vec(state(place)) + off.at(course.times[*place]);
                 moved.as_slice().to_vec()
             };
             places.iter().map(moved).collect()
         };
         Nodes {
             states: places.iter().map(state).collect(),
-            forced: trust.map(measured).unwrap_or_default(),
+            forced: off.map(measured).unwrap_or_default(),
             times: places.iter().map(|&place| course.start + course.times[place]).collect(),
         }
     }
 }
 
-/// The matrices of a segment, and the places of its nodes among the points of its course.
+/// The matrices of a segment, the places of its nodes among the points of its course, and finer
+/// points.
 fn segment(
     course: &Course,
     channels: Channels,
@@ -435,7 +453,8 @@ fn segment(
     apart: f64,
     kept: &[Column],
     velocities: bool,
-) -> (Segment, Vec<usize>) {
+    off: Option<&Off>,
+) -> (Segment, Vec<usize>, fine::Points) {
     let (size, n) = (channels.moving(), channels.degrees);
     let last = course.times.len() - 1;
     let duration = course.times[last];
@@ -500,18 +519,20 @@ fn segment(
     base -= &basis * basis.tr_mul(&base);
     target -= &basis * basis.tr_mul(&target);
     let nothing = DMatrix::zeros(0, 0);
+    let (fine, points) = Fine::of(course, between, basis, |time| off.map(|off| off.at(time)));
     let segment = Segment {
         first: 0,
         nodes,
         design,
         target,
         base,
+        fine,
         gain: DVector::zeros(0),
         shadow: nothing.clone(),
         information: nothing,
         of_sensors: Vec::new(),
     };
-    (segment, places)
+    (segment, places, points)
 }
 
 /// An orthonormal basis of some columns, those left out that others span.

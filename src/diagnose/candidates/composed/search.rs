@@ -34,7 +34,8 @@ impl<'a> Search<'a> {
         let model = &settled.model;
         let mut responses = Responses::of(settled, kept, spacing, along);
         let compared_at = model.tuning().composed.compared_at;
-        let jets = LeafJets::of(leaves, model.law.parameters(), &responses.points, compared_at);
+        let jets =
+            LeafJets::of(leaves, model.law.parameters(), &responses.points.nodes, compared_at);
         let actions: Vec<(f64, Action)> = restored
             .iter()
             .map(|(term, c)| (*c, term.action(&jets.nodes, responses.channels)))

@@ -12,6 +12,14 @@ pub(super) enum Along {
     Measured,
 }
 
+/// The points of all segments.
+pub(super) struct Points {
+    /// Nodes, through which smooth functions are interpolated.
+    pub(super) nodes: PhasePoints,
+    /// Finer ones where forces act.
+    pub(super) fine: PhasePoints,
+}
+
 /// Points in phase space, side by side.
 #[derive(Debug, Clone, Default)]
 pub(super) struct PhasePoints {

@@ -6,6 +6,7 @@ use super::first_order::unknowns;
 use super::front::joint;
 use super::idle::without_idle_terms;
 use super::leaves::Leaves;
+use super::named::of_unknowns;
 use super::search::Search;
 use super::shapes::SHAPES;
 use super::states::Along;
@@ -118,6 +119,33 @@ fn forces_act_where_the_motion_was_measured() {
     let (columns, target) = ([of(&drag), of(&other)], responses.target());
     let both = joint(&[&columns[0], &columns[1]], &target).expect("two directions");
     assert!((both[0] / -0.8 - 1.0).abs() < 0.02 && (both[1] / -0.6 - 1.0).abs() < 0.02, "{both:?}");
+}
+
+#[test]
+fn what_jumps_does_to_first_order_what_it_does() {
+    let jump = -0.01;
+    let text = format!("{PENDULUM}force q += span{{ sign(p) }}\n");
+    let truth = format!("{PENDULUM}force q += {jump}*sign(p)\n");
+    let data = measured(&truth);
+    let system = build("model", &text).expect("a spec").system;
+    let known = Law::known(build("truth", &truth).expect("a spec").system).expect("a law");
+    let (terms, how) = (vec![(system.term_ids()[0], 0.0)], (known.stepping(), 16));
+    let law = Law::new(system, terms, Vec::new(), vec![1e-3; 2], how).expect("a law");
+    let options = Options::default();
+    let settled = settle(LawOnData::of(law, &data, &options));
+    let leaves = Leaves::of(settled.model.system(), &options.tuning.composed);
+    for along in [Along::Model, Along::Measured] {
+        let search = Search::of(&settled, &leaves, &[], 0.3, along, &[]);
+        let responses = &search.responses;
+        let (law, channels) = (&settled.model.law, responses.channels);
+        let own = of_unknowns(law, &[Column::new(0)], &responses.points, channels);
+        let column = responses.column(own[0].as_ref().expect("an action"));
+        let found = responses.target().dot(&column) / column.norm_squared();
+        assert!((found / jump - 1.0).abs() < 0.01, "{along:?}: {found}");
+        // Nodes so far apart leave more than half of this.
+        let left = (responses.target() - column * found).norm() / responses.target().norm();
+        assert!(left < 0.06, "{along:?}: {left} is left");
+    }
 }
 
 #[test]
