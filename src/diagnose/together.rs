@@ -119,9 +119,14 @@ fn try_sets<'a>(
     }
     let mut explained: Option<(Sums, f64)> = None;
     let most = question.model.tuning().sets.grown;
-    for (set, mut story) in best_first(sets, question).into_iter().take(most) {
+    let mut leading = 0;
+    for (set, mut story) in best_first(sets, question) {
         if question.monitor.stopped() {
             break;
+        }
+        leading += usize::from(!set.rival);
+        if leading > most && !set.rival {
+            continue;
         }
         // What leaves more of these segments than one that explains whole runs says no more; but of
         // computed data what steps leave is not known yet, and a longer form may bend to that.

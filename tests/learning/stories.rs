@@ -342,17 +342,21 @@ fn a_mass_that_friction_stops_and_holds_tells_its_numbers() {
 fn a_mass_that_friction_stops_and_holds_says_so() {
     let known = "T = p^2/2\nV = q^2 + 0.4*q^4\n";
     let laws = [
-        (1, 0.6, "T = p^2/2\nV = q^2 + 0.4*q^4\nforce q += -0.3*p - 0.6*sign(p)\n"),
-        (2, 0.35, "T = p^2/2\nV = q^2 + 0.4*q^4\nforce q += -0.1*p - 0.35*sign(p)\n"),
+        (1, 0.6, 0.3, "T = p^2/2\nV = q^2 + 0.4*q^4\nforce q += -0.3*p - 0.6*sign(p)\n"),
+        (2, 0.35, 0.1, "T = p^2/2\nV = q^2 + 0.4*q^4\nforce q += -0.1*p - 0.35*sign(p)\n"),
     ];
-    for (seed, dry, truth) in laws {
+    for (seed, dry, drag, truth) in laws {
         let stopped = base(LINE, truth, known, LINE_STARTS);
         let found = outcome(&case(&stopped, "", 0.01, seed), "").diagnosis;
         assert_eq!(found.verdict, Verdict::Missing, "seed {seed}: {}", found.reason);
-        let friction = found.story.iter().find(|member| member.effect == "coulomb_friction(q)");
-        let friction = friction.unwrap_or_else(|| panic!("seed {seed}: {}", found.reason));
-        let number = friction.coefficient[0];
-        assert!((number - dry).abs() < 0.02 * dry, "seed {seed}: {number}; {}", found.reason);
+        assert_eq!(found.story.len(), 2, "seed {seed}: {}", found.reason);
+        for (effect, number) in [("coulomb_friction(q)", dry), ("viscous_drag(q)", drag)] {
+            let member = found.story.iter().find(|member| member.effect == effect);
+            let member = member.unwrap_or_else(|| panic!("seed {seed}: {}", found.reason));
+            let off = (member.coefficient[0] - number).abs();
+            let text = format!("seed {seed}, {effect}: off by {off}");
+            assert!(off < 0.02 * number || off < 4.0 * member.standard_error[0], "{text}");
+        }
     }
 }
 

@@ -61,7 +61,10 @@ pub struct Sets {
     /// By how much their descriptions are longer than the shortest, at most, where first order says
     /// what a set is worth, and a set costs more and leaves less: twice the nats.
     pub near: f64,
-    /// Those of them that are held against longer and longer segments: the best.
+    /// Forms that are fitted in the place of a member with inner numbers, at most, for leaving as
+    /// little as that does.
+    pub rivals: usize,
+    /// Those of the proposed sets that are held against longer and longer segments: the best.
     pub grown: usize,
     /// Looks around a motion that is nearer to that of the data, at most.
     pub looks: usize,

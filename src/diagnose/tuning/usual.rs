@@ -139,6 +139,7 @@ const TUNING: Tuning = Tuning {
         floor: 1e-6,
         proposed: 10,
         near: 16.0,
+        rivals: 12,
         grown: 5,
         looks: 4,
         nearer: 0.9,

@@ -239,6 +239,28 @@ impl<'a> Pool<'a> {
         if set == found.members { None } else { self.found(set) }
     }
 
+    /// The set with one of its members exchanged for each of the cheapest of another kind that are
+    /// `wanted` and leave nearly as little: what they cost aside, they are `behind` at most.
+    pub(super) fn exchanges(
+        &self,
+        set: &FoundSet,
+        own: usize,
+        (most, behind): (usize, f64),
+        wanted: impl Fn(usize) -> bool,
+    ) -> Vec<FoundSet> {
+        let rest: Set = set.members.iter().copied().filter(|&at| at != own).collect();
+        let least = self.misfit(set) + behind;
+        let kind = |at: usize| self.members[at].kind;
+        let misfit = |at: usize, beside: &Beside| {
+            let left = (self.squares - beside.explained).max(0.0);
+            self.fall(&self.members[at], beside).map(|fall| self.cost_of(left - fall, 0.0))
+        };
+        self.added_where(&rest, most, |at, taken, beside| {
+            let is_new = kind(at) != kind(own) && !taken.iter().any(|&one| kind(one) == kind(at));
+            is_new && wanted(at) && misfit(at, beside).is_some_and(|misfit| misfit <= least)
+        })
+    }
+
     fn found(&self, members: Set) -> Option<FoundSet> {
         let left = self.left(&members)?;
         Some(FoundSet { cost: self.cost(left, &members), members, saved: 0.0 })

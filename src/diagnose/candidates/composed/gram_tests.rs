@@ -208,3 +208,30 @@ fn the_best_of_each_size_is_remembered() {
     assert_eq!(best(2).expect("a pair").members, [3, 17]);
     assert_eq!(best(1).expect("one").members, [3]);
 }
+
+#[test]
+fn what_leaves_as_little_takes_the_place_of_a_member_whatever_it_costs() {
+    let (mut all, target) = drawn(&[(3, 2.0), (17, -1.0)], 0.3, 5);
+    // Nearly the same as a member, in twice; and one that falls behind.
+    let mut generator = Pcg64::seed_from_u64(11);
+    for part in [1e-3, 1e-3, 0.5] {
+        let mut draw = || -> f64 { StandardNormal.sample(&mut generator) };
+        let other = DVector::from_fn(ROWS, |row, _| all[17][row] + part * draw());
+        all.push(other);
+    }
+    let near = all.len() - 3;
+    let mut members = members(&all, f64::INFINITY);
+    (members[near].1, members[near + 1].1) = (40.0, 60.0);
+    let tuning = Tuning::default();
+    let pool = Pool::of(members, &target, ROWS, &tuning.sets);
+    let best = pool.search(&[]).swap_remove(0);
+    assert_eq!(best.members, [3, 17]);
+    let of = |most, wanted: &dyn Fn(usize) -> bool| -> Vec<Set> {
+        let found = pool.exchanges(&best, 17, (most, 6.0), wanted);
+        found.into_iter().map(|one| one.members).collect()
+    };
+    assert_eq!(of(8, &|_| true), [[3, near], [3, near + 1]]);
+    assert_eq!(of(1, &|_| true), [[3, near]]);
+    assert_eq!(of(8, &|at| at != near), [[3, near + 1]]);
+    assert!(pool.exchanges(&best, 3, (8, 6.0), |_| true).is_empty());
+}

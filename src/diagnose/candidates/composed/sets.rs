@@ -61,6 +61,9 @@ pub struct ProposedSet {
     pub saved: f64,
     /// Places of its members in the list of candidates, composed terms behind them, in order.
     pub places: Vec<usize>,
+    /// Whether it is there for what it leaves, however long its description is: what the data do
+    /// not tell from the best is to be named beside it.
+    pub rival: bool,
 }
 
 /// A motion that candidates are judged around.
@@ -406,9 +409,13 @@ impl Look<'_, '_> {
         } else {
             found
         };
-        for one in found.iter().filter(|one| !one.members.is_empty()) {
+        let rivals = if self.explains { self.rivals() } else { Vec::new() };
+        let leaders = found.iter().filter(|one| !one.members.is_empty()).map(|one| (one, false));
+        let mut leading = 0;
+        for (one, rival) in leaders.chain(rivals.iter().map(|one| (one, true))) {
             // Around a motion that leaves noise, first order says what a set is worth.
-            if self.explains && !self.may_lead(one) {
+            let leads = !self.explains || self.may_lead(one);
+            if !rival && (leading == tuning.sets.proposed || !leads) {
                 continue;
             }
             // What holds a better set says nothing else: its other members come later, if at all.
@@ -419,13 +426,27 @@ impl Look<'_, '_> {
             let law = first_order(responses, pool, entries, one, law, unknowns)?;
             let mut places: Vec<usize> = one.members.iter().map(|&at| entries[at].kind).collect();
             places.sort_unstable();
-            sets.push(ProposedSet { members, law, cost: one.cost, saved: one.saved, places });
+            let FoundSet { cost, saved, .. } = *one;
+            sets.push(ProposedSet { members, law, cost, saved, places, rival });
             taken.push(one);
-            if sets.len() == tuning.sets.proposed {
-                break;
-            }
+            leading += usize::from(!rival);
         }
         Ok(sets)
+    }
+
+    /// The best set with a member that has inner numbers exchanged for another form that leaves as
+    /// little, with no more numbers: such forms bend to one another.
+    fn rivals(&self) -> Vec<FoundSet> {
+        let Look { responses, law, unknowns, entries, pool, .. } = self;
+        let Some(best) = self.found.first() else { return Vec::new() };
+        let (sets, ranking) = (&self.of.tuning.sets, &self.of.tuning.ranking);
+        let numbers = |at: usize| entries[at].responses.len() + entries[at].values.len();
+        let shaped = best.members.iter().filter(|&&own| !entries[own].values.is_empty());
+        let found = shaped.flat_map(|&own| {
+            let simple = |at: usize| numbers(at) <= numbers(own);
+            pool.exchanges(best, own, (sets.rivals, ranking.indistinguishable), simple)
+        });
+        without_idle_terms(found.collect(), (responses, pool, &entries[..]), law, unknowns)
     }
 
     /// Whether a set that is fitted may come out first: it is hardly behind the best, or behind for
