@@ -142,7 +142,7 @@ fn what_jumps_does_to_first_order_what_it_does() {
         let column = responses.column(own[0].as_ref().expect("an action"));
         let found = responses.target().dot(&column) / column.norm_squared();
         assert!((found / jump - 1.0).abs() < 0.01, "{along:?}: {found}");
-        // Nodes so far apart leave more than half of this.
+        // Cubics through nodes so far apart leave 0.15.
         let left = (responses.target() - column * found).norm() / responses.target().norm();
         assert!(left < 0.06, "{along:?}: {left} is left");
     }
