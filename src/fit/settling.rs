@@ -87,7 +87,7 @@ pub(super) fn settled(
         rows.recycle(scratch);
         taken += 1;
         let open: Vec<usize> = search.open().collect();
-        if taken >= TOGETHER && open.len() * FEW <= lanes {
+        if taken >= TOGETHER && !open.is_empty() && open.len() * FEW <= lanes {
             taken = search.finish(problem, present, (block, &open), (states, taken), scratch);
             break;
         }
