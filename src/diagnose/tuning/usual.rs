@@ -108,6 +108,7 @@ const TUNING: Tuning = Tuning {
         first_step: 0.12,
         last_step: 2e-4,
         scores: 120,
+        sketched: 8,
         beam: 8,
         apart: 1e-6,
         apart_together: 1e-4,

@@ -20,8 +20,8 @@ fn moved(inner: Inner, number: f64, step: f64, (lower, upper): (f64, f64)) -> f6
 }
 
 /// The term with the inner numbers that the score likes best, by a compass search from those
-/// that it has, and the fall of the squares there.
-fn refined(start: &Composed, fall: f64, search: &Search) -> (Composed, f64) {
+/// that it has, and the fall of the squares there, in about so many scores.
+fn refined(start: &Composed, fall: f64, search: &Search, most: usize) -> (Composed, f64) {
     let Search { jets, responses, tuning } = search;
     let tuning = &tuning.composed;
     let inner = start.inner();
@@ -33,7 +33,7 @@ fn refined(start: &Composed, fall: f64, search: &Search) -> (Composed, f64) {
         inner.iter().map(|&(at, _, kind)| bounds(&start.factors[at], kind, jets)).collect();
     let mut step = tuning.first_step;
     let mut scores = 0;
-    while step > tuning.last_step && scores < tuning.scores {
+    while step > tuning.last_step && scores < most {
         let mut better = false;
         for (place, &(_, _, kind)) in inner.iter().enumerate() {
             for sign in [1.0, -1.0] {
@@ -61,6 +61,9 @@ fn refined(start: &Composed, fall: f64, search: &Search) -> (Composed, f64) {
 }
 
 /// The best of each form, the inner numbers of the leaders refined; best first.
+///
+/// Between two points of a grid a form may leave far more than it would: so all are moved a little
+/// before the leaders are chosen.
 pub(super) fn refined_leaders(search: &Search, found: Vec<Found>) -> Vec<(Composed, f64)> {
     let most = found.iter().map(|one| one.fall).fold(0.0, f64::max);
     let variance = search.variance(search.responses.squares - most);
@@ -76,11 +79,20 @@ pub(super) fn refined_leaders(search: &Search, found: Vec<Found>) -> Vec<(Compos
             forms.push(one);
         }
     }
-    let leaders = forms.len().min(search.tuning.composed.refined);
-    let mut refined_terms: Vec<(Composed, f64)> =
-        forms[..leaders].par_iter().map(|one| refined(&one.composed, one.fall, search)).collect();
-    let others = forms.drain(leaders..).map(|one| (one.composed, one.fall));
-    refined_terms.extend(others);
-    refined_terms.sort_by(|a, b| merit(&b.0, b.1).total_cmp(&merit(&a.0, a.1)));
-    refined_terms
+    let tuning = &search.tuning.composed;
+    let moved = |(term, fall): &(Composed, f64), most: usize| refined(term, *fall, search, most);
+    let sketched = |one: &(Composed, f64)| moved(one, tuning.sketched * one.0.inner().len());
+    let by_merit = |terms: &mut Vec<(Composed, f64)>| {
+        terms.sort_by(|a, b| merit(&b.0, b.1).total_cmp(&merit(&a.0, a.1)));
+    };
+    let forms = forms.into_iter().map(|one| (one.composed, one.fall));
+    let mut terms: Vec<(Composed, f64)> =
+        forms.collect::<Vec<_>>().par_iter().map(sketched).collect();
+    by_merit(&mut terms);
+    let leaders = terms.len().min(tuning.refined);
+    let refined_terms: Vec<(Composed, f64)> =
+        terms[..leaders].par_iter().map(|one| moved(one, tuning.scores)).collect();
+    terms.splice(..leaders, refined_terms);
+    by_merit(&mut terms);
+    terms
 }

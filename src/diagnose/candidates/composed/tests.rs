@@ -7,6 +7,7 @@ use super::front::joint;
 use super::idle::without_idle_terms;
 use super::leaves::Leaves;
 use super::named::of_unknowns;
+use super::refine::refined_leaders;
 use super::search::Search;
 use super::shapes::SHAPES;
 use super::states::Along;
@@ -99,6 +100,26 @@ fn a_score_is_that_of_a_pass_over_the_data() {
         let expected = scores.group(&[Column::new(0)]).deviance * scores.variance;
         assert!((fall / expected - 1.0).abs() < 2e-3, "{statement}: {fall}, {expected} by a pass");
     }
+}
+
+#[test]
+fn a_form_between_two_points_of_its_grid_is_among_the_leaders() {
+    let data =
+        measured("coordinates q\nmomenta p\nT = p^2/2\nV = -cos(q) - 0.02*exp(-(q/0.5)^2)\n");
+    let mut options = Options::default();
+    options.tuning.composed.refined = 1;
+    let settled = settled(PENDULUM, &data, &options);
+    let leaves = Leaves::of(settled.model.system(), &options.tuning.composed);
+    let search = Search::of(&settled, &leaves, &[], 0.12, Along::Model, &[]);
+    // At this length the other is nearer, and takes the one place there is.
+    let forms = [("exp(-{x}^2)", 0.0), ("exp(-({x}/{a})^2)", 1.2)];
+    let forms = forms.map(|(form, number)| term(Place::Potential, &[(0, form, number)]));
+    let found = search.scored(forms.to_vec());
+    assert!(found[0].fall > found[1].fall, "{} {}", found[0].fall, found[1].fall);
+    let terms = refined_leaders(&search, found);
+    let (best, _) = terms.first().expect("a term");
+    let [length] = best.numbers()[..] else { panic!("{best:?}") };
+    assert!((length / 0.5 - 1.0).abs() < 0.05, "{length}");
 }
 
 #[test]
