@@ -59,11 +59,13 @@ impl FunctionSpace {
         let rows = found.sums.rows.max(2) as f64;
         let variance = story.variance_of(&found.sums);
         let system = story.scope.compiled().system.clone();
+        // One by which the story would not stand is no member of it.
+        let clear = story.model.tuning().verdict.standard_errors.powi(2);
         let mut open: Vec<(TermId, f64)> = Vec::new();
         for one in &self.left_out {
             let Some(own) = one.left_out() else { continue };
             let ids = system.terms_with_ids().filter(|(_, term)| own.is(term));
-            open.extend(ids.map(|(id, _)| (id, one.price_of_number(rows))));
+            open.extend(ids.map(|(id, _)| (id, one.price_of_number(rows).max(clear))));
         }
         // What a story leaves that explains nothing says nothing of the model's own terms.
         if story.explains {
