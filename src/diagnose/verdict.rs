@@ -208,11 +208,12 @@ fn unseen<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Unseen {
     }
 }
 
-/// Writes one of some stories that hold: that of the fewest changes and numbers among those whose
-/// description of all runs is about as short as any. Runs that nothing was fitted to are among
-/// these: a series may be as near as its function where both were fitted. The others are named as
-/// far as these data do not tell them from it: with odds of a twentieth or more, in as few changes
-/// and with as few numbers. What has numbers to spare may hold the story in it and is no rival.
+/// Writes one of some stories that hold: the shortest with the fewest changes and numbers among
+/// those whose description of all runs is about as short as any. Runs that nothing was fitted to
+/// are among these: a series may be as near as its function where both were fitted. The others are
+/// named as far as these data do not tell them from it: with odds of a twentieth or more, in as few
+/// changes. What has numbers to spare may hold the story in it: it is a rival where they pay for
+/// themselves.
 fn tell(diagnosis: &mut Diagnosis, told: Vec<(Story, Unseen)>, before: &Unseen, tuning: &Tuning) {
     let stories: Vec<&Story> = told.iter().map(|(story, _)| story).collect();
     // Where one of them leaves white noise, what another leaves has no memory by the instrument.
@@ -233,31 +234,45 @@ fn tell(diagnosis: &mut Diagnosis, told: Vec<(Story, Unseen)>, before: &Unseen, 
         .collect();
     let least = lengths.iter().copied().fold(f64::INFINITY, f64::min);
     let near = |length: &f64| length - least < tuning.ranking.indistinguishable;
-    let ranked = lengths.iter().zip(&told).filter(|(length, _)| near(length));
-    let fewest = ranked.min_by_key(|(_, (story, _))| (story.members.len(), story.unknowns()));
+    let ranked: Vec<_> = lengths.iter().zip(&told).filter(|(length, _)| near(length)).collect();
+    let size = |story: &Story| (story.members.len(), story.unknowns());
+    let fewest = ranked.iter().map(|(_, (story, _))| size(story)).min();
+    let simplest = ranked.iter().filter(|(_, (story, _))| Some(size(story)) == fewest);
+    let shortest = simplest.clone().map(|(length, _)| **length).fold(f64::INFINITY, f64::min);
+    // Of those that are level the first, as the catalogue has them.
+    let first = simplest.clone().find(|(length, _)| **length - shortest < tuning.ranking.same);
     // Lengths that are no numbers leave the first.
-    let Some((length, (story, after))) = fewest.or(lengths.iter().zip(&told).next()) else {
+    let Some((length, (story, after))) = first.copied().or(lengths.iter().zip(&told).next()) else {
         return;
     };
     // What a name saves says which is told, and not what the data tell apart; but one law in two
-    // ways of writing is no other.
+    // ways of writing is no other, and a number more has to pay for itself.
     let data_alone = |length: &f64, story: &Story| length - story.price();
     let own = data_alone(length, story);
-    let as_likely = |length: &f64, (other, its): &(Story, Unseen)| {
+    let number = (story.sums.rows.max(2) as f64).ln();
+    let to_spare = |other: &Story| other.unknowns().saturating_sub(story.unknowns());
+    let is_as_good = |length: &f64, (other, its): &(Story, Unseen)| {
         let is_same_law = (its.left - after.left).abs() <= SAME_SQUARES * after.left;
-        !is_same_law && data_alone(length, other) - own < tuning.ranking.indistinguishable
+        let behind = data_alone(length, other) - own;
+        match to_spare(other) {
+            0 => near(length) || !is_same_law && behind < tuning.ranking.indistinguishable,
+            more => behind + more as f64 * number < 0.0,
+        }
     };
     let labels = story.labels();
-    let rivals: Vec<(Vec<String>, bool)> = lengths
-        .iter()
-        .zip(&told)
+    let mut others: Vec<(&f64, &(Story, Unseen))> = lengths.iter().zip(&told).collect();
+    others.sort_by(|(a, (one, _)), (b, (other, _))| {
+        data_alone(a, one).total_cmp(&data_alone(b, other))
+    });
+    let rivals: Vec<(Vec<String>, bool)> = others
+        .into_iter()
         .filter(|(_, (other, _))| {
-            let is_simple = !other.members.is_empty()
-                && other.members.len() <= story.members.len()
-                && other.unknowns() <= story.unknowns();
+            let is_simple = (1..=story.members.len()).contains(&other.members.len());
             is_simple && other.labels() != labels
         })
-        .map(|(length, one)| (one.0.labels(), near(length) || as_likely(length, one)))
+        .map(|(length, one)| (one, is_as_good(length, one)))
+        .filter(|((other, _), is_as_good)| *is_as_good || to_spare(other) == 0)
+        .map(|((other, _), is_as_good)| (other.labels(), is_as_good))
         .collect();
     told_of(diagnosis, story, (before, after), &exchanges(&labels, &rivals));
     // What stands beside one effect alone is none of several.
