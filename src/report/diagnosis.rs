@@ -186,7 +186,7 @@ pub fn discovery_text(
                 step.effect.clone(),
                 numbers.join(", "),
                 p_value_text(step.p_value),
-                step.indistinguishable.join(", "),
+                present::first_few(&step.indistinguishable, ", "),
             ]
         })
         .collect();

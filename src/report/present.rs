@@ -29,9 +29,22 @@ pub fn indistinguishable(diagnosis: &Diagnosis) -> Option<String> {
     Some(cannot_distinguish(&own, &diagnosis.indistinguishable))
 }
 
-/// That the data allow other explanations than one.
+/// That the data allow other explanations than one; of many the first few are named.
 pub fn cannot_distinguish(own: &str, others: &[String]) -> String {
-    format!("These data cannot distinguish {own} from {}.", others.join(", or from "))
+    format!("These data cannot distinguish {own} from {}.", first_few(others, ", or from "))
+}
+
+/// The first of some names, and how many more there are.
+pub fn first_few(names: &[String], between: &str) -> String {
+    const FEW: usize = 4;
+    let (first, more) = names.split_at(FEW.min(names.len()));
+    let mut all = first.to_vec();
+    match more.len() {
+        0 => {}
+        1 => all.extend_from_slice(more),
+        count => all.push(format!("{count} others like these")),
+    }
+    all.join(between)
 }
 
 /// The effects that explain a part, with their numbers and what does as well in their place.
@@ -41,7 +54,8 @@ pub fn in_part(diagnosis: &Diagnosis) -> String {
         let numbers: Vec<String> = numbers.map(|(&x, &s)| uncertain(x, s, 4)).collect();
         let mut text = format!("{} {}", member.effect, numbers.join(", "));
         if !member.indistinguishable.is_empty() {
-            text += &format!(" (or {} in its place)", member.indistinguishable.join(" or "));
+            let others = first_few(&member.indistinguishable, " or ");
+            text += &format!(" (or {others} in its place)");
         }
         text
     };
@@ -78,4 +92,17 @@ pub fn distribution(found: &Distribution) -> String {
         );
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::first_few;
+
+    #[test]
+    fn of_many_names_the_first_are_said() {
+        let all = |count: usize| (0..count).map(|i| format!("f{i}")).collect::<Vec<_>>();
+        assert_eq!(first_few(&all(2), " or "), "f0 or f1");
+        assert_eq!(first_few(&all(5), ", "), "f0, f1, f2, f3, f4");
+        assert_eq!(first_few(&all(7), ", "), "f0, f1, f2, f3, 3 others like these");
+    }
 }
