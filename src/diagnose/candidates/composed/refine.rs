@@ -31,6 +31,10 @@ fn refined(start: &Composed, fall: f64, search: &Search, most: usize) -> (Compos
     }
     let ranges: Vec<(f64, f64)> =
         inner.iter().map(|&(at, _, kind)| bounds(&start.factors[at], kind, jets)).collect();
+    // A leaf that is no number along this motion has no range.
+    if !ranges.iter().all(|(lower, upper)| lower <= upper) {
+        return best;
+    }
     let mut step = tuning.first_step;
     let mut scores = 0;
     while step > tuning.last_step && scores < most {

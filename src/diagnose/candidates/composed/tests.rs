@@ -110,7 +110,7 @@ fn a_form_between_two_points_of_its_grid_is_among_the_leaders() {
     options.tuning.composed.refined = 1;
     let settled = settled(PENDULUM, &data, &options);
     let leaves = Leaves::of(settled.model.system(), &options.tuning.composed);
-    let search = Search::of(&settled, &leaves, &[], 0.12, Along::Model, &[]);
+    let mut search = Search::of(&settled, &leaves, &[], 0.12, Along::Model, &[]);
     // At this length the other is nearer, and takes the one place there is.
     let forms = [("exp(-{x}^2)", 0.0), ("exp(-({x}/{a})^2)", 1.2)];
     let forms = forms.map(|(form, number)| term(Place::Potential, &[(0, form, number)]));
@@ -120,6 +120,10 @@ fn a_form_between_two_points_of_its_grid_is_among_the_leaders() {
     let (best, _) = terms.first().expect("a term");
     let [length] = best.numbers()[..] else { panic!("{best:?}") };
     assert!((length / 0.5 - 1.0).abs() < 0.05, "{length}");
+    // Where leaves are no numbers, nothing is moved.
+    search.jets.ranges.fill((f64::INFINITY, f64::NEG_INFINITY));
+    let terms = refined_leaders(&search, search.scored(forms.to_vec()));
+    assert!(terms.iter().all(|(one, _)| forms.contains(one)));
 }
 
 #[test]
