@@ -66,7 +66,7 @@ fn refined(start: &Composed, fall: f64, search: &Search, most: usize) -> (Compos
 
 /// The best of each form, the inner numbers of the leaders refined; best first.
 ///
-/// Between two points of a grid a form may leave far more than it would: so all are moved a little
+/// At the points of its grid a form may leave far more than between them: so all are moved a little
 /// before the leaders are chosen.
 pub(super) fn refined_leaders(search: &Search, found: Vec<Found>) -> Vec<(Composed, f64)> {
     let most = found.iter().map(|one| one.fall).fold(0.0, f64::max);
@@ -84,18 +84,18 @@ pub(super) fn refined_leaders(search: &Search, found: Vec<Found>) -> Vec<(Compos
         }
     }
     let tuning = &search.tuning.composed;
-    let moved = |(term, fall): &(Composed, f64), most: usize| refined(term, *fall, search, most);
-    let sketched = |one: &(Composed, f64)| moved(one, tuning.sketched * one.0.inner().len());
+    let refined_in = |(term, fall): &(Composed, f64), most| refined(term, *fall, search, most);
+    let sketched = |one: &(Composed, f64)| refined_in(one, tuning.sketched * one.0.inner().len());
     let by_merit = |terms: &mut Vec<(Composed, f64)>| {
         terms.sort_by(|a, b| merit(&b.0, b.1).total_cmp(&merit(&a.0, a.1)));
     };
-    let forms = forms.into_iter().map(|one| (one.composed, one.fall));
-    let mut terms: Vec<(Composed, f64)> =
-        forms.collect::<Vec<_>>().par_iter().map(sketched).collect();
+    let forms: Vec<(Composed, f64)> =
+        forms.into_iter().map(|one| (one.composed, one.fall)).collect();
+    let mut terms: Vec<(Composed, f64)> = forms.par_iter().map(sketched).collect();
     by_merit(&mut terms);
     let leaders = terms.len().min(tuning.refined);
     let refined_terms: Vec<(Composed, f64)> =
-        terms[..leaders].par_iter().map(|one| moved(one, tuning.scores)).collect();
+        terms[..leaders].par_iter().map(|one| refined_in(one, tuning.scores)).collect();
     terms.splice(..leaders, refined_terms);
     by_merit(&mut terms);
     terms
