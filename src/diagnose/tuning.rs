@@ -375,6 +375,9 @@ pub struct Verdict {
     pub curve: usize,
     /// Standard errors of the noise's variance that a model at the noise may be above it.
     pub at_noise: f64,
+    /// Differences of deviance below this are not worth more than a bare mention (Kass and Raftery
+    /// 1995): odds of less than 2.7 to 1 do not choose between two names.
+    pub level: f64,
     /// A story that holds brings the error on held-out runs to less than this times the noise.
     pub reaches: f64,
     /// Squares that are less than this part of the misfit are left to the digits of the data and

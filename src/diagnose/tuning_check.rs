@@ -49,6 +49,7 @@ impl Options {
             ("composed.last_step", composed.last_step),
             ("scan.least_variance", tuning.scan.least_variance),
             ("ranking.same", tuning.ranking.same),
+            ("verdict.level", tuning.verdict.level),
             ("ranking.least_variance", tuning.ranking.least_variance),
             ("ranking.deviance_left", tuning.ranking.deviance_left),
             ("design.last_step", design.last_step),

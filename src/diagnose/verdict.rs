@@ -239,8 +239,8 @@ fn tell(diagnosis: &mut Diagnosis, told: Vec<(Story, Unseen)>, before: &Unseen, 
     let fewest = ranked.iter().map(|(_, (story, _))| size(story)).min();
     let simplest = ranked.iter().filter(|(_, (story, _))| Some(size(story)) == fewest);
     let shortest = simplest.clone().map(|(length, _)| **length).fold(f64::INFINITY, f64::min);
-    // Of those that are level the first, as the catalogue has them.
-    let first = simplest.clone().find(|(length, _)| **length - shortest < tuning.ranking.same);
+    // Of those that are level the first, as the catalogue has them: the commoner come before.
+    let first = simplest.clone().find(|(length, _)| **length - shortest < tuning.verdict.level);
     // Lengths that are no numbers leave the first.
     let Some((length, (story, after))) = first.copied().or(lengths.iter().zip(&told).next()) else {
         return;

@@ -179,6 +179,7 @@ const TUNING: Tuning = Tuning {
         standard_errors: 4.0,
         curve: 5,
         at_noise: 4.0,
+        level: 2.0,
         reaches: 1.1,
         negligible: 1e-12,
         unmistakable: 1e-6,
