@@ -16,8 +16,9 @@ use crate::error::Result;
 /// Stories, the best first: at least that without a change.
 ///
 /// `bare` is the story without a change, `beam` are those of one change. Where none of these holds,
-/// sets of changes are found together, if the model can be asked for them, and where none of these
-/// holds either, single terms without a name. A model that cannot be asked for sets is searched as
+/// or one does beside a model that is at the noise already, sets of changes are found together, if
+/// the model can be asked for them, and where none of these holds either, single terms without a
+/// name. A model that cannot be asked for sets is searched as
 /// long as the best story does not explain the data over whole runs: each of the leading stories is
 /// extended by the changes that pay most beside it. When that has ended, each member of the best is
 /// taken out and looked for again among all candidates: while others were missing, a more flexible
@@ -38,8 +39,10 @@ pub(super) fn stories<'a>(
     let mut grown = bare.clone();
     grown.grow(question);
     let mut sets_asked = false;
-    // Where the model explains the data as it is, there is nothing to compose.
-    if !grown.explains && !beam.iter().any(holds) && !monitor.stopped() {
+    // Where the model explains the data as it is, and no change explains them better, there is
+    // nothing to compose. Where one does, it may stand in for several: a steady motion hides the
+    // drag and the drive that make it from each other.
+    if grown.explains == beam.iter().any(holds) && !monitor.stopped() {
         if let Some(sets) = together(question, bare)? {
             sets_asked = true;
             beam.extend(sets);
