@@ -199,6 +199,8 @@ pub(super) static SHAPES: &[Shape] = &[
     shape("cos(2*{x})", &[], Needs::Nothing, |x, _| ((2.0 * x).cos(), -2.0 * (2.0 * x).sin())),
     shape("sin(3*{x})", &[], Needs::Nothing, |x, _| ((3.0 * x).sin(), 3.0 * (3.0 * x).cos())),
     shape("cos(3*{x})", &[], Needs::Nothing, |x, _| ((3.0 * x).cos(), -3.0 * (3.0 * x).sin())),
+    shape("sin(4*{x})", &[], Needs::Nothing, |x, _| ((4.0 * x).sin(), 4.0 * (4.0 * x).cos())),
+    shape("cos(4*{x})", &[], Needs::Nothing, |x, _| ((4.0 * x).cos(), -4.0 * (4.0 * x).sin())),
     common("sin({a}*{x})", &[Inner::WaveNumber], Needs::Nothing, |x, [a, _]| {
         ((a * x).sin(), a * (a * x).cos())
     }),
