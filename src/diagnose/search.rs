@@ -15,14 +15,14 @@ use crate::error::Result;
 
 /// Stories, the best first: at least that without a change.
 ///
-/// `bare` is the story without a change, `beam` are those of one change. Where none of these holds,
-/// or one does beside a model that is at the noise already, sets of changes are found together, if
-/// the model can be asked for them, and where none of these holds either, single terms without a
-/// name. A model that cannot be asked for sets is searched as
-/// long as the best story does not explain the data over whole runs: each of the leading stories is
-/// extended by the changes that pay most beside it. When that has ended, each member of the best is
-/// taken out and looked for again among all candidates: while others were missing, a more flexible
-/// change may have stood in for them.
+/// `bare` is the story without a change, `beam` are those of one change. Where none of these holds
+/// by one number, or one does beside a model that is at the noise already, sets of changes are
+/// found together, if the model can be asked for them, and where nothing holds then, single terms
+/// without a name. A model that cannot be asked for sets is searched as long as the best story does
+/// not explain the data over whole runs: each of the leading stories is extended by the changes
+/// that pay most beside it. When that has ended, each member of the best is taken out and looked
+/// for again among all candidates: while others were missing, a more flexible change may have stood
+/// in for them.
 ///
 /// # Errors
 ///
@@ -41,8 +41,13 @@ pub(super) fn stories<'a>(
     let mut sets_asked = false;
     // Where the model explains the data as it is, and no change explains them better, there is
     // nothing to compose. Where one does, it may stand in for several: a steady motion hides the
-    // drag and the drive that make it from each other.
-    if grown.explains == beam.iter().any(holds) && !monitor.stopped() {
+    // drag and the drive that make it from each other. Beside a model that does not, one number
+    // that explains everything is no accident; several in one change bend to what they are not.
+    let asked = match grown.explains {
+        true => beam.iter().any(holds),
+        false => !beam.iter().any(|story| holds(story) && story.unknowns() == 1),
+    };
+    if asked && !monitor.stopped() {
         if let Some(sets) = together(question, bare)? {
             sets_asked = true;
             beam.extend(sets);
