@@ -239,7 +239,8 @@ fn tell(diagnosis: &mut Diagnosis, told: Vec<(Story, Unseen)>, before: &Unseen, 
     let fewest = ranked.iter().map(|(_, (story, _))| size(story)).min();
     let simplest = ranked.iter().filter(|(_, (story, _))| Some(size(story)) == fewest);
     let shortest = simplest.clone().map(|(length, _)| **length).fold(f64::INFINITY, f64::min);
-    // Of those that are level the first, as the catalogue has them: the commoner come before.
+    // Of those that are level the first: they come in the order of their descriptions of the runs
+    // that they were fitted to, and where these are level, too, of their ranking.
     let first = simplest.clone().find(|(length, _)| **length - shortest < tuning.verdict.level);
     // Lengths that are no numbers leave the first.
     let Some((length, (story, after))) = first.copied().or(lengths.iter().zip(&told).next()) else {
