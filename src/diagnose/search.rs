@@ -41,10 +41,11 @@ pub(super) fn stories<'a>(
     let mut sets_asked = false;
     // Where the model explains the data as it is, and no change explains them better, there is
     // nothing to compose. Where one does, it may stand in for several: a steady motion hides the
-    // drag and the drive that make it from each other. Beside a model that does not, one number
-    // that explains everything is no accident; several in one change bend to what they are not.
+    // drag and the drive that make it from each other; unless all that is left is what the steps of
+    // the integrator leave. Beside a model that does not, one number that explains everything is no
+    // accident; several in one change bend to what they are not.
     let asked = match grown.explains {
-        true => beam.iter().any(holds),
+        true => !grown.model.at_steps && beam.iter().any(holds),
         false => !beam.iter().any(|story| holds(story) && story.unknowns() == 1),
     };
     if asked && !monitor.stopped() {
