@@ -1,5 +1,6 @@
 //! Arithmetic over rows of numbers, in the widest registers and fused as in the evaluators.
 
+use super::lanes::load;
 use super::processor::dispatched;
 
 dispatched! {
@@ -64,6 +65,35 @@ fn sum_with_multiple_body(target: &mut [f64], base: &[f64], a: &[f64], factor: f
 }
 
 dispatched! {
+    /// sums += the rows `[row][lane]`, each times its weight.
+    pub(crate) fn add_weighted_rows(sums: &mut [f64], weights: &[f64], rows: &[f64])
+        = add_weighted_rows_body;
+}
+
+#[inline(always)]
+fn add_weighted_rows_body(sums: &mut [f64], weights: &[f64], rows: &[f64]) {
+    let lanes = sums.len().max(1);
+    let mut first = 0;
+    while first + ROW <= lanes {
+        let mut own = [0.0; ROW];
+        for (weight, row) in weights.iter().zip(rows.chunks_exact(lanes)) {
+            let row: &[f64; ROW] = load(row, first);
+            for i in 0..ROW {
+                own[i] = weight.mul_add(row[i], own[i]);
+            }
+        }
+        for (sum, own) in sums[first..].iter_mut().zip(own) {
+            *sum += own;
+        }
+        first += ROW;
+    }
+    for (lane, sum) in sums.iter_mut().enumerate().skip(first) {
+        let column = rows.iter().skip(lane).step_by(lanes);
+        *sum += weights.iter().zip(column).fold(0.0, |own, (w, x)| w.mul_add(*x, own));
+    }
+}
+
+dispatched! {
     /// Adds the sum of the squares of each row of `lanes` numbers to its place in `sums`.
     pub(crate) fn add_squares(sums: &mut [f64], rows: &[f64], lanes: usize) = add_squares_body;
 }
@@ -110,6 +140,10 @@ fn add_carrying_body(state: &mut [f64], carry: &mut [f64], change: &[f64], scale
 
 /// Numbers that are summed side by side.
 const PARTS: usize = 8;
+
+/// Lanes that are summed side by side: four registers of the widest processor, as a sum waits four
+/// steps for the one before.
+const ROW: usize = 32;
 
 #[inline(always)]
 fn add_parts(sums: &mut [f64; PARTS], a: &[f64], b: &[f64]) {
@@ -204,5 +238,28 @@ fn compare_body(out: Compared, measured: &[f64], predicted: &[f64], weight: f64)
         squares[lane] = if kept { square } else { 0.0 };
         let lost = if seen { f64::INFINITY } else { 0.0 };
         losses[lane] += if kept { square } else { lost };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::eval::InstructionSet;
+
+    #[test]
+    fn weighted_rows_are_summed_alike_for_every_number_of_lanes() {
+        let weights: Vec<f64> = (0..7).map(|k| 0.3 + f64::from(k)).collect();
+        for set in InstructionSet::available() {
+            for lanes in [1, 8, ROW - 1, ROW, 2 * ROW + 3] {
+                let rows: Vec<f64> = (0..7 * lanes).map(|i| (i as f64).sin()).collect();
+                let mut sums = vec![0.5; lanes];
+                add_weighted_rows(set, &mut sums, &weights, &rows);
+                for (lane, sum) in sums.iter().enumerate() {
+                    let own = rows.iter().skip(lane).step_by(lanes);
+                    let expected: f64 = own.zip(&weights).map(|(x, weight)| x * weight).sum();
+                    assert!((sum - 0.5 - expected).abs() < 1e-12, "{set:?} {lanes} {lane}");
+                }
+            }
+        }
     }
 }

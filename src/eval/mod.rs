@@ -25,8 +25,8 @@ mod uniform;
 pub(crate) use advance::add_series;
 pub use aligned::Aligned;
 pub(crate) use arrays::{
-    Compared, add, add_carrying, add_multiple, add_products, add_squares, compare, leverages,
-    multiply, sum_with_multiple,
+    Compared, add, add_carrying, add_multiple, add_products, add_squares, add_weighted_rows,
+    compare, leverages, multiply, sum_with_multiple,
 };
 pub use backend::{BACKENDS, Backend, VARIABLE};
 pub(crate) use conjugate::{Lower, conjugate_gradients};

@@ -18,11 +18,12 @@ use super::fine::{self, Fine};
 use super::named::of_unknowns;
 use super::states::{Along, PhasePoints, Points};
 use crate::diagnose::settling::Settled;
+use crate::eval::{InstructionSet, add_weighted_rows};
 use crate::expr::Observed;
 use crate::fit::column::Column;
 
 /// Terms that are scored side by side; it changes cost alone.
-pub(super) const TOGETHER: usize = 8;
+pub(super) const TOGETHER: usize = 32;
 
 /// One segment.
 struct Segment {
@@ -241,32 +242,33 @@ impl Responses {
     pub(super) fn falls<const LANES: usize>(&self, actions: &[Action]) -> [f64; LANES] {
         let Some(first) = actions.first() else { return [0.0; LANES] };
         let (channels, count) = (&first.channels, self.points.nodes.count);
+        let set = InstructionSet::widest();
         let mut gain = [0.0; LANES];
         let mut whole = [0.0; LANES];
         let mut shadows = vec![[0.0; LANES]; self.free.len()];
         let mut values: Vec<[f64; LANES]> = Vec::new();
-        let mut places = Vec::new();
         for segment in &self.segments {
+            let nodes = segment.nodes;
             values.clear();
-            places.clear();
-            for (at, channel) in channels.iter().enumerate() {
-                for node in 0..segment.nodes {
-                    let place = at * count + segment.first + node;
+            for at in 0..channels.len() {
+                for place in at * count + segment.first..at * count + segment.first + nodes {
                     let mut row = [0.0; LANES];
                     for (x, action) in row.iter_mut().zip(actions) {
                         *x = action.values[place];
                     }
                     values.push(row);
-                    places.push(channel * segment.nodes + node);
                 }
             }
-            for (u, &place) in values.iter().zip(&places) {
-                add(&mut gain, segment.gain[place], u);
-                for (column, shadow) in shadows.iter_mut().enumerate() {
-                    add(shadow, segment.shadow[(place, column)], u);
+            for (&channel, rows) in channels.iter().zip(values.chunks_exact(nodes)) {
+                let (places, rows) = (channel * nodes..(channel + 1) * nodes, rows.as_flattened());
+                let gains = &segment.gain.as_slice()[places.clone()];
+                add_weighted_rows(set, &mut gain, gains, rows);
+                for (column, shadow) in segment.shadow.column_iter().zip(&mut shadows) {
+                    let column = column.as_slice();
+                    add_weighted_rows(set, shadow, &column[places.clone()], rows);
                 }
             }
-            segment.add_information(self.channels, &values, &places, &mut whole);
+            segment.add_information(self.channels, channels, &values, &mut whole);
         }
         let mut falls = [0.0; LANES];
         for lane in 0..LANES {
@@ -345,12 +347,6 @@ impl Responses {
     }
 }
 
-fn add<const LANES: usize>(sums: &mut [f64; LANES], factor: f64, values: &[f64; LANES]) {
-    for (sum, value) in sums.iter_mut().zip(values) {
-        *sum += factor * value;
-    }
-}
-
 impl Segment {
     fn column(&self, action: &Action) -> DVector<f64> {
         if action.fine {
@@ -367,32 +363,35 @@ impl Segment {
         column
     }
 
-    /// Adds u' M u of each lane.
+    /// Adds u' M u of each lane, u being the values on some channels, `[channel, node]`.
     fn add_information<const LANES: usize>(
         &self,
-        channels: Channels,
+        all: Channels,
+        channels: &[usize],
         values: &[[f64; LANES]],
-        places: &[usize],
         whole: &mut [f64; LANES],
     ) {
-        let moving = channels.moving() * self.nodes;
-        let (matrix, shift) = match places.first() {
-            Some(&first) if first >= moving => {
-                let observable = first / self.nodes - channels.moving();
-                (&self.of_sensors[observable], channels.sensor(observable) * self.nodes)
-            }
-            _ => (&self.information, 0),
+        let (set, nodes) = (InstructionSet::widest(), self.nodes);
+        let sensed = channels.first().and_then(|&channel| all.sensed(channel));
+        let (matrix, shift) = match sensed {
+            Some(observable) => (&self.of_sensors[observable], all.sensor(observable)),
+            None => (&self.information, 0),
         };
-        for (i, (u, &place)) in values.iter().zip(places).enumerate() {
-            // The matrix is symmetric: half of its diagonal, and what stands after it.
-            let column = matrix.column(place - shift);
-            let mut row = [0.0; LANES];
-            add(&mut row, 0.5 * column[place - shift], u);
-            for (v, &other) in values[i + 1..].iter().zip(&places[i + 1..]) {
-                add(&mut row, column[other - shift], v);
-            }
-            for ((sum, x), y) in whole.iter_mut().zip(u).zip(&row) {
-                *sum += 2.0 * x * y;
+        for (at, &channel) in channels.iter().enumerate() {
+            for node in 0..nodes {
+                // The matrix is symmetric: half of its diagonal, and what stands after it.
+                let column = matrix.column((channel - shift) * nodes + node);
+                let own = &values[at * nodes + node];
+                let mut row = own.map(|u| 0.5 * column[(channel - shift) * nodes + node] * u);
+                for (later, &other) in channels.iter().enumerate().skip(at) {
+                    let from = if later == at { node + 1 } else { 0 };
+                    let places = (other - shift) * nodes + from..(other - shift + 1) * nodes;
+                    let rows = values[later * nodes + from..(later + 1) * nodes].as_flattened();
+                    add_weighted_rows(set, &mut row, &column.as_slice()[places], rows);
+                }
+                for ((sum, x), y) in whole.iter_mut().zip(own).zip(&row) {
+                    *sum += 2.0 * x * y;
+                }
             }
         }
     }
