@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use rustc_hash::FxHashSet;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
+use super::inner_products::inner_products;
 use crate::diagnose::tuning;
 
 /// A member that a set may have.
@@ -23,6 +24,8 @@ pub(super) struct PoolMember {
     price: f64,
     /// Members of one kind differ in their inner numbers alone: a set has at most one of them.
     kind: usize,
+    /// Inner products of its columns with one another.
+    own: DMatrix<f64>,
 }
 
 /// A column, and the least and the largest coefficient that it may have.
@@ -41,6 +44,8 @@ pub(super) struct Pool<'a> {
     design: DMatrix<f64>,
     /// Their inner products.
     gram: DMatrix<f64>,
+    /// Those with themselves.
+    diagonal: DVector<f64>,
     /// Their inner products with what is to be explained.
     heights: DVector<f64>,
     /// Lengths of the columns.
@@ -81,6 +86,7 @@ impl<'a> Pool<'a> {
             members: Vec::new(),
             design: DMatrix::zeros(target.len(), 0),
             gram: DMatrix::zeros(0, 0),
+            diagonal: DVector::zeros(0),
             heights: DVector::zeros(0),
             norms: Vec::new(),
             limits: Vec::new(),
@@ -101,22 +107,23 @@ impl<'a> Pool<'a> {
         let before = self.norms.len();
         let mut columns: Vec<DVector<f64>> = Vec::new();
         for (kind, price, own) in members {
-            let first = before + columns.len();
-            self.members.push(PoolMember { first, count: own.len(), price, kind });
+            let (at, count) = (columns.len(), own.len());
             for (column, (least, most)) in own {
                 let norm = column.norm();
                 self.norms.push(norm);
                 self.limits.push((least * norm, most * norm));
                 columns.push(if norm > 0.0 { column / norm } else { column });
             }
+            let of = |i: usize, j: usize| columns[at + i].dot(&columns[at + j]);
+            let own = DMatrix::from_fn(count, count, of);
+            self.members.push(PoolMember { first: before + at, count, price, kind, own });
         }
         if columns.is_empty() {
             return self;
         }
         let (count, all) = (columns.len(), before + columns.len());
         let added = DMatrix::from_columns(&columns);
-        // `tr_mul` takes one inner product after another; a product of matrices is blocked.
-        let own = added.transpose() * &added;
+        let own = inner_products(&added);
         let crossed = self.design.transpose() * &added;
         let mut gram = self.gram.resize(all, all, 0.0);
         gram.view_mut((before, before), (count, count)).copy_from(&own);
@@ -126,7 +133,7 @@ impl<'a> Pool<'a> {
         heights.rows_mut(before, count).copy_from(&added.tr_mul(target));
         let mut design = self.design.resize_horizontally(all, 0.0);
         design.columns_mut(before, count).copy_from(&added);
-        Pool { design, gram, heights, ..self }
+        Pool { design, diagonal: gram.diagonal(), gram, heights, ..self }
     }
 
     fn columns(&self, set: &[usize]) -> Vec<usize> {
@@ -333,14 +340,9 @@ impl<'a> Pool<'a> {
         if one.count > 1 || other.count > 1 {
             return false;
         }
-        let own = |i: usize, j: usize| self.left_of_product(i, j, beside);
         let (i, j) = (one.first, other.first);
-        own(i, j).powi(2) > self.tuning.alike * own(i, i) * own(j, j)
-    }
-
-    /// The inner product of what a set leaves of two columns.
-    fn left_of_product(&self, i: usize, j: usize, beside: &Beside) -> f64 {
-        self.gram[(i, j)] - beside.shadows.column(i).dot(&beside.shadows.column(j))
+        let product = self.gram[(i, j)] - beside.product_of_shadows(i, j);
+        product.powi(2) > self.tuning.alike * beside.left[i] * beside.left[j]
     }
 
     /// Whether all coefficients of a set are within the limits of their columns.
@@ -359,17 +361,18 @@ impl<'a> Pool<'a> {
     /// By how much the squares fall with a member beside a set; `None` where the set nearly spans
     /// one of its columns.
     fn fall(&self, member: &PoolMember, beside: &Beside) -> Option<f64> {
-        let count = member.count;
-        let own =
-            |i: usize, j: usize| self.left_of_product(member.first + i, member.first + j, beside);
-        if (0..count).any(|i| own(i, i) <= self.tuning.apart) {
+        let (first, count) = (member.first, member.count);
+        if beside.left.rows(first, count).iter().any(|left| *left <= self.tuning.apart) {
             return None;
         }
-        let heights = DVector::from_fn(count, |i, _| beside.heights[member.first + i]);
+        let heights = beside.heights.rows(first, count);
         if count == 1 {
-            return Some(heights[0].powi(2) / own(0, 0));
+            return Some(heights[0].powi(2) / beside.left[first]);
         }
-        let factor = DMatrix::from_fn(count, count, own).cholesky()?;
+        let left = |i: usize, j: usize| {
+            member.own[(i, j)] - beside.product_of_shadows(first + i, first + j)
+        };
+        let factor = DMatrix::from_fn(count, count, left).cholesky()?;
         let lower = factor.l_dirty();
         let apart = (0..count).all(|i| lower[(i, i)].powi(2) > self.tuning.apart);
         apart.then(|| factor.solve(&heights).dot(&heights))
@@ -378,18 +381,25 @@ impl<'a> Pool<'a> {
     /// All columns beside those of a set; `None` where these nearly span one another.
     fn beside(&self, set: &[usize]) -> Option<Beside> {
         let own = self.columns(set);
-        let all = self.gram.ncols();
+        let (mut heights, mut left) = (self.heights.clone(), self.diagonal.clone());
+        let mut shadows: Vec<DVector<f64>> = Vec::with_capacity(own.len());
         if own.is_empty() {
-            let (heights, shadows) = (self.heights.clone(), DMatrix::zeros(0, all));
-            return Some(Beside { heights, shadows, explained: 0.0 });
+            return Some(Beside { heights, shadows, left, explained: 0.0 });
         }
         let lower = self.factor(&own)?;
-        let crossed = DMatrix::from_fn(own.len(), all, |i, j| self.gram[(own[i], j)]);
-        let shadows = lower.solve_lower_triangular(&crossed)?;
-        let heights = DVector::from_fn(own.len(), |i, _| self.heights[own[i]]);
-        let heights = lower.solve_lower_triangular(&heights)?;
-        let explained = heights.norm_squared();
-        Some(Beside { heights: &self.heights - shadows.tr_mul(&heights), shadows, explained })
+        let by_basis = DVector::from_fn(own.len(), |i, _| self.heights[own[i]]);
+        let by_basis = lower.solve_lower_triangular(&by_basis)?;
+        for (at, &column) in own.iter().enumerate() {
+            let mut shadow = self.gram.column(column).clone_owned();
+            for (before, known) in shadows.iter().enumerate() {
+                shadow.axpy(-lower[(at, before)], known, 1.0);
+            }
+            shadow /= lower[(at, at)];
+            heights.axpy(-by_basis[at], &shadow, 1.0);
+            left.zip_apply(&shadow, |left, shadow| *left -= shadow * shadow);
+            shadows.push(shadow);
+        }
+        Some(Beside { heights, shadows, left, explained: by_basis.norm_squared() })
     }
 
     fn factor(&self, own: &[usize]) -> Option<DMatrix<f64>> {
@@ -523,9 +533,18 @@ struct Beside {
     /// Their inner products with what the set leaves.
     heights: DVector<f64>,
     /// Their shadows on an orthonormal basis of the set's columns: `[basis][column]`.
-    shadows: DMatrix<f64>,
+    shadows: Vec<DVector<f64>>,
+    /// What the set leaves of their squares.
+    left: DVector<f64>,
     /// Squares that the set explains.
     explained: f64,
+}
+
+impl Beside {
+    /// The inner product of the shadows of two columns.
+    fn product_of_shadows(&self, i: usize, j: usize) -> f64 {
+        self.shadows.iter().map(|shadow| shadow[i] * shadow[j]).sum()
+    }
 }
 
 /// What a set with one more member costs, and that member.

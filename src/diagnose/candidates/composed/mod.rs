@@ -27,6 +27,7 @@ mod first_order;
 mod front;
 mod gram;
 mod idle;
+mod inner_products;
 mod leaves;
 mod library;
 mod named;
