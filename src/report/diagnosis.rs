@@ -166,16 +166,18 @@ pub fn discovery_text(
         Verdict::ExplainedInPart => format!("{count}, which explain a part of what is missing"),
         _ => count,
     };
-    let mut sections = vec![wrapped(
-        &format!(
-            "{count}: the error on held-out runs went from {} to {} times the noise. Why it stopped: {}.",
+    // What was interrupted may end before it is held against other runs.
+    let error = match before.is_nan() || after.is_nan() {
+        true => "the error on held-out runs was not computed".to_string(),
+        false => format!(
+            "the error on held-out runs went from {} to {} times the noise",
             times(before),
-            times(after),
-            found.stop.trim_end_matches('.')
+            times(after)
         ),
-        width,
-        2,
-    )];
+    };
+    let stop = found.stop.trim_end_matches('.');
+    let mut sections =
+        vec![wrapped(&format!("{count}: {error}. Why it stopped: {stop}."), width, 2)];
     let rows: Vec<Vec<String>> = found
         .steps
         .iter()
