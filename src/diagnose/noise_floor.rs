@@ -104,7 +104,7 @@ fn measured(model: &LawOnData) -> Vec<Option<Measured>> {
     all.map(|(row, ((&short, error), &resolution))| {
         let error = error?;
         let rough = roughness(&model.data.dataset, row, tuning);
-        Some(match rough.filter(|rough| tuning.strays * rough < short) {
+        Some(match rough.filter(|rough| tuning.lacks_force * rough < short) {
             Some(rough) => Measured { noise: rough.max(resolution), error: 0.0 },
             None => Measured { noise: short.max(resolution), error },
         })

@@ -31,24 +31,24 @@ pub(super) fn restarted(
     let mut moved = false;
     for _ in 0..tuning.restarts {
         let left = left_of_each(model, segments, law, states);
-        let most = tuning.strays * middle(&left).max(1.0);
-        let strays = segments.list.iter().enumerate().filter_map(|(at, segment)| {
+        let most = tuning.outlying * middle(&left).max(1.0);
+        let outliers = segments.list.iter().enumerate().filter_map(|(at, segment)| {
             let &before = before.get(&(segment.run, segment.first))?;
             (left[at] > most && left[before] <= most).then_some((at, before))
         });
-        let strays: Vec<(usize, usize)> = strays.collect();
-        let list: Vec<Segment> = strays.iter().map(|&(at, _)| segments.list[at]).collect();
+        let outliers: Vec<(usize, usize)> = outliers.collect();
+        let list: Vec<Segment> = outliers.iter().map(|&(at, _)| segments.list[at]).collect();
         if list.is_empty() {
             break;
         }
-        let starts = strays.iter().map(|&(_, before)| (segments.list[before], states.of(before)));
+        let starts = outliers.iter().map(|&(_, before)| (segments.list[before], states.of(before)));
         let mut tried = gone_on(model, law, &starts.collect::<Vec<_>>());
         let count = list.len();
         let few = Segments { list, folds: std::iter::once(0..count).collect() };
         pass::settle(&problem(model, &few, &model.law.weights()), law.0, law.1, &mut tried);
         let now = left_of_each(model, &few, law, &tried);
         let mut any = false;
-        for (place, &(at, _)) in strays.iter().enumerate() {
+        for (place, &(at, _)) in outliers.iter().enumerate() {
             if now[place] < left[at] {
                 states.of_mut(at).copy_from_slice(tried.of(place));
                 any = true;

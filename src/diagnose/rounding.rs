@@ -1,4 +1,4 @@
-//! What rounding of the readings feigns.
+//! What rounding of the readings explains.
 //!
 //! The error of a rounded reading goes with what was read: of a motion that returns it is the same
 //! turn after turn, and looks like a force or a hum to statistics that take errors for independent.
@@ -12,9 +12,9 @@ use super::settling::{Settled, settle};
 use super::window::longest;
 use crate::data::Dataset;
 
-/// Whether rounding feigns what a model with changes explains more than one without; never where no
-/// column is rounded to coarse steps.
-pub(super) fn is_feigned(without: &LawOnData, with: &LawOnData) -> bool {
+/// Whether rounding alone may explain what a model with changes explains more than one without;
+/// never where no column is rounded to coarse steps.
+pub(super) fn is_of_rounding(without: &LawOnData, with: &LawOnData) -> bool {
     let steps = coarse_steps(without);
     if steps.iter().all(Option::is_none) {
         return false;
@@ -26,10 +26,10 @@ pub(super) fn is_feigned(without: &LawOnData, with: &LawOnData) -> bool {
         found.sums.loss.is_finite().then_some(found.sums.loss)
     };
     let fall = |data: &Dataset| Some(whole(without, data)? - whole(with, data)?);
-    let feigned = fall(&rounded(without, &steps));
+    let by_rounding = fall(&rounded(without, &steps));
     let found = fall(&without.data.dataset);
-    let times = without.tuning().instrument.feigned;
-    found.zip(feigned).is_some_and(|(found, feigned)| found < times * feigned)
+    let times = without.tuning().instrument.rounding_margin;
+    found.zip(by_rounding).is_some_and(|(found, by_rounding)| found < times * by_rounding)
 }
 
 /// The readings that a model predicts of whole runs, in the steps of each column that has coarse

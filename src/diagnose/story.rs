@@ -441,8 +441,8 @@ impl<'a> Story<'a> {
     /// Whether it keeps to longer segments, by what it leaves of them.
     fn follows(&mut self, longer: &Sums, window: usize, question: &Question) -> bool {
         let ((_, lost), (error, more)) = (error_of(&self.sums), error_of(longer));
-        let strays = self.model.tuning().ranking.strays;
-        let near = |story: &Story| error < strays.max(story.negligible.sqrt());
+        let largest = self.model.tuning().ranking.largest_error;
+        let near = |story: &Story| error < largest.max(story.negligible.sqrt());
         if more <= lost && !near(self) {
             self.raise_negligible(window, question);
         }

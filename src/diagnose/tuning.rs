@@ -78,9 +78,9 @@ pub struct NoiseFloor {
     pub stories: usize,
     /// Logarithm of the factor by which a noise has to move before it is.
     pub moved: f64,
-    /// Where even the shortest predictions stray this many times further than a column is rough,
-    /// they stray for lack of a force. Columns that somebody smoothed before stay below.
-    pub strays: f64,
+    /// Where even the shortest predictions are off by this many times the roughness of a column,
+    /// they lack a force. Columns that somebody smoothed before stay below.
+    pub lacks_force: f64,
     /// A column that is rougher than its noise by up to this factor has the noise that it is rough
     /// by; where it is rougher still, it is sampled too coarsely to say.
     pub told_apart: f64,
@@ -133,9 +133,9 @@ pub struct States {
     pub longest: usize,
     /// Samples that explanations are looked for before, at most; what is found is held against all.
     pub searched: usize,
-    /// Squares for each residual, in those of half the segments, that make a segment stray: its
-    /// state starts again from where the segment before it goes on to.
-    pub strays: f64,
+    /// Squares for each residual, in those of half the segments, that make a segment an outlier:
+    /// its state starts again from where the segment before it goes on to.
+    pub outlying: f64,
     /// Times that this is done, at most: a good state goes on by one segment each time.
     pub restarts: usize,
 }
@@ -251,9 +251,9 @@ pub struct Hidden {
     pub terms: usize,
     /// Points of a grid that are followed side by side.
     pub lanes: usize,
-    /// A body is looked for over segments in which the model without it strays by less than this
+    /// A body is looked for over segments in which the model without it is off by less than this
     /// part of each column's spread: what a pull does is then linear.
-    pub strays: f64,
+    pub largest_error: f64,
     /// Samples of the shortest of these segments.
     pub shortest: usize,
     /// Nodes by which the motion is followed, at most, about.
@@ -345,7 +345,7 @@ pub struct Ranking {
     /// the others are worth is clear.
     pub refitted_part: f64,
     /// Error in units of the noise at which a model is no first approximation any more.
-    pub strays: f64,
+    pub largest_error: f64,
     /// Variance of the weighted residuals that is taken for none: its root is a millionth of the
     /// noise, far below what any column's digits resolve.
     pub least_variance: f64,
@@ -446,8 +446,8 @@ pub struct Instrument {
     /// A step is one where it is this many times what multiples of it may be off by.
     pub step: f64,
     /// A story explains so many times more of rounded readings than of what the model without it
-    /// would have read: errors that return with the motion feign as much again by chance.
-    pub feigned: f64,
+    /// would have read: errors that return with the motion may explain as much again by chance.
+    pub rounding_margin: f64,
     /// Readings that show whether a column is rounded, at least.
     pub readings: usize,
 }

@@ -38,11 +38,11 @@ impl Options {
             ("design.lanes", design.lanes, 1),
         ];
         let sizes = [
-            ("noise_floor.strays", tuning.noise_floor.strays),
+            ("noise_floor.lacks_force", tuning.noise_floor.lacks_force),
             ("noise_floor.levels", tuning.noise_floor.levels),
             ("autocorrelation.peak", tuning.autocorrelation.peak),
             ("autocorrelation.largest", tuning.autocorrelation.largest),
-            ("states.strays", tuning.states.strays),
+            ("states.outlying", tuning.states.outlying),
             ("composed.panel_angle", composed.panel_angle),
             ("composed.first_spacing", composed.first_spacing),
             ("composed.second_spacing", composed.second_spacing),

@@ -9,7 +9,7 @@ use super::diagnosis::{Diagnosis, Verdict};
 use super::doubts::holds;
 use super::effect::RankedEffect;
 use super::misfit::{error_of, excess, is_noise_of, is_resolved};
-use super::rounding::is_feigned;
+use super::rounding::is_of_rounding;
 use super::settling::settle;
 use super::steps::noise_of_steps;
 use super::story::{Member, Question, SAME_SQUARES, Story};
@@ -58,7 +58,7 @@ pub(super) fn judge<'a>(
         story.conclude();
         let after = unseen(question, story);
         let found = fault_of(story, (&before, &after), enough.then_some(&bare), tuning)
-            .or_else(|| enough.then(|| feigned(story, &bare))?);
+            .or_else(|| enough.then(|| of_rounding(story, &bare))?);
         (found, after)
     };
     let mut told: Vec<(Story, Unseen)> = Vec::new();
@@ -166,10 +166,10 @@ fn fault_of(
 }
 
 /// Why a story is not told beside a model that is at the noise of rounded readings.
-fn feigned(story: &Story, bare: &Story) -> Option<&'static str> {
+fn of_rounding(story: &Story, bare: &Story) -> Option<&'static str> {
     let noise = story.model.noise();
-    is_feigned(&bare.model.with_noise(noise), &story.model)
-        .then_some("rounding of the readings feigns as much")
+    is_of_rounding(&bare.model.with_noise(noise), &story.model)
+        .then_some("rounding of the readings explains as much")
 }
 
 /// Whether a story has a shorter description than another over segments that both follow.
@@ -194,7 +194,7 @@ fn unseen<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Unseen {
     let tuning = model.tuning();
     let same = |sums: &Sums| story.explains && is_noise_of(&story.sums, sums, &story.model);
     let near = |sums: &Sums| story.excess_of(sums) == 0.0 || same(sums);
-    let close = story.explains && error < tuning.ranking.strays;
+    let close = story.explains && error < tuning.ranking.largest_error;
     let within_errors = if close { story.left_within_errors(&settled) } else { None };
     let noise = error <= tuning.verdict.reaches || near(&settled.sums);
     let by_errors = !noise && within_errors.as_ref().is_some_and(|(sums, _)| near(sums));

@@ -18,7 +18,7 @@ pub(super) fn longer(model: &LawOnData) -> Option<usize> {
     let window = doubled(model)?;
     let (_, lost) = error(model, model.law.window());
     let (far, more) = error(model, window);
-    (more <= lost && far < model.tuning().ranking.strays).then_some(window)
+    (more <= lost && far < model.tuning().ranking.largest_error).then_some(window)
 }
 
 /// Samples of the longest segments that a law on data is held against.

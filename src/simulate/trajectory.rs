@@ -53,7 +53,7 @@ pub struct IntegrationRecord {
     pub reason: String,
 }
 
-/// How far the energy of simulated trajectories strayed.
+/// How well simulated trajectories keep their energy.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EnergyConservation {
     /// Largest |H(t) - H(0)| over all runs, in the unit of energy.
@@ -73,7 +73,7 @@ pub struct Trajectories {
     pub states: Vec<Vec<Vec<f64>>>,
     /// What was measured of each state: q, then p or the velocities.
     pub observed: Vec<Vec<Vec<f64>>>,
-    /// How far the energy strayed.
+    /// By how much the energy was off.
     pub drift: EnergyConservation,
     /// With what they were integrated, and how well.
     pub integration: IntegrationRecord,
@@ -163,7 +163,7 @@ impl<'a> Simulator<'a> {
         };
         let mut scratch = Scratch::new();
         let before = self.energies(starts, times.first().copied().unwrap_or(0.0));
-        let mut strayed: f64 = 0.0;
+        let mut largest: f64 = 0.0;
         let mut observed: Vec<Vec<Vec<f64>>> = vec![Vec::with_capacity(times.len()); starts.len()];
         let rows = self.dynamics.observables();
         let mut seen = vec![0.0; rows * starts.len()];
@@ -193,12 +193,12 @@ impl<'a> Simulator<'a> {
             }
             for lane in 0..starts.len() {
                 observed[lane].push((0..rows).map(|row| seen[row * starts.len() + lane]).collect());
-                strayed = strayed.max((energy[lane] - before[lane]).abs());
+                largest = largest.max((energy[lane] - before[lane]).abs());
             }
         }
         let scale = before.iter().fold(0.0f64, |most, e| most.max(e.abs()));
-        let relative = (scale > 0.0).then_some(strayed / scale);
-        let drift = EnergyConservation { largest: strayed, relative };
+        let relative = (scale > 0.0).then_some(largest / scale);
+        let drift = EnergyConservation { largest, relative };
         Ok(Trajectories { times: times.to_vec(), states, observed, drift, integration })
     }
 

@@ -57,7 +57,7 @@ fn correlated_noise_is_nothing_missing_and_hides_no_effect() {
 }
 
 #[test]
-fn what_rounded_readings_feign_is_not_told_and_what_is_there_is() {
+fn what_rounding_alone_explains_is_not_named_and_what_is_there_is() {
     for part in [0.1, 0.3] {
         for base in [&PENDULUM, &TRAP] {
             let (verdict, story, reason) = names(&read_by(base, "", 0, rounded(part)));

@@ -49,9 +49,9 @@ pub(super) fn unseen(model: &LawOnData) -> Option<Unseen> {
         }
         found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         let Some(best) = found.first() else { break };
-        let strays = strays(&left.beside(best), &known.observables, noise.len());
-        let moved = strays.iter().any(|more| *more > tuning.weighed_again);
-        noise.iter_mut().zip(&strays).for_each(|(noise, more)| *noise *= more.max(1.0));
+        let errors = root_mean_squares(&left.beside(best), &known.observables, noise.len());
+        let moved = errors.iter().any(|more| *more > tuning.weighed_again);
+        noise.iter_mut().zip(&errors).for_each(|(noise, more)| *noise *= more.max(1.0));
         if !moved {
             break;
         }
@@ -95,7 +95,11 @@ fn apart(orbits: Vec<Orbit>, most: usize, part: f64) -> Vec<Orbit> {
 }
 
 /// The root of the mean square of each observable's residuals; 1 where there are none.
-fn strays(left: &nalgebra::DVector<f64>, observables: &[usize], count: usize) -> Vec<f64> {
+fn root_mean_squares(
+    left: &nalgebra::DVector<f64>,
+    observables: &[usize],
+    count: usize,
+) -> Vec<f64> {
     let mut sums = vec![(0.0, 0.0); count];
     for (x, &observable) in left.iter().zip(observables) {
         sums[observable].0 += x * x;

@@ -42,10 +42,10 @@ pub(super) fn near<'a>(model: &LawOnData<'a>) -> Settled<'a> {
         let far = |(observable, spread): (usize, &f64)| {
             let sums = &settled.sums;
             let mean = sums.squares[observable] / sums.freedom[observable].max(1.0);
-            model.law.noise()[observable] * mean.sqrt() > tuning.strays * spread
+            model.law.noise()[observable] * mean.sqrt() > tuning.largest_error * spread
         };
-        let strays = settled.sums.diverged > 0 || spreads.iter().enumerate().any(far);
-        if !strays || window <= tuning.shortest {
+        let is_far = settled.sums.diverged > 0 || spreads.iter().enumerate().any(far);
+        if !is_far || window <= tuning.shortest {
             return settled;
         }
         window = (window / 2).max(tuning.shortest);
@@ -53,8 +53,8 @@ pub(super) fn near<'a>(model: &LawOnData<'a>) -> Settled<'a> {
 }
 
 impl Known {
-    /// Along the settled motion of a model; `noise` says by how much more each observable strays
-    /// than its noise. `None` where its motion is lost or too little was measured.
+    /// Along the settled motion of a model; `noise` says how many times its noise each observable
+    /// is off by. `None` where its motion is lost or too little was measured.
     pub(super) fn along(settled: &Settled, bodies: &Attracting, noise: &[f64]) -> Option<Known> {
         let model = &settled.model;
         let measured = &model.data.packed;

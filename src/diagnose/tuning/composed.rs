@@ -32,9 +32,9 @@ pub struct Composed {
     pub window: usize,
     /// and of the longest of the later looks.
     pub followed: usize,
-    /// Part of the spread by which the model may stray over such a segment: of the square of it,
+    /// Part of the spread by which the model may be off over such a segment: of the square of it,
     /// first-order effects are wrong.
-    pub strays: f64,
+    pub largest_error: f64,
     /// Radians of the fastest motion from node to node in the first look: cubics between nodes
     /// then keep a fourth harmonic to a few per cent.
     pub first_spacing: f64,

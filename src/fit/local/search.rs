@@ -192,7 +192,7 @@ impl<'a> State<'a> {
             })
             .min_by(|a, b| a.4.total_cmp(&b.4).then(a.0.cmp(&b.0)));
         let Some((at, slope, left, squares, change)) = best else { return false };
-        // What rounding feigns would go round in circles.
+        // What rounding alone changes would go round in circles.
         if change >= -1e-9 {
             return false;
         }

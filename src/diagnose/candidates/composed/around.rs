@@ -16,8 +16,8 @@ use crate::error::Result;
 use crate::expr::Scope;
 use crate::fit::column::Column;
 
-/// The longest segments of a few samples over which the model strays
-/// from the data by a small part of their spread: there its misfit is linear in what causes it.
+/// The longest segments of a few samples over which the model is off by a
+/// small part of the spread of the data: there its misfit is linear in what causes it.
 pub(super) fn linear<'a>(model: &LawOnData<'a>) -> Settled<'a> {
     let spread = model.spreads();
     let tuning = &model.tuning().composed;
@@ -26,8 +26,8 @@ pub(super) fn linear<'a>(model: &LawOnData<'a>) -> Settled<'a> {
     while window < tuning.window {
         window *= 2;
         let longer = settle_moving(model.with_window(window));
-        let strays = longer.sums.diverged > best.sums.diverged;
-        if strays || strayed(&longer, &spread) > tuning.strays {
+        let lost = longer.sums.diverged > best.sums.diverged;
+        if lost || relative_error(&longer, &spread) > tuning.largest_error {
             break;
         }
         best = longer;
@@ -37,7 +37,7 @@ pub(super) fn linear<'a>(model: &LawOnData<'a>) -> Settled<'a> {
 
 /// Root mean square of what predictions are off by beside noise, in parts of the spread of the
 /// observable where that is most.
-fn strayed(settled: &Settled, spread: &[f64]) -> f64 {
+fn relative_error(settled: &Settled, spread: &[f64]) -> f64 {
     let sums = &settled.sums;
     let noise = settled.model.law.noise();
     let of = |i: usize| {
