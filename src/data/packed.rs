@@ -202,7 +202,11 @@ impl Packed {
     /// Sets such guesses, if nobody did: columns of [`Packed::column_of`], empty for those that
     /// have none.
     pub fn guess(&self, by: impl FnOnce() -> Vec<Vec<f64>>) {
-        self.guessed.get_or_init(by);
+        // Nobody waits for them: who guesses on many threads may be given work that asks for the
+        // same, and the first come stay.
+        if self.guessed.get().is_none() {
+            let _ = self.guessed.set(by());
+        }
     }
 
     /// The values of every run as one column.
