@@ -1,5 +1,7 @@
 //! Stories compared: by what they leave over segments that all of them follow, and what they cost.
 
+use rayon::prelude::*;
+
 use super::autocorrelation::Noise;
 use super::story::Story;
 use super::tuning::Tuning;
@@ -12,7 +14,7 @@ pub(super) fn description_lengths(stories: &[&Story], tuning: &Tuning) -> Vec<f6
         return Vec::new();
     };
     let squares: Vec<(f64, f64)> =
-        stories.iter().map(|story| story.squares(window, &noise)).collect();
+        stories.par_iter().map(|story| story.squares(window, &noise)).collect();
     let mean = squares.iter().map(|(loss, rows)| loss / rows).fold(f64::INFINITY, f64::min);
     let negligible = stories.iter().map(|story| story.negligible).fold(0.0, f64::max);
     let least = negligible.max(tuning.scan.least_variance);
@@ -56,11 +58,9 @@ fn least_noise(stories: &[&Story]) -> Option<Noise> {
 /// Judges all stories by the noise of the one that leaves the least of it.
 pub(super) fn agree_on_noise(stories: &mut [Story]) {
     let Some(noise) = least_noise(&stories.iter().collect::<Vec<_>>()) else { return };
-    for story in stories {
-        if story.model.noise() != noise {
-            story.hold_against(noise.clone());
-        }
-    }
+    stories.par_iter_mut().filter(|story| story.model.noise() != noise).for_each(|story| {
+        story.hold_against(noise.clone());
+    });
 }
 
 /// Sorts stories by their description length, the shortest first; those that explain the same stay

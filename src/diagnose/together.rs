@@ -4,6 +4,8 @@
 //! as every story is, and proposed anew around the motion of the best of them: over longer
 //! segments smaller changes show, and what stood in for them is given back.
 
+use rayon::prelude::*;
+
 use super::candidates::candidates;
 use super::candidates::composed::sets::{Around, Placed, Proposed, ProposedSet, SetSearch};
 use super::description::{agree_on_noise, description_lengths};
@@ -34,7 +36,7 @@ pub(super) fn together<'a>(
     let Some(found) = beside(question, &space.all_free(bare)?)? else { return Ok(None) };
     // Where one explains the data, what the others have to spare need not be known.
     let explained = found.iter().any(|story| story.explains);
-    let open = found.into_iter().filter(|story| story.explains || !explained);
+    let open = found.into_par_iter().filter(|story| story.explains || !explained);
     let mut stories: Vec<Story> = open.map(|story| space.pruned(story, question)).collect();
     let more = !space.is_whole() && !question.monitor.stopped();
     if more && !stories.iter().any(holds) {
@@ -66,7 +68,7 @@ fn beside<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<Ve
     // Where one holds, what the others have to spare need not be known.
     if !stories.iter().any(holds) {
         let shortened = |story| shortened(question, story);
-        stories = stories.into_iter().map(shortened).collect::<Result<Vec<Story>>>()?;
+        stories = stories.into_par_iter().map(shortened).collect::<Result<Vec<Story>>>()?;
     }
     Ok(Some(stories))
 }
@@ -107,16 +109,16 @@ fn try_sets<'a>(
     window: usize,
     found: &mut Vec<Fitted<'a>>,
 ) -> Result<()> {
-    let mut sets: Vec<Fitted> = Vec::new();
-    for set in proposed {
-        let known = found.iter().any(|(other, _)| labels(other) == labels(&set));
-        if known || question.monitor.stopped() {
-            continue;
+    let known = |set: &ProposedSet| found.iter().any(|(other, _)| labels(other) == labels(set));
+    let new: Vec<ProposedSet> = proposed.into_iter().filter(|set| !known(set)).collect();
+    let fitted = |set: ProposedSet| -> Result<Option<Fitted>> {
+        if question.monitor.stopped() {
+            return Ok(None);
         }
-        if let Some(story) = Story::of_set(bare, &set, window)? {
-            sets.push((set, story));
-        }
-    }
+        Ok(Story::of_set(bare, &set, window)?.map(|story| (set, story)))
+    };
+    let sets = new.into_par_iter().map(fitted).collect::<Result<Vec<Option<Fitted>>>>()?;
+    let sets = sets.into_iter().flatten().collect();
     let mut explained: Option<(Sums, f64)> = None;
     let most = question.model.tuning().sets.grown;
     let mut leading = 0;

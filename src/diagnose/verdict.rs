@@ -3,6 +3,8 @@
 
 use std::fmt::Write as _;
 
+use rayon::prelude::*;
+
 use super::comparison::strongest_map;
 use super::description::{description_lengths, is_computed};
 use super::diagnosis::{Diagnosis, Verdict};
@@ -63,9 +65,16 @@ pub(super) fn judge<'a>(
     };
     let mut told: Vec<(Story, Unseen)> = Vec::new();
     let mut others: Vec<Story> = Vec::new();
-    for mut story in stories {
-        // Those that hold come first.
-        if !told.is_empty() && !holds(&story) {
+    // Those that hold come first.
+    let holding = stories.iter().take_while(|story| holds(story)).count();
+    let rest = stories.split_off(holding).into_iter().map(|story| (story, None));
+    let of_holding = |mut story: Story<'a>| {
+        let answer = asked(&mut story);
+        (story, Some(answer))
+    };
+    let answered: Vec<_> = stories.into_par_iter().map(of_holding).collect();
+    for (mut story, answer) in answered.into_iter().chain(rest) {
+        if !told.is_empty() && answer.is_none() && !holds(&story) {
             break;
         }
         // What leaves more than noise is not told; of the best of these it is said how much.
@@ -73,7 +82,7 @@ pub(super) fn judge<'a>(
             others.push(story);
             continue;
         }
-        let (found, after) = asked(&mut story);
+        let (found, after) = answer.unwrap_or_else(|| asked(&mut story));
         match found {
             None => told.push((story, after)),
             Some(found) => {
