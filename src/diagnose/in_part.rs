@@ -40,7 +40,7 @@ pub(super) struct InPart {
 }
 
 /// The named effects all of which would be believed; `None` where not one is. `bare` is the story
-/// without a change. They are looked for before a part of the data; `all` asks the same of all.
+/// without a change. They are looked for on a part of the data; `all` asks the same of all.
 ///
 /// # Errors
 ///
@@ -101,12 +101,13 @@ fn of_sets<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<B
     for _ in 0..tuning.sets.looks {
         let before = asked.len();
         let mut least = f64::INFINITY;
+        let (without, _) = bare.squares(window, &bare.model.noise());
         for set in proposed {
             // What costs more than one that is believed is its rival at most.
             if set.cost > least + tuning.ranking.indistinguishable {
                 break;
             }
-            let Some(story) = Story::of_set(bare, &set, window)? else { continue };
+            let Some(story) = Story::of_set(bare, &set, (window, without))? else { continue };
             if asked.contains(&story.labels()) || question.monitor.stopped() {
                 continue;
             }

@@ -16,6 +16,7 @@ mod doubts;
 mod effect;
 mod evidence;
 mod function_space;
+mod growth;
 pub mod hidden;
 mod in_part;
 pub mod instrument;

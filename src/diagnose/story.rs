@@ -2,17 +2,14 @@
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::autocorrelation::{Noise, correlated_noise};
+use super::autocorrelation::Noise;
 use super::candidates::composed::sets::{Proposed, ProposedSet};
 use super::effect::RankedEffect;
 use super::evidence::Judged;
 use super::law_on_data::{LawOnData, Measurements};
-use super::misfit::{error_of, excess};
-use super::noise_floor::noise_of;
+use super::misfit::excess;
 use super::refit::{Precision, fitted, fitted_from_afar};
 use super::settling::{Settled, settle};
-use super::steps::noise_of_steps;
-use super::window::{doubled, longest};
 use crate::error::Result;
 use crate::expr::{KnownNumber, ParameterId, Place, Scope, Term, TermId};
 use crate::fit::column::Column;
@@ -21,11 +18,11 @@ use crate::fit::own_values::is_said;
 use crate::fit::pass::Sums;
 use crate::fit::{Law, Monitor};
 
-/// What is asked: what a model before its data misses.
+/// What is asked: which changes explain what a model leaves of its data.
 pub struct Question<'a, 'b> {
     /// The spec of the model.
     pub scope: &'b Scope,
-    /// The model before the runs that it was fitted to, residuals weighed by the noise floor.
+    /// The model on the runs that it was fitted to, residuals weighed by the noise floor.
     pub model: &'b LawOnData<'a>,
     /// Other runs.
     pub held_out: &'b Measurements<'a>,
@@ -175,7 +172,7 @@ impl<'a> Story<'a> {
 
     /// The story of several changes to `bare` at once, fitted over segments of `window` samples,
     /// over which they were chosen; `None` where their numbers cannot be fitted, or first order
-    /// leads away from the data.
+    /// leads away from the data: to more squares than `without` any change.
     ///
     /// # Errors
     ///
@@ -183,7 +180,7 @@ impl<'a> Story<'a> {
     pub(super) fn of_set(
         bare: &Story<'a>,
         set: &ProposedSet,
-        window: usize,
+        (window, without): (usize, f64),
     ) -> Result<Option<Story<'a>>> {
         let (scope, own) = placed(set.members.iter().map(|one| &one.effect), &bare.scope)?;
         let noise = bare.model.law.noise().to_vec();
@@ -201,8 +198,6 @@ impl<'a> Story<'a> {
             members.push(Member { effect, terms, parameters, price, named, positive });
         }
         let settled = settle(bare.model.with_law(law.with_window(window)));
-        // What first order says is not followed where that leaves more than nothing does.
-        let (without, _) = bare.squares(window, &bare.model.noise());
         let leads = settled.sums.loss < without;
         if !leads {
             return Ok(None);
@@ -222,34 +217,12 @@ impl<'a> Story<'a> {
         Story { model: self.model.with_law(law), ..self.clone() }
     }
 
-    /// Fits all numbers, and holds the story against longer and longer segments as long as it
-    /// leaves noise.
-    pub(super) fn fitted_again(mut self, question: &Question<'a, '_>) -> Story<'a> {
-        self.sums = settle(self.model.clone()).sums;
-        self.refit();
-        self.grow(question);
-        self
-    }
-
     /// Squares that count as one: those that are left for each residual.
     pub(super) fn variance_of(&self, sums: &Sums) -> f64 {
         let mean = sums.loss / sums.rows.max(1) as f64;
         let all = if self.model.is_computed() { 1.0 } else { 0.0 };
         let least = self.negligible.max(self.model.tuning().scan.least_variance).max(all);
         mean.max(least) * self.model.autocorrelation_time
-    }
-
-    /// Holds a story of several changes that were found together against longer and longer segments
-    /// as long as it leaves noise. Of stories that follow whole runs that is told which leaves
-    /// least: none may be behind for having been fitted to shorter segments.
-    pub(super) fn hold_together(&mut self, question: &Question<'a, '_>) {
-        self.measure_noise(question);
-        self.grow(question);
-        if self.explains {
-            self.refit();
-        }
-        let law = self.model.law.clone();
-        self.take_numbers(&law);
     }
 
     /// The numbers of each member in the story's law: coefficients, then inner ones.
@@ -275,28 +248,6 @@ impl<'a> Story<'a> {
         self.members.iter().map(of).collect()
     }
 
-    /// Takes the noise from the shortest predictions of this story: before a precise sensor a
-    /// strong force shows even there, and is taken for noise as long as the model lacks it.
-    fn measure_noise(&mut self, question: &Question<'a, '_>) {
-        // What is left of whole runs is noise already.
-        if self.model.autocorrelation_time > 1.0 {
-            return;
-        }
-        let tuning = &self.model.tuning().noise_floor;
-        for _ in 0..tuning.stories {
-            let noise = noise_of(&self.model);
-            let moved = noise.iter().zip(self.model.law.noise());
-            let moved = moved.map(|(new, old)| (new / old).ln().abs()).fold(0.0, f64::max);
-            if moved < tuning.moved || question.monitor.stopped() {
-                return;
-            }
-            self.hold_against(noise.into());
-            if self.excess_of(&self.sums) > 0.0 {
-                self.refit();
-            }
-        }
-    }
-
     /// Squares a residual in excess of the noise, of what it leaves of segments; zero for what is
     /// negligible.
     pub(super) fn excess_of(&self, sums: &Sums) -> f64 {
@@ -307,13 +258,15 @@ impl<'a> Story<'a> {
         excess(sums, &self.model)
     }
 
-    /// Judges what it leaves by another noise of each observable.
-    pub(super) fn hold_against(&mut self, noise: Noise) {
+    /// Judges what it leaves by another noise of each observable; returns its best states then.
+    pub(super) fn hold_against(&mut self, noise: Noise) -> Settled<'a> {
         let smaller = self.model.noise().log_size() - noise.log_size();
         self.negligible *= (2.0 * smaller / noise.sizes.len().max(1) as f64).exp();
         self.model = self.model.with_noise(noise);
-        self.sums = settle(self.model.clone()).sums;
+        let settled = settle(self.model.clone());
+        self.sums = settled.sums.clone();
         self.explains &= self.excess_of(&self.sums) == 0.0;
+        settled
     }
 
     /// The story without one of its members, its numbers fitted again; `None` where they cannot be.
@@ -341,53 +294,9 @@ impl<'a> Story<'a> {
         Ok(Some(story))
     }
 
-    /// Holds the story against longer segments as long as it leaves noise, its numbers fitted
-    /// again where they no longer do. What its integrator leaves is noise.
-    pub(super) fn grow(&mut self, question: &Question) {
-        self.explains = self.leaves_white_noise(question)
-            || !question.monitor.stopped() && self.leaves_correlated_noise();
-        while let Some(noise) = noise_of_steps(&self.model, question.model) {
-            self.model.at_steps = true;
-            self.hold_against(noise.into());
-            self.explains = self.leaves_white_noise(question);
-        }
-    }
-
-    /// Whether all that it leaves of whole runs is noise of a short memory, larger than it looks
-    /// over short segments; the story is then held against that.
-    fn leaves_correlated_noise(&mut self) -> bool {
-        let tuning = self.model.tuning();
-        let near = |error: f64| error < tuning.autocorrelation.largest;
-        if tuning.autocorrelation.largest <= tuning.verdict.reaches || !near(error_of(&self.sums).0)
-        {
-            return false;
-        }
-        let settled = settle(self.model.with_window(longest(&self.model)));
-        if !near(error_of(&settled.sums).0) {
-            return false;
-        }
-        let Some(found) = fitted(&settled, &self.model.law, Precision::Ranking) else {
-            return false;
-        };
-        let model = settled.model.with_law(found.law);
-        let Some(noise) = correlated_noise(&model, self.members.len()) else { return false };
-        self.model = model;
-        self.hold_against(noise);
-        self.excess_of(&self.sums) == 0.0
-    }
-
     /// The story with residuals weighed by another noise.
     pub(super) fn with_noise(&self, noise: Noise) -> Story<'a> {
         Story { model: self.model.with_noise(noise), ..self.clone() }
-    }
-
-    /// The story over segments of so many samples, its numbers fitted again where they can be.
-    pub(super) fn over(&self, window: usize) -> Story<'a> {
-        let mut story = self.clone();
-        story.model = self.model.with_window(window);
-        story.sums = settle(story.model.clone()).sums;
-        story.refit();
-        story
     }
 
     /// The story with the numbers and over the segments of its own law there, each number with the
@@ -409,74 +318,6 @@ impl<'a> Story<'a> {
             }
         }
         story
-    }
-
-    /// Whether it leaves noise of segments of every length, up to whole runs; the longest of them
-    /// are kept.
-    fn leaves_white_noise(&mut self, question: &Question) -> bool {
-        let mut refitted = false;
-        loop {
-            if self.excess_of(&self.sums) > 0.0 {
-                // Numbers that were fitted to short segments need not hold for long ones.
-                if !refitted && !question.monitor.stopped() && self.refit() {
-                    refitted = true;
-                    continue;
-                }
-                self.raise_negligible(self.model.law.window(), question);
-                if self.excess_of(&self.sums) > 0.0 {
-                    return false;
-                }
-            }
-            let Some(window) = doubled(&self.model) else { return true };
-            let longer = settle(self.model.with_window(window)).sums;
-            if !self.follows(&longer, window, question) {
-                return false;
-            }
-            self.model = self.model.with_window(window);
-            self.sums = longer;
-            refitted = false;
-        }
-    }
-
-    /// Whether it keeps to longer segments, by what it leaves of them.
-    fn follows(&mut self, longer: &Sums, window: usize, question: &Question) -> bool {
-        let ((_, lost), (error, more)) = (error_of(&self.sums), error_of(longer));
-        let largest = self.model.tuning().ranking.largest_error;
-        let near = |story: &Story| error < largest.max(story.negligible.sqrt());
-        if more <= lost && !near(self) {
-            self.raise_negligible(window, question);
-        }
-        more <= lost && near(self)
-    }
-
-    /// Takes for negligible what is nothing beside what the model without a change leaves of
-    /// segments of a length: clean data say more digits than an integrator keeps.
-    fn raise_negligible(&mut self, window: usize, question: &Question) {
-        if self.members.is_empty() || question.monitor.stopped() {
-            return;
-        }
-        let bare = question.model.with_noise(self.model.noise());
-        let sums = settle(bare.with_window(window)).sums;
-        let part = self.model.tuning().verdict.negligible;
-        let negligible = part * sums.loss / sums.rows.max(1) as f64;
-        if negligible.is_finite() {
-            self.negligible = self.negligible.max(negligible);
-        }
-    }
-
-    /// Fits all numbers again, over segments of the present length; whether that helps. They are
-    /// fitted to the end when the story is concluded.
-    fn refit(&mut self) -> bool {
-        let settled = settle(self.model.clone());
-        let Some(found) = fitted(&settled, &self.model.law, Precision::Ranking) else {
-            return false;
-        };
-        let better = found.sums.loss < self.sums.loss && found.sums.diverged <= self.sums.diverged;
-        if better {
-            self.model = self.model.with_law(found.law);
-            self.sums = found.sums;
-        }
-        better
     }
 
     /// Fits all numbers to the longest segments that the story follows, and gives each member its
@@ -525,7 +366,7 @@ impl<'a> Story<'a> {
     }
 
     /// Gives each member its numbers in a law, with their errors.
-    fn take_numbers(&mut self, law: &Law) {
+    pub(super) fn take_numbers(&mut self, law: &Law) {
         for member in &mut self.members {
             let free = member.terms.iter().filter(|id| !is_said(law.system(), **id));
             let terms = free.filter_map(|&id| law.coefficient_with_error(id));

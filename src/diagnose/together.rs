@@ -111,11 +111,12 @@ fn try_sets<'a>(
 ) -> Result<()> {
     let known = |set: &ProposedSet| found.iter().any(|(other, _)| labels(other) == labels(set));
     let new: Vec<ProposedSet> = proposed.into_iter().filter(|set| !known(set)).collect();
+    let (without, _) = bare.squares(window, &bare.model.noise());
     let fitted = |set: ProposedSet| -> Result<Option<Fitted>> {
         if question.monitor.stopped() {
             return Ok(None);
         }
-        Ok(Story::of_set(bare, &set, window)?.map(|story| (set, story)))
+        Ok(Story::of_set(bare, &set, (window, without))?.map(|story| (set, story)))
     };
     let sets = new.into_par_iter().map(fitted).collect::<Result<Vec<Option<Fitted>>>>()?;
     let sets = sets.into_iter().flatten().collect();
