@@ -13,7 +13,7 @@
 //! | `dynamics` | a system | trajectories, with exact derivatives of the discrete map |
 //! | `simulate` | a known law | trajectories near machine precision, and what an instrument makes of them |
 //! | `fit` | a system and data | a sparse `Model` with uncertainties |
-//! | `diagnose` | a model before its data | where it fails, and which named effect is missing |
+//! | `diagnose` | a model on its data | where it fails, and which named effect is missing |
 //! | `simplify` | a model | the expression that a physicist would print |
 //! | `export` | a model and its simplified form | LaTeX, MathML, Rust, C, Python, JSON |
 //! | `facade` | a spec and data | the public types: [`Spec`], [`Data`], [`Law`] |

@@ -236,7 +236,7 @@ fn asked(
         return Ok(diagnosis);
     }
     let question = Question { scope: &scope, model: &model, held_out: &held_out, monitor };
-    // Explanations are looked for before a part of many data.
+    // Explanations are looked for on a part of many data.
     let most = tuning.states.searched;
     let (few, few_held_out) = (model.thinned(most), Measurements { most, ..held_out.clone() });
     let all = question;

@@ -37,7 +37,7 @@ pub struct Scan {
 
 /// Candidates that explain more than noise would.
 pub struct Significant<'a> {
-    /// The model before the segments that they were scored on.
+    /// The model on the segments that they were scored on.
     pub data: Parts<'a>,
     /// The best grid point of each of them, best first.
     pub best: Vec<Scored>,

@@ -131,7 +131,7 @@ pub(super) fn stories<'a>(
     Ok(ended)
 }
 
-/// Stories that were found before a part of the data, held against all of them; those first that
+/// Stories that were found on a part of the data, held against all of them; those first that
 /// hold then.
 pub(super) fn held_against_all<'a>(
     mut stories: Vec<Story<'a>>,

@@ -32,8 +32,8 @@ pub struct Drawing {
 }
 
 impl Law {
-    /// The figures of the report: the law before the measurements that it was learned from and
-    /// before held-out ones, how its terms were found and, with a diagnosis, what could be missing.
+    /// The figures of the report: the law on the measurements that it was learned from and
+    /// on held-out ones, how its terms were found and, with a diagnosis, what could be missing.
     ///
     /// # Errors
     /// As [`Law::compare_held_out`]; the measurements are too few to show what they leave.

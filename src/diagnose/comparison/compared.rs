@@ -1,4 +1,4 @@
-//! A law before the measurements that it was learned from, and before others.
+//! A law on the measurements that it was learned from, and on others.
 
 use super::{Comparison, compare};
 use crate::data::Dataset;
@@ -9,11 +9,11 @@ use crate::diagnose::noise_floor::noise_floor;
 use crate::error::{Error, ErrorKind, Result};
 use crate::fit::Law;
 
-/// A law before the measurements that it was learned from, and before others.
+/// A law on the measurements that it was learned from, and on others.
 pub struct Compared<'a> {
-    /// The law before the measurements that it was learned from.
+    /// The law on the measurements that it was learned from.
     pub training: LawOnData<'a>,
-    /// The same before others, where there are some.
+    /// The same on others, where there are some.
     pub held_out: Option<LawOnData<'a>>,
     /// Faults of the instrument among its findings.
     pub comparison: Comparison,

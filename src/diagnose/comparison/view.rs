@@ -1,4 +1,4 @@
-//! What there is to see of a model before its data: predictions, phase portraits, energies,
+//! What there is to see of a model on its data: predictions, phase portraits, energies,
 //! residual forces over phase space. Plain data; drawing them is the report's work.
 
 use serde::Serialize;
@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::expr::{Observed, Variable};
 use crate::fit::segments::longest_run;
 
-/// Everything that pictures of a model before its data are drawn from.
+/// Everything that pictures of a model on its data are drawn from.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct View {
     /// Name of the system.

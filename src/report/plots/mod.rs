@@ -51,7 +51,7 @@ use crate::fit::Model;
 /// What plots are drawn from.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct PlotData<'a> {
-    /// The model before its data.
+    /// The model on its data.
     pub view: &'a View,
     /// Its errors.
     pub comparison: &'a Comparison,

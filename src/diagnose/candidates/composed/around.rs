@@ -49,7 +49,7 @@ fn relative_error(settled: &Settled, spread: &[f64]) -> f64 {
 
 /// A model with some composed terms in it, fitted in full.
 pub(super) struct Around<'a> {
-    /// The model before the longest segments that it follows.
+    /// The model on the longest segments that it follows.
     pub(super) settled: Settled<'a>,
     /// Coefficients of the composed terms.
     coefficients: Vec<f64>,

@@ -81,7 +81,7 @@ pub(super) struct Response {
 const PANEL: usize = 2;
 
 impl Responses {
-    /// From the model before some segments, nodes `spacing` radians of the fastest motion apart.
+    /// From the model on some segments, nodes `spacing` radians of the fastest motion apart.
     ///
     /// `kept` are the columns of the model's unknowns that are eliminated. Forces act along the
     /// motion that is said.
