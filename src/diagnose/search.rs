@@ -11,18 +11,19 @@ use super::ranking::{Ranking, ranking};
 use super::settling::settle;
 use super::story::{Question, Story};
 use super::together::together;
+use super::tuning::Tuning;
 use crate::error::Result;
 
 /// Stories, the best first: at least that without a change.
 ///
 /// `bare` is the story without a change, `beam` are those of one change. Where none of these holds
-/// by one number, or one does beside a model that is at the noise already, sets of changes are
-/// found together, if the model can be asked for them, and where nothing holds then, single terms
-/// without a name. A model that cannot be asked for sets is searched as long as the best story does
-/// not explain the data over whole runs: each of the leading stories is extended by the changes
-/// that pay most beside it. When that has ended, each member of the best is taken out and looked
-/// for again among all candidates: while others were missing, a more flexible change may have stood
-/// in for them.
+/// by one number, or another describes the data clearly better than that, or one holds beside a
+/// model that is at the noise already, sets of changes are found together, if the model can be
+/// asked for them, and where nothing holds then, single terms without a name. A model that cannot
+/// be asked for sets is searched as long as the best story does not explain the data over whole
+/// runs: each of the leading stories is extended by the changes that pay most beside it. When that
+/// has ended, each member of the best is taken out and looked for again among all candidates: while
+/// others were missing, a more flexible change may have stood in for them.
 ///
 /// # Errors
 ///
@@ -39,6 +40,7 @@ pub(super) fn stories<'a>(
     let mut grown = bare.clone();
     grown.grow(question);
     let mut sets_asked = false;
+    agree_on_noise(&mut beam);
     // Where the model explains the data as it is, and no change explains them better, there is
     // nothing to compose. Where one does, it may stand in for several: a steady motion hides the
     // drag and the drive that make it from each other; unless all that is left is what the steps of
@@ -46,7 +48,7 @@ pub(super) fn stories<'a>(
     // accident; several in one change bend to what they are not.
     let asked = match grown.explains {
         true => !grown.model.at_steps && beam.iter().any(holds),
-        false => !beam.iter().any(|story| holds(story) && story.unknowns() == 1),
+        false => !is_by_one_number(&beam, all),
     };
     if asked && !monitor.stopped() {
         if let Some(sets) = together(question, bare)? {
@@ -129,6 +131,17 @@ pub(super) fn stories<'a>(
     }
     ended.push(grown);
     Ok(ended)
+}
+
+/// Whether a story of one number holds, and none of more describes the data clearly better.
+fn is_by_one_number(stories: &[Story], tuning: &Tuning) -> bool {
+    let holding: Vec<&Story> = stories.iter().filter(|story| holds(story)).collect();
+    let lengths = description_lengths(&holding, tuning);
+    let least = lengths.iter().copied().fold(f64::INFINITY, f64::min);
+    let mut both = holding.iter().zip(lengths);
+    both.any(|(story, length)| {
+        story.unknowns() == 1 && length - least < tuning.ranking.indistinguishable
+    })
 }
 
 /// Stories that were found on a part of the data, held against all of them; those first that
