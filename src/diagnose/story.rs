@@ -17,6 +17,7 @@ use crate::fit::factor::Factor;
 use crate::fit::own_values::is_said;
 use crate::fit::pass::Sums;
 use crate::fit::{Law, Monitor};
+use crate::spec::effects::label_of_second;
 
 /// What is asked: which changes explain what a model leaves of its data.
 pub struct Question<'a, 'b> {
@@ -269,7 +270,8 @@ impl<'a> Story<'a> {
         settled
     }
 
-    /// The story without one of its members, its numbers fitted again; `None` where they cannot be.
+    /// The story without one of its members, its numbers fitted again; `None` where they cannot be,
+    /// or where a second one of it stays.
     ///
     /// # Errors
     ///
@@ -280,7 +282,10 @@ impl<'a> Story<'a> {
         place: usize,
     ) -> Result<Option<Story<'a>>> {
         let mut members = self.members.clone();
-        members.remove(place);
+        let second = label_of_second(&members.remove(place).effect.effect);
+        if second.is_some_and(|second| members.iter().any(|one| one.effect.effect == second)) {
+            return Ok(None);
+        }
         let (scope, own) = placed(members.iter().map(|one| &one.effect), question.scope)?;
         for (member, own) in members.iter_mut().zip(own) {
             (member.terms, member.parameters) = own;

@@ -22,9 +22,10 @@ fn hidden_in(name: &str, effect: &str, on: &[&str], noise: f64, seed: u64) -> Ou
 }
 
 /// Effects with states have tests of their own, and so have those of an input, which no system of
-/// the benchmark has.
+/// the benchmark has, and those that are a second one of another.
 fn is_hidden_here(row: &EffectRow) -> bool {
-    !row.template.is_empty() && !row.has_states() && row.on != ActsOn::Driven
+    let alone = row.second_of.is_none() && row.on != ActsOn::Driven;
+    !row.template.is_empty() && !row.has_states() && alone
 }
 
 #[test]

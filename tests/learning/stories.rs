@@ -446,6 +446,23 @@ fn drives_along_two_coordinates_are_no_pieces_of_one_curve() {
     assert!((first - 0.6).abs() < 0.01 && (second - 2.1).abs() < 0.01, "{found:?}");
 }
 
+#[test]
+fn two_drives_of_one_coordinate_are_told_with_both_frequencies() {
+    let two = "T = p^2/2\nV = q^2/2\nforce q += 0.3*cos(0.6*t) + 0.15*sin(1.9*t) - 0.1*p\n";
+    let driven = base(LINE, two, OSCILLATOR, LINE_STARTS);
+    for seed in [1, 2] {
+        let (verdict, mut members, reason) = story(&driven, 0.01, seed);
+        assert_eq!(verdict, Verdict::Missing, "seed {seed}: {reason}");
+        members.sort_by(|a, b| a.0.cmp(&b.0));
+        let names: Vec<&str> = members.iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(names, ["harmonic_drive(q)", "second_drive(q)", "viscous_drag(q)"]);
+        for ((_, numbers), (size, frequency)) in members.iter().zip([(0.3, 0.6), (0.15, 1.9)]) {
+            assert!((numbers[0].hypot(numbers[1]) / size - 1.0).abs() < 0.05, "{members:?}");
+            assert!((numbers[2] - frequency).abs() < 0.01, "{members:?}");
+        }
+    }
+}
+
 /// The bond of two atoms before the spec of a spring: contacts and images together, or two composed
 /// terms that nearly cancel, bend to its force over whole runs, and are none of it.
 #[test]

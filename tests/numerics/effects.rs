@@ -123,7 +123,7 @@ fn closed_form(name: &str) -> Option<At> {
         // Minus the angular momentum.
         "rotating_frame" => H(|z, _| -(z[0] * z[3] - z[1] * z[2])),
         "centrifugal_force" => H(|z, _| -0.5 * z[0].hypot(z[1]).powi(2)),
-        "harmonic_drive" => {
+        "harmonic_drive" | "second_drive" => {
             F(|z, a| 2.0_f64.sqrt() * (a[0] * z[4] + std::f64::consts::FRAC_PI_4).sin(), NONE)
         }
         "parametric_drive" => F(
@@ -146,7 +146,7 @@ fn closed_form(name: &str) -> Option<At> {
         "sensor_drift" => S(|z, _| z[4]),
         "sensor_cross_talk" => S(|z, _| z[1]),
         "sensor_nonlinearity" => S(|z, _| z[0].powi(2)),
-        "sensor_hum" => {
+        "sensor_hum" | "second_hum" => {
             S(|z, a| 2.0_f64.sqrt() * (a[0] * z[4] + std::f64::consts::FRAC_PI_4).sin())
         }
         // T = p^2 / 2, so the rate of x is its momentum.

@@ -44,9 +44,18 @@ pub(super) fn candidates(scope: &mut Scope, tuning: &Candidates) -> Vec<Candidat
             parameters.iter().map(|&id| axis(base, &extension, id, points)).collect();
         let on = acts_on(&base.system, &extension, &terms);
         let grid = every_choice(&axes);
-        let origin = Origin::Spec;
-        let (arguments, choice) = (Vec::new(), 0.0);
-        Some(Candidate { origin, label, on, arguments, extension, terms, parameters, grid, choice })
+        Some(Candidate {
+            origin: Origin::Spec,
+            label,
+            on,
+            arguments: Vec::new(),
+            extension,
+            terms,
+            parameters,
+            grid,
+            choice: 0.0,
+            second: None,
+        })
     };
     let mut all: Vec<Candidate> = labels.into_iter().filter_map(candidate).collect();
     one_of(&mut all);

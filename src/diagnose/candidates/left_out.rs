@@ -48,6 +48,7 @@ pub fn left_out(scope: &Scope, law: &Law, most: usize) -> Vec<Candidate> {
                 parameters: Vec::new(),
                 grid: vec![Vec::new()],
                 choice: 0.0,
+                second: None,
                 origin: Origin::LeftOut(own),
             }
         })

@@ -22,7 +22,7 @@ use crate::expr::{
     Extension, KnownNumber, Parameter, ParameterId, Scope, Symbol, System, Term, TermId, touching,
 };
 use crate::fit::Law;
-use crate::spec::effects::{ActsOn, EffectRow, Instance, ScanBy, instances};
+use crate::spec::effects::{ActsOn, EffectRow, Instance, ScanBy, by_name, instances};
 
 /// Something that may be missing, ready to be tried.
 pub struct Candidate {
@@ -46,6 +46,8 @@ pub struct Candidate {
     /// of its kind (of the catalogue, of the spec, without a name, known numbers) were tried. Grid
     /// points are not in it.
     pub choice: f64,
+    /// What stands beside it where it is there twice, with other inner numbers, if it can be.
+    pub second: Option<Box<Candidate>>,
 }
 
 /// Where a candidate comes from.
@@ -110,43 +112,57 @@ pub fn candidates(scope: &mut Scope, dataset: &Dataset, tuning: &Candidates) -> 
     };
     let instances = instances.filter(touch);
     let first = all.len();
-    all.extend(instances.filter(|instance| !held.contains(&instance.label())).filter_map(
-        |instance| {
-            let (row, label, arguments) = (instance.effect, instance.label(), instance.arguments);
-            let mut on: Vec<String> = arguments.iter().flat_map(|one| scene.members(one)).collect();
-            on.retain(|name| row.on != ActsOn::Driven || scene.coordinates.contains(name));
-            let extension = scope.extension(&instance.statement).ok()?;
-            let terms = terms_of(&extension, |term| term.effect.as_ref() == Some(&label));
-            let parameters = extension.parameters().map(|(id, ..)| id);
-            let parameters = parameters.filter(|id| id.position() >= standing).collect();
-            let scans: Vec<ScanBy> = row.parameters.iter().map(|scan| scan.by).collect();
-            let grid = if row.on.is_of_bodies() && !scans.is_empty() {
-                let bodies: Vec<Vec<String>> = match row.on {
-                    ActsOn::Body => vec![on.clone()],
-                    _ => arguments.iter().map(|one| scene.members(one)).collect(),
-                };
-                reach.grid_of_bodies(&scans, &bodies)
-            } else if row.on == ActsOn::Driven {
-                reach.grid(&scans, arguments.last().map_or("", String::as_str))
-            } else {
-                reach.grid(&scans, on.first().map_or("", String::as_str))
+    let mut ready = |instance: Instance, second: Option<Box<Candidate>>| {
+        let (row, label, arguments) = (instance.effect, instance.label(), instance.arguments);
+        let mut on: Vec<String> = arguments.iter().flat_map(|one| scene.members(one)).collect();
+        on.retain(|name| row.on != ActsOn::Driven || scene.coordinates.contains(name));
+        let extension = scope.extension(&instance.statement).ok()?;
+        let terms = terms_of(&extension, |term| term.effect.as_ref() == Some(&label));
+        let parameters = extension.parameters().map(|(id, ..)| id);
+        let parameters = parameters.filter(|id| id.position() >= standing).collect();
+        let scans: Vec<ScanBy> = row.parameters.iter().map(|scan| scan.by).collect();
+        let grid = if row.on.is_of_bodies() && !scans.is_empty() {
+            let bodies: Vec<Vec<String>> = match row.on {
+                ActsOn::Body => vec![on.clone()],
+                _ => arguments.iter().map(|one| scene.members(one)).collect(),
             };
-            let found = !terms.is_empty();
-            let origin = Origin::Catalogue(row);
-            let choice = 0.0;
-            found.then_some(Candidate {
-                origin,
-                label,
-                on,
-                arguments,
-                extension,
-                terms,
-                parameters,
-                grid,
-                choice,
-            })
-        },
-    ));
+            reach.grid_of_bodies(&scans, &bodies)
+        } else if row.on == ActsOn::Driven {
+            reach.grid(&scans, arguments.last().map_or("", String::as_str))
+        } else {
+            reach.grid(&scans, on.first().map_or("", String::as_str))
+        };
+        let found = !terms.is_empty();
+        let origin = Origin::Catalogue(row);
+        let choice = 0.0;
+        found.then_some(Candidate {
+            origin,
+            label,
+            on,
+            arguments,
+            extension,
+            terms,
+            parameters,
+            grid,
+            choice,
+            second,
+        })
+    };
+    // A second one of an effect is none as long as the first is not there.
+    let is_alone = |row: &EffectRow, arguments: &[String]| {
+        let first = row.second_of.and_then(by_name);
+        first.is_some_and(|first| !held.contains(&first.label(arguments)))
+    };
+    for instance in instances {
+        let Instance { effect: row, arguments, .. } = &instance;
+        if held.contains(&instance.label()) || is_alone(row, arguments) {
+            continue;
+        }
+        let second = row.second().map(|row| Instance::of(row, arguments.clone()));
+        let second = second.filter(|second| !held.contains(&second.label()));
+        let second = second.and_then(|second| ready(second, None)).map(Box::new);
+        all.extend(ready(instance, second));
+    }
     one_of(&mut all[first..]);
     all.extend(numbers::candidates(scope, dataset, tuning));
     all

@@ -67,6 +67,7 @@ pub(super) fn candidates(scope: &Scope, dataset: &Dataset, tuning: &Candidates) 
             parameters,
             grid: vec![Vec::new()],
             choice: 0.0,
+            second: None,
             origin: Origin::Number { number: Box::new(number), probe: Box::new(probe) },
         });
     }

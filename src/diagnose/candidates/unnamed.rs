@@ -94,6 +94,7 @@ pub fn unnamed(scope: &mut Scope, dataset: &Dataset, tuning: &Candidates) -> Vec
             on: draft.on,
             arguments: Vec::new(),
             choice: 0.0,
+            second: None,
             extension,
             terms,
             parameters: ids,

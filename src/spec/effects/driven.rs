@@ -18,6 +18,16 @@ pub(super) static ROWS: &[EffectRow] = &[
         ..BASE
     },
     EffectRow {
+        name: "second_drive",
+        template: "force {q} += span{ {n}_cos: cos({frequency}*{t}), {n}_sin: sin({frequency}*{t}) }",
+        parameters: FREQUENCY,
+        second_of: Some("harmonic_drive"),
+        physics: "A force that oscillates with another frequency beside that of a harmonic_drive: the overtone of a motor, a second machine on the same floor.",
+        telltale: "Beside a first wave in time, the residual force is another one; both together beat.",
+        reference: "Den Hartog, Mechanical Vibrations, section 1.3",
+        ..BASE
+    },
+    EffectRow {
         name: "parametric_drive",
         template: "force {q} += span{ {n}_cos: -{q}*cos({frequency}*{t}), {n}_sin: -{q}*sin({frequency}*{t}) }",
         parameters: FREQUENCY,

@@ -250,6 +250,8 @@ pub struct EffectRow {
     pub positive: bool,
     /// Why it needs two arguments, where it does.
     pub why_two: &'static str,
+    /// The effect that it is a second one of, with other numbers: alone it goes by that name.
+    pub second_of: Option<&'static str>,
     /// What finds it, when it is no term of a model.
     pub detector: Option<&'static str>,
     /// The physics in a sentence.
@@ -273,6 +275,7 @@ const ROW: EffectRow = EffectRow {
     whole: false,
     positive: false,
     why_two: "",
+    second_of: None,
     detector: None,
     physics: "",
     telltale: "",
@@ -299,6 +302,19 @@ pub fn catalogue() -> impl Iterator<Item = &'static EffectRow> {
 /// Looks an effect up by its name or another one that it goes by.
 pub fn by_name(name: &str) -> Option<&'static EffectRow> {
     catalogue().find(|row| row.name == name || row.aliases.contains(&name))
+}
+
+impl EffectRow {
+    /// The row of a second one beside this, where the catalogue has it.
+    pub fn second(&self) -> Option<&'static EffectRow> {
+        catalogue().find(|row| row.second_of == Some(self.name))
+    }
+}
+
+/// The label of a second one of the effect with this label, where the catalogue has it.
+pub fn label_of_second(label: &str) -> Option<String> {
+    let (name, arguments) = label.split_once('(')?;
+    Some(format!("{}({arguments}", by_name(name)?.second()?.name))
 }
 
 /// Names that a mistyped one may have meant, `more` names among them; a sentence.

@@ -171,6 +171,12 @@ pub struct Instance {
 }
 
 impl Instance {
+    /// An effect on these arguments.
+    pub fn of(effect: &'static EffectRow, arguments: Vec<String>) -> Instance {
+        let statement = effect.statement(&arguments, &[]);
+        Instance { effect, arguments, statement }
+    }
+
     /// `viscous_drag(theta)`.
     pub fn label(&self) -> String {
         self.effect.label(&self.arguments)
@@ -382,10 +388,8 @@ impl EffectRow {
 pub fn instances(scene: &Scene) -> Vec<Instance> {
     let rows = catalogue().filter(|row| row.cannot(scene).is_none());
     rows.flat_map(|effect| {
-        effect.choices(scene).into_iter().map(move |arguments| {
-            let statement = effect.statement(&arguments, &[]);
-            Instance { effect, arguments, statement }
-        })
+        let choices = effect.choices(scene).into_iter();
+        choices.map(move |arguments| Instance::of(effect, arguments))
     })
     .collect()
 }

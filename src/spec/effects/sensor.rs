@@ -4,6 +4,8 @@ use super::{ActsOn, EffectKind, EffectRow, ROW, Scan, ScanBy};
 
 const BASE: EffectRow = EffectRow { kind: EffectKind::Sensor, on: ActsOn::Observable, ..ROW };
 
+const FREQUENCY: &[Scan] = &[Scan { name: "frequency", by: ScanBy::Frequency, example: 5.0 }];
+
 pub(super) static ROWS: &[EffectRow] = &[
     EffectRow {
         name: "sensor_offset",
@@ -55,9 +57,19 @@ pub(super) static ROWS: &[EffectRow] = &[
         name: "sensor_hum",
         aliases: &["hum"],
         template: "sensor {o} += span{ {n}_cos: cos({frequency}*{t}), {n}_sin: sin({frequency}*{t}) }",
-        parameters: &[Scan { name: "frequency", by: ScanBy::Frequency, example: 5.0 }],
+        parameters: FREQUENCY,
         physics: "A wave of one frequency on the signal: mains hum, a vibrating camera.",
         telltale: "The error is a wave in time that does not move the system.",
+        reference: "Horowitz and Hill, The Art of Electronics, section 8.13",
+        ..BASE
+    },
+    EffectRow {
+        name: "second_hum",
+        template: "sensor {o} += span{ {n}_cos: cos({frequency}*{t}), {n}_sin: sin({frequency}*{t}) }",
+        parameters: FREQUENCY,
+        second_of: Some("sensor_hum"),
+        physics: "A wave of another frequency on the signal beside that of a sensor_hum: the overtone of the mains.",
+        telltale: "Beside a first wave in time that moves nothing, the error is another one.",
         reference: "Horowitz and Hill, The Art of Electronics, section 8.13",
         ..BASE
     },

@@ -30,6 +30,8 @@ pub(super) struct Entry {
     pub(super) values: Vec<f64>,
     /// Entries of one kind differ in their inner numbers alone.
     pub(super) kind: usize,
+    /// Whether a set may have two of its kind.
+    twice: bool,
     /// What it costs, in nats.
     pub(super) price: f64,
     /// What it does, one response for each of its coefficients.
@@ -60,11 +62,7 @@ impl<'t> Motion<'_, 't> {
             let stand = fitted.iter().filter(|(at, own)| *at == place && !own.is_empty());
             let stand: Vec<Vec<f64>> = stand.map(|(_, own)| own.clone()).collect();
             let stand = self.at_points(place, &stand).into_iter().map(|entry| (0, entry));
-            let mut own =
-                self.at_points(place, &finer(&self.candidates[place].grid, self.tuning.between));
-            own.sort_by(|a, b| b.fall.total_cmp(&a.fall));
-            own.truncate(self.tuning.points);
-            stand.chain(own.into_iter().enumerate()).collect::<Vec<_>>()
+            stand.chain(self.best_points(place)).collect::<Vec<_>>()
         };
         let places = (0..self.candidates.len()).into_par_iter();
         let mut all: Vec<(usize, Entry)> = places.flat_map_iter(of).collect();
@@ -74,6 +72,28 @@ impl<'t> Motion<'_, 't> {
         });
         all.truncate(self.tuning.named);
         all.into_iter().map(|(_, entry)| entry).collect()
+    }
+
+    /// The best points of the grid of a named candidate, each with how many are better. Of one that
+    /// may be there twice, half of them are the best beside the first.
+    fn best_points(&self, place: usize) -> Vec<(usize, Entry)> {
+        let candidate = &self.candidates[place];
+        let most = self.tuning.points;
+        let mut all = self.at_points(place, &finer(&candidate.grid, self.tuning.between));
+        all.sort_by(|a, b| b.fall.total_cmp(&a.fall));
+        let half = most.div_ceil(2).min(all.len());
+        let mut seconds = Vec::new();
+        if candidate.second.is_some() {
+            let beside = Beside::of(all.first().into_iter(), &self.search.responses.target());
+            let rest = all.split_off(half);
+            let mut falls: Vec<(f64, Entry)> =
+                rest.into_iter().map(|entry| (beside.fall(&entry), entry)).collect();
+            falls.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+            seconds.extend(falls.into_iter().map(|(_, entry)| entry));
+            seconds.truncate(most - half);
+        }
+        all.truncate(most);
+        all.into_iter().enumerate().chain(seconds.into_iter().enumerate()).collect()
     }
 
     /// A named candidate at some choices of its inner numbers, those left out that do nothing.
@@ -104,6 +124,7 @@ impl<'t> Motion<'_, 't> {
                 change: Change::Named(place),
                 values: one.values,
                 kind: place,
+                twice: candidate.second.is_some(),
                 price: candidate.choice + choices + 0.5 * unknowns * rows,
                 fall: fall(&own, &target),
                 responses: own,
@@ -129,6 +150,7 @@ impl<'t> Motion<'_, 't> {
                 change: Change::Composed(term.clone()),
                 values: term.numbers(),
                 kind: self.candidates.len() + form.unwrap_or(place),
+                twice: false,
                 price: term.price + 0.5 * unknowns * rows,
                 fall: fall(&own, &target),
                 responses: own,
@@ -141,8 +163,8 @@ impl<'t> Motion<'_, 't> {
 
     /// Members of a set between the points of their grids, where they explain more beside the
     /// others: by the distance of two points a drive is out of step at the end of a run, which
-    /// looks like something that drifts.
-    pub(super) fn sharpened(&self, entries: &[Entry], set: &[usize]) -> Vec<Entry> {
+    /// looks like something that drifts. Each with its place among `entries`.
+    pub(super) fn sharpened(&self, entries: &[Entry], set: &[usize]) -> Vec<(usize, Entry)> {
         let target = self.search.responses.target();
         let of = |&at: &usize| {
             let Change::Named(place) = entries[at].change else { return None };
@@ -187,7 +209,7 @@ impl<'t> Motion<'_, 't> {
                     (from, to) = (centre - reach, centre + reach);
                 }
             }
-            best.map(|(_, entry)| entry)
+            best.map(|(_, entry)| (at, entry))
         };
         set.par_iter().filter_map(of).collect()
     }
@@ -216,7 +238,8 @@ impl<'t> Motion<'_, 't> {
     pub(super) fn pool(&self, entries: &[Entry]) -> Pool<'t> {
         let responses = &self.search.responses;
         let members = entries.iter().map(Entry::member).collect();
-        Pool::of(members, &responses.target(), responses.rows, self.tuning)
+        let twice = entries.iter().filter(|entry| entry.twice).map(|entry| entry.kind).collect();
+        Pool::of(members, &responses.target(), responses.rows, self.tuning).taking_twice(twice)
     }
 
     /// A pool with more entries.

@@ -1,7 +1,8 @@
 //! The numbers that a model takes to first order beside a set of changes.
 
 use super::entries::Entry;
-use super::gram::{FoundSet, Pool};
+use super::found_set::FoundSet;
+use super::gram::Pool;
 use super::responses::Responses;
 use crate::error::Result;
 use crate::expr::{ParameterId, TermId};

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use rustc_hash::FxHashSet;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
+use super::found_set::{Addition, FoundSet, Set, cheapest, count, shorten, with, without};
 use super::inner_products::inner_products;
 use crate::diagnose::tuning;
 
@@ -22,7 +23,7 @@ pub(super) struct PoolMember {
     count: usize,
     /// What it costs in nats, its coefficients and inner numbers among it.
     price: f64,
-    /// Members of one kind differ in their inner numbers alone: a set has at most one of them.
+    /// Members of one kind differ in their inner numbers alone: a set has one of them, or two.
     kind: usize,
     /// Inner products of its columns with one another.
     own: DMatrix<f64>,
@@ -52,6 +53,8 @@ pub(super) struct Pool<'a> {
     norms: Vec<f64>,
     /// The least and the largest coefficients of columns, brought to length 1.
     limits: Vec<Limits>,
+    /// Kinds of which a set may have two members; it has one of any other.
+    twice: FxHashSet<usize>,
     /// Squares of what is to be explained.
     squares: f64,
     /// Independent residuals.
@@ -59,19 +62,6 @@ pub(super) struct Pool<'a> {
     /// How many of them say as much as one that is independent of the others.
     inflation: f64,
     tuning: &'a tuning::Sets,
-}
-
-/// A set, its members in order.
-pub(super) type Set = Vec<usize>;
-
-/// A set with what it leaves.
-#[derive(Debug, Clone)]
-pub(super) struct FoundSet {
-    pub(super) members: Set,
-    /// Twice the nats of its description.
-    pub(super) cost: f64,
-    /// What of that is saved by terms of the model that idle beside it.
-    pub(super) saved: f64,
 }
 
 impl<'a> Pool<'a> {
@@ -90,12 +80,18 @@ impl<'a> Pool<'a> {
             heights: DVector::zeros(0),
             norms: Vec::new(),
             limits: Vec::new(),
+            twice: FxHashSet::default(),
             squares: target.norm_squared(),
             rows,
             inflation: 1.0,
             tuning,
         };
         nothing.with(members, target)
+    }
+
+    /// The same where a set may have two members of some kinds.
+    pub(super) fn taking_twice(self, kinds: FxHashSet<usize>) -> Pool<'a> {
+        Pool { twice: kinds, ..self }
     }
 
     /// The same with more members, which come last.
@@ -191,8 +187,8 @@ impl<'a> Pool<'a> {
 
     /// Whether a set has all members of another, but for their inner numbers.
     pub(super) fn holds(&self, set: &FoundSet, other: &FoundSet) -> bool {
-        let kinds = self.kinds(&set.members);
-        self.kinds(&other.members).iter().all(|kind| kinds.contains(kind))
+        let (kinds, others) = (self.kinds(&set.members), self.kinds(&other.members));
+        others.iter().all(|&kind| count(&kinds, kind) >= count(&others, kind))
     }
 
     /// The sets one move away: a member added, dropped, exchanged, one exchanged for two or
@@ -316,13 +312,14 @@ impl<'a> Pool<'a> {
         found
     }
 
-    /// What a set costs with each member of another kind.
+    /// What a set costs with each member of a kind that it may have one more of.
     fn costs(&self, set: &[usize], beside: &Beside) -> Vec<Addition> {
         let left = (self.squares - beside.explained).max(0.0);
         let kinds = self.kinds(set);
         let base: f64 = set.iter().map(|&at| self.members[at].price).sum();
         let others = self.members.iter().enumerate();
-        let others = others.filter(|(_, member)| !kinds.contains(&member.kind));
+        let most = |kind| 1 + usize::from(self.twice.contains(&kind));
+        let others = others.filter(|(_, member)| count(&kinds, member.kind) < most(member.kind));
         others
             .filter_map(|(at, member)| {
                 let fall = self.fall(member, beside)?;
@@ -545,45 +542,6 @@ impl Beside {
     fn product_of_shadows(&self, i: usize, j: usize) -> f64 {
         self.shadows.iter().map(|shadow| shadow[i] * shadow[j]).sum()
     }
-}
-
-/// What a set with one more member costs, and that member.
-type Addition = (f64, usize);
-
-/// A set with one more member, at a cost.
-fn with(set: &[usize], &(cost, at): &Addition) -> FoundSet {
-    let mut members = set.to_vec();
-    members.push(at);
-    members.sort_unstable();
-    FoundSet { members, cost, saved: 0.0 }
-}
-
-/// The cheapest so many in their order, and the others in none.
-fn cheapest(all: &mut [Addition], most: usize) -> (&mut [Addition], &mut [Addition]) {
-    let order = |a: &Addition, b: &Addition| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
-    let count = most.min(all.len());
-    if count < all.len() {
-        all.select_nth_unstable_by(count, order);
-    }
-    let (first, then) = all.split_at_mut(count);
-    first.sort_unstable_by(order);
-    (first, then)
-}
-
-/// Keeps so many sets, which are in the order of their cost, and the best of each size.
-fn shorten(pool: &mut Vec<FoundSet>, kept: usize) {
-    let mut place = 0;
-    let mut sizes = FxHashSet::default();
-    pool.retain(|one| {
-        place += 1;
-        sizes.insert(one.members.len()) || place <= kept
-    });
-}
-
-/// A set without the members at some of its places.
-fn without(set: &[usize], places: &[usize]) -> Set {
-    let kept = set.iter().enumerate().filter(|(place, _)| !places.contains(place));
-    kept.map(|(_, &at)| at).collect()
 }
 
 #[cfg(test)]

@@ -235,3 +235,20 @@ fn what_leaves_as_little_takes_the_place_of_a_member_whatever_it_costs() {
     assert_eq!(of(8, &|at| at != near), [[3, near + 1]]);
     assert!(pool.exchanges(&best, 3, (8, 6.0), |_| true).is_empty());
 }
+
+#[test]
+fn a_set_has_two_of_those_kinds_alone_that_may_be_there_twice() {
+    let tuning = Tuning::default();
+    let (all, target) = drawn(&[(3, 2.0), (17, -1.0)], 0.3, 2);
+    let mut own = members(&all, f64::INFINITY);
+    own[17].0 = own[3].0;
+    let kind = own[3].0;
+    let once = Pool::of(own.clone(), &target, ROWS, &tuning.sets);
+    assert!(once.search(&[]).iter().all(|one| !one.members.starts_with(&[3, 17])));
+    let twice =
+        Pool::of(own, &target, ROWS, &tuning.sets).taking_twice([kind].into_iter().collect());
+    let best = twice.search(&[]).swap_remove(0);
+    assert_eq!(best.members, [3, 17]);
+    let one = FoundSet { members: vec![3], cost: 0.0, saved: 0.0 };
+    assert!(twice.holds(&best, &one) && !twice.holds(&one, &best));
+}

@@ -7,7 +7,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::entries::Entry;
 use super::first_order::Unknown;
-use super::gram::{FoundSet, Pool};
+use super::found_set::FoundSet;
+use super::gram::Pool;
 use super::responses::Responses;
 use crate::fit::Law;
 use crate::fit::own_values::may_be_left_out;

@@ -24,6 +24,7 @@ mod enumerate;
 mod expression;
 mod fine;
 mod first_order;
+mod found_set;
 mod front;
 mod gram;
 mod idle;

@@ -12,7 +12,8 @@ use super::entries::{Change, Entry, Motion};
 use super::enumerate::enumerate;
 use super::expression::Composed;
 use super::first_order::{Unknown, first_order, unknowns};
-use super::gram::{FoundSet, Pool};
+use super::found_set::FoundSet;
+use super::gram::Pool;
 use super::idle::without_idle_terms;
 use super::leaves::Leaves;
 use super::library::Library;
@@ -249,10 +250,11 @@ impl<'a, 'b> SetSearch<'a, 'b> {
                 break;
             }
             let in_place = |&at: &usize| {
-                let same = sharp.iter().position(|one| one.kind == entries[at].kind);
+                let same = sharp.iter().position(|(own, _)| *own == at);
                 same.map_or(at, |place| entries.len() + place)
             };
             let standing: Vec<usize> = best.members.iter().map(in_place).collect();
+            let sharp: Vec<Entry> = sharp.into_iter().map(|(_, entry)| entry).collect();
             pool = motion.pool_with(pool, &sharp);
             entries.extend(sharp);
             found = pool.search_from(&standing, found);
@@ -482,7 +484,15 @@ impl Look<'_, '_> {
             let entry = &entries[at];
             let own;
             let (candidate, named) = match &entry.change {
-                Change::Named(place) => (&candidates[*place], true),
+                Change::Named(place) => {
+                    let first = &candidates[*place];
+                    let is_second = |other: &&usize| {
+                        let other = &entries[**other];
+                        other.change == entry.change && other.values < entry.values
+                    };
+                    let second = found.members.iter().find(is_second).and(first.second.as_deref());
+                    (second.unwrap_or(first), true)
+                }
                 Change::Composed(term) => {
                     let terms = std::slice::from_ref(term);
                     let Some(found) = candidate_of(&mut scope, leaves, terms, false) else {

@@ -70,6 +70,7 @@ pub(super) fn candidate_of(
         parameters: ids,
         grid: vec![if fixed { Vec::new() } else { values }],
         choice: price,
+        second: None,
     })
 }
 
