@@ -241,12 +241,12 @@ fn asked(
     let (few, few_held_out) = (model.thinned(most), Measurements { most, ..held_out.clone() });
     let all = question;
     let question = Question { model: &few, held_out: &few_held_out, ..all };
-    let bare = Story::bare(&question);
-    let beginnings = beginnings(&question, &bare, &first);
+    let baseline = Story::baseline(&question);
+    let beginnings = beginnings(&question, &baseline, &first);
     if !beginnings.iter().any(holds) && unseen.look(&all, &first, &mut diagnosis)? {
         return Ok(diagnosis);
     }
-    let stories = stories(&question, &bare, beginnings)?;
+    let stories = stories(&question, &baseline, beginnings)?;
     if monitor.halted() {
         return Ok(diagnosis);
     }
@@ -257,7 +257,7 @@ fn asked(
     }
     if diagnosis.verdict == Verdict::Unexplained && !monitor.stopped() {
         monitor.stage("what is clear of it", 0.95);
-        if let Some(InPart { members, reason, shape }) = in_part(&question, &all, &bare)? {
+        if let Some(InPart { members, reason, shape }) = in_part(&question, &all, &baseline)? {
             diagnosis.verdict = Verdict::ExplainedInPart;
             diagnosis.partial = members;
             diagnosis.reason = reason;

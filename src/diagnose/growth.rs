@@ -139,8 +139,8 @@ impl<'a> Story<'a> {
         if self.members.is_empty() || question.monitor.stopped() {
             return;
         }
-        let bare = question.model.with_noise(self.model.noise());
-        let sums = settle(bare.with_window(window)).sums;
+        let baseline = question.model.with_noise(self.model.noise());
+        let sums = settle(baseline.with_window(window)).sums;
         let part = self.model.tuning().verdict.negligible;
         let negligible = part * sums.loss / sums.rows.max(1) as f64;
         if negligible.is_finite() {

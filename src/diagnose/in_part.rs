@@ -39,8 +39,8 @@ pub(super) struct InPart {
     pub(super) shape: Option<ResidualMap>,
 }
 
-/// The named effects all of which would be believed; `None` where not one is. `bare` is the story
-/// without a change. They are looked for on a part of the data; `all` asks the same of all.
+/// The named effects all of which would be believed; `None` where not one is. `baseline` is the
+/// story without a change. They are looked for on a part of the data; `all` asks the same of all.
 ///
 /// # Errors
 ///
@@ -48,15 +48,15 @@ pub(super) struct InPart {
 pub(super) fn in_part<'a>(
     question: &Question<'a, '_>,
     all: &Question<'a, '_>,
-    bare: &Story<'a>,
+    baseline: &Story<'a>,
 ) -> Result<Option<InPart>> {
-    let found = match of_sets(question, bare)? {
+    let found = match of_sets(question, baseline)? {
         Some(found) => Some(found),
-        None => one_after_another(question, bare),
+        None => one_after_another(question, baseline),
     };
     let Some((held, rivals)) = found else { return Ok(None) };
     let held = determined_by(all, &held).unwrap_or(held);
-    Ok(Some(told(all, bare, &held, rivals)))
+    Ok(Some(told(all, baseline, &held, rivals)))
 }
 
 /// A story with the numbers and errors that all data give it; `None` where they determine none.
@@ -71,9 +71,12 @@ fn determined_by<'a>(all: &Question<'a, '_>, held: &Story<'a>) -> Option<Story<'
 type Believed<'a> = (Story<'a>, Vec<Vec<String>>);
 
 /// One named effect after another.
-fn one_after_another<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Option<Believed<'a>> {
+fn one_after_another<'a>(
+    question: &Question<'a, '_>,
+    baseline: &Story<'a>,
+) -> Option<Believed<'a>> {
     let tuning = question.model.tuning();
-    let mut story = bare.clone();
+    let mut story = baseline.clone();
     let mut held = None;
     let mut rivals: Vec<Vec<String>> = Vec::new();
     while story.members.len() < tuning.verdict.effects && !question.monitor.stopped() {
@@ -89,11 +92,11 @@ fn one_after_another<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Optio
 
 /// Sets of named effects, chosen by what counts what they leave; found anew around the motion of
 /// the best as long as that makes another the best.
-fn of_sets<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<Believed<'a>>> {
+fn of_sets<'a>(question: &Question<'a, '_>, baseline: &Story<'a>) -> Result<Option<Believed<'a>>> {
     let tuning = question.model.tuning();
     let mut scope = question.scope.clone();
     let all = candidates(&mut scope, &question.model.data.dataset, &tuning.candidates);
-    let Some(mut search) = SetSearch::in_part(&bare.model, &all) else { return Ok(None) };
+    let Some(mut search) = SetSearch::in_part(&baseline.model, &all) else { return Ok(None) };
     let mut window = search.window();
     let mut proposed = search.look(None, question.monitor).proposed(question.scope)?;
     let mut asked: Vec<Vec<String>> = Vec::new();
@@ -101,18 +104,18 @@ fn of_sets<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<B
     for _ in 0..tuning.sets.looks {
         let before = asked.len();
         let mut least = f64::INFINITY;
-        let (without, _) = bare.squares(window, &bare.model.noise());
+        let (without, _) = baseline.squares(window, &baseline.model.noise());
         for set in proposed {
             // What costs more than one that is believed is its rival at most.
             if set.cost > least + tuning.ranking.indistinguishable {
                 break;
             }
-            let Some(story) = Story::of_set(bare, &set, (window, without))? else { continue };
+            let Some(story) = Story::of_set(baseline, &set, (window, without))? else { continue };
             if asked.contains(&story.labels()) || question.monitor.stopped() {
                 continue;
             }
             asked.push(story.labels());
-            if let Some(tried) = Tried::of(question, bare, story) {
+            if let Some(tried) = Tried::of(question, baseline, story) {
                 least = least.min(set.cost);
                 found.push((set, tried));
             }
@@ -144,13 +147,13 @@ fn of_sets<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<B
 /// What is told of a story that is believed.
 fn told<'a>(
     question: &Question<'a, '_>,
-    bare: &Story<'a>,
+    baseline: &Story<'a>,
     held: &Story<'a>,
     rivals: Vec<Vec<String>>,
 ) -> InPart {
     let window = held.model.law.window();
-    let bare = bare.with_noise(held.model.noise()).over(window);
-    let (before, after) = (held_out_error(question, &bare), held_out_error(question, held));
+    let baseline = baseline.with_noise(held.model.noise()).over(window);
+    let (before, after) = (held_out_error(question, &baseline), held_out_error(question, held));
     let members = held.members.iter().zip(rivals).map(|(member, rivals)| RankedEffect {
         held_out_error_before: before,
         held_out_error_after: after,

@@ -31,14 +31,14 @@ struct Alike {
 }
 
 /// The story with a named effect in place of its only change, where that has no name and a named
-/// one explains as much; `None` where none does. `bare` is the story without a change.
+/// one explains as much; `None` where none does. `baseline` is the story without a change.
 ///
 /// # Errors
 ///
 /// When a named effect does not fit the spec.
 pub(super) fn with_name<'a>(
     question: &Question<'a, '_>,
-    bare: &Story<'a>,
+    baseline: &Story<'a>,
     story: &Story<'a>,
 ) -> Result<Option<Story<'a>>> {
     let tuning = question.model.tuning();
@@ -62,7 +62,7 @@ pub(super) fn with_name<'a>(
         let from = Start::at(one.law, member.effect.p_value);
         let candidate = &all[one.candidate];
         let Some(refit) = refit_whole(&start, candidate, from, Precision::Full) else { continue };
-        let named = bare.with(&Judged::by(refit, &data, &held_out), window, question)?;
+        let named = baseline.with(&Judged::by(refit, &data, &held_out), window, question)?;
         let lengths = description_lengths(&[story, &named], tuning);
         let shorter = lengths.last() <= lengths.first();
         if holds(&named) && shorter {

@@ -16,9 +16,9 @@ use crate::error::Result;
 
 /// Stories, the best first: at least that without a change.
 ///
-/// `bare` is the story without a change, `beam` are those of one change. Where none of these holds
-/// by one number, or another describes the data clearly better than that, or one holds beside a
-/// model that is at the noise already, sets of changes are found together, if the model can be
+/// `baseline` is the story without a change, `beam` are those of one change. Where none of these
+/// holds by one number, or another describes the data clearly better than that, or one holds beside
+/// a model that is at the noise already, sets of changes are found together, if the model can be
 /// asked for them, and where nothing holds then, single terms without a name. A model that cannot
 /// be asked for sets is searched as long as the best story does not explain the data over whole
 /// runs: each of the leading stories is extended by the changes that pay most beside it. When that
@@ -30,14 +30,14 @@ use crate::error::Result;
 /// When a change does not fit the spec.
 pub(super) fn stories<'a>(
     question: &Question<'a, '_>,
-    bare: &Story<'a>,
+    baseline: &Story<'a>,
     mut beam: Vec<Story<'a>>,
 ) -> Result<Vec<Story<'a>>> {
     let all = question.model.tuning();
     let tuning = &all.verdict;
     let monitor = question.monitor;
     let mut ended: Vec<Story> = Vec::new();
-    let mut grown = bare.clone();
+    let mut grown = baseline.clone();
     grown.grow(question);
     let mut sets_asked = false;
     agree_on_noise(&mut beam);
@@ -51,14 +51,14 @@ pub(super) fn stories<'a>(
         false => !is_by_one_number(&beam, all),
     };
     if asked && !monitor.stopped() {
-        if let Some(sets) = together(question, bare)? {
+        if let Some(sets) = together(question, baseline)? {
             sets_asked = true;
             beam.extend(sets);
         }
         // Where no set holds, one term may still, once its numbers are fitted with more care.
         if !beam.iter().any(holds) && !monitor.stopped() {
             monitor.stage("terms without a name", 0.7);
-            beam.extend(with_unnamed(question, bare)?);
+            beam.extend(with_unnamed(question, baseline)?);
         }
     }
     agree_on_noise(&mut beam);
@@ -125,7 +125,7 @@ pub(super) fn stories<'a>(
         ended.insert(0, best);
     }
     if let Some(best) = ended.first().filter(|best| holds(best))
-        && let Some(named) = with_name(question, bare, best)?
+        && let Some(named) = with_name(question, baseline, best)?
     {
         ended.insert(0, named);
     }
@@ -165,11 +165,11 @@ pub(super) fn held_against_all<'a>(
     stories
 }
 
-/// Stories of one change beside `bare`, which has none: the best of those that asking all named
+/// Stories of one change beside `baseline`, which has none: the best of those that asking all named
 /// candidates of the model found.
 pub(super) fn beginnings<'a>(
     question: &Question<'a, '_>,
-    bare: &Story<'a>,
+    baseline: &Story<'a>,
     first: &Ranking,
 ) -> Vec<Story<'a>> {
     let all = question.model.tuning();
@@ -187,7 +187,7 @@ pub(super) fn beginnings<'a>(
         if monitor.stopped() || !(rivals || place < tuning.beginnings && least.is_infinite()) {
             continue;
         }
-        beam.extend(bare.with(judged, first.window, question));
+        beam.extend(baseline.with(judged, first.window, question));
     }
     beam
 }

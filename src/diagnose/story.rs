@@ -119,7 +119,7 @@ pub(super) struct Story<'a> {
 
 impl<'a> Story<'a> {
     /// The story without a change: the model as it is.
-    pub(super) fn bare(question: &Question<'a, '_>) -> Story<'a> {
+    pub(super) fn baseline(question: &Question<'a, '_>) -> Story<'a> {
         let model = question.model.clone();
         let sums = settle(model.clone()).sums;
         let scope = question.scope.clone();
@@ -171,20 +171,20 @@ impl<'a> Story<'a> {
         Ok(story)
     }
 
-    /// The story of several changes to `bare` at once, fitted over segments of `window` samples,
-    /// over which they were chosen; `None` where their numbers cannot be fitted, or first order
-    /// leads away from the data: to more squares than `without` any change.
+    /// The story of several changes to `baseline` at once, fitted over segments of `window`
+    /// samples, over which they were chosen; `None` where their numbers cannot be fitted, or first
+    /// order leads away from the data: to more squares than `without` any change.
     ///
     /// # Errors
     ///
     /// When a change does not fit the spec.
     pub(super) fn of_set(
-        bare: &Story<'a>,
+        baseline: &Story<'a>,
         set: &ProposedSet,
         (window, without): (usize, f64),
     ) -> Result<Option<Story<'a>>> {
-        let (scope, own) = placed(set.members.iter().map(|one| &one.effect), &bare.scope)?;
-        let noise = bare.model.law.noise().to_vec();
+        let (scope, own) = placed(set.members.iter().map(|one| &one.effect), &baseline.scope)?;
+        let noise = baseline.model.law.noise().to_vec();
         let mut law = set.law.on(&scope.compiled().system).with_noise(noise);
         let mut members = Vec::new();
         for (one, (terms, parameters)) in set.members.iter().zip(own) {
@@ -198,7 +198,7 @@ impl<'a> Story<'a> {
             let Proposed { named, positive, .. } = *one;
             members.push(Member { effect, terms, parameters, price, named, positive });
         }
-        let settled = settle(bare.model.with_law(law.with_window(window)));
+        let settled = settle(baseline.model.with_law(law.with_window(window)));
         let leads = settled.sums.loss < without;
         if !leads {
             return Ok(None);
@@ -208,7 +208,7 @@ impl<'a> Story<'a> {
         };
         let (law, sums) = (found.law, found.sums);
         let model = settled.model.with_law(law.clone());
-        let mut story = Story { members, scope, model, sums, explains: false, ..bare.clone() };
+        let mut story = Story { members, scope, model, sums, explains: false, ..baseline.clone() };
         story.take_numbers(&law);
         Ok(Some(story))
     }

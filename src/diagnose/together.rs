@@ -18,8 +18,8 @@ use super::tuning::Tuning;
 use crate::error::Result;
 use crate::fit::pass::Sums;
 
-/// Stories of sets of changes beside `bare`, which has none; each ends where it no longer follows
-/// the data. `None` where the model is not one that can be asked for sets.
+/// Stories of sets of changes beside `baseline`, which has none; each ends where it no longer
+/// follows the data. `None` where the model is not one that can be asked for sets.
 ///
 /// Sets stand beside the whole function space first. Where none of them holds, they stand beside
 /// the terms that the fit found: a whole space bends to a function that a few of its terms are
@@ -30,17 +30,17 @@ use crate::fit::pass::Sums;
 /// When a change does not fit the spec.
 pub(super) fn together<'a>(
     question: &Question<'a, '_>,
-    bare: &Story<'a>,
+    baseline: &Story<'a>,
 ) -> Result<Option<Vec<Story<'a>>>> {
     let space = FunctionSpace::of(question);
-    let Some(found) = beside(question, &space.all_free(bare)?)? else { return Ok(None) };
+    let Some(found) = beside(question, &space.all_free(baseline)?)? else { return Ok(None) };
     // Where one explains the data, what the others have to spare need not be known.
     let explained = found.iter().any(|story| story.explains);
     let open = found.into_par_iter().filter(|story| story.explains || !explained);
     let mut stories: Vec<Story> = open.map(|story| space.pruned(story, question)).collect();
     let more = !space.is_whole() && !question.monitor.stopped();
     if more && !stories.iter().any(holds) {
-        stories.extend(beside(question, bare)?.into_iter().flatten());
+        stories.extend(beside(question, baseline)?.into_iter().flatten());
     }
     Ok(Some(stories))
 }
@@ -48,22 +48,22 @@ pub(super) fn together<'a>(
 /// A set that was proposed, fitted in full.
 type Fitted<'a> = (ProposedSet, Story<'a>);
 
-/// Stories of sets beside `bare`. Where none of those explains the data that are chosen along the
-/// model's own motion, forces are asked for along the measured one, too: a model that lacks much
-/// is far from it.
-fn beside<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<Vec<Story<'a>>>> {
+/// Stories of sets beside `baseline`. Where none of those explains the data that are chosen along
+/// the model's own motion, forces are asked for along the measured one, too: a model that lacks
+/// much is far from it.
+fn beside<'a>(question: &Question<'a, '_>, baseline: &Story<'a>) -> Result<Option<Vec<Story<'a>>>> {
     let tuning = question.model.tuning();
     let mut scope = question.scope.clone();
     let all = candidates(&mut scope, &question.model.data.dataset, &tuning.candidates);
-    let Some(search) = SetSearch::of(&bare.model, &all, question.monitor) else {
+    let Some(search) = SetSearch::of(&baseline.model, &all, question.monitor) else {
         return Ok(None);
     };
-    let mut stories = looked_for(question, bare, search)?;
+    let mut stories = looked_for(question, baseline, search)?;
     if !stories.iter().any(|story| story.explains)
         && !question.monitor.stopped()
-        && let Some(search) = SetSearch::of_measured(&bare.model, &all, question.monitor)
+        && let Some(search) = SetSearch::of_measured(&baseline.model, &all, question.monitor)
     {
-        stories.extend(looked_for(question, bare, search)?);
+        stories.extend(looked_for(question, baseline, search)?);
     }
     // Where one holds, what the others have to spare need not be known.
     if !stories.iter().any(holds) {
@@ -76,7 +76,7 @@ fn beside<'a>(question: &Question<'a, '_>, bare: &Story<'a>) -> Result<Option<Ve
 /// Stories of the sets that a search proposes, and proposes anew around the best of them.
 fn looked_for<'a>(
     question: &Question<'a, '_>,
-    bare: &Story<'a>,
+    baseline: &Story<'a>,
     mut search: SetSearch<'a, '_>,
 ) -> Result<Vec<Story<'a>>> {
     let tuning = question.model.tuning();
@@ -87,7 +87,7 @@ fn looked_for<'a>(
     for look in 0..tuning.sets.looks {
         question.monitor.stage("sets of changes", 0.7);
         let proposed = search.look(around.as_ref(), question.monitor).proposed(question.scope)?;
-        try_sets(question, bare, proposed, window, &mut found)?;
+        try_sets(question, baseline, proposed, window, &mut found)?;
         let Some((set, best)) = leader(&found, question) else { break };
         let same = before.as_ref().is_some_and(|before| !is_nearer(best, before, tuning));
         if same || question.monitor.stopped() || look + 1 == tuning.sets.looks {
@@ -104,19 +104,19 @@ fn looked_for<'a>(
 /// them against longer ones.
 fn try_sets<'a>(
     question: &Question<'a, '_>,
-    bare: &Story<'a>,
+    baseline: &Story<'a>,
     proposed: Vec<ProposedSet>,
     window: usize,
     found: &mut Vec<Fitted<'a>>,
 ) -> Result<()> {
     let known = |set: &ProposedSet| found.iter().any(|(other, _)| labels(other) == labels(set));
     let new: Vec<ProposedSet> = proposed.into_iter().filter(|set| !known(set)).collect();
-    let (without, _) = bare.squares(window, &bare.model.noise());
+    let (without, _) = baseline.squares(window, &baseline.model.noise());
     let fitted = |set: ProposedSet| -> Result<Option<Fitted>> {
         if question.monitor.stopped() {
             return Ok(None);
         }
-        Ok(Story::of_set(bare, &set, (window, without))?.map(|story| (set, story)))
+        Ok(Story::of_set(baseline, &set, (window, without))?.map(|story| (set, story)))
     };
     let sets = new.into_par_iter().map(fitted).collect::<Result<Vec<Option<Fitted>>>>()?;
     let sets = sets.into_iter().flatten().collect();

@@ -1,4 +1,4 @@
-//! The answer: whether a story holds over whole runs, seen and unseen, and what is said where
+//! The answer: whether a story holds over whole runs, training and held out, and what is said where
 //! none does.
 
 use std::fmt::Write as _;
@@ -21,7 +21,7 @@ use super::window::longest;
 use crate::fit::pass::Sums;
 
 /// What held-out runs say of a model, over their whole length.
-struct Unseen {
+struct OnHeldOut {
     /// In units of the noise.
     error: f64,
     /// Whether that is the noise, to a tenth of its size or as well as so many residuals can tell,
@@ -49,21 +49,21 @@ pub(super) fn judge<'a>(
         return Vec::new();
     };
     let tuning = question.model.tuning();
-    let mut bare = stories.remove(place);
+    let mut baseline = stories.remove(place);
     if let Some(best) = stories.first() {
-        bare.hold_against(best.model.noise());
+        baseline.hold_against(best.model.noise());
     }
-    let before = unseen(question, &bare);
-    let enough = bare.explains && before.at_noise;
+    let before = on_held_out(question, &baseline);
+    let enough = baseline.explains && before.at_noise;
     let mut fault = None;
     let asked = |story: &mut Story<'a>| {
         story.conclude();
-        let after = unseen(question, story);
-        let found = fault_of(story, (&before, &after), enough.then_some(&bare), tuning)
-            .or_else(|| enough.then(|| of_rounding(story, &bare))?);
+        let after = on_held_out(question, story);
+        let found = fault_of(story, (&before, &after), enough.then_some(&baseline), tuning)
+            .or_else(|| enough.then(|| of_rounding(story, &baseline))?);
         (found, after)
     };
-    let mut told: Vec<(Story, Unseen)> = Vec::new();
+    let mut accepted: Vec<(Story, OnHeldOut)> = Vec::new();
     let mut others: Vec<Story> = Vec::new();
     // Those that hold come first.
     let holding = stories.iter().take_while(|story| holds(story)).count();
@@ -74,25 +74,25 @@ pub(super) fn judge<'a>(
     };
     let answered: Vec<_> = stories.into_par_iter().map(of_holding).collect();
     for (mut story, answer) in answered.into_iter().chain(rest) {
-        if !told.is_empty() && answer.is_none() && !holds(&story) {
+        if !accepted.is_empty() && answer.is_none() && !holds(&story) {
             break;
         }
-        // What leaves more than noise is not told; of the best of these it is said how much.
+        // What leaves more than noise is not accepted; of the best of these it is said how much.
         if fault.is_some() && !story.explains {
             others.push(story);
             continue;
         }
         let (found, after) = answer.unwrap_or_else(|| asked(&mut story));
         match found {
-            None => told.push((story, after)),
+            None => accepted.push((story, after)),
             Some(found) => {
                 fault.get_or_insert((found, after));
                 others.push(story);
             }
         }
     }
-    if !told.is_empty() {
-        tell(diagnosis, told, &before, tuning);
+    if !accepted.is_empty() {
+        choose(diagnosis, accepted, &before, tuning);
         return Vec::new();
     }
     let stories = others;
@@ -108,7 +108,7 @@ pub(super) fn judge<'a>(
         }
         return Vec::new();
     }
-    unexplained(question, diagnosis, (&bare, &before), &stories, fault);
+    unexplained(question, diagnosis, (&baseline, &before), &stories, fault);
     stories
 }
 
@@ -116,7 +116,7 @@ pub(super) fn judge<'a>(
 /// what does as well in the place of each.
 fn members(
     story: &Story,
-    (before, after): (&Unseen, &Unseen),
+    (before, after): (&OnHeldOut, &OnHeldOut),
     exchanges: &[(String, String)],
 ) -> Vec<RankedEffect> {
     let mut members: Vec<RankedEffect> =
@@ -145,11 +145,11 @@ fn members(
     members
 }
 
-/// Why a story is not told; `None` where it holds. `enough` is the model as it is, where that
+/// Why a story is not accepted; `None` where it holds. `enough` is the model as it is, where that
 /// explains the data already.
 fn fault_of(
     story: &Story,
-    (before, after): (&Unseen, &Unseen),
+    (before, after): (&OnHeldOut, &OnHeldOut),
     enough: Option<&Story>,
     tuning: &Tuning,
 ) -> Option<&'static str> {
@@ -167,17 +167,17 @@ fn fault_of(
         Some("one of its coefficients has the sign of the opposite effect")
     } else if story.is_infinite_on_its_way() {
         Some("one of its members is infinite where the motion passes")
-    } else if enough.is_some_and(|bare| !pays(story, bare, tuning)) {
+    } else if enough.is_some_and(|baseline| !pays(story, baseline, tuning)) {
         Some("the model explains the data as well without it")
     } else {
         None
     }
 }
 
-/// Why a story is not told beside a model that is at the noise of rounded readings.
-fn of_rounding(story: &Story, bare: &Story) -> Option<&'static str> {
+/// Why a story is not accepted beside a model that is at the noise of rounded readings.
+fn of_rounding(story: &Story, baseline: &Story) -> Option<&'static str> {
     let noise = story.model.noise();
-    is_of_rounding(&bare.model.with_noise(noise), &story.model)
+    is_of_rounding(&baseline.model.with_noise(noise), &story.model)
         .then_some("rounding of the readings explains as much")
 }
 
@@ -188,7 +188,7 @@ fn pays(story: &Story, than: &Story, tuning: &Tuning) -> bool {
 }
 
 /// The error of a story on held-out runs, over all of their length.
-fn unseen<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Unseen {
+fn on_held_out<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> OnHeldOut {
     let model = story.model.with_data(question.held_out);
     let mut model = model.with_window(longest(&model));
     // Other runs meet kinks in their own way.
@@ -207,7 +207,7 @@ fn unseen<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Unseen {
     let within_errors = if close { story.left_within_errors(&settled) } else { None };
     let noise = error <= tuning.verdict.reaches || near(&settled.sums);
     let by_errors = !noise && within_errors.as_ref().is_some_and(|(sums, _)| near(sums));
-    Unseen {
+    OnHeldOut {
         error,
         at_noise: settled.sums.diverged == 0 && (noise || by_errors),
         by_errors,
@@ -223,27 +223,32 @@ fn unseen<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> Unseen {
 /// named as far as these data do not tell them from it: with odds of a twentieth or more, in as few
 /// changes. What has numbers to spare may hold the story in it: it is a rival where they pay for
 /// themselves.
-fn tell(diagnosis: &mut Diagnosis, told: Vec<(Story, Unseen)>, before: &Unseen, tuning: &Tuning) {
-    let stories: Vec<&Story> = told.iter().map(|(story, _)| story).collect();
+fn choose(
+    diagnosis: &mut Diagnosis,
+    accepted: Vec<(Story, OnHeldOut)>,
+    before: &OnHeldOut,
+    tuning: &Tuning,
+) {
+    let stories: Vec<&Story> = accepted.iter().map(|(story, _)| story).collect();
     // Where one of them leaves white noise, what another leaves has no memory by the instrument.
     let times = stories.iter().map(|story| story.model.autocorrelation_time);
     let time = times.fold(f64::INFINITY, f64::min).max(1.0);
     let computed = is_computed(&stories);
-    let unsaid = |after: &Unseen| if computed { after.rows } else { 0.0 };
+    let unsaid = |after: &OnHeldOut| if computed { after.rows } else { 0.0 };
     // Like is compared with like: where a force has a kink, what errors add may not be known.
-    let known = told.iter().all(|(_, after)| after.within_errors.is_some());
-    let unseen = |after: &Unseen| {
+    let known = accepted.iter().all(|(_, after)| after.within_errors.is_some());
+    let left_of = |after: &OnHeldOut| {
         let (left, widened) = after.within_errors.filter(|_| known).unwrap_or((after.left, 0.0));
         left.max(unsaid(after)) / time + widened
     };
     let lengths: Vec<f64> = description_lengths(&stories, tuning)
         .iter()
-        .zip(&told)
-        .map(|(length, (_, after))| length + unseen(after))
+        .zip(&accepted)
+        .map(|(length, (_, after))| length + left_of(after))
         .collect();
     let least = lengths.iter().copied().fold(f64::INFINITY, f64::min);
     let near = |length: &f64| length - least < tuning.ranking.indistinguishable;
-    let ranked: Vec<_> = lengths.iter().zip(&told).filter(|(length, _)| near(length)).collect();
+    let ranked: Vec<_> = lengths.iter().zip(&accepted).filter(|(length, _)| near(length)).collect();
     let size = |story: &Story| (story.members.len(), story.unknowns());
     let fewest = ranked.iter().map(|(_, (story, _))| size(story)).min();
     let simplest = ranked.iter().filter(|(_, (story, _))| Some(size(story)) == fewest);
@@ -252,16 +257,17 @@ fn tell(diagnosis: &mut Diagnosis, told: Vec<(Story, Unseen)>, before: &Unseen, 
     // that they were fitted to, and where these are level, too, of their ranking.
     let first = simplest.clone().find(|(length, _)| **length - shortest < tuning.verdict.level);
     // Lengths that are no numbers leave the first.
-    let Some((length, (story, after))) = first.copied().or(lengths.iter().zip(&told).next()) else {
+    let Some((length, (story, after))) = first.copied().or(lengths.iter().zip(&accepted).next())
+    else {
         return;
     };
-    // What a name saves says which is told, and not what the data tell apart; but one law in two
-    // ways of writing is no other, and a number more has to pay for itself.
+    // What a name saves says which is accepted, and not what the data tell apart; but one law in
+    // two ways of writing is no other, and a number more has to pay for itself.
     let data_alone = |length: &f64, story: &Story| length - story.price();
     let own = data_alone(length, story);
     let number = (story.sums.rows.max(2) as f64).ln();
     let to_spare = |other: &Story| other.unknowns().saturating_sub(story.unknowns());
-    let is_as_good = |length: &f64, (other, its): &(Story, Unseen)| {
+    let is_as_good = |length: &f64, (other, its): &(Story, OnHeldOut)| {
         let is_same_law = (its.left - after.left).abs() <= SAME_SQUARES * after.left;
         let behind = data_alone(length, other) - own;
         match to_spare(other) {
@@ -270,7 +276,7 @@ fn tell(diagnosis: &mut Diagnosis, told: Vec<(Story, Unseen)>, before: &Unseen, 
         }
     };
     let labels = story.labels();
-    let mut others: Vec<(&f64, &(Story, Unseen))> = lengths.iter().zip(&told).collect();
+    let mut others: Vec<(&f64, &(Story, OnHeldOut))> = lengths.iter().zip(&accepted).collect();
     others.sort_by(|(a, (one, _)), (b, (other, _))| {
         data_alone(a, one).total_cmp(&data_alone(b, other))
     });
@@ -284,7 +290,7 @@ fn tell(diagnosis: &mut Diagnosis, told: Vec<(Story, Unseen)>, before: &Unseen, 
         .filter(|((other, _), is_as_good)| *is_as_good || to_spare(other) == 0)
         .map(|((other, _), is_as_good)| (other.labels(), is_as_good))
         .collect();
-    told_of(diagnosis, story, (before, after), &exchanges(&labels, &rivals));
+    accept(diagnosis, story, (before, after), &exchanges(&labels, &rivals));
     // What stands beside one effect alone is none of several.
     if labels.len() > 1 {
         diagnosis.indistinguishable.clear();
@@ -313,10 +319,10 @@ fn exchanges(own: &[String], rivals: &[(Vec<String>, bool)]) -> Vec<(String, Str
 }
 
 /// Writes a story that holds.
-fn told_of(
+fn accept(
     diagnosis: &mut Diagnosis,
     story: &Story,
-    (before, after): (&Unseen, &Unseen),
+    (before, after): (&OnHeldOut, &OnHeldOut),
     exchanges: &[(String, String)],
 ) {
     let members = members(story, (before, after), exchanges);
@@ -362,9 +368,9 @@ fn one_after_another(first: &RankedEffect, then: &[RankedEffect]) -> String {
 fn unexplained(
     question: &Question,
     diagnosis: &mut Diagnosis,
-    (bare, before): (&Story, &Unseen),
+    (baseline, before): (&Story, &OnHeldOut),
     stories: &[Story],
-    fault: Option<(&str, Unseen)>,
+    fault: Option<(&str, OnHeldOut)>,
 ) {
     if stories.is_empty() && !is_resolved(question.model) {
         diagnosis.verdict = Verdict::NothingMissing;
@@ -374,7 +380,7 @@ fn unexplained(
         return;
     }
     diagnosis.verdict = Verdict::Unexplained;
-    let last = stories.first().unwrap_or(bare);
+    let last = stories.first().unwrap_or(baseline);
     let more_than_noise = excess(&last.sums, &last.model) > 0.0;
     // One that loses the motion leaves no force that could be drawn.
     diagnosis.shape = more_than_noise.then(|| strongest_map(&last.model).ok().flatten()).flatten();

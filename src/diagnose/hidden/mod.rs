@@ -310,14 +310,14 @@ fn fitted(question: &Question, spec: &Compiled, start: &Start) -> Result<Option<
     let on_held_out = LawOnData::of(law.clone(), &held_out, model.options);
     let after = error(&on_held_out, longest(&on_held_out));
     // The model without the part, before the noise that it leaves with it.
-    let bare = model.with_noise(law.noise_on(&spec.system, 1.0));
-    let unseen = bare.with_data(question.held_out);
+    let baseline = model.with_noise(law.noise_on(&spec.system, 1.0));
+    let unseen = baseline.with_data(question.held_out);
     let before = error(&unseen, longest(&unseen));
     if after.1 > before.1 || !after.0.is_finite() {
         return Ok(None);
     }
     let whole = |model: &LawOnData| settle(model.with_window(longest(model))).sums;
-    let (left, were) = (whole(&on_training), whole(&bare));
+    let (left, were) = (whole(&on_training), whole(&baseline));
     if error_of(&left).1 > error_of(&were).1 {
         return Ok(None);
     }

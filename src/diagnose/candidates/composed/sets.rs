@@ -186,7 +186,7 @@ impl<'a, 'b> SetSearch<'a, 'b> {
         self.first.model.law.window()
     }
 
-    /// All members side by side, around the motion of the bare model over segments so short that it
+    /// All members side by side, around the motion of the baseline over segments so short that it
     /// follows them, or around that of a model with some changes.
     pub fn look(&mut self, around: Option<&Around<'a>>, monitor: &dyn Monitor) -> Look<'_, 'a> {
         let composed = &self.tuning.composed;
@@ -388,7 +388,7 @@ pub struct Look<'s, 'a> {
     found: Vec<FoundSet>,
     /// Whether the motion leaves noise.
     explains: bool,
-    /// Whether it is that of the bare model.
+    /// Whether it is that of the baseline.
     is_first: bool,
 }
 
