@@ -316,19 +316,23 @@ fn fitted(question: &Question, spec: &Compiled, start: &Start) -> Result<Option<
     if after.1 > before.1 || !after.0.is_finite() {
         return Ok(None);
     }
-    let whole = |model: &LawOnData| settle(model.with_window(longest(model))).sums;
-    let (left, were) = (whole(&on_training), whole(&baseline));
-    if error_of(&left).1 > error_of(&were).1 {
-        return Ok(None);
-    }
-    let deviance = were.loss - left.loss;
     let (coefficient, standard_error) = numbers(&law, spec.system.parameters.len(), start);
-    // Its numbers, and where it starts in every run, are unknowns that the model does not have.
-    let new = system.hidden.iter().filter(|part| part.coordinate >= spec.system.degrees());
-    let parts = new.map(|part| if part.rate.is_none() { 2 } else { 1 });
-    let unknowns = coefficient.len() + parts.sum::<usize>() * training.runs.len();
-    let price = unknowns as f64 * (left.rows.max(1) as f64).ln();
-    let p_value = (start.tests as f64 * (-0.5 * (deviance - price)).exp()).min(1.0);
+    let (mut deviance, mut p_value) = (0.0, 1.0);
+    // What leaves more than noise on held-out runs is not told, whatever it does to the others.
+    if after.0 <= model.tuning().verdict.reaches {
+        let whole = |model: &LawOnData| settle(model.with_window(longest(model))).sums;
+        let (left, were) = (whole(&on_training), whole(&baseline));
+        if error_of(&left).1 > error_of(&were).1 {
+            return Ok(None);
+        }
+        deviance = were.loss - left.loss;
+        // Its numbers, and where it starts in every run, are unknowns that the model does not have.
+        let new = system.hidden.iter().filter(|part| part.coordinate >= spec.system.degrees());
+        let parts = new.map(|part| if part.rate.is_none() { 2 } else { 1 });
+        let unknowns = coefficient.len() + parts.sum::<usize>() * training.runs.len();
+        let price = unknowns as f64 * (left.rows.max(1) as f64).ln();
+        p_value = (start.tests as f64 * (-0.5 * (deviance - price)).exp()).min(1.0);
+    }
     let effect = RankedEffect {
         effect: start.label.clone(),
         on: start.on.clone(),
