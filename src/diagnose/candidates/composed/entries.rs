@@ -51,6 +51,8 @@ pub(super) struct Motion<'s, 't> {
     pub(super) candidates: &'s [Candidate],
     /// Spreads of the observables.
     pub(super) spreads: &'s [f64],
+    /// Whether a set may have two of what can be there twice.
+    pub(super) twice: bool,
     pub(super) tuning: &'t tuning::Sets,
 }
 
@@ -83,7 +85,7 @@ impl<'t> Motion<'_, 't> {
         all.sort_by(|a, b| b.fall.total_cmp(&a.fall));
         let half = most.div_ceil(2).min(all.len());
         let mut seconds = Vec::new();
-        if candidate.second.is_some() {
+        if self.may_be_twice(candidate) {
             let beside = Beside::of(all.first().into_iter(), &self.search.responses.target());
             let rest = all.split_off(half);
             let mut falls: Vec<(f64, Entry)> =
@@ -94,6 +96,10 @@ impl<'t> Motion<'_, 't> {
         }
         all.truncate(most);
         all.into_iter().enumerate().chain(seconds.into_iter().enumerate()).collect()
+    }
+
+    fn may_be_twice(&self, candidate: &Candidate) -> bool {
+        self.twice && candidate.second.is_some()
     }
 
     /// A named candidate at some choices of its inner numbers, those left out that do nothing.
@@ -124,7 +130,7 @@ impl<'t> Motion<'_, 't> {
                 change: Change::Named(place),
                 values: one.values,
                 kind: place,
-                twice: candidate.second.is_some(),
+                twice: self.may_be_twice(candidate),
                 price: candidate.choice + choices + 0.5 * unknowns * rows,
                 fall: fall(&own, &target),
                 responses: own,

@@ -234,6 +234,8 @@ impl<'a, 'b> SetSearch<'a, 'b> {
             law: &law,
             candidates: self.candidates,
             spreads: &self.spreads,
+            // What is clear of a part is told first, a second one beside it when that stands.
+            twice: !self.in_part,
             tuning: &self.tuning.sets,
         };
         let mut entries = motion.named(&fitted);

@@ -249,6 +249,7 @@ fn what_was_fitted_stands_beside_the_best_points_of_the_grids() {
         law: &settled.model.law,
         candidates: &all,
         spreads: &settled.model.spreads(),
+        twice: true,
         tuning: &options.tuning.sets,
     };
     let drives = |fitted: &[(usize, Vec<f64>)]| -> Vec<Vec<f64>> {
@@ -278,6 +279,7 @@ fn saved_beside_sixth(truth: &str) -> f64 {
         law,
         candidates: &[],
         spreads: &settled.model.spreads(),
+        twice: true,
         tuning: &options.tuning.sets,
     };
     let entries = motion.composed(&[term(Place::Potential, &[(0, "{x}^6", 0.0)])]);
