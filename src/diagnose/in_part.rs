@@ -55,16 +55,19 @@ pub(super) fn in_part<'a>(
         None => one_after_another(question, baseline),
     };
     let Some((held, rivals)) = found else { return Ok(None) };
-    let held = determined_by(all, &held).unwrap_or(held);
+    let Some(held) = believed_by(all, held) else { return Ok(None) };
     Ok(Some(told(all, baseline, &held, rivals)))
 }
 
-/// A story with the numbers and errors that all data give it; `None` where they determine none.
-fn determined_by<'a>(all: &Question<'a, '_>, held: &Story<'a>) -> Option<Story<'a>> {
+/// A story with the numbers and errors that all data give it, where they determine any; `None`
+/// where a member is doubtful then.
+fn believed_by<'a>(all: &Question<'a, '_>, held: Story<'a>) -> Option<Story<'a>> {
     let settled = settle(held.model.thinned(all.model.data.most));
-    let found = fitted(&settled, &settled.model.law, Precision::Ranking)?;
-    let whole = Held::at(settle(settled.model.with_law(found.law)))?;
-    Some(whole.story(held))
+    let found = fitted(&settled, &settled.model.law, Precision::Ranking);
+    let whole = found.and_then(|found| Held::at(settle(settled.model.with_law(found.law))));
+    let Some(whole) = whole else { return Some(held) };
+    let story = whole.story(&held);
+    (!whole.is_doubtful(&story, all.model.tuning())).then_some(story)
 }
 
 /// A story all of whose members would be believed, and what does as well in the place of each.
