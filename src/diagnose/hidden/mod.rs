@@ -16,6 +16,8 @@ mod weak_form;
 
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use super::diagnosis::{Diagnosis, Verdict};
 use super::effect::RankedEffect;
 use super::law_on_data::LawOnData;
@@ -224,14 +226,21 @@ fn best_of(question: &Question, starts: &[Start]) -> Result<Option<Found>> {
     starts.sort_by(|a, b| a.rank.cmp(&b.rank).then(b.gain.total_cmp(&a.gain)));
     let mut best: Option<Found> = None;
     for rank in 0..tuning.points.max(1) {
-        for start in starts.iter().filter(|start| start.rank == rank).take(tuning.fits) {
-            if question.monitor.stopped() {
-                return Ok(best);
-            }
-            let Some(found) = fitted(question, question.scope.compiled(), start)? else { continue };
-            if best.as_ref().is_none_or(|best| found.after < best.after) {
+        let asked: Vec<&Start> = starts.iter().copied().filter(|one| one.rank == rank).collect();
+        let asked = asked.into_par_iter().take(tuning.fits);
+        let fitted = |start: &Start| match question.monitor.stopped() {
+            true => Ok(None),
+            false => fitted(question, question.scope.compiled(), start),
+        };
+        for found in asked.map(fitted).collect::<Result<Vec<Option<Found>>>>()? {
+            if let Some(found) = found
+                && best.as_ref().is_none_or(|best| found.after < best.after)
+            {
                 best = Some(found);
             }
+        }
+        if question.monitor.stopped() {
+            break;
         }
         // What is far from the noise from its best start is another part's doing.
         let nearly = |best: &Found| best.after < tuning.again * best.effect.held_out_error_before;

@@ -481,18 +481,21 @@ impl Look<'_, '_> {
         let p_values = pool.p_values(&found.members);
         let mut scope = scope.clone();
         let mut all = Vec::new();
-        let members = found.members.iter().zip(p_values);
-        for ((&at, p_value), coefficients) in members.zip(coefficients) {
+        let is_second = |at: usize| {
+            let own = &entries[at];
+            let before = |one: &Entry| one.change == own.change && one.values < own.values;
+            found.members.iter().any(|&other| before(&entries[other]))
+        };
+        let mut members: Vec<((usize, f64), Vec<f64>)> =
+            found.members.iter().copied().zip(p_values).zip(coefficients).collect();
+        members.sort_by_key(|((at, _), _)| is_second(*at));
+        for ((at, p_value), coefficients) in members {
             let entry = &entries[at];
             let own;
             let (candidate, named) = match &entry.change {
                 Change::Named(place) => {
                     let first = &candidates[*place];
-                    let is_second = |other: &&usize| {
-                        let other = &entries[**other];
-                        other.change == entry.change && other.values < entry.values
-                    };
-                    let second = found.members.iter().find(is_second).and(first.second.as_deref());
+                    let second = first.second.as_deref().filter(|_| is_second(at));
                     (second.unwrap_or(first), true)
                 }
                 Change::Composed(term) => {
