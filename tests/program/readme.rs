@@ -187,9 +187,11 @@ fn every_file_that_the_readme_links_exists() {
 fn the_first_commands_are_the_documented_ones() {
     let page = page();
     assert!(page.contains("$ cargo run --release -- fit examples/henon-heiles/fit.ham\n"));
-    assert!(page.contains("$ cargo test --tests\n$ cargo test --doc\n"));
+    assert!(page.contains("$ cargo test --tests -- --include-ignored\n$ cargo test --doc\n"));
     let check = fs::read_to_string(root().join(".ci/run")).expect("the check");
-    for part in ["part tests cargo test --tests", "part examples cargo test --doc"] {
+    for part in
+        ["part tests cargo test --tests -- --include-ignored", "part examples cargo test --doc"]
+    {
         assert!(check.lines().any(|line| line.trim() == part), "{part}");
     }
 }
