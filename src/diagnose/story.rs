@@ -16,6 +16,7 @@ use crate::fit::column::Column;
 use crate::fit::factor::Factor;
 use crate::fit::own_values::is_said;
 use crate::fit::pass::Sums;
+use crate::fit::stepping::by_method_for_its_forces;
 use crate::fit::{Law, Monitor};
 use crate::spec::effects::label_of_second;
 
@@ -198,7 +199,8 @@ impl<'a> Story<'a> {
             let Proposed { named, positive, .. } = *one;
             members.push(Member { effect, terms, parameters, price, named, positive });
         }
-        let settled = settle(baseline.model.with_law(law.with_window(window)));
+        let law = by_method_for_its_forces(law.with_window(window));
+        let settled = settle(baseline.model.with_law(law));
         let leads = settled.sums.loss < without;
         if !leads {
             return Ok(None);

@@ -1,6 +1,7 @@
 //! How accurately to integrate: as the noise asks for, and no more.
 
 use super::driving;
+use super::law::Law;
 use super::options::Options;
 use super::pass::Stepping;
 use super::rounding::WHOLE_STEPS;
@@ -36,6 +37,15 @@ pub struct Accuracy {
 pub(super) fn usual(separable: bool) -> Method {
     let name = if separable { "forest-ruth" } else { "gauss-legendre-4" };
     Method::by_name(name).expect("a row of METHODS")
+}
+
+/// A law by a method that its equations allow: no splitting takes forces with momenta.
+pub(crate) fn by_method_for_its_forces(law: Law) -> Law {
+    let stepping = law.stepping();
+    if !stepping.method.needs_separable() || law.dynamics().separable() {
+        return law;
+    }
+    law.with_stepping(Stepping { method: usual(false), ..stepping })
 }
 
 /// For the first round, whose model is rough anyway.
