@@ -30,6 +30,7 @@ use leverrier::internals::diagnose::settling::settle;
 use leverrier::internals::diagnose::{self, LawOnData};
 use leverrier::internals::expr::{Scope, build};
 use leverrier::internals::fit::segments::packed;
+use leverrier::internals::fit::stepping::Aim;
 use leverrier::internals::fit::train::Training;
 use leverrier::internals::fit::{Law, Model, Options, Silent};
 use leverrier::internals::spec::edit::insert;
@@ -92,7 +93,7 @@ fn left(
     let measured = Arc::new(packed(&case.training, &options.tuning.segments));
     let mut training =
         Training::from_law(&law, measured, &options).expect("a law of its own system");
-    training.choose_integrator();
+    training.choose_integrator(Aim::Round);
     let law = law.with_stepping(training.law().stepping());
     let options = diagnose::Options::default();
     let on = |data, law: &Law| LawOnData::of(law.clone().with_window(window), data, &options);

@@ -269,7 +269,8 @@ fn fitted_until(
         Precision::Full => tuning.refit.converged,
     };
     let least = LeastGain { part, squares };
-    let integrator = if model.at_steps { Integrator::Kept } else { Integrator::Chosen };
+    let left = (sums.loss / sums.rows.max(1) as f64).sqrt();
+    let integrator = if model.at_steps { Integrator::Kept } else { Integrator::Chosen(left) };
     let (start, monitor) = (Some((segments, states)), model.monitor);
     let how = Refitting { start, integrator, least, tuning, monitor };
     let Refitted { law, linearised, resolution } = refitted(&law, &model.data.packed, how).ok()?;

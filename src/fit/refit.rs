@@ -9,6 +9,7 @@ use super::options::Options;
 use super::pass::Linearised;
 use super::segments::Segments;
 use super::states::States;
+use super::stepping::{Aim, PART_OF_MISFIT};
 use super::train::Training;
 use super::tuning::Tuning;
 use crate::data::Packed;
@@ -31,13 +32,18 @@ pub struct Refitting<'a> {
 }
 
 /// By what trajectories are integrated in a refit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Integrator {
     /// By that of the law.
     Kept,
-    /// By one that is accurate enough for the law's noise.
-    Chosen,
+    /// By one that is accurate enough for the law's noise, or for what the law leaves where that is
+    /// so many times as large.
+    Chosen(f64),
 }
+
+/// A law that leaves less than this part of what its integrator was chosen for is fitted further by
+/// a finer one.
+const FALLEN: f64 = 0.1;
 
 /// A law whose numbers were fitted together.
 pub struct Refitted {
@@ -67,11 +73,36 @@ pub fn refitted(law: &Law, measured: &Arc<Packed>, how: Refitting) -> Result<Ref
         training.segments.clone_from(segments);
         training.states.clone_from(states);
     }
-    if how.integrator == Integrator::Chosen {
-        training.choose_integrator();
+    let mut misfit = match how.integrator {
+        Integrator::Kept => None,
+        Integrator::Chosen(times) => Some(times),
+    };
+    // Each integrator is chosen as if it were the first.
+    let accuracy = training.accuracy.clone();
+    loop {
+        if let Some(times) = misfit {
+            training.accuracy.clone_from(&accuracy);
+            training.choose_integrator(Aim::Misfit(times));
+        }
+        let mut refit = training.refit_until(how.least, how.monitor);
+        let sums = refit.sums();
+        let left = (sums.loss / sums.rows.max(1) as f64).sqrt();
+        training.take(&mut refit);
+        let is_coarse = |times: f64| left < FALLEN * times && PART_OF_MISFIT * times > 1.0;
+        if misfit.is_some_and(is_coarse) && !how.monitor.stopped() {
+            misfit = Some(left);
+            training.law.set_noise(law.noise().to_vec());
+            continue;
+        }
+        let resolution = training.accuracy.resolution.clone();
+        let mut refitted = training.law().clone();
+        if misfit.is_some_and(|times| PART_OF_MISFIT * times > 1.0) {
+            // What it leaves of other data is not to be what its steps do.
+            training.law.set_noise(law.noise().to_vec());
+            training.accuracy = accuracy;
+            training.choose_integrator(Aim::Round);
+            refitted.set_stepping(training.law().stepping());
+        }
+        return Ok(Refitted { law: refitted, linearised: refit.linearised, resolution });
     }
-    let mut refit = training.refit_until(how.least, how.monitor);
-    training.take(&mut refit);
-    let (law, resolution) = (training.law().clone(), training.accuracy.resolution.clone());
-    Ok(Refitted { law, linearised: refit.linearised, resolution })
 }

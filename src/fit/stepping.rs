@@ -82,19 +82,29 @@ pub fn coarse(
 }
 
 /// What a model is integrated for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Aim {
     /// A model on the way.
     Round,
+    /// A model that leaves so many times the noise: errors of steps are small beside a hundredth of
+    /// that.
+    Misfit(f64),
     /// The model that a training ends with: others will simulate it, so it keeps the structure of
     /// its flow; and its integrator errs by little beside the standard errors.
     Result,
 }
 
+/// Part of what a model leaves beside which the errors of its steps are small.
+pub(super) const PART_OF_MISFIT: f64 = 0.01;
+
 /// The cheapest integrator that is accurate enough for the present noise.
 pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64], aim: Aim) -> Choice {
     // Rounding accumulates along a segment.
     let (noise, window) = (training.law().noise(), training.law().window());
+    let times = match aim {
+        Aim::Misfit(times) if times.is_finite() => (PART_OF_MISFIT * times).max(1.0),
+        _ => 1.0,
+    };
     let along = (window.max(2) - 1) as f64;
     let mut rounding = training.rounding.clone();
     rounding.iter_mut().for_each(|r| *r *= along);
@@ -106,25 +116,29 @@ pub fn choose(training: &Training, dynamics: &Dynamics, theta: &[f64], aim: Aim)
     let tuning = &options.tuning.stepping;
     let present: Vec<f64> =
         [training.accuracy.error.clone(), of_state(&training.accuracy.error)].concat();
-    let limited = noise.iter().zip(&training.spread).zip(&present).any(|((s, spread), error)| {
-        error.is_finite() && *s < tuning.suspect * error || *s < tuning.finest * spread
-    });
+    let is_limited =
+        noise.iter().zip(&training.spread).zip(&present).any(|((s, spread), error)| {
+            error.is_finite() && *s < tuning.suspect * error || *s < tuning.finest * spread
+        });
+    // What a model leaves is not what its steps do, where it is far more than that.
+    let limited = is_limited && times == 1.0;
     // Errors of consecutive intervals add up along a segment.
     let intervals = window.saturating_sub(1).max(1) as f64;
     let residuals = (training.samples() * noise.len() / 2).max(1) as f64;
     let (keep, part_of_mean) = match aim {
-        Aim::Round => (false, tuning.part_of_mean),
+        Aim::Round | Aim::Misfit(_) => (false, tuning.part_of_mean),
         Aim::Result => (true, tuning.part_of_error),
     };
     let most = tuning.part_of_noise.min(part_of_mean / residuals.sqrt());
     let share = if limited { 0.0 } else { most / intervals };
-    let tolerance = tolerances(&noise.iter().map(|s| share * s).collect::<Vec<_>>(), &slopes);
+    let tolerance =
+        tolerances(&noise.iter().map(|s| share * times * s).collect::<Vec<_>>(), &slopes);
     let mut scratch = Scratch::new();
     let mut choice = choose_steps(dynamics, theta, &batch, &span, &tolerance, keep, &mut scratch);
     if share > 0.0 && (!choice.reached || choice.cost > tuning.evaluations) {
         // Across a jump every method is of the first order: hundreds of steps an interval would
         // go to errors that the noise hides.
-        let hidden: Vec<f64> = noise.iter().map(|s| tuning.hidden * s).collect();
+        let hidden: Vec<f64> = noise.iter().map(|s| tuning.hidden * times * s).collect();
         let tolerance = tolerances(&hidden, &slopes);
         let rough = choose_steps(dynamics, theta, &batch, &span, &tolerance, keep, &mut scratch);
         if rough.reached && rough.cost < choice.cost {
@@ -171,9 +185,9 @@ impl Training<'_> {
     }
 
     /// Makes the integrator as accurate as the present model and noise ask for.
-    pub fn choose_integrator(&mut self) {
+    pub fn choose_integrator(&mut self, aim: Aim) {
         let (dynamics, theta) = self.compile();
-        self.integrate_by(choose(self, &dynamics, &theta, Aim::Round));
+        self.integrate_by(choose(self, &dynamics, &theta, aim));
     }
 
     fn integrate_by(&mut self, choice: Choice) {

@@ -10,6 +10,7 @@ use super::options::Options;
 use super::pass::{Problem, residuals, settle};
 use super::scores::Scores;
 use super::states::States;
+use super::stepping::Aim;
 use super::train::Training;
 use crate::data::{Dataset, Packed};
 use crate::error::Result;
@@ -68,7 +69,7 @@ impl<'a> Held<'a> {
         let mut training = Training::new(law.system(), dataset, options)?;
         training.start_from(law);
         training.recut(law.window())?;
-        training.choose_integrator();
+        training.choose_integrator(Aim::Round);
         let (dynamics, theta) = training.compile();
         let weights = training.weights();
         let mut states = std::mem::take(&mut training.states);

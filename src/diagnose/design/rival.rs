@@ -59,7 +59,7 @@ impl Rival {
         for (id, guess) in new.into_iter().zip(guesses) {
             law = law.with_term(id, guess)?;
         }
-        let (tuning, integrator) = (&model.options.fit, Integrator::Chosen);
+        let (tuning, integrator) = (&model.options.fit, Integrator::Chosen(1.0));
         let least = tuning.refit.converged.into();
         let how = Refitting { start: None, integrator, least, tuning, monitor: model.monitor };
         let law = refitted(&law, &model.data.packed, how)?.law;

@@ -11,6 +11,7 @@ use leverrier::internals::diagnose::{self, LawOnData};
 use leverrier::internals::expr::{Term, build};
 use leverrier::internals::fit::refit::{Integrator, Refitting, refitted};
 use leverrier::internals::fit::segments::{longest_run, packed};
+use leverrier::internals::fit::stepping::Aim;
 use leverrier::internals::fit::train::Training;
 use leverrier::internals::fit::{Law, Model, Monitor, Options, fit};
 use leverrier::internals::spec::edit::insert;
@@ -490,7 +491,7 @@ impl<'a> Weighing<'a> {
             &options,
         )
         .ok()?;
-        training.choose_integrator();
+        training.choose_integrator(Aim::Round);
         let law = law.with_stepping(training.law().stepping());
         let options = diagnose::Options::default();
         let whole = longest_run(&case.training).min(options.tuning.states.longest);
