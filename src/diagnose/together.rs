@@ -101,7 +101,8 @@ fn looked_for<'a>(
 }
 
 /// Fits the sets that are not known yet over segments of `window` samples, and holds the best of
-/// them against longer ones.
+/// them against longer ones. Computed data have so many digits that a set which explains them
+/// leaves nothing to a larger one: they are asked for the small ones first.
 fn try_sets<'a>(
     question: &Question<'a, '_>,
     baseline: &Story<'a>,
@@ -110,7 +111,31 @@ fn try_sets<'a>(
     found: &mut Vec<Fitted<'a>>,
 ) -> Result<()> {
     let known = |set: &ProposedSet| found.iter().any(|(other, _)| labels(other) == labels(set));
-    let new: Vec<ProposedSet> = proposed.into_iter().filter(|set| !known(set)).collect();
+    let mut new: Vec<ProposedSet> = proposed.into_iter().filter(|set| !known(set)).collect();
+    if !baseline.model.is_computed() {
+        return try_together(question, baseline, new, window, found);
+    }
+    new.sort_by_key(|set| set.members.len());
+    while let Some(size) = new.first().map(|set| set.members.len()) {
+        let larger = new.split_off(new.partition_point(|set| set.members.len() == size));
+        try_together(question, baseline, new, window, found)?;
+        let explains = |(set, story): &Fitted| story.explains && set.members.len() <= size;
+        if found.iter().any(explains) {
+            break;
+        }
+        new = larger;
+    }
+    Ok(())
+}
+
+/// The same for sets that are asked for at once.
+fn try_together<'a>(
+    question: &Question<'a, '_>,
+    baseline: &Story<'a>,
+    sets: Vec<ProposedSet>,
+    window: usize,
+    found: &mut Vec<Fitted<'a>>,
+) -> Result<()> {
     let (without, _) = baseline.squares(window, &baseline.model.noise());
     let fitted = |set: ProposedSet| -> Result<Option<Fitted>> {
         if question.monitor.stopped() {
@@ -118,7 +143,7 @@ fn try_sets<'a>(
         }
         Ok(Story::of_set(baseline, &set, (window, without))?.map(|story| (set, story)))
     };
-    let sets = new.into_par_iter().map(fitted).collect::<Result<Vec<Option<Fitted>>>>()?;
+    let sets = sets.into_par_iter().map(fitted).collect::<Result<Vec<Option<Fitted>>>>()?;
     let sets = sets.into_iter().flatten().collect();
     let mut explained: Option<(Sums, f64)> = None;
     let most = question.model.tuning().sets.grown;

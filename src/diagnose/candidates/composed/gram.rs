@@ -216,10 +216,11 @@ impl<'a> Pool<'a> {
     }
 
     /// The set where each member, the dearest first, is exchanged for the cheapest that does nearly
-    /// the same beside the others. First order may tell a form from its limiting form by no more
-    /// than its own error.
-    pub(super) fn simplest(&self, found: &FoundSet) -> Option<FoundSet> {
+    /// the same beside the others, as long as it leaves so many times the squares at most. First
+    /// order may tell a form from its limiting form by no more than its own error.
+    pub(super) fn simplest(&self, found: &FoundSet, times: f64) -> Option<FoundSet> {
         let price = |at: usize| self.members[at].price;
+        let most = times * self.left(&found.members)?;
         let mut order = found.members.clone();
         order.sort_by(|&a, &b| price(b).total_cmp(&price(a)));
         let mut set = found.members.clone();
@@ -228,9 +229,11 @@ impl<'a> Pool<'a> {
             let beside = self.beside(&rest)?;
             let all = self.costs(&rest, &beside).into_iter();
             let simpler = all.filter(|&(cost, at)| {
+                let more = with(&rest, &(cost, at)).members;
                 price(at) < price(own)
                     && self.is_alike(at, own, &beside)
-                    && self.is_within(&with(&rest, &(cost, at)).members)
+                    && self.is_within(&more)
+                    && self.left(&more).is_some_and(|left| left <= most)
             });
             let cheapest = simpler.min_by(|&(cost, a), &(other, b)| {
                 price(a).total_cmp(&price(b)).then(cost.total_cmp(&other)).then(a.cmp(&b))
@@ -491,8 +494,27 @@ impl<'a> Pool<'a> {
     }
 
     /// The pool where so many residuals say as much as one independent one.
-    pub(super) fn counting(self, inflation: f64) -> Pool<'a> {
+    fn counting(self, inflation: f64) -> Pool<'a> {
         Pool { inflation, ..self }
+    }
+
+    /// Sets found anew with residuals that resemble each other as those do which the best leaves,
+    /// as long as the best becomes smaller: a large set leaves less that does.
+    pub(super) fn counting_what_is_left(
+        mut self,
+        mut found: Vec<FoundSet>,
+        target: &DVector<f64>,
+        lengths: &[usize],
+    ) -> (Pool<'a>, Vec<FoundSet>) {
+        while let Some(best) = found.first().filter(|best| !best.members.is_empty()).cloned() {
+            let inflation = self.inflation(&best.members, target, lengths);
+            self = self.counting(inflation);
+            found = self.search(&[]);
+            if found.first().is_none_or(|first| first.members.len() >= best.members.len()) {
+                break;
+            }
+        }
+        (self, found)
     }
 
     /// How many residuals say as much as an independent one about the members of a set: how many
@@ -501,7 +523,7 @@ impl<'a> Pool<'a> {
     /// to the next.
     ///
     /// Source: H. White, Econometrica 50, 1 (1982), for sums over stretches.
-    pub(super) fn inflation(&self, set: &[usize], target: &DVector<f64>, lengths: &[usize]) -> f64 {
+    fn inflation(&self, set: &[usize], target: &DVector<f64>, lengths: &[usize]) -> f64 {
         let own = self.columns(set);
         let (Some(values), Some(lower)) = (self.solved(&own), self.factor(&own)) else {
             return self.inflation;

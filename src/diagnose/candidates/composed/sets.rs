@@ -87,6 +87,10 @@ pub struct Placed {
     pub columns: Vec<Column>,
 }
 
+/// First order does not tell sets apart that leave less than so many times the squares of one
+/// another, where a change is strong.
+const AS_GOOD: f64 = 2.0;
+
 /// What sets are made of.
 pub struct SetSearch<'a, 'b> {
     candidates: &'b [Candidate],
@@ -262,7 +266,9 @@ impl<'a, 'b> SetSearch<'a, 'b> {
             found = pool.search_from(&standing, found);
         }
         if self.in_part {
-            (pool, found) = counting_what_is_left(pool, found, &search.responses);
+            let responses = &search.responses;
+            (pool, found) =
+                pool.counting_what_is_left(found, &responses.target(), &responses.lengths());
         } else {
             let all = (&search.responses, &pool, &entries[..]);
             found = without_idle_terms(found, all, &law, &unknowns);
@@ -405,10 +411,15 @@ impl Look<'_, '_> {
         let tuning = self.of.tuning;
         let mut sets = Vec::new();
         let mut taken: Vec<&FoundSet> = Vec::new();
-        let is_far = self.is_first && self.of.along == Along::Measured;
+        let is_far = self.of.along == Along::Measured;
+        // Noisy data are asked for larger sets only around a motion that is near: here, far from
+        // the truth, they explain by accident.
+        let by_size =
+            self.is_first && !self.of.in_part && (is_far || self.of.first.model.is_computed());
         let best_of_sizes;
-        let found = if is_far {
-            best_of_sizes = self.best_of_sizes();
+        let found = if by_size {
+            let best = if is_far { 0 } else { tuning.sets.proposed / 2 };
+            best_of_sizes = self.best_of_sizes(best);
             &best_of_sizes
         } else {
             found
@@ -419,11 +430,12 @@ impl Look<'_, '_> {
         for (one, rival) in leaders.chain(rivals.iter().map(|one| (one, true))) {
             // Around a motion that leaves noise, first order says what a set is worth.
             let leads = !self.explains || self.may_lead(one);
-            if !rival && (leading == tuning.sets.proposed || !leads) {
+            let enough = !by_size && leading == tuning.sets.proposed;
+            if !rival && (enough || !leads) {
                 continue;
             }
             // What holds a better set says nothing else: its other members come later, if at all.
-            if !is_far && taken.iter().any(|better| pool.holds(one, better)) {
+            if !by_size && taken.iter().any(|better| pool.holds(one, better)) {
                 continue;
             }
             let Some(members) = self.written(scope, one)? else { continue };
@@ -464,12 +476,32 @@ impl Look<'_, '_> {
         })
     }
 
-    /// The best set of each size, and the simplest that does nearly the same: first order may be
-    /// far from what a strong change does, and then bends to that.
-    fn best_of_sizes(&self) -> Vec<FoundSet> {
+    /// The best set of each size up to that of the best, with the simplest that does nearly the
+    /// same, and beside them so many of the best: first order may be far from what a strong change
+    /// does, and then bends to that.
+    fn best_of_sizes(&self, best: usize) -> Vec<FoundSet> {
+        let largest = match self.of.along {
+            Along::Model => self.found.first().map_or(0, |best| best.members.len()),
+            Along::Measured => usize::MAX,
+        };
         let mut sizes = FxHashSet::default();
-        let best = self.found.iter().filter(|one| sizes.insert(one.members.len()));
-        best.flat_map(|one| [Some(one.clone()), self.pool.simplest(one)]).flatten().collect()
+        let of_sizes = self
+            .found
+            .iter()
+            .filter(|one| one.members.len() <= largest && sizes.insert(one.members.len()));
+        let mut all: Vec<FoundSet> = Vec::new();
+        for one in of_sizes {
+            let simpler = [AS_GOOD, f64::INFINITY].map(|times| self.pool.simplest(one, times));
+            for set in [Some(one.clone())].into_iter().chain(simpler).flatten() {
+                if all.iter().all(|other| other.members != set.members) {
+                    all.push(set);
+                }
+            }
+        }
+        let known: FxHashSet<Vec<usize>> = all.iter().map(|one| one.members.clone()).collect();
+        let others = self.found.iter().take(best).filter(|one| !known.contains(&one.members));
+        all.extend(others.cloned());
+        all
     }
 
     /// A set as changes to a spec, each in the scope of those before it; `None` where the language
@@ -539,25 +571,6 @@ impl Look<'_, '_> {
         }
         Ok(Some(all))
     }
-}
-
-/// Sets found anew with residuals that resemble each other as those do which the best leaves, as
-/// long as the best becomes smaller: a large set leaves less that does.
-fn counting_what_is_left<'p>(
-    mut pool: Pool<'p>,
-    mut found: Vec<FoundSet>,
-    responses: &Responses,
-) -> (Pool<'p>, Vec<FoundSet>) {
-    let (target, lengths) = (responses.target(), responses.lengths());
-    while let Some(best) = found.first().filter(|best| !best.members.is_empty()).cloned() {
-        let inflation = pool.inflation(&best.members, &target, &lengths);
-        pool = pool.counting(inflation);
-        found = pool.search(&[]);
-        if found.first().is_none_or(|first| first.members.len() >= best.members.len()) {
-            break;
-        }
-    }
-    (pool, found)
 }
 
 /// Columns of the unknowns of a model that the system `base` has, too.
