@@ -418,8 +418,7 @@ impl Look<'_, '_> {
             self.is_first && !self.of.in_part && (is_far || self.of.first.model.is_computed());
         let best_of_sizes;
         let found = if by_size {
-            let best = if is_far { 0 } else { tuning.sets.proposed / 2 };
-            best_of_sizes = self.best_of_sizes(best);
+            best_of_sizes = self.best_of_sizes();
             &best_of_sizes
         } else {
             found
@@ -477,12 +476,15 @@ impl Look<'_, '_> {
     }
 
     /// The best set of each size up to that of the best, with the simplest that does nearly the
-    /// same, and beside them so many of the best: first order may be far from what a strong change
-    /// does, and then bends to that.
-    fn best_of_sizes(&self, best: usize) -> Vec<FoundSet> {
-        let largest = match self.of.along {
-            Along::Model => self.found.first().map_or(0, |best| best.members.len()),
-            Along::Measured => usize::MAX,
+    /// same, and beside them some of the best; along the measured motion those of all sizes and no
+    /// others. First order may be far from what a strong change does, and then bends to that.
+    fn best_of_sizes(&self) -> Vec<FoundSet> {
+        let (largest, beside) = match self.of.along {
+            Along::Model => {
+                let largest = self.found.first().map_or(0, |best| best.members.len());
+                (largest, self.of.tuning.sets.proposed / 2)
+            }
+            Along::Measured => (usize::MAX, 0),
         };
         let mut sizes = FxHashSet::default();
         let of_sizes = self
@@ -499,7 +501,7 @@ impl Look<'_, '_> {
             }
         }
         let known: FxHashSet<Vec<usize>> = all.iter().map(|one| one.members.clone()).collect();
-        let others = self.found.iter().take(best).filter(|one| !known.contains(&one.members));
+        let others = self.found.iter().take(beside).filter(|one| !known.contains(&one.members));
         all.extend(others.cloned());
         all
     }
