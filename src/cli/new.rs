@@ -1,5 +1,6 @@
 //! `leverrier new`: looks at a file of measurements and writes a first spec.
 
+mod rates;
 mod roles;
 mod text;
 mod words;
@@ -32,7 +33,7 @@ use crate::expr::{self, FunctionSpace};
     leverrier new \"swing_*.csv\"             every file is a run\n\n\
     Column names that are understood: t, time; run, trial, id; theta with omega; x with v (x1 \
     with\nv1, x with x_dot or vx); q with p; theta, x, q and the like alone. Units are taken from \
-    headers such\nas `theta [rad]`.")]
+    headers such\nas `theta [rad]`. A rate or an acceleration alone, such as a gyroscope's, is measured as one.")]
 pub(super) struct Arguments {
     /// The file of measurements, or a pattern in quotation marks that stands for several.
     #[arg(required = true)]

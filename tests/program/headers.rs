@@ -427,8 +427,34 @@ const HABITS: &[Habit] = &[
         "a phone",
         "\"Time (s)\",\"Gyroscope x (rad/s)\",\"Gyroscope y (rad/s)\"\n",
         three,
-        &["time Time [s]", "is this what moves?"],
+        &[
+            "coordinates theta [rad]",
+            "theta not measured  p_theta not measured  Gyroscope_y = \"Gyroscope y\"",
+            "`Gyroscope y (rad/s)` varies most of 2 columns",
+            "measure Gyroscope_y [rad/s] = rate(theta)",
+            "V = span{ theta^2, theta^3, theta^4, cos(theta) }",
+            "is `Gyroscope x (rad/s)` something that moves? Left out.",
+        ],
     ),
+    habit(
+        "a rate in degrees",
+        "t_ms,Drehrate [°/s]\n",
+        |at| format!("{},{:.5}", 100 * at, 40.0 * speed(at)),
+        &["coordinates theta [rad]", "time t [s]", "measure Drehrate [rad/s] = rate(theta)"],
+    ),
+    habit(
+        "a speed alone",
+        "time (s),speed (mm/s)\n",
+        commas,
+        &["coordinates x [mm]", "measure speed [mm/s] = rate(x)", "V = span{ x^2, x^3, x^4 }"],
+    ),
+    habit(
+        "an accelerometer",
+        "time,accX,accY\n",
+        |at| format!("{:.1},{:.5},{:.5}", time(at), 0.1 * place(at), 9.81 + place(at)),
+        &["param at_rest = 10.54", "measure accY = rate(rate(x)) + at_rest", "`accX` something"],
+    ),
+    habit("a speed that is a voltage", "t,Tacho [V]\n", commas, &["coordinates Tacho"]),
     habit(
         "a unit behind an underscore",
         "time_s,theta_deg,omega_deg_s\n",
@@ -490,7 +516,7 @@ fn every_habit_gets_a_spec_that_check_accepts() {
         }
     }
     assert!(wrong.is_empty(), "{} are wrong:\n{}", wrong.len(), wrong.join("\n\n"));
-    assert!(HABITS.len() > 70);
+    assert!(HABITS.len() > 74);
 }
 
 #[test]
@@ -525,4 +551,23 @@ fn a_fit_reads_what_new_understood() {
     assert_eq!(terms.len(), 1, "{terms:?}");
     let value = terms[0]["coefficient"].as_f64().expect("a number");
     assert!((value - 0.5).abs() < 1e-3, "{value}");
+}
+
+#[test]
+fn a_rate_alone_is_fitted_as_one() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path();
+    for (header, row) in [
+        ("t (ms),Gyroscope z (°/s)", (|at| speed(at).to_degrees()) as fn(usize) -> f64),
+        ("t (ms),Acceleration z (m/s^2)", |at| 9.81 - place(at)),
+    ] {
+        let rows: String = (0..150).map(|at| format!("{},{:.6}\n", 100 * at, row(at))).collect();
+        fs::write(path.join("d.csv"), format!("{header}\n{rows}")).expect("written");
+        good(path, &["new", "d.csv", "--force"]);
+        let fitted = json(path, &["fit", "d.ham"], "leverrier.fit/1");
+        let terms = fitted["model"]["terms"].as_array().expect("terms");
+        assert_eq!(terms.len(), 1, "{header}: {terms:?}");
+        let value = terms[0]["coefficient"].as_f64().expect("a number");
+        assert!((value - 0.5).abs() < 1e-3, "{header}: {value}");
+    }
 }

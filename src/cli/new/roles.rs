@@ -3,6 +3,7 @@
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 
+use super::rates::{self, Rate};
 use super::words::{self, ByWhat, Named};
 use crate::data::{self, Column, Table};
 use crate::error::Result;
@@ -135,6 +136,8 @@ pub(super) struct ColumnRoles<'a> {
     /// Coordinate and its partner.
     pub pairs: Vec<(Named<'a>, Option<Named<'a>>)>,
     pub role: Partner,
+    /// What shows how the only coordinate changes, where no column is a coordinate.
+    pub rate: Option<Rate<'a>>,
     /// Whether nothing but its place says that the coordinate is one.
     pub guessed: bool,
     pub inputs: Vec<Named<'a>>,
@@ -161,7 +164,8 @@ impl<'a> ColumnRoles<'a> {
 
     /// All columns of coordinates and of what goes with them.
     pub(super) fn used(&self) -> impl Iterator<Item = &Named<'a>> {
-        self.pairs.iter().flat_map(|(q, v)| [Some(q), v.as_ref()]).flatten()
+        let rate = self.rate.iter().map(|rate| &rate.named);
+        self.pairs.iter().flat_map(|(q, v)| [Some(q), v.as_ref()]).flatten().chain(rate)
     }
 }
 
@@ -265,9 +269,17 @@ pub(super) fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
     let mut guessed = false;
     let mut pairs: Vec<(Named, Option<Named>)> =
         pairs.into_iter().map(|pair| (pair.0.clone(), Some(pair.1.clone()))).collect();
+    let mut rate = None;
     if pairs.is_empty() {
-        let (columns, by_place) = alone(&rest);
-        guessed = by_place;
+        let mut columns = alone(&rest);
+        if columns.is_empty() {
+            rate = rates::strongest(&rest, table);
+        }
+        if columns.is_empty() && rate.is_none() {
+            guessed = rest.len() > 1;
+            let moves = rest.iter().find(|named| words::drives(named).is_none());
+            columns.extend(moves.or(rest.first()).copied());
+        }
         pairs = columns.into_iter().map(|column| (column.clone(), None)).collect();
         if let [(q, v)] = pairs.as_mut_slice() {
             *v = rate_by_unit(q, &rest).cloned();
@@ -278,7 +290,7 @@ pub(super) fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
     } else {
         role
     };
-    if pairs.is_empty() {
+    if pairs.is_empty() && rate.is_none() {
         return nothing(
             format!(
                 "there is no column of numbers beside the time; there are {}",
@@ -312,6 +324,7 @@ pub(super) fn guess(table: &Table) -> Result<ColumnRoles<'_>> {
         files: 0,
         pairs,
         role,
+        rate,
         guessed,
         inputs: Vec::new(),
         errors: Vec::new(),
@@ -455,9 +468,8 @@ fn run_column<'a>(table: &'a Table, all: &[Named<'a>], time: &Named) -> Option<&
     all.iter().filter(own).filter(named).find(several).map(|named| named.column)
 }
 
-/// Columns that are coordinates by themselves, by their names, their units, or because there is
-/// no other; whether only their place says so.
-fn alone<'n, 'a>(columns: &[&'n Named<'a>]) -> (Vec<&'n Named<'a>>, bool) {
+/// Columns that are coordinates by themselves, by their names, else by their units.
+fn alone<'n, 'a>(columns: &[&'n Named<'a>]) -> Vec<&'n Named<'a>> {
     let moves: Vec<&Named> =
         columns.iter().copied().filter(|named| words::drives(named).is_none()).collect();
     let named =
@@ -472,15 +484,7 @@ fn alone<'n, 'a>(columns: &[&'n Named<'a>]) -> (Vec<&'n Named<'a>>, bool) {
         })
     };
     let by_name: Vec<&Named> = moves.iter().filter(named).copied().collect();
-    if !by_name.is_empty() {
-        return (by_name, false);
-    }
-    let by_unit: Vec<&Named> = moves.iter().filter(by_unit).copied().collect();
-    if !by_unit.is_empty() {
-        return (by_unit, false);
-    }
-    let first = moves.first().or(columns.first());
-    (first.copied().into_iter().collect(), columns.len() > 1)
+    if by_name.is_empty() { moves.iter().filter(by_unit).copied().collect() } else { by_name }
 }
 
 /// Columns that may be looked up by their names, for files of many columns.

@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 use std::path::Path;
 
+use super::rates::{Derivative, Rate};
 use super::roles::{ANGLES, ColumnRoles, Partner, TimeIs, Why};
 use super::words::{Named, is_count};
 use crate::data::{self, Table};
@@ -195,6 +196,28 @@ pub(super) fn spec(
         coordinates.push(Variable { named: Some(q), name, unit, in_file, error: error(q) });
         seconds.push(second);
     }
+    let measure = roles.rate.as_ref().map(|rate| {
+        let unit = rate.unit_of_coordinate().filter(|_| all);
+        let per_time = unit.as_ref().zip(spec_time.as_ref()).map(|(q, t)| format!("{q}/{t}"));
+        let per_time_squared =
+            unit.as_ref().zip(spec_time.as_ref()).map(|(q, t)| format!("{q}/{t}^2"));
+        let name = word(rate.coordinate(), &mut taken);
+        let momentum = word(&format!("p_{name}"), &mut taken);
+        let hidden = |name, unit| Variable { named: None, name, unit, in_file: None, error: None };
+        coordinates.push(hidden(name, unit));
+        seconds.push(hidden(momentum, per_time.clone()));
+        inertias.push(None);
+        Variable {
+            named: Some(&rate.named),
+            name: word(&with_group(&rate.named, roles), &mut taken),
+            unit: match rate.derivative {
+                Derivative::First => per_time,
+                Derivative::Second => per_time_squared,
+            },
+            in_file: rate.named.unit.clone().filter(|_| all),
+            error: error(&rate.named),
+        }
+    });
     let mut inputs: Vec<Variable> = Vec::new();
     for named in roles.inputs.iter().filter(|_| style.inputs) {
         let unit = named.unit.clone().filter(|_| all);
@@ -216,15 +239,15 @@ pub(super) fn spec(
     if let Some(run) = roles.run {
         items.push_str(&format!("  run {}", quoted(&run.name)));
     }
-    for (q, v) in coordinates.iter().zip(&seconds) {
-        for item in [q.item(table), v.item(table)].into_iter().flatten() {
+    for variable in coordinates.iter().zip(&seconds).flat_map(|(q, v)| [q, v]) {
+        if let Some(item) = variable.item(table) {
             items.push_str(&format!("  {item}"));
         }
-        if v.named.is_none() {
-            items.push_str(&format!("  {} not measured", v.name));
+        if variable.named.is_none() {
+            items.push_str(&format!("  {} not measured", variable.name));
         }
     }
-    for item in inputs.iter().filter_map(|input| input.item(table)) {
+    for item in measure.iter().chain(&inputs).filter_map(|variable| variable.item(table)) {
         items.push_str(&format!("  {item}"));
     }
     let momenta: Vec<String> = coordinates
@@ -244,18 +267,7 @@ pub(super) fn spec(
         })
         .collect();
     let names: Vec<String> = coordinates.iter().map(|q| q.name.clone()).collect();
-    let mut space = vec![format!("poly({}; 4)", names.join(", "))];
-    for q in &coordinates {
-        let Some(named) = q.named else { continue };
-        let degrees = named.unit.as_deref().is_some_and(|unit| unit.contains("deg"));
-        let angle = named.parts().iter().any(|(stem, _)| ANGLES.contains(&stem.as_str()))
-            || named.unit.as_deref() == Some("rad");
-        // Without a unit of time nothing is converted: no cosine of degrees.
-        if (degrees && all) || (angle && !degrees) {
-            space.push(format!("cos({})", q.name));
-            space.push(format!("sin({})", q.name));
-        }
-    }
+    let space = function_space(roles, &coordinates, all);
     let (keyword, about) = match roles.role {
         Partner::Velocity => ("velocities ", "measured velocities; momenta are called p_..."),
         Partner::Momentum => ("momenta    ", "the momenta that belong to them"),
@@ -264,9 +276,14 @@ pub(super) fn spec(
     let list = |variables: &[Variable]| {
         variables.iter().map(Variable::declared).collect::<Vec<_>>().join(", ")
     };
-    let what_moves = match roles.guessed {
-        true => "is this what moves? Nothing says so",
-        false => "what moves",
+    let what_moves = match (&roles.rate, roles.guessed) {
+        (Some(_), _) => "what moves; where it is, no column shows",
+        (None, true) => "is this what moves? Nothing says so",
+        (None, false) => "what moves",
+    };
+    let measured = match (&roles.rate, &measure, names.first()) {
+        (Some(rate), Some(measure), Some(q)) => stated_measure(rate, measure, q),
+        _ => String::new(),
     };
     let stated_time = match (&spec_time, &time_unit) {
         (Some(spec), Some(file)) if spec != file => format!("time t [{spec}]\n"),
@@ -285,7 +302,7 @@ pub(super) fn spec(
          {keyword} {seconds}    # {about}\n\
          {stated_time}{stated_inputs}\
          data \"{path}\" {{ {items} }}\n\
-         {time_question}{left}\n\
+         {time_question}{measured}{left}\n\
          # The energy is T + V. What is known is written as it is; what is unknown is a\n\
          # span{{...}}: a list of terms, each of which gets a coefficient if the data ask for it.\n\
          T = {kinetic}\n\
@@ -309,6 +326,57 @@ pub(super) fn spec(
         suggested = suggested(roles, style, first, &mut taken),
     );
     (text, assumed)
+}
+
+/// The terms of the potential energy that a first fit chooses from.
+fn function_space(roles: &ColumnRoles, coordinates: &[Variable], all: bool) -> Vec<String> {
+    if let ([q], Some(rate)) = (coordinates, &roles.rate) {
+        // Without a term of first order there is no force at zero: that is where zero lies.
+        let name = &q.name;
+        let powers = (2..=4).map(|power| format!("{name}^{power}"));
+        return powers.chain(rate.turns.then(|| format!("cos({name})"))).collect();
+    }
+    let names: Vec<&str> = coordinates.iter().map(|q| q.name.as_str()).collect();
+    let mut space = vec![format!("poly({}; 4)", names.join(", "))];
+    for q in coordinates {
+        let Some(named) = q.named else { continue };
+        let degrees = named.unit.as_deref().is_some_and(|unit| unit.contains("deg"));
+        let angle = named.parts().iter().any(|(stem, _)| ANGLES.contains(&stem.as_str()))
+            || named.unit.as_deref() == Some("rad");
+        // Without a unit of time nothing is converted: no cosine of degrees.
+        if (degrees && all) || (angle && !degrees) {
+            space.push(format!("cos({})", q.name));
+            space.push(format!("sin({})", q.name));
+        }
+    }
+    space
+}
+
+/// What a column shows of the coordinate `q`, and what is asked about it.
+fn stated_measure(rate: &Rate, measure: &Variable, q: &str) -> String {
+    let header = data::visible(&rate.named.column.header);
+    let mut out = format!("# Zero of {q} is where no force acts.");
+    if rate.others > 0 {
+        out.push_str(&format!(
+            " `{header}` varies most of {} columns of its kind.\n# Is it this one?",
+            rate.others + 1
+        ));
+    }
+    out.push('\n');
+    let declared = measure.declared();
+    match rate.derivative {
+        Derivative::First => out.push_str(&format!("measure {declared} = rate({q})\n")),
+        Derivative::Second => {
+            out.push_str(&format!(
+                "# At rest an accelerometer may show gravity, and an offset.\n\
+                 param at_rest = {}{}\n\
+                 measure {declared} = rate(rate({q})) + at_rest\n",
+                data::short(rate.mean),
+                bracketed(rate.named.unit.as_ref().filter(|_| measure.unit.is_some())),
+            ));
+        }
+    }
+    out
 }
 
 /// The name of a column, with the body that it belongs to where there are several.
@@ -345,6 +413,16 @@ fn assumed(roles: &ColumnRoles, style: Style) -> Vec<String> {
             (None, _) => "whose velocity is not measured".to_string(),
         };
         assumed.push(format!("`{}` is a coordinate {its}", q.column.header));
+    }
+    if let Some(rate) = &roles.rate {
+        let derivative = match (rate.derivative, rate.turns) {
+            (Derivative::First, true) => "rate of an angle",
+            (Derivative::First, false) => "velocity of a place",
+            (Derivative::Second, true) => "acceleration of an angle",
+            (Derivative::Second, false) => "acceleration of a place",
+        };
+        let header = &rate.named.column.header;
+        assumed.push(format!("`{header}` is the {derivative} that no column shows"));
     }
     if roles.role != Partner::Momentum {
         assumed.push("every mass is 1 (change T in the spec if you know better)".to_string());
