@@ -106,3 +106,81 @@ pub fn refitted(law: &Law, measured: &Arc<Packed>, how: Refitting) -> Result<Ref
         return Ok(Refitted { law: refitted, linearised: refit.linearised, resolution });
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::data::Dataset;
+    use crate::expr::{System, build};
+    use crate::fit::monitor::Silent;
+    use crate::fit::segments::packed;
+    use crate::simulate::Simulator;
+
+    const NOISE: f64 = 1e-9;
+
+    fn system(potential: &str) -> Arc<System> {
+        let text = format!("coordinates q\nmomenta p\nT = p^2/2\nV = {potential}\n");
+        build("law", &text).expect("a spec").system
+    }
+
+    /// Two runs of a law in which everything is known, to all digits.
+    fn computed(potential: &str) -> Dataset {
+        let system = system(potential);
+        let simulator = Simulator::new(&system, &[], &[], &[]).expect("a law");
+        let times: Vec<f64> = (0..64).map(|i| 0.1 * f64::from(i)).collect();
+        let starts = [vec![1.2, 0.1], vec![-0.4, 0.9]];
+        simulator.trajectories(&starts, &times).expect("a motion").dataset(&system)
+    }
+
+    /// A law of the square and the fourth power, with wrong numbers, fitted by steps that are
+    /// chosen for so many times the noise.
+    fn fitted(data: &Dataset, times: f64) -> Refitted {
+        let free = system("span{ q^2, q^4 }");
+        let known = Law::known(system("q^2")).expect("a law");
+        let ids = free.term_ids();
+        let terms = vec![(ids[0], 0.3), (ids[1], 0.1)];
+        let how = (known.stepping(), 16);
+        let law = Law::new(free, terms, Vec::new(), vec![NOISE; 2], how).expect("a law");
+        let tuning = Tuning::default();
+        let measured = Arc::new(packed(data, &Options::default().tuning.segments));
+        let how = Refitting {
+            start: None,
+            integrator: Integrator::Chosen(times),
+            least: tuning.refit.converged.into(),
+            tuning: &tuning,
+            monitor: &Silent,
+        };
+        refitted(&law, &measured, how).expect("a fit")
+    }
+
+    /// How many times the noise a law leaves.
+    fn left(fitted: &Refitted) -> f64 {
+        let sums = &fitted.linearised.sums;
+        (sums.loss / sums.rows as f64).sqrt()
+    }
+
+    #[test]
+    fn steps_get_finer_as_a_law_leaves_less() {
+        let data = computed("q^2/2 + q^4/4");
+        // The first guess leaves about a hundredth of the motion: ten million times the noise.
+        let found = fitted(&data, 1e7);
+        assert!(left(&found) < 10.0, "{}", left(&found));
+        assert!((found.law.coefficients()[0] - 0.5).abs() < 1e-8, "{:?}", found.law.coefficients());
+        assert!((found.law.coefficients()[1] - 0.25).abs() < 1e-8);
+    }
+
+    #[test]
+    fn coarse_steps_find_what_fine_ones_find_where_a_law_is_wrong() {
+        let data = computed("q^2/2 + q^4/4 - q^3/5");
+        let fine = fitted(&data, 1.0);
+        let (times, sizes) = (left(&fine), fine.law.coefficients());
+        assert!(times > 1e5, "{times}");
+        let coarse = fitted(&data, times);
+        assert!((left(&coarse) / times - 1.0).abs() < 1e-3, "{} {times}", left(&coarse));
+        for (coarse, fine) in coarse.law.coefficients().iter().zip(sizes) {
+            assert!((coarse / fine - 1.0).abs() < 1e-2, "{coarse} {fine}");
+        }
+        // What it leaves of other data is as exact as the noise asks for, all the same.
+        assert!(coarse.law.stepping().longest <= 2.0 * fine.law.stepping().longest);
+    }
+}

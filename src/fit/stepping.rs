@@ -302,3 +302,22 @@ fn sample(training: &Training) -> (Batch, Vec<f64>) {
     driving::drive_each(&mut batch, (&training.measured, own), picked.iter().map(place));
     (batch, span)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::expr::build;
+
+    #[test]
+    fn a_force_with_momenta_takes_a_method_that_needs_no_splitting() {
+        let law = |force: &str| {
+            let text = format!("coordinates q\nmomenta p\nT = p^2/2\nV = q^2\n{force}");
+            let law = Law::known(build("law", &text).expect("a spec").system).expect("a law");
+            let stepping = Stepping { method: usual(true), ..law.stepping() };
+            by_method_for_its_forces(law.with_stepping(stepping)).stepping()
+        };
+        assert_eq!(law("").method, usual(true));
+        assert_eq!(law("force q += -q^3\n").method, usual(true));
+        assert_eq!(law("force q += -0.1*p\n").method, usual(false));
+    }
+}
