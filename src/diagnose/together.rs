@@ -231,24 +231,33 @@ fn labels(set: &ProposedSet) -> Vec<&str> {
 /// Sets with their stories, that of the shortest description first.
 fn best_first<'a>(fitted: Vec<Fitted<'a>>, question: &Question<'a, '_>) -> Vec<Fitted<'a>> {
     let stories: Vec<&Story> = fitted.iter().map(|(_, story)| story).collect();
-    let lengths = lengths_of(&fitted, &stories, question);
+    let lengths = lengths_of(fitted.iter().map(|(set, _)| set), &stories, question);
     let mut both: Vec<_> = lengths.into_iter().zip(fitted).collect();
     both.sort_by(|a, b| a.0.total_cmp(&b.0));
     both.into_iter().map(|(_, one)| one).collect()
 }
 
-/// The story of the shortest description, with its set.
+/// The story of the shortest description, with its set, among those that explain whole runs if any
+/// does: only over these is all that the data say of them compared.
 fn leader<'f, 'a>(found: &'f [Fitted<'a>], question: &Question<'a, '_>) -> Option<&'f Fitted<'a>> {
-    let mut stories: Vec<Story> = found.iter().map(|(_, story)| story.clone()).collect();
+    let explained = found.iter().any(|(_, story)| story.explains);
+    let standing: Vec<&Fitted> =
+        found.iter().filter(|(_, story)| story.explains || !explained).collect();
+    let mut stories: Vec<Story> = standing.iter().map(|(_, story)| story.clone()).collect();
     agree_on_noise(&mut stories);
-    let lengths = lengths_of(found, &stories.iter().collect::<Vec<_>>(), question);
-    let best = lengths.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
-    best.and_then(|(place, _)| found.get(place))
+    let sets = standing.iter().map(|(set, _)| set);
+    let lengths = lengths_of(sets, &stories.iter().collect::<Vec<_>>(), question);
+    let best = lengths.iter().zip(standing).min_by(|a, b| a.0.total_cmp(b.0));
+    best.map(|(_, one)| one)
 }
 
 /// Description lengths of sets with their stories, without the terms of the model that idle beside
 /// them.
-fn lengths_of(sets: &[Fitted], stories: &[&Story], question: &Question) -> Vec<f64> {
+fn lengths_of<'s>(
+    sets: impl Iterator<Item = &'s ProposedSet>,
+    stories: &[&Story],
+    question: &Question,
+) -> Vec<f64> {
     let lengths = description_lengths(stories, question.model.tuning()).into_iter();
-    lengths.zip(sets).map(|(length, (set, _))| length - set.saved).collect()
+    lengths.zip(sets).map(|(length, set)| length - set.saved).collect()
 }
