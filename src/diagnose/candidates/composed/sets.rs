@@ -99,8 +99,9 @@ pub struct SetSearch<'a, 'b> {
     first: Settled<'a>,
     /// Of each observable.
     spreads: Vec<f64>,
-    /// Changes for which stand-ins are among the terms.
-    asked: Vec<Change>,
+    /// Changes for which stand-ins are among the terms, and whether these were looked for around a
+    /// motion that leaves noise.
+    asked: Vec<(Change, bool)>,
     /// Whether sets are of named candidates alone, chosen by what counts what they leave: the law
     /// of a real rig lacks more than can be named.
     in_part: bool,
@@ -289,9 +290,11 @@ impl<'a, 'b> SetSearch<'a, 'b> {
             found.extend(self.in_place_of(None, &few, law, monitor));
         }
         for change in &around.changes {
-            if !self.asked.contains(&change.proposed.change) {
+            // Beside all that explains the data, other forms stand in than beside a part of it.
+            let asked = (change.proposed.change.clone(), around.explains);
+            if !self.asked.contains(&asked) {
                 found.extend(self.in_place_of(Some(change), &few, law, monitor));
-                self.asked.push(change.proposed.change.clone());
+                self.asked.push(asked);
             }
         }
         for term in found {
