@@ -1,5 +1,6 @@
 //! Long work: on threads of its own, without Python's lock, with progress and Ctrl-C.
 
+use std::mem::take;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -19,13 +20,17 @@ pub const INTERVAL: Duration = Duration::from_millis(50);
 #[derive(Default)]
 struct Course {
     stop: AtomicBool,
-    stage: Mutex<Option<(String, f64)>>,
+    /// The stages since Python was asked last, each with its last fraction.
+    stages: Mutex<Vec<(String, f64)>>,
 }
 
 impl Monitor for Course {
     fn stage(&self, what: &str, fraction: f64) {
-        if let Ok(mut stage) = self.stage.lock() {
-            *stage = Some((what.to_string(), fraction));
+        if let Ok(mut stages) = self.stages.lock() {
+            match stages.last_mut() {
+                Some(last) if last.0 == what => last.1 = fraction,
+                _ => stages.push((what.to_string(), fraction)),
+            }
         }
     }
 
@@ -102,16 +107,18 @@ pub fn work<T: Send + 'static>(
             course.stop.store(true, Ordering::Relaxed);
             interrupt = Some(signal);
         }
-        let stage = course.stage.lock().ok().and_then(|mut stage| stage.take());
-        if let (Some(progress), Some(stage), None) = (progress, stage, &interrupt)
-            && let Err(failed) = progress.call1(stage)
-        {
-            course.stop.store(true, Ordering::Relaxed);
-            // Ctrl-C may come while Python is in there.
-            if !failed.is_instance_of::<PyKeyboardInterrupt>(py) {
-                return Err(failed);
+        let stages = course.stages.lock().map(|mut stages| take(&mut *stages));
+        for stage in stages.unwrap_or_default() {
+            if let (Some(progress), None) = (progress, &interrupt)
+                && let Err(failed) = progress.call1(stage)
+            {
+                course.stop.store(true, Ordering::Relaxed);
+                // Ctrl-C may come while Python is in there.
+                if !failed.is_instance_of::<PyKeyboardInterrupt>(py) {
+                    return Err(failed);
+                }
+                interrupt = Some(failed);
             }
-            interrupt = Some(failed);
         }
     };
     match (done, interrupt) {
