@@ -68,6 +68,8 @@ pub static UNITS: &[UnitRow] = &[
     row("year", TIME, 31_557_600.0, false),
     row("Hz", [0, 0, -1, 0, 0, 0, 0, 0], 1.0, true),
     row("rpm", [0, 0, -1, 0, 0, 0, 0, 0], std::f64::consts::TAU / 60.0, false),
+    // The standard acceleration of gravity, ISO 80000-3.
+    row("g_n", [1, 0, -2, 0, 0, 0, 0, 0], 9.806_65, true),
     row("N", [1, 1, -2, 0, 0, 0, 0, 0], 1.0, true),
     row("Pa", [-1, 1, -2, 0, 0, 0, 0, 0], 1.0, true),
     row("J", [2, 1, -2, 0, 0, 0, 0, 0], 1.0, true),
@@ -429,6 +431,7 @@ mod tests {
             ("W", "V A"),
             ("mm", "0.1 cm"),
             ("min", "60 s"),
+            ("mg_n", "9.80665 mm/s^2"),
             ("m^(1/2)*m^(1/2)", "m"),
             ("(kg m)/(s^2)", "N"),
         ] {

@@ -454,6 +454,17 @@ const HABITS: &[Habit] = &[
         |at| format!("{:.1},{:.5},{:.5}", time(at), 0.1 * place(at), 9.81 + place(at)),
         &["param at_rest = 10.54", "measure accY = rate(rate(x)) + at_rest", "`accX` something"],
     ),
+    habit(
+        "an accelerometer in multiples of gravity",
+        "time [s],accX [g],accY [mg]\n",
+        |at| format!("{:.1},{:.5},{:.5}", time(at), 0.1 * place(at), 1000.0 + 50.0 * place(at)),
+        &[
+            "coordinates x [m]",
+            "accX = accX [g_n]",
+            "param at_rest = 0.7188 [m/s^2]",
+            "measure accX [m/s^2] = rate(rate(x)) + at_rest",
+        ],
+    ),
     habit("a speed that is a voltage", "t,Tacho [V]\n", commas, &["coordinates Tacho"]),
     habit(
         "a unit behind an underscore",

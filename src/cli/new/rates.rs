@@ -35,6 +35,9 @@ const UNITS: &[(&str, Derivative, bool)] = &[
     ("px/s^2", Derivative::Second, false),
 ];
 
+/// Grams in a column of an acceleration are multiples of the standard acceleration of gravity.
+const MULTIPLES: &[(&str, &str)] = &[("g", "g_n"), ("mg", "mg_n")];
+
 /// Words of names that say the same. The axis of an instrument may stand behind them without a
 /// blank, as in `accX`.
 const WORDS: &[(&str, Derivative, bool)] = &[
@@ -94,18 +97,26 @@ pub(super) fn strongest<'a>(columns: &[&Named<'a>], table: &Table) -> Option<Rat
     Some(Rate { others, ..rate })
 }
 
-/// What a column shows, by its unit or, without one, by its name; and the variance of its readings.
+/// What a column shows, by its unit or, without one, by its name; and the variance of its readings
+/// in base units.
 fn of_column<'a>(named: &Named<'a>, table: &Table) -> Option<(f64, Rate<'a>)> {
+    let mut named = named.clone();
+    let multiple = MULTIPLES.iter().find(|(grams, _)| named.unit.as_deref() == Some(grams));
+    if let (Some((_, unit)), Some((Derivative::Second, false))) = (multiple, by_name(&named)) {
+        named.unit = Some((*unit).to_string());
+    }
     let (derivative, turns) = match named.unit.as_deref() {
         Some(unit) => by_unit(unit)?,
-        None => by_name(named)?,
+        None => by_name(&named)?,
     };
     let numbers = table.numbers(named.column).unwrap_or_default();
     let known: Vec<f64> = numbers.into_iter().filter(|x| !x.is_nan()).collect();
     let count = known.len().max(1) as f64;
     let mean = known.iter().sum::<f64>() / count;
     let variance = known.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
-    Some((variance, Rate { named: named.clone(), derivative, turns, mean, others: 0 }))
+    let scale = named.unit.as_deref().and_then(|unit| Unit::parse(unit).ok());
+    let scale = scale.map_or(1.0, |unit| unit.scale);
+    Some((scale * scale * variance, Rate { named, derivative, turns, mean, others: 0 }))
 }
 
 fn by_unit(text: &str) -> Option<(Derivative, bool)> {

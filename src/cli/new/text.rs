@@ -367,12 +367,15 @@ fn stated_measure(rate: &Rate, measure: &Variable, q: &str) -> String {
     match rate.derivative {
         Derivative::First => out.push_str(&format!("measure {declared} = rate({q})\n")),
         Derivative::Second => {
+            let scale = |unit: &Option<String>| Some(Unit::parse(unit.as_deref()?).ok()?.scale);
+            let ratio = scale(&measure.in_file).zip(scale(&measure.unit));
+            let mean = ratio.map_or(rate.mean, |(file, spec)| rate.mean * file / spec);
             out.push_str(&format!(
                 "# At rest an accelerometer may show gravity, and an offset.\n\
                  param at_rest = {}{}\n\
                  measure {declared} = rate(rate({q})) + at_rest\n",
-                data::short(rate.mean),
-                bracketed(rate.named.unit.as_ref().filter(|_| measure.unit.is_some())),
+                data::short(mean),
+                bracketed(measure.unit.as_ref()),
             ));
         }
     }
