@@ -78,6 +78,29 @@ fn a_learned_potential_is_compared_by_its_force() {
 }
 
 #[test]
+fn a_drive_and_two_drags_and_a_spring_are_found_in_noise() {
+    let name = "two drags";
+    let truth = read("-2.9*x^3 - 0.09*v^3 - 0.6*v*exp(-abs(v)) + 0.57*sin(t)");
+    let times = motion::times(20.0, 300);
+    let starts = motion::Square { inner: 0.0, outer: 1.5 };
+    let runs = motion::drawn(&truth, starts, 6, &times, motion::seed(name));
+    let runs = motion::noisy(&runs.expect("bounded motions"), 0.01, motion::seed(name));
+    let spec = Spec::parse("coordinates x; momenta v; time t\nT = v^2/2\nV = span{ poly(x; 4) }")
+        .expect("a sound spec");
+    let mut data = leverrier::Data::empty(&spec);
+    for run in &runs {
+        let column = |i: usize| run.iter().map(|state| state[i]).collect::<Vec<f64>>();
+        data = data.with_run(&times, &[&column(0), &column(1)]).expect("columns of one length");
+    }
+    let (training, held_out) = data.split(0.25, 0).expect("whole runs");
+    let options = leverrier::DiscoveryOptions::default();
+    let found = spec.discover(&training, &held_out, &options, &leverrier::Silent).expect("a law");
+    assert_eq!(found.verdict(), leverrier::Verdict::NothingMissing);
+    let terms = judged(&truth, &learned(found.law(), None)).expect("few terms");
+    assert!(terms.missing.is_empty() && terms.beside.is_empty(), "{terms:?}");
+}
+
+#[test]
 fn motions_are_exact_and_end_where_they_leave_every_bound() {
     let times = motion::times(20.0, 300);
     let run = motion::motion(&read("-x"), [1.0, 0.0], &times).expect("a bounded motion");
