@@ -1,7 +1,8 @@
 //! The two boards: what their files hold, and one case of each.
 
 use std::collections::{BTreeSet, HashMap};
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use leverrier::{Data, Discovery, DiscoveryOptions, Silent, Spec, Verdict};
@@ -31,6 +32,9 @@ const ODE: (f64, usize) = (10.0, 150);
 
 /// Part of the samples that is held out, as the program does by itself.
 const HELD_OUT: f64 = 0.25;
+
+/// What the spec of an oscillator says of V.
+const LEARNED: &str = "V = span{ poly(x; 4) }";
 
 /// A system of a board.
 #[derive(Debug, Clone, PartialEq)]
@@ -132,13 +136,51 @@ fn law_of(text: &str) -> Result<Expression, String> {
     Expression::parse(text, &HashMap::new())
 }
 
-fn oscillator(row: &Row, noise: f64) -> Result<Option<Record>, String> {
+/// Writes the data of a case and its spec into a folder, as files that the program reads. Nothing
+/// is written where a motion leaves every bound.
+pub(crate) fn write(folder: &Path, row: &Row, noise: f64) -> Result<Option<PathBuf>, String> {
     let truth = law_of(&row.acceleration)?;
+    let (made, potential) = match &row.known {
+        None => (oscillator_runs(row, &truth), LEARNED.to_string()),
+        Some(known) => (ode_runs(known, &truth), format!("V = {}", known.potential)),
+    };
+    let Some((runs, times)) = made else { return Ok(None) };
+    let stem = format!("{}-{noise}", row.name);
+    let mut table = String::from("run,t,x,v\n");
+    for (at, run) in measured(&row.name, &runs, noise).iter().enumerate() {
+        for (time, [x, v]) in times.iter().zip(run) {
+            table.push_str(&format!("{at},{time},{x},{v}\n"));
+        }
+    }
+    let text = spec_text(&potential) + &format!("data \"{stem}.csv\" {{ run run }}\n");
+    let spec = folder.join(format!("{stem}.ham"));
+    let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
+    fs::create_dir_all(folder).map_err(failed)?;
+    fs::write(folder.join(format!("{stem}.csv")), table).map_err(failed)?;
+    fs::write(&spec, text).map_err(failed)?;
+    Ok(Some(spec))
+}
+
+/// Runs of an oscillator and the times of their samples; none where one leaves every bound.
+fn oscillator_runs(row: &Row, truth: &Expression) -> Option<(Vec<Motion>, Vec<f64>)> {
     let times = times(OSCILLATOR.0, OSCILLATOR.1);
     let inside = Square { inner: 0.0, outer: RANGE };
+    Some((drawn(truth, inside, RUNS, &times, seed(&row.name))?, times))
+}
+
+/// The same of a system of ODEBench, from the starts that the board names.
+fn ode_runs(known: &Known, truth: &Expression) -> Option<(Vec<Motion>, Vec<f64>)> {
+    let times = times(ODE.0, ODE.1);
+    let runs = known.starts.iter().map(|start| motion(truth, *start, &times));
+    Some((runs.collect::<Option<Vec<Motion>>>()?, times))
+}
+
+fn oscillator(row: &Row, noise: f64) -> Result<Option<Record>, String> {
+    let truth = law_of(&row.acceleration)?;
+    let Some((runs, times)) = oscillator_runs(row, &truth) else { return Ok(None) };
+    let inside = Square { inner: 0.0, outer: RANGE };
     let outside = Square { inner: RANGE, outer: FURTHER * RANGE };
-    let Some(runs) = drawn(&truth, inside, RUNS, &times, seed(&row.name)) else { return Ok(None) };
-    let told = told("V = span{ poly(x; 4) }", &row.name, &runs, &times, noise)?;
+    let told = told(LEARNED, &row.name, &runs, &times, noise)?;
     let mut record = compared(row, noise, &truth, None, &told);
     let new = |square, what: &str| {
         let seed = seed(&format!("{}, new motions {what}", row.name));
@@ -151,9 +193,7 @@ fn oscillator(row: &Row, noise: f64) -> Result<Option<Record>, String> {
 
 fn ode(row: &Row, known: &Known, noise: f64) -> Result<Option<Record>, String> {
     let (truth, potential) = (law_of(&row.acceleration)?, law_of(&known.potential)?);
-    let times = times(ODE.0, ODE.1);
-    let runs = known.starts.iter().map(|start| motion(&truth, *start, &times));
-    let Some(runs) = runs.collect::<Option<Vec<Motion>>>() else { return Ok(None) };
+    let Some((runs, times)) = ode_runs(known, &truth) else { return Ok(None) };
     let told = told(&format!("V = {}", known.potential), &row.name, &runs, &times, noise)?;
     let mut record = compared(row, noise, &truth, Some(&potential), &told);
     // What has no name in the catalogue is told by the terms.
@@ -172,6 +212,15 @@ struct Told {
     seconds: f64,
 }
 
+fn spec_text(potential: &str) -> String {
+    format!("coordinates x\nmomenta v\ntime t\nT = v^2/2\n{potential}\n")
+}
+
+/// The motions with the noise of a case.
+fn measured(name: &str, runs: &[Motion], noise: f64) -> Vec<Motion> {
+    noisy(runs, noise / 100.0, seed(&format!("{name}, noise of {noise} %")))
+}
+
 /// Asks for the law of noisy motions, of which one line on V is known, or its space.
 fn told(
     potential: &str,
@@ -181,9 +230,8 @@ fn told(
     noise: f64,
 ) -> Result<Told, String> {
     let said = |error: leverrier::Error| error.to_string();
-    let text = format!("coordinates x\nmomenta v\ntime t\nT = v^2/2\n{potential}\n");
-    let spec = Spec::parse(&text).map_err(said)?;
-    let read = noisy(runs, noise / 100.0, seed(&format!("{name}, noise of {noise} %")));
+    let spec = Spec::parse(&spec_text(potential)).map_err(said)?;
+    let read = measured(name, runs, noise);
     let mut data = Data::empty(&spec);
     for run in &read {
         let column = |i: usize| run.iter().map(|state| state[i]).collect::<Vec<f64>>();

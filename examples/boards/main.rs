@@ -5,6 +5,7 @@
 //! $ cargo run --release --example boards -- --oscillators FILE --odebench FILE   # goes on
 //! $ cargo run --release --example boards -- --oscillators FILE --names PO0,PO2 --noise 1
 //! $ cargo run --release --example boards -- --odebench FILE --limit 60 --output page.md
+//! $ cargo run --release --example boards -- --oscillators FILE --names PO0 --write FOLDER
 //! $ cargo run --release --example boards -- --page       # the page of what was run
 //! ```
 //!
@@ -63,6 +64,9 @@ struct Arguments {
     /// Only make the page of what was run
     #[arg(long)]
     page: bool,
+    /// Run nothing, and write the data and the spec of every case into a folder
+    #[arg(long, value_name = "FOLDER")]
+    write: Option<PathBuf>,
     /// Run the cases here and without a limit, and print their lines of the results
     #[arg(long)]
     alone: bool,
@@ -89,6 +93,15 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<(), String> {
     if !arguments.page {
         let cases = cases(arguments)?;
+        if let Some(folder) = &arguments.write {
+            for case in &cases {
+                match boards::write(folder, &case.row, case.noise)? {
+                    Some(spec) => eprintln!("{}", spec.display()),
+                    None => eprintln!("{} leaves every bound.", case.row.name),
+                }
+            }
+            return Ok(());
+        }
         if arguments.alone {
             for case in &cases {
                 let record = boards::case(case.board, &case.row, case.noise);
