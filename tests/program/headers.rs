@@ -465,6 +465,12 @@ const HABITS: &[Habit] = &[
             "measure accX [m/s^2] = rate(rate(x)) + at_rest",
         ],
     ),
+    habit(
+        "an angular acceleration in degrees",
+        "t [s],Winkelbeschleunigung [deg/s^2]\n",
+        |at| format!("{:.1},{:.5}", time(at), 18.0 + 180.0 * (at % 2) as f64),
+        &["coordinates theta [rad]", "param at_rest = 1.885 [rad/s^2]"],
+    ),
     habit("a speed that is a voltage", "t,Tacho [V]\n", commas, &["coordinates Tacho"]),
     habit(
         "a unit behind an underscore",
