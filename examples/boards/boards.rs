@@ -19,6 +19,9 @@ pub(crate) const ODEBENCH: &str = "odebench";
 /// Half the side of the square from which starts are drawn.
 const RANGE: f64 = 1.5;
 
+/// That square.
+const INSIDE: Square = Square { inner: 0.0, outer: RANGE };
+
 /// How much further new motions begin.
 const FURTHER: f64 = 1.5;
 
@@ -164,8 +167,7 @@ pub(crate) fn write(folder: &Path, row: &Row, noise: f64) -> Result<Option<PathB
 /// Runs of an oscillator and the times of their samples; none where one leaves every bound.
 fn oscillator_runs(row: &Row, truth: &Expression) -> Option<(Vec<Motion>, Vec<f64>)> {
     let times = times(OSCILLATOR.0, OSCILLATOR.1);
-    let inside = Square { inner: 0.0, outer: RANGE };
-    Some((drawn(truth, inside, RUNS, &times, seed(&row.name))?, times))
+    Some((drawn(truth, INSIDE, RUNS, &times, seed(&row.name))?, times))
 }
 
 /// The same of a system of ODEBench, from the starts that the board names.
@@ -178,7 +180,6 @@ fn ode_runs(known: &Known, truth: &Expression) -> Option<(Vec<Motion>, Vec<f64>)
 fn oscillator(row: &Row, noise: f64) -> Result<Option<Record>, String> {
     let truth = law_of(&row.acceleration)?;
     let Some((runs, times)) = oscillator_runs(row, &truth) else { return Ok(None) };
-    let inside = Square { inner: 0.0, outer: RANGE };
     let outside = Square { inner: RANGE, outer: FURTHER * RANGE };
     let told = told(LEARNED, &row.name, &runs, &times, noise)?;
     let mut record = compared(row, noise, &truth, None, &told);
@@ -187,7 +188,7 @@ fn oscillator(row: &Row, noise: f64) -> Result<Option<Record>, String> {
         let motions = drawn(&truth, square, NEW, &times, seed)?;
         error(told.found.law(), &motions, &times)
     };
-    (record.within, record.beyond) = (new(inside, "within"), new(outside, "beyond"));
+    (record.within, record.beyond) = (new(INSIDE, "within"), new(outside, "beyond"));
     Ok(Some(record))
 }
 
