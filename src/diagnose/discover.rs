@@ -332,6 +332,7 @@ mod tests {
             coefficient: Vec::new(),
             standard_error: Vec::new(),
             p_value: 1.0,
+            tests: 1.0,
             deviance: 0.0,
             held_out_error_before: f64::NAN,
             held_out_error_after: f64::NAN,

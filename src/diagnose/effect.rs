@@ -23,6 +23,8 @@ pub struct RankedEffect {
     pub standard_error: Vec<f64>,
     /// Probability that noise does as well, corrected for all candidates and grid points.
     pub p_value: f64,
+    /// How many these were.
+    pub tests: f64,
     /// Fall of the training deviance in the full refit.
     pub deviance: f64,
     /// The number of the spec that should be another one, where it is that and no effect.
@@ -40,11 +42,12 @@ pub struct RankedEffect {
 
 impl RankedEffect {
     /// A term of the spec that the fit left out, with the numbers of its coefficients and their
-    /// errors.
+    /// errors, and the probability that noise does as well, which is to be corrected for so many
+    /// tests.
     pub(super) fn of_term(
         term: &Candidate,
         numbers: Vec<(f64, f64)>,
-        p_value: f64,
+        (p_value, tests): (f64, f64),
     ) -> RankedEffect {
         let (coefficient, standard_error) = numbers.into_iter().unzip();
         RankedEffect {
@@ -53,7 +56,8 @@ impl RankedEffect {
             snippet: String::new(),
             coefficient,
             standard_error,
-            p_value: p_value.min(1.0),
+            p_value: (p_value * tests).min(1.0),
+            tests,
             deviance: 0.0,
             number: None,
             left_out: term.left_out().cloned(),

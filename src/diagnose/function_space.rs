@@ -100,7 +100,7 @@ fn with_own_terms<'a>(mut story: Story<'a>, own: &[Candidate]) -> Story<'a> {
             terms.iter().map(|&id| story.model.law.coefficient_with_error(id)).collect();
         let Some(numbers) = numbers else { continue };
         let clear = numbers.iter().map(|(value, error)| (value / error).powi(2)).sum();
-        let effect = RankedEffect::of_term(one, numbers, p_value(clear) * own.len() as f64);
+        let effect = RankedEffect::of_term(one, numbers, (p_value(clear), own.len() as f64));
         let price = one.price_of_number(rows);
         let parameters = Vec::new();
         let (named, positive) = (true, false);

@@ -59,7 +59,7 @@ pub(super) fn with_name<'a>(
         if question.monitor.stopped() {
             break;
         }
-        let from = Start::at(one.law, member.effect.p_value);
+        let from = Start::at(one.law, &member.effect);
         let candidate = &all[one.candidate];
         let Some(refit) = refit_whole(&start, candidate, from, Precision::Full) else { continue };
         let named = baseline.with(&Judged::by(refit, &data, &held_out), window, question)?;

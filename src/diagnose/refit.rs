@@ -61,6 +61,8 @@ pub struct Start {
     /// The model's terms and the candidate's.
     law: Law,
     p_value: f64,
+    /// What that is corrected for.
+    tests: f64,
     /// Whether its numbers were fitted, so that it follows the data better than the model does.
     fitted: bool,
 }
@@ -85,24 +87,23 @@ impl Start {
         for (&id, &value) in candidate.terms.iter().zip(&scored.score.coefficients) {
             law = law.with_term(id, value)?;
         }
-        Ok(Start { law, p_value: scored.p_value, fitted: false })
+        Ok(Start { law, p_value: scored.p_value, tests: scored.tests, fitted: false })
     }
 
-    /// These numbers; `p_value` is that of what the candidate stands for.
-    pub fn at(law: Law, p_value: f64) -> Start {
-        Start { law, p_value, fitted: false }
+    /// These numbers, where the candidate stands for an effect.
+    pub fn at(law: Law, effect: &RankedEffect) -> Start {
+        Start { law, p_value: effect.p_value, tests: effect.tests, fitted: false }
     }
 
     /// A refit once more, from other numbers where there are some.
     pub fn again(refit: &Refit, law: Option<Law>) -> Start {
-        let law = law.unwrap_or_else(|| refit.law.clone());
-        Start { law, p_value: refit.effect.p_value, fitted: false }
+        Start::at(law.unwrap_or_else(|| refit.law.clone()), &refit.effect)
     }
 }
 
 impl From<Refit> for Start {
     fn from(refit: Refit) -> Start {
-        Start { law: refit.law, p_value: refit.effect.p_value, fitted: true }
+        Start { fitted: true, ..Start::at(refit.law, &refit.effect) }
     }
 }
 
@@ -343,6 +344,7 @@ fn with_candidate(
             coefficient,
             standard_error,
             p_value: start.p_value,
+            tests: start.tests,
             deviance: 0.0,
             held_out_error_before: f64::NAN,
             held_out_error_after: f64::NAN,

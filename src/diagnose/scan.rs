@@ -21,6 +21,8 @@ pub struct Scored {
     pub score: Score,
     /// p-value after the look-elsewhere correction for everything that was tried.
     pub p_value: f64,
+    /// Everything that was tried.
+    pub tests: f64,
     /// Deviance less the price of its unknowns.
     pub merit: f64,
 }
@@ -192,9 +194,10 @@ fn choose(
         let unknowns = score.degrees + values.len();
         let merit = score.deviance - unknowns as f64 * (scores.rows.max(1) as f64).ln();
         if score.degrees > 0 && best[*c].as_ref().is_none_or(|b| merit > b.merit) {
-            let p_value = (score.p_value * tests as f64).min(1.0);
-            best[*c] =
-                Some(Scored { candidate: *c, values: values.clone(), score, p_value, merit });
+            let tests = tests as f64;
+            let p_value = (score.p_value * tests).min(1.0);
+            let values = values.clone();
+            best[*c] = Some(Scored { candidate: *c, values, score, p_value, tests, merit });
         }
     }
 }

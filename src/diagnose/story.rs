@@ -324,6 +324,7 @@ impl<'a> Story<'a> {
                 *slot = error;
             }
         }
+        story.take_p_values();
         story
     }
 
@@ -389,7 +390,16 @@ impl<'a> Story<'a> {
                 }
             }
         }
+        self.take_p_values();
         self.write_numbers();
+    }
+
+    /// Gives each member the p-value of its numbers beside their errors.
+    fn take_p_values(&mut self) {
+        let p_values = self.p_values();
+        for (member, p_value) in self.members.iter_mut().zip(p_values) {
+            member.effect.p_value = p_value;
+        }
     }
 
     /// Writes the statements of known numbers that are members with the values of all of them.

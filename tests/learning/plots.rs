@@ -243,6 +243,7 @@ fn broken(value: f64) -> Story {
         coefficient: vec![value],
         standard_error: vec![value],
         p_value: value,
+        tests: 1.0,
         deviance: value,
         held_out_error_before: value,
         held_out_error_after: 1.0,

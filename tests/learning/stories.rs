@@ -40,6 +40,12 @@ fn base(
 /// The story of a case: names of its members, and their numbers.
 fn story(base: &Base, noise: f64, seed: u64) -> (Verdict, Vec<(String, Vec<f64>)>, String) {
     let found = outcome(&case(base, "", noise, seed), "").diagnosis;
+    for member in found.story.iter().filter(|member| member.number.is_none()) {
+        let numbers = member.coefficient.iter().zip(&member.standard_error);
+        let clear =
+            numbers.map(|(value, error)| (value / error).abs()).fold(f64::INFINITY, f64::min);
+        assert!(clear < 8.0 || member.p_value < 1e-9, "seed {seed}: {member:?}");
+    }
     let members = found.story.into_iter().map(|one| (one.effect, one.coefficient)).collect();
     (found.verdict, members, found.reason)
 }

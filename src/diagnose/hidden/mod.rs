@@ -349,6 +349,7 @@ fn fitted(question: &Question, spec: &Compiled, start: &Start) -> Result<Option<
         coefficient,
         standard_error,
         p_value,
+        tests: start.tests as f64,
         deviance,
         number: None,
         left_out: None,

@@ -128,5 +128,5 @@ fn scored(coefficients: Vec<f64>) -> Scored {
     let degrees = coefficients.len();
     let standard_errors = vec![f64::INFINITY; degrees];
     let score = Score { deviance: 0.0, degrees, coefficients, standard_errors, p_value: 1.0 };
-    Scored { candidate: 0, values: Vec::new(), score, p_value: 1.0, merit: 0.0 }
+    Scored { candidate: 0, values: Vec::new(), score, p_value: 1.0, tests: 1.0, merit: 0.0 }
 }

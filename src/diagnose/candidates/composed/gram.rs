@@ -9,7 +9,6 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use rustc_hash::FxHashSet;
-use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::found_set::{Addition, FoundSet, Set, cheapest, count, shorten, with, without};
 use super::inner_products::inner_products;
@@ -423,6 +422,11 @@ impl<'a> Pool<'a> {
         Some((self.squares - self.explained(&self.columns(set))?).max(0.0))
     }
 
+    /// How many members there are to choose from.
+    pub(super) fn size(&self) -> usize {
+        self.members.len()
+    }
+
     /// Coefficients of a set's members, those of each for themselves.
     pub(super) fn coefficients(&self, set: &[usize]) -> Option<Vec<Vec<f64>>> {
         let own = self.columns(set);
@@ -437,21 +441,6 @@ impl<'a> Pool<'a> {
         let heights = DVector::from_fn(own.len(), |i, _| self.heights[own[i]]);
         let lower = self.factor(own)?;
         lower.tr_solve_lower_triangular(&lower.solve_lower_triangular(&heights)?)
-    }
-
-    /// The probability that noise does as well as each member of a set beside the others, corrected
-    /// for all that might have stood there.
-    pub(super) fn p_values(&self, set: &[usize]) -> Vec<f64> {
-        let left = self.left(set).unwrap_or(self.squares);
-        let variance = self.inflation * left / self.rows.max(1) as f64;
-        let of = |(place, &at): (usize, &usize)| {
-            let more = self.left(&without(set, &[place])).unwrap_or(left) - left;
-            match ChiSquared::new(self.members[at].count.max(1) as f64) {
-                Ok(chi) if variance > 0.0 => chi.sf(more / variance) * self.members.len() as f64,
-                _ => 0.0,
-            }
-        };
-        set.iter().enumerate().map(of).map(|p| p.min(1.0)).collect()
     }
 
     fn cost(&self, left: f64, set: &[usize]) -> f64 {

@@ -515,7 +515,6 @@ impl Look<'_, '_> {
         let Look { entries, pool, .. } = self;
         let SetSearch { candidates, leaves, .. } = self.of;
         let Some(coefficients) = pool.coefficients(&found.members) else { return Ok(None) };
-        let p_values = pool.p_values(&found.members);
         let mut scope = scope.clone();
         let mut all = Vec::new();
         let is_second = |at: usize| {
@@ -523,10 +522,10 @@ impl Look<'_, '_> {
             let before = |one: &Entry| one.change == own.change && one.values < own.values;
             found.members.iter().any(|&other| before(&entries[other]))
         };
-        let mut members: Vec<((usize, f64), Vec<f64>)> =
-            found.members.iter().copied().zip(p_values).zip(coefficients).collect();
-        members.sort_by_key(|((at, _), _)| is_second(*at));
-        for ((at, p_value), coefficients) in members {
+        let mut members: Vec<(usize, Vec<f64>)> =
+            found.members.iter().copied().zip(coefficients).collect();
+        members.sort_by_key(|(at, _)| is_second(*at));
+        for (at, coefficients) in members {
             let entry = &entries[at];
             let own;
             let (candidate, named) = match &entry.change {
@@ -561,7 +560,8 @@ impl Look<'_, '_> {
                 left_out: candidate.left_out().cloned(),
                 standard_error: vec![f64::NAN; numbers.len()],
                 coefficient: numbers,
-                p_value,
+                p_value: 1.0,
+                tests: pool.size() as f64,
                 deviance: 0.0,
                 held_out_error_before: f64::NAN,
                 held_out_error_after: f64::NAN,
