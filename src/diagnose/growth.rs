@@ -25,6 +25,11 @@ impl<'a> Story<'a> {
     /// least: none may be behind for having been fitted to shorter segments.
     pub(super) fn hold_together(&mut self, question: &Question<'a, '_>) {
         self.measure_noise(question);
+        self.grow_together(question);
+    }
+
+    /// The same with the noise as it is.
+    pub(super) fn grow_together(&mut self, question: &Question<'a, '_>) {
         self.grow(question);
         if self.explains {
             self.refit();

@@ -11,7 +11,8 @@
 //! which is left.
 
 use super::candidates::candidates;
-use super::candidates::composed::sets::{ProposedSet, SetSearch};
+use super::candidates::composed::proposed::ProposedSet;
+use super::candidates::composed::sets::SetSearch;
 use super::comparison::{ResidualMap, strongest_map};
 use super::effect::RankedEffect;
 use super::misfit::error_of;
@@ -128,7 +129,7 @@ fn of_sets<'a>(question: &Question<'a, '_>, baseline: &Story<'a>) -> Result<Opti
         // Of two that are one law the first of the catalogue is told.
         let price = |price: f64| (price.ln() / SAME).round();
         priced.sort_by(|(a, (one, _)), (b, (other, _))| {
-            price(*a).total_cmp(&price(*b)).then(one.places.cmp(&other.places))
+            price(*a).total_cmp(&price(*b)).then(one.places().cmp(&other.places()))
         });
         found = priced.into_iter().map(|(_, one)| one).collect();
         let Some((set, best)) = found.first() else { break };

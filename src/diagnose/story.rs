@@ -3,7 +3,7 @@
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::autocorrelation::Noise;
-use super::candidates::composed::sets::{Proposed, ProposedSet};
+use super::candidates::composed::proposed::{Proposed, ProposedSet};
 use super::effect::RankedEffect;
 use super::evidence::Judged;
 use super::law_on_data::{LawOnData, Measurements};
@@ -297,7 +297,7 @@ impl<'a> Story<'a> {
         let Some(model) = fitted_from_afar(&self.model.with_law(law)) else { return Ok(None) };
         let sums = settle(model.clone()).sums;
         let mut story = Story { members, scope, model, sums, explains: false, ..self.clone() };
-        story.grow(question);
+        story.grow_together(question);
         Ok(Some(story))
     }
 

@@ -7,7 +7,8 @@
 use rayon::prelude::*;
 
 use super::candidates::candidates;
-use super::candidates::composed::sets::{Around, Placed, Proposed, ProposedSet, SetSearch};
+use super::candidates::composed::proposed::{Around, Placed, Proposed, ProposedSet};
+use super::candidates::composed::sets::SetSearch;
 use super::description::{agree_on_noise, description_lengths};
 use super::doubts::holds;
 use super::function_space::FunctionSpace;
@@ -65,11 +66,6 @@ fn beside<'a>(question: &Question<'a, '_>, baseline: &Story<'a>) -> Result<Optio
     {
         stories.extend(looked_for(question, baseline, search)?);
     }
-    // Where one holds, what the others have to spare need not be known.
-    if !stories.iter().any(holds) {
-        let shortened = |story| shortened(question, story);
-        stories = stories.into_par_iter().map(shortened).collect::<Result<Vec<Story>>>()?;
-    }
     Ok(Some(stories))
 }
 
@@ -88,6 +84,7 @@ fn looked_for<'a>(
         question.monitor.stage("sets of changes", 0.7);
         let proposed = search.look(around.as_ref(), question.monitor).proposed(question.scope)?;
         try_sets(question, baseline, proposed, window, &mut found)?;
+        shorten(question, &mut found)?;
         let Some((set, best)) = leader(&found, question) else { break };
         let same = before.as_ref().is_some_and(|before| !is_nearer(best, before, tuning));
         if same || question.monitor.stopped() || look + 1 == tuning.sets.looks {
@@ -205,9 +202,56 @@ fn is_nearer(best: &Story, before: &Story, tuning: &Tuning) -> bool {
         && (best.explains || longer || best.excess_of(&best.sums) < most)
 }
 
-/// A story that explains the data, without the members that are not clearly there as long as it
+/// Adds to sets that explain the data, and may be the best when shortened, what is left of them
+/// then: what stood in for another form has nothing left to do once that is in its place, but first
+/// order around the motion of a story that needed it does not say so. A set may be the best as long
+/// as none holds, or where without all members that are not clearly there its description would be
+/// shorter than that of the best which holds.
+fn shorten<'a>(question: &Question<'a, '_>, found: &mut Vec<Fitted<'a>>) -> Result<()> {
+    let shorter = |of: &ProposedSet| {
+        let (all, count) = (labels(of), of.members.len());
+        let is_part = |set: &ProposedSet| {
+            set.members.len() < count && labels(set).iter().all(|label| all.contains(label))
+        };
+        found.iter().any(|(set, story)| story.explains && is_part(set))
+    };
+    let is_open = |(set, story): &&Fitted| story.explains && !story.stands() && !shorter(set);
+    let open: Vec<&Fitted> = found.iter().filter(is_open).collect();
+    if open.is_empty() {
+        return Ok(());
+    }
+    let holding = found.iter().filter(|(_, story)| holds(story));
+    let compared = holding.chain(open.iter().copied()).map(|(set, story)| (set, story));
+    let (sets, stories): (Vec<&ProposedSet>, Vec<&Story>) = compared.unzip();
+    let lengths = lengths_of(sets.into_iter(), &stories, question);
+    let (holding, own) = lengths.split_at(lengths.len() - open.len());
+    let shortest = holding.iter().copied().fold(f64::INFINITY, f64::min);
+    let clear = question.model.tuning().verdict.standard_errors;
+    let spare = |story: &Story| -> f64 {
+        let idle = story.members.iter().filter(|member| story.clearness(member) < clear);
+        idle.map(|member| member.price).sum()
+    };
+    let may_be_best: Vec<&Fitted> = open
+        .into_iter()
+        .zip(own)
+        .filter_map(|(one, length)| (length - spare(&one.1) < shortest).then_some(one))
+        .collect();
+    let shortened = |one: &Fitted<'a>| shortened(question, one.clone());
+    let new = may_be_best.into_par_iter().map(shortened).collect::<Result<Vec<Fitted>>>()?;
+    for one in new {
+        if !found.iter().any(|(set, _)| labels(set) == labels(&one.0)) {
+            found.push(one);
+        }
+    }
+    Ok(())
+}
+
+/// A set that explains the data, without the members that are not clearly there as long as it
 /// explains them all the same.
-fn shortened<'a>(question: &Question<'a, '_>, mut story: Story<'a>) -> Result<Story<'a>> {
+fn shortened<'a>(
+    question: &Question<'a, '_>,
+    (mut set, mut story): Fitted<'a>,
+) -> Result<Fitted<'a>> {
     while story.explains && !story.stands() && story.members.len() > 1 {
         if question.monitor.stopped() {
             break;
@@ -215,11 +259,13 @@ fn shortened<'a>(question: &Question<'a, '_>, mut story: Story<'a>) -> Result<St
         let clearness = story.members.iter().map(|member| story.clearness(member)).enumerate();
         let Some((least, _)) = clearness.min_by(|a, b| a.1.total_cmp(&b.1)) else { break };
         match story.without(question, least)? {
-            Some(shorter) if shorter.explains => story = shorter,
+            Some(shorter) if shorter.explains => {
+                (set, story) = (set.without(least), shorter);
+            }
             _ => break,
         }
     }
-    Ok(story)
+    Ok((set, story))
 }
 
 fn labels(set: &ProposedSet) -> Vec<&str> {

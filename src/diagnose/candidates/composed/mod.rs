@@ -32,6 +32,7 @@ mod inner_products;
 mod leaves;
 mod library;
 mod named;
+pub mod proposed;
 mod refine;
 mod responses;
 mod search;

@@ -275,7 +275,8 @@ impl Responses {
             let spanned: f64 = shadows.iter().map(|shadow| shadow[lane].powi(2)).sum();
             let own = whole[lane] - spanned;
             let seen = own > self.spanned * whole[lane] && own.is_finite();
-            falls[lane] = if seen { gain[lane].powi(2) / own } else { 0.0 };
+            // Squares of large numbers are none.
+            falls[lane] = if seen { (gain[lane] / own.sqrt()).powi(2) } else { 0.0 };
         }
         falls
     }

@@ -18,6 +18,7 @@ use super::idle::without_idle_terms;
 use super::leaves::Leaves;
 use super::library::Library;
 use super::named::at_all_points;
+use super::proposed::{Around, Placed, Proposed, ProposedSet};
 use super::refine::refined_leaders;
 use super::responses::Responses;
 use super::search::Search;
@@ -32,60 +33,6 @@ use crate::error::Result;
 use crate::expr::{Scope, System};
 use crate::fit::column::Column;
 use crate::fit::{Law, Monitor};
-
-/// One member of a proposed set.
-#[derive(Clone)]
-pub struct Proposed {
-    /// What it is, with first values of its numbers.
-    pub effect: RankedEffect,
-    /// Inner numbers among its coefficients: the last so many.
-    pub inner: usize,
-    /// What its numbers and the choice among all members cost, in nats.
-    pub price: f64,
-    /// Whether it has a name.
-    pub named: bool,
-    /// Whether that name says that no coefficient is negative.
-    pub positive: bool,
-    change: Change,
-}
-
-/// A set that is to be fitted in full.
-#[derive(Clone)]
-pub struct ProposedSet {
-    /// Its members.
-    pub members: Vec<Proposed>,
-    /// The model as it is, with the numbers that it has beside them to first order.
-    pub law: Law,
-    /// Twice the nats of its description, to first order.
-    pub cost: f64,
-    /// What of that is saved by terms of the model that idle beside it.
-    pub saved: f64,
-    /// Places of its members in the list of candidates, composed terms behind them, in order.
-    pub places: Vec<usize>,
-    /// Whether it is there for what it leaves, however long its description is: what the data do
-    /// not tell from the best is to be named beside it.
-    pub rival: bool,
-}
-
-/// A motion that candidates are judged around.
-pub struct Around<'a> {
-    /// A model with some changes, over segments that it follows.
-    pub model: LawOnData<'a>,
-    /// The changes.
-    pub changes: Vec<Placed>,
-    /// Whether it leaves noise.
-    pub explains: bool,
-}
-
-/// A change of a model.
-pub struct Placed {
-    /// What it was proposed as.
-    pub proposed: Proposed,
-    /// All of its numbers: coefficients, then inner ones.
-    pub numbers: Vec<f64>,
-    /// Their columns among those of the model.
-    pub columns: Vec<Column>,
-}
 
 /// First order does not tell sets apart that leave less than so many times the squares of one
 /// another, where a change is strong.
@@ -426,7 +373,10 @@ impl Look<'_, '_> {
         } else {
             found
         };
-        let rivals = if self.explains { self.rivals() } else { Vec::new() };
+        let mut rivals = if self.explains { self.rivals() } else { Vec::new() };
+        if self.explains && !self.of.in_part {
+            rivals.extend(self.smaller().cloned());
+        }
         let leaders = found.iter().filter(|one| !one.members.is_empty()).map(|one| (one, false));
         let mut leading = 0;
         for (one, rival) in leaders.chain(rivals.iter().map(|one| (one, true))) {
@@ -442,14 +392,22 @@ impl Look<'_, '_> {
             }
             let Some(members) = self.written(scope, one)? else { continue };
             let law = first_order(responses, pool, entries, one, law, unknowns)?;
-            let mut places: Vec<usize> = one.members.iter().map(|&at| entries[at].kind).collect();
-            places.sort_unstable();
             let FoundSet { cost, saved, .. } = *one;
-            sets.push(ProposedSet { members, law, cost, saved, places, rival });
+            sets.push(ProposedSet { members, law, cost, saved, rival });
             taken.push(one);
             leading += usize::from(!rival);
         }
         Ok(sets)
+    }
+
+    /// The best set of each smaller size, the largest first: the more of what a motion was fitted
+    /// with is taken away, the more first order is wrong about what is left, and the members of a
+    /// wrong set make up for one another.
+    fn smaller(&self) -> impl Iterator<Item = &FoundSet> {
+        let largest = self.found.first().map_or(0, |best| best.members.len());
+        (1..largest)
+            .rev()
+            .filter_map(|size| self.found.iter().find(|one| one.members.len() == size))
     }
 
     /// The best set with a member that has inner numbers exchanged for another form that leaves as
@@ -571,8 +529,8 @@ impl Look<'_, '_> {
             let Ok(with) = effect.added_to(&scope) else { return Ok(None) };
             scope = with;
             let (price, positive) = (entry.price, candidate.is_positive());
-            let change = entry.change.clone();
-            all.push(Proposed { effect, inner, price, named, positive, change });
+            let (change, kind) = (entry.change.clone(), entry.kind);
+            all.push(Proposed { effect, inner, price, named, positive, change, kind });
         }
         Ok(Some(all))
     }
