@@ -7,7 +7,7 @@ use super::noise_floor::noise_of;
 use super::refit::{Precision, fitted};
 use super::settling::{Settled, settle};
 use super::steps::noise_of_steps;
-use super::story::{Question, Story};
+use super::story::{Question, SAME_SQUARES, Story};
 use super::window::{doubled, longest};
 use crate::fit::pass::Sums;
 
@@ -175,13 +175,17 @@ impl<'a> Story<'a> {
         self.refit_from(&settled);
     }
 
-    /// The same from the best states of its model.
+    /// The same from the best states of its model. Numbers that are the best already get their
+    /// errors.
     fn refit_from(&mut self, settled: &Settled) -> bool {
         let Some(found) = fitted(settled, &self.model.law, Precision::Ranking) else {
             return false;
         };
-        let better = found.sums.loss < self.sums.loss && found.sums.diverged <= self.sums.diverged;
-        if better {
+        if found.sums.diverged > self.sums.diverged {
+            return false;
+        }
+        let better = found.sums.loss < self.sums.loss;
+        if better || found.sums.loss - self.sums.loss <= SAME_SQUARES * self.sums.loss {
             self.model = self.model.with_law(found.law);
             self.sums = found.sums;
         }
