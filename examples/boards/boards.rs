@@ -10,7 +10,7 @@ use leverrier::{Data, Discovery, DiscoveryOptions, Silent, Spec, Verdict};
 use super::expression::Expression;
 use super::motion::{Motion, Square, drawn, error, motion, noisy, seed, times};
 use super::record::{Record, State};
-use super::terms::{judged, learned};
+use super::terms::{form, judged, learned};
 
 /// The names of the boards, as their files are called.
 pub(crate) const OSCILLATORS: &str = "oscillators";
@@ -267,9 +267,10 @@ fn compared(
     record.added = one_line(&steps.join(" and "));
     let mut law = learned(told.found.law(), known);
     law.strange.extend(changed_numbers(&told.found));
-    match judged(truth, &law) {
+    match judged(truth, &law, &named_beside(&told.found)) {
         Ok(found) => {
             (record.missing, record.beside) = (found.missing.len(), found.beside.len());
+            record.level = found.named;
             let list = |what: &str, terms: &[String]| match terms.is_empty() {
                 true => String::new(),
                 false => format!("{what} {}", terms.join(", ")),
@@ -282,6 +283,23 @@ fn compared(
         Err(why) => (record.beside, record.remark) = (1, one_line(&why)),
     }
     record
+}
+
+/// What is named as explaining as much as a member of what was found, or as all of it.
+fn named_beside(found: &Discovery) -> Vec<Expression> {
+    let document: serde_json::Value = serde_json::from_str(&found.to_json()).unwrap_or_default();
+    let mut labels: Vec<String> = Vec::new();
+    let mut open = vec![&document];
+    while let Some(value) = open.pop() {
+        open.extend(value.as_array().into_iter().flatten());
+        for (key, value) in value.as_object().into_iter().flatten() {
+            open.push(value);
+            let all = value.as_array().filter(|_| key == "indistinguishable");
+            let texts = all.into_iter().flatten().filter_map(|label| label.as_str());
+            labels.extend(texts.flat_map(|text| text.split(" and ")).map(str::to_string));
+        }
+    }
+    labels.iter().filter_map(|label| form(label)).collect()
 }
 
 /// Known numbers of the spec that were found to be others: they are right on the board.

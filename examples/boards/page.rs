@@ -63,7 +63,8 @@ one in the law, and none is there beside. Terms are one where they are proportio
 terms with fitted numbers inside where they have the same functions and, scaled, differ by less than
 5 % of their size. Sine and cosine of one frequency are one wave, and its phase is a fitted number.
 **Beside** counts members of the law that are not in the truth, **without** those of the truth that the
-law lacks. **Explained**: the last diagnosis says that what is left is noise. Seconds are of processor
+law lacks. **Named beside**: those that it lacks and that stand in a form which the program names as
+explaining the data as well. **Explained**: the last diagnosis says that what is left is noise. Seconds are of processor
 time, for all fits and diagnoses of the case.
 ";
 
@@ -164,8 +165,8 @@ fn figures(
 fn summary(out: &mut String, records: &[&Record]) {
     out.push_str(
         "\n| noise | cases | the same terms | of these explained | explained, a member not in the truth \
-         | explained, a term short | unexplained | too little data | not finished | not made | failed \
-         | median s | longest s |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
+         | what they lack named beside them | explained, a term short | unexplained | too little data | not finished | not made | failed \
+         | median s | longest s |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for noise in noises(records) {
         let here = at(records, noise);
@@ -180,6 +181,7 @@ fn summary(out: &mut String, records: &[&Record]) {
             count(&Record::is_exact),
             count(&|one| one.is_exact() && one.is_explained()),
             count(&|one| explained(one) && one.beside > 0),
+            count(&|one| explained(one) && one.beside > 0 && one.names_the_truth()),
             count(&|one| explained(one) && one.beside == 0),
             other("unexplained"),
             other("too little data"),
@@ -222,12 +224,12 @@ fn predictions(out: &mut String, records: &[&Record]) {
 fn lines(out: &mut String, records: &[&Record], is_ode: bool) {
     out.push_str(match is_ode {
         true => {
-            "\n| system | noise | right | the same terms | without | beside | verdict | s | added | terms \
-             |\n|---|---|---|---|---|---|---|---|---|---|\n"
+            "\n| system | noise | right | the same terms | without | named beside | beside | verdict | s \
+             | added | terms |\n|---|---|---|---|---|---|---|---|---|---|---|\n"
         }
         false => {
-            "\n| system | noise | the same terms | without | beside | verdict | within | beyond | s | added \
-             | terms |\n|---|---|---|---|---|---|---|---|---|---|---|\n"
+            "\n| system | noise | the same terms | without | named beside | beside | verdict | within \
+             | beyond | s | added | terms |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n"
         }
     });
     for record in records {
@@ -241,7 +243,7 @@ fn lines(out: &mut String, records: &[&Record], is_ode: bool) {
                 _ => ("failed", String::new()),
             };
             // Right, the same terms, without, beside; then the errors.
-            let (blank, errors) = if is_ode { (" | | | |", "") } else { (" | | |", " | |") };
+            let (blank, errors) = if is_ode { (" | | | | |", "") } else { (" | | | |", " | |") };
             let remark = escaped(&record.remark);
             let _ = writeln!(out, "{blank} {what} |{errors} {seconds} | | {remark} |");
             continue;
@@ -251,9 +253,10 @@ fn lines(out: &mut String, records: &[&Record], is_ode: bool) {
         }
         let _ = write!(
             out,
-            " {} | {} | {} | {} |",
+            " {} | {} | {} | {} | {} |",
             yes(record.is_exact()),
             record.missing,
+            record.level,
             record.beside,
             record.verdict
         );

@@ -37,6 +37,9 @@ pub(crate) struct Record {
     pub missing: usize,
     /// Members of the law that are not in the truth.
     pub beside: usize,
+    /// Those that are missing and stand in a form that is named as explaining as much.
+    #[serde(default)]
+    pub level: usize,
     /// Whether exactly the missing effects were named; nothing on the board of oscillators.
     pub named: Option<bool>,
     /// Normalised mean squared error on new motions from starts of the same range.
@@ -61,6 +64,7 @@ impl Record {
             verdict: String::new(),
             missing: 0,
             beside: 0,
+            level: 0,
             named: None,
             within: None,
             beyond: None,
@@ -73,6 +77,11 @@ impl Record {
     /// Whether the law has the terms of the truth and no other.
     pub(crate) fn is_exact(&self) -> bool {
         self.state == State::Done && self.missing == 0 && self.beside == 0
+    }
+
+    /// Whether all that it lacks of the truth is named as explaining as much as what it has.
+    pub(crate) fn names_the_truth(&self) -> bool {
+        self.state == State::Done && self.missing > 0 && self.level == self.missing
     }
 
     pub(crate) fn is_explained(&self) -> bool {

@@ -45,6 +45,8 @@ pub(crate) struct Term {
 pub(crate) struct Comparison {
     /// Terms of the truth that the law has not, as text.
     pub missing: Vec<String>,
+    /// How many of these are in one of the forms that are named as explaining as much.
+    pub named: usize,
     /// Terms of the law that the truth has not.
     pub beside: Vec<String>,
 }
@@ -262,20 +264,25 @@ fn apart(truth: &Term, law: &Term) -> Option<f64> {
 }
 
 /// Compares the terms of a law with those of the truth: each of either has its one of the other.
+/// `forms` are terms of what is named as explaining as much as members of the law.
 ///
 /// # Errors
 /// As for [`terms`].
-pub(crate) fn compared(truth: &[Term], law: &[Term]) -> Result<Comparison, String> {
+pub(crate) fn compared(truth: &[Term], law: &[Term], forms: &[Term]) -> Result<Comparison, String> {
     let (truth, mut rest) = (with_phases(truth.to_vec())?, with_phases(law.to_vec())?);
     let mut missing = Vec::new();
+    let mut named = 0;
     for term in &truth {
         let near = rest.iter().enumerate().filter_map(|(i, law)| Some((i, apart(term, law)?)));
         match near.min_by(|a, b| a.1.total_cmp(&b.1)) {
             Some((i, _)) => drop(rest.remove(i)),
-            None => missing.push(text(term)),
+            None => {
+                named += usize::from(forms.iter().any(|form| apart(term, form).is_some()));
+                missing.push(text(term));
+            }
         }
     }
-    Ok(Comparison { missing, beside: rest.iter().map(text).collect() })
+    Ok(Comparison { missing, named, beside: rest.iter().map(text).collect() })
 }
 
 /// A term with its number.
@@ -319,12 +326,32 @@ pub(crate) fn learned(law: &Law, known: Option<&Expression>) -> Learned {
     Learned { acceleration: Expression::Sum(parts), strange }
 }
 
-/// Compares a law with the truth.
+/// The acceleration that an addition of the program brings, as its label says it; none of one that
+/// says no expression.
+pub(crate) fn form(label: &str) -> Option<Expression> {
+    let read = |text: &str| Expression::parse(text, &HashMap::new()).ok();
+    match (label.strip_prefix("force on x: "), label.strip_prefix("V ")) {
+        (Some(force), _) => read(force),
+        (None, Some(potential)) => read(potential).filter(|of| !of.depends(1)).map(|of| of.by_x()),
+        _ => match label {
+            "viscous_drag(x)" => read("v"),
+            "cubic_drag(x)" => read("v^3"),
+            _ => None,
+        },
+    }
+}
+
+/// Compares a law with the truth. `forms` are named as explaining as much as members of the law.
 ///
 /// # Errors
 /// As for [`terms`].
-pub(crate) fn judged(truth: &Expression, law: &Learned) -> Result<Comparison, String> {
-    let mut found = compared(&terms(truth)?, &terms(&law.acceleration)?)?;
+pub(crate) fn judged(
+    truth: &Expression,
+    law: &Learned,
+    forms: &[Expression],
+) -> Result<Comparison, String> {
+    let forms: Vec<Term> = forms.iter().filter_map(|form| terms(form).ok()).flatten().collect();
+    let mut found = compared(&terms(truth)?, &terms(&law.acceleration)?, &forms)?;
     found.beside.extend(law.strange.iter().cloned());
     Ok(found)
 }

@@ -14,7 +14,7 @@ use std::collections::HashMap;
 
 use expression::Expression;
 use leverrier::Spec;
-use terms::{compared, judged, learned};
+use terms::{compared, form, judged, learned};
 
 fn read(text: &str) -> Expression {
     Expression::parse(text, &HashMap::new()).unwrap_or_else(|error| panic!("{error}"))
@@ -23,7 +23,7 @@ fn read(text: &str) -> Expression {
 /// How many terms are missing, and how many are beside.
 fn counts(truth: &str, law: &str) -> (usize, usize) {
     let terms = |text| terms::terms(&read(text)).expect("few terms");
-    let found = compared(&terms(truth), &terms(law)).expect("few terms");
+    let found = compared(&terms(truth), &terms(law), &[]).expect("few terms");
     (found.missing.len(), found.beside.len())
 }
 
@@ -68,13 +68,29 @@ fn a_learned_potential_is_compared_by_its_force() {
     let column = |i: usize| run.iter().map(|state| state[i]).collect::<Vec<f64>>();
     let data = leverrier::Data::from_slices(&spec, &times, &[&column(0), &column(1)]);
     let law = spec.fit(&data.expect("columns of one length")).expect("a law");
-    let same = |truth: &str| judged(&read(truth), &learned(&law, None)).expect("few terms");
+    let same = |truth: &str| judged(&read(truth), &learned(&law, None), &[]).expect("few terms");
     let found = same("-4*x^3 - 0.5*x");
     assert!(found.missing.is_empty() && found.beside.is_empty(), "{found:?}");
     assert_eq!(same("-4*x^3 - 0.5*x - v").missing, ["-1 v"]);
     assert_eq!(same("-4*x^3").beside.len(), 1);
     let off = motion::error(&law, &[run], &times).expect("a motion of x and v");
     assert!(off < 1e-8, "{off}");
+}
+
+#[test]
+fn forms_that_are_named_beside_a_law_are_found_among_what_it_lacks() {
+    let terms = |text| terms::terms(&read(text)).expect("few terms");
+    let (truth, law) = (terms("-x - 0.3*v*exp(-abs(x)) + 0.1*v"), terms("-x + 0.2*v*abs(x)"));
+    let named = |labels: &[&str]| {
+        let forms: Vec<Expression> = labels.iter().filter_map(|label| form(label)).collect();
+        let forms: Vec<_> =
+            forms.iter().flat_map(|form| terms::terms(form).expect("few terms")).collect();
+        compared(&truth, &law, &forms).expect("few terms").named
+    };
+    assert_eq!(named(&[]), 0);
+    assert_eq!(named(&["force on x: v*exp(-abs(x))", "harmonic_drive(x)"]), 1);
+    assert_eq!(named(&["force on x: v*exp(-abs(x))", "viscous_drag(x)", "V x^4"]), 2);
+    assert_eq!(named(&["V x^2", "force on x: v*exp(-x^2)"]), 0);
 }
 
 /// Asks noisy motions of a law for it, drawn from two seeds; all of it must be there, and nothing
@@ -96,7 +112,7 @@ fn found_in_noise(truth: &str, (motions, noise): (&str, &str)) {
     let options = leverrier::DiscoveryOptions::default();
     let found = spec.discover(&training, &held_out, &options, &leverrier::Silent).expect("a law");
     assert_eq!(found.verdict(), leverrier::Verdict::NothingMissing);
-    let terms = judged(&truth, &learned(found.law(), None)).expect("few terms");
+    let terms = judged(&truth, &learned(found.law(), None), &[]).expect("few terms");
     assert!(terms.missing.is_empty() && terms.beside.is_empty(), "{terms:?}");
 }
 
