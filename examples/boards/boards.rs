@@ -294,7 +294,8 @@ fn named_beside(found: &Discovery) -> Vec<Expression> {
         open.extend(value.as_array().into_iter().flatten());
         for (key, value) in value.as_object().into_iter().flatten() {
             open.push(value);
-            let all = value.as_array().filter(|_| key == "indistinguishable");
+            let is_list = ["indistinguishable", "others"].contains(&key.as_str());
+            let all = value.as_array().filter(|_| is_list);
             let texts = all.into_iter().flatten().filter_map(|label| label.as_str());
             labels.extend(texts.flat_map(|text| text.split(" and ")).map(str::to_string));
         }
