@@ -224,7 +224,7 @@ fn shorten<'a>(question: &Question<'a, '_>, found: &mut Vec<Fitted<'a>>) -> Resu
     let compared = holding.chain(open.iter().copied()).map(|(set, story)| (set, story));
     let (sets, stories): (Vec<&ProposedSet>, Vec<&Story>) = compared.unzip();
     let lengths = lengths_of(sets.into_iter(), &stories, question);
-    let (holding, own) = lengths.split_at(lengths.len() - open.len());
+    let (holding, own) = lengths.split_at(lengths.len().saturating_sub(open.len()));
     let shortest = holding.iter().copied().fold(f64::INFINITY, f64::min);
     let clear = question.model.tuning().verdict.standard_errors;
     let spare = |story: &Story| -> f64 {
