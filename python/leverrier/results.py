@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import LeverrierError
-from .shown import html_table, short, text_table, with_error
+from .shown import html_table, p_value_text, short, text_table, with_error
 
 if TYPE_CHECKING:
     from .law import Law
@@ -286,7 +286,7 @@ class Diagnosis(_Result):
             pairs = [with_error(*both) for both in zip(one.coefficient, one.standard_error)]
             numbers = ", ".join(f"{value} ± {error}" if error else value for value, error in pairs)
             errors = [one.held_out_error_before, one.held_out_error_after]
-            return [one.effect, numbers, f"{one.p_value:.1e}", *(short(error) for error in errors)]
+            return [one.effect, numbers, p_value_text(one.p_value), *(short(error) for error in errors)]
 
         names = [
             "effect",

@@ -23,6 +23,11 @@ def short(value: Any) -> str:
     return text if len(text) <= 120 else text[:117] + "..."
 
 
+def p_value_text(p: float) -> str:
+    """A p-value: two digits, and no more than that it is far below all that chance does."""
+    return "< 1e-12" if p < 1e-12 else f"{p:.1e}"
+
+
 def with_error(value: float | None, error: float | None) -> tuple[str, str]:
     """A number and its standard error, both to two digits of the error.
 

@@ -3,11 +3,10 @@
 
 use std::collections::{HashMap, HashSet};
 
-use statrs::distribution::{ChiSquared, ContinuousCDF};
-
+use super::clearness::Clearness;
 use super::refit::has_negative;
 use super::story::{Member, Story};
-use crate::expr::{Expr, Place, Symbol, System, Term, TermId};
+use crate::expr::{Expr, Place, Symbol, System, Term};
 use crate::fit::column::Column;
 
 /// How far a member of a story would be believed by itself.
@@ -89,53 +88,8 @@ impl Story<'_> {
 
     /// Standard errors that the least clear coefficient of a member is away from zero.
     pub(super) fn clearness(&self, member: &Member) -> f64 {
-        self.least_clear(member).0.sqrt()
-    }
-
-    /// The probability that noise alone makes each member's least clear coefficient as clear as it
-    /// is, corrected for all that was tried.
-    pub(super) fn p_values(&self) -> Vec<f64> {
-        let of = |member: &Member| {
-            let (squares, degrees) = self.least_clear(member);
-            let chi = ChiSquared::new(degrees as f64);
-            let alone = chi.map_or(1.0, |chi| chi.sf(squares));
-            (alone * member.effect.tests).min(1.0)
-        };
-        self.members.iter().map(of).collect()
-    }
-
-    /// The square of the standard errors that the least clear coefficient of a member is away from
-    /// zero, and its degrees of freedom. The cosine and the sine of one wave are its amplitude and
-    /// its phase: they are so together.
-    fn least_clear(&self, member: &Member) -> (f64, usize) {
         let system = &self.scope.compiled().system;
-        let wave = |id: TermId| {
-            let name = system.term(id).and_then(|term| term.name.as_deref()).unwrap_or("");
-            name.strip_suffix("_cos").or_else(|| name.strip_suffix("_sin")).map(str::to_string)
-        };
-        let numbers = member.effect.coefficient.iter().zip(&member.effect.standard_error);
-        let ratios = numbers.map(|(value, error)| (value / error).powi(2));
-        let mut squares: Vec<(Option<String>, f64, usize)> = Vec::new();
-        // A known number is a change where it is clearly not what the spec says.
-        if let Some(change) = &member.effect.number {
-            let both = member.effect.coefficient.last().zip(member.effect.standard_error.last());
-            let off = both.map_or(0.0, |(value, error)| (value - change.was) / error);
-            squares.push((None, off.powi(2), 1));
-        }
-        for (&id, ratio) in member.terms.iter().zip(ratios) {
-            let wave = wave(id);
-            match squares.iter_mut().find(|(of, ..)| wave.is_some() && *of == wave) {
-                Some((_, sum, degrees)) => {
-                    *sum += ratio;
-                    *degrees += 1;
-                }
-                None => squares.push((wave, ratio, 1)),
-            }
-        }
-        // What is no number is not clear.
-        let sums = squares.into_iter();
-        let sums = sums.map(|(_, sum, degrees)| (if sum.is_nan() { 0.0 } else { sum }, degrees));
-        sums.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, 1))
+        Clearness::of(&member.effect, &member.terms, system).standard_errors()
     }
 
     /// Whether what a member does is infinite somewhere between two samples: where a coordinate or

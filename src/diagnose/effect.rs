@@ -21,7 +21,8 @@ pub struct RankedEffect {
     pub coefficient: Vec<f64>,
     /// Standard errors, in the order of `coefficient`.
     pub standard_error: Vec<f64>,
-    /// Probability that noise does as well, corrected for all candidates and grid points.
+    /// Probability that noise makes the least clear coefficient as clear (Wald's test), corrected
+    /// for all candidates and grid points.
     pub p_value: f64,
     /// How many these were.
     pub tests: f64,

@@ -6,6 +6,7 @@
 
 pub mod autocorrelation;
 pub mod candidates;
+mod clearness;
 mod columns;
 pub mod comparison;
 mod description;

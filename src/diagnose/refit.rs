@@ -6,6 +6,7 @@ use std::sync::Arc;
 use nalgebra::DVector;
 
 use super::candidates::{Candidate, NumberChange, Origin};
+use super::clearness::Clearness;
 use super::effect::RankedEffect;
 use super::law_on_data::LawOnData;
 use super::misfit::excess;
@@ -60,8 +61,7 @@ pub struct Refit {
 pub struct Start {
     /// The model's terms and the candidate's.
     law: Law,
-    p_value: f64,
-    /// What that is corrected for.
+    /// What its p-value is corrected for.
     tests: f64,
     /// Whether its numbers were fitted, so that it follows the data better than the model does.
     fitted: bool,
@@ -87,12 +87,12 @@ impl Start {
         for (&id, &value) in candidate.terms.iter().zip(&scored.score.coefficients) {
             law = law.with_term(id, value)?;
         }
-        Ok(Start { law, p_value: scored.p_value, tests: scored.tests, fitted: false })
+        Ok(Start { law, tests: scored.tests, fitted: false })
     }
 
     /// These numbers, where the candidate stands for an effect.
     pub fn at(law: Law, effect: &RankedEffect) -> Start {
-        Start { law, p_value: effect.p_value, tests: effect.tests, fitted: false }
+        Start { law, tests: effect.tests, fitted: false }
     }
 
     /// A refit once more, from other numbers where there are some.
@@ -334,22 +334,24 @@ fn with_candidate(
     let tuning = &settled.model.tuning().ranking;
     let at_bound = is_at_bound(candidate, law.system(), &values, tuning);
     let segments = (settled.model.law.window(), settled.segments.list.len());
+    let effect = RankedEffect {
+        effect: candidate.label.clone(),
+        on: candidate.on.clone(),
+        snippet: candidate.snippet(&values),
+        number: candidate.number().map(NumberChange::of),
+        left_out: candidate.left_out().cloned(),
+        coefficient,
+        standard_error,
+        p_value: 1.0,
+        tests: start.tests,
+        deviance: 0.0,
+        held_out_error_before: f64::NAN,
+        held_out_error_after: f64::NAN,
+        indistinguishable: Vec::new(),
+    };
+    let clearness = Clearness::of(&effect, &candidate.terms, law.system());
     Some(Refit {
-        effect: RankedEffect {
-            effect: candidate.label.clone(),
-            on: candidate.on.clone(),
-            snippet: candidate.snippet(&values),
-            number: candidate.number().map(NumberChange::of),
-            left_out: candidate.left_out().cloned(),
-            coefficient,
-            standard_error,
-            p_value: start.p_value,
-            tests: start.tests,
-            deviance: 0.0,
-            held_out_error_before: f64::NAN,
-            held_out_error_after: f64::NAN,
-            indistinguishable: Vec::new(),
-        },
+        effect: RankedEffect { p_value: clearness.p_value(start.tests), ..effect },
         fall: settled.sums.loss - sums.loss,
         variance: variance_of(&sums, tuning),
         segments: (resolved && gained(&sums, settled)).then_some(segments),

@@ -4,6 +4,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::autocorrelation::Noise;
 use super::candidates::composed::proposed::{Proposed, ProposedSet};
+use super::clearness::Clearness;
 use super::effect::RankedEffect;
 use super::evidence::Judged;
 use super::law_on_data::{LawOnData, Measurements};
@@ -396,9 +397,10 @@ impl<'a> Story<'a> {
 
     /// Gives each member the p-value of its numbers beside their errors.
     fn take_p_values(&mut self) {
-        let p_values = self.p_values();
-        for (member, p_value) in self.members.iter_mut().zip(p_values) {
-            member.effect.p_value = p_value;
+        let system = &self.scope.compiled().system;
+        for member in &mut self.members {
+            let clearness = Clearness::of(&member.effect, &member.terms, system);
+            member.effect.p_value = clearness.p_value(member.effect.tests);
         }
     }
 

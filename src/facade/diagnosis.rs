@@ -88,8 +88,8 @@ pub struct Effect {
     pub coefficients: Vec<f64>,
     /// Standard errors, in the order of `coefficients`.
     pub standard_errors: Vec<f64>,
-    /// Probability that noise does as well, corrected for all candidates that were tested
-    /// (look-elsewhere correction).
+    /// Probability that noise makes the least clear coefficient as clear (Wald's test), corrected
+    /// for all candidates that were tested (look-elsewhere correction).
     pub p_value: f64,
     /// Error on the held-out runs without it, in units of the noise.
     pub held_out_error_before: f64,
