@@ -10,13 +10,15 @@
 //! out, and an integrator's look like forces. There a term has to show above them in the motion
 //! itself, and not on the mean of many samples alone.
 
+use std::collections::HashMap;
+
 use super::column::Column;
 use super::criterion::Criterion;
 use super::monitor::Monitor;
 use super::per_run::own;
 use super::train::{Round, Training};
 use super::uncertainty::{covariance, undetermined};
-use crate::expr::{Symbol, Term, TermId};
+use crate::expr::{Expr, Symbol, Term, TermId};
 
 /// Takes terms out one by one, the weakest first, and refits after each.
 pub(super) fn prune(training: &mut Training, round: &mut Round, monitor: &dyn Monitor) {
@@ -80,6 +82,37 @@ fn below_precision(training: &Training, rows: usize) -> f64 {
     if clean { rows as f64 / measured.len() as f64 } else { 0.0 }
 }
 
+/// For each term with inner parameters that nothing else of the law has, the columns of these;
+/// none where measures, constraints or hidden parts may speak of any.
+fn inner_of_one(training: &Training) -> HashMap<Column, Vec<Column>> {
+    let (system, dynamics) = (training.system(), training.law.dynamics());
+    let symbols = |term: &Term| {
+        let parts: Vec<Expr> = term.parts().map(|(_, expr)| expr).collect();
+        system.graph.symbols(&parts)
+    };
+    let terms: Vec<_> = training.law.terms().map(|(_, term, _)| symbols(term)).collect();
+    let known = [system.kinetic, system.potential, system.hamiltonian].into_iter();
+    let known: Vec<Expr> =
+        known.chain(system.forces.iter().chain(&system.sensors).copied()).collect();
+    let known = system.graph.symbols(&known);
+    let mut inner: HashMap<Column, Vec<Column>> = HashMap::new();
+    let elsewhere = system.measures.len() + system.constraints.len() + system.hidden.len();
+    if elsewhere > 0 {
+        return inner;
+    }
+    for (at, id) in dynamics.parameters().iter().enumerate() {
+        let symbol = Symbol::Parameter(id.position());
+        let mut users = terms.iter().enumerate().filter(|(_, own)| own.contains(&symbol));
+        if let (Some((place, _)), None) = (users.next(), users.next())
+            && !known.contains(&symbol)
+        {
+            let column = Column::new(dynamics.active().len() + at);
+            inner.entry(Column::new(place)).or_default().push(column);
+        }
+    }
+    inner
+}
+
 /// The term whose absence betters the criterion most, if there is one, or else the weakest of those
 /// below the precision of the data; and whether it pays by the criterion.
 fn superfluous(training: &Training, round: &Round) -> Option<(TermId, bool)> {
@@ -92,9 +125,17 @@ fn superfluous(training: &Training, round: &Round) -> Option<(TermId, bool)> {
     // What the data leave open stays as it is: it must not hide what the others do.
     let rest: Vec<Column> = Column::all(factor.columns()).filter(|k| !open.contains(k)).collect();
     let inverse = covariance(&factor.select(&rest), 1.0);
+    // Inner parameters that a term has for itself go with it. They take over nothing: near a limit
+    // in which they and the coefficient are one number, its error says nothing of the term.
+    let inner = inner_of_one(training);
     let variance = |k: Column| {
-        let place = rest.iter().position(|&other| other == k);
-        place.map_or(f64::INFINITY, |place| inverse[(place, place)])
+        let gone = inner.get(&k).map_or(&[][..], Vec::as_slice);
+        let left: Vec<Column> = rest.iter().copied().filter(|at| !gone.contains(at)).collect();
+        let place = left.iter().position(|&other| other == k)?;
+        Some(match left.len() == rest.len() {
+            true => inverse[(place, place)],
+            false => covariance(&factor.select(&left), 1.0)[(place, place)],
+        })
     };
     let value = |squares: f64, unknowns: usize| criterion.value(squares, rows, unknowns, 0.0);
     let unknowns = refit.theta.len();
@@ -102,8 +143,10 @@ fn superfluous(training: &Training, round: &Round) -> Option<(TermId, bool)> {
     let precision = below_precision(training, rows) * refit.sums().loss / rows.max(1) as f64;
     let change = |(place, (id, _, coefficient)): (usize, (TermId, &Term, f64))| {
         // What the sum of squares grows by when the others take over as well as they can.
-        let growth = coefficient.powi(2) / variance(Column::new(place));
-        let without = value(refit.sums().loss + growth, unknowns.saturating_sub(1));
+        let column = Column::new(place);
+        let growth = coefficient.powi(2) / variance(column).unwrap_or(f64::INFINITY);
+        let gone = 1 + inner.get(&column).map_or(0, Vec::len);
+        let without = value(refit.sums().loss + growth, unknowns.saturating_sub(gone));
         (id, without - present - round.columns.costs[Column::from(id)], growth)
     };
     // Where what runs have for themselves does all that a coefficient does, it stands for both.

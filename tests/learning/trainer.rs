@@ -281,6 +281,19 @@ fn parameters_inside_terms_and_the_starts_that_the_spec_lists() {
 }
 
 #[test]
+fn a_term_stays_whose_coefficient_and_inner_number_are_nearly_one() {
+    // At these speeds a hyperbolic tangent is nearly linear: neither number is known alone.
+    let truth = "coordinates x\nmomenta v\nT = v^2/2\nV = -cos(x)\nforce x += -v\n";
+    let space = "coordinates x\nmomenta v\nT = v^2/2\nV = -cos(x)\nparam scale = 2.5\n\
+                 force x += span{ tanh(v/scale) }\n";
+    let data = measure(truth, &[vec![0.45, 0.9], vec![1.3, 0.1]], &even(150, 0.067));
+    for seed in 0..8 {
+        let model = learn(space, &noisy(data.clone(), 0.015, seed), &Options::default());
+        assert_eq!(support(&model).len(), 1, "seed {seed}: {:?}", model.front);
+    }
+}
+
+#[test]
 fn bounds_are_kept_and_those_that_do_not_matter_do_no_harm() {
     let data = noisy(measure(DUFFING, &spiral(6, 1, 1.4), &even(60, 0.1)), 1e-3, 2);
     let with = |constraint: &str| {
