@@ -81,6 +81,17 @@ impl Story<'_> {
         self.members.iter().all(|member| self.clearness(member) >= clear)
     }
 
+    /// Whether an inner number of a member is at an end of its range, where it stands in for a
+    /// simpler one.
+    pub(super) fn stands_in_for_a_simpler_one(&self) -> bool {
+        let part = self.model.tuning().ranking.at_bound;
+        self.members.iter().any(|member| {
+            let values = member.parameters.iter().map(|&id| self.model.law.parameter(id));
+            let mut both = values.zip(&member.ranges);
+            both.any(|(value, range)| value.is_some_and(|value| range.is_at_its_end(value, part)))
+        })
+    }
+
     /// Numbers of all members.
     pub(super) fn unknowns(&self) -> usize {
         self.members.iter().map(|member| member.effect.coefficient.len()).sum()

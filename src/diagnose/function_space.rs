@@ -102,9 +102,9 @@ fn with_own_terms<'a>(mut story: Story<'a>, own: &[Candidate]) -> Story<'a> {
         let clear = numbers.iter().map(|(value, error)| (value / error).powi(2)).sum();
         let effect = RankedEffect::of_term(one, numbers, (p_value(clear), own.len() as f64));
         let price = one.price_of_number(rows);
-        let parameters = Vec::new();
+        let (parameters, ranges) = (Vec::new(), Vec::new());
         let (named, positive) = (true, false);
-        story.members.push(Member { effect, terms, parameters, price, named, positive });
+        story.members.push(Member { effect, terms, parameters, ranges, price, named, positive });
     }
     story
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::DVector;
 
-use super::candidates::{Candidate, NumberChange, Origin};
+use super::candidates::{Candidate, InnerRange, NumberChange, Origin};
 use super::clearness::Clearness;
 use super::effect::RankedEffect;
 use super::law_on_data::LawOnData;
@@ -14,7 +14,7 @@ use super::scan::Scored;
 use super::settling::{Parts, Settled, settle, settle_from};
 use super::tuning::Ranking;
 use crate::error::Result;
-use crate::expr::{Bounds, System, TermId};
+use crate::expr::{System, TermId};
 use crate::fit::Law;
 use crate::fit::factor::Factor;
 use crate::fit::gauss_newton::LeastGain;
@@ -23,7 +23,6 @@ use crate::fit::pass::Sums;
 use crate::fit::refit::{Integrator, Refitted, Refitting, refitted};
 use crate::fit::segments::cut;
 use crate::fit::states::States;
-use crate::spec::effects::ScanBy;
 
 /// A model with one more effect, fitted.
 pub struct Refit {
@@ -55,6 +54,8 @@ pub struct Refit {
     /// Whether a rate, an exponent or the like ran into the end of what is looked through: the
     /// effect then stands in for a simpler one (a decay that takes for ever is a constant).
     pub at_bound: bool,
+    /// How far its inner numbers may go.
+    pub ranges: Vec<InnerRange>,
 }
 
 /// Where a refit starts.
@@ -332,7 +333,7 @@ fn with_candidate(
     let values = candidate.parameters.iter().filter_map(|&id| law.parameter(id));
     let values: Vec<f64> = values.collect();
     let tuning = &settled.model.tuning().ranking;
-    let at_bound = is_at_bound(candidate, law.system(), &values, tuning);
+    let at_bound = is_at_bound(candidate, &values, tuning);
     let segments = (settled.model.law.window(), settled.segments.list.len());
     let effect = RankedEffect {
         effect: candidate.label.clone(),
@@ -364,61 +365,24 @@ fn with_candidate(
         candidate_choice: candidate.choice,
         whole: false,
         at_bound,
+        ranges: candidate.ranges(tuning),
     })
 }
 
 /// Whether an inner parameter that gives an effect its shape is at one of its bounds: a contact
 /// that all the motion is in touch with is a spring, a wall far away pulls like a weight.
-fn is_at_bound(candidate: &Candidate, system: &System, values: &[f64], tuning: &Ranking) -> bool {
-    let Origin::Catalogue(row) = &candidate.origin else { return false };
-    let shapes = [
-        ScanBy::Rate,
-        ScanBy::Range,
-        ScanBy::Exponent,
-        ScanBy::Power,
-        ScanBy::Momentum,
-        ScanBy::Level,
-        ScanBy::Delay,
-        ScanBy::Frequency,
-        ScanBy::WaveNumber,
-        ScanBy::Position,
-        ScanBy::Beyond,
-    ];
-    row.parameters.iter().zip(&candidate.parameters).zip(values).any(|((scan, &id), &value)| {
-        let bounds = system.parameter(id).map_or(Bounds::FREE, |parameter| parameter.bounds);
-        let Bounds { lower, upper } = bounds;
-        let close = tuning.at_bound * (upper - lower);
-        shapes.contains(&scan.by) && (value - lower <= close || upper - value <= close)
-    })
+fn is_at_bound(candidate: &Candidate, values: &[f64], tuning: &Ranking) -> bool {
+    let ranges = candidate.ranges(tuning);
+    ranges.iter().zip(values).any(|(range, &value)| range.is_at_its_end(value, tuning.at_bound))
 }
 
-/// The system with a candidate, its inner parameters at a grid point. Outside the grid the data
-/// say nothing about a parameter: it may leave the grid by a part of its length, but for places
-/// and instants, which are looked for where there are data, and for waves, of which the data
-/// show half a length or more.
+/// The system with a candidate, its inner parameters at a grid point and within their ranges.
 fn bounded(candidate: &Candidate, base: &System, values: &[f64], tuning: &Ranking) -> System {
     let mut system = candidate.system(base);
-    for (place, (id, &value)) in candidate.parameters.iter().zip(values).enumerate() {
+    let ranges = candidate.ranges(tuning);
+    for ((id, &value), range) in candidate.parameters.iter().zip(values).zip(ranges) {
         let Some(parameter) = system.parameters.get_mut(id.position()) else { continue };
-        let axis = candidate.grid.iter().map(|values| values[place]);
-        let (lower, upper) =
-            axis.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
-        let by = match &candidate.origin {
-            Origin::Catalogue(row) => row.parameters.get(place).map(|scan| scan.by),
-            _ => None,
-        };
-        let inside = matches!(
-            by,
-            Some(ScanBy::Position | ScanBy::Beyond | ScanBy::Instant | ScanBy::WaveNumber)
-        );
-        let part = tuning.beyond_grid;
-        let margin = if inside { 0.0 } else { part * (upper - lower) };
-        let smallest = if lower > 0.0 && !inside { part * lower } else { lower - margin };
-        // One start of the user's is no grid.
-        if lower < upper {
-            parameter.bounds.lower = parameter.bounds.lower.max(smallest);
-            parameter.bounds.upper = parameter.bounds.upper.min(upper + margin);
-        }
+        parameter.bounds = parameter.bounds.within(range.bounds);
         parameter.start = parameter.bounds.clamp(value);
     }
     system

@@ -3,6 +3,7 @@
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::autocorrelation::Noise;
+use super::candidates::InnerRange;
 use super::candidates::composed::proposed::{Proposed, ProposedSet};
 use super::clearness::Clearness;
 use super::effect::RankedEffect;
@@ -12,7 +13,7 @@ use super::misfit::excess;
 use super::refit::{Precision, fitted, fitted_from_afar};
 use super::settling::{Settled, settle};
 use crate::error::Result;
-use crate::expr::{KnownNumber, ParameterId, Place, Scope, Term, TermId};
+use crate::expr::{Bounds, KnownNumber, ParameterId, Place, Scope, Term, TermId};
 use crate::fit::column::Column;
 use crate::fit::factor::Factor;
 use crate::fit::own_values::is_said;
@@ -42,6 +43,8 @@ pub(super) struct Member {
     pub terms: Vec<TermId>,
     /// Its inner parameters there.
     pub parameters: Vec<ParameterId>,
+    /// How far these may go.
+    pub ranges: Vec<InnerRange>,
     /// What its unknowns cost, and what it takes to say which candidate it is: twice the nats.
     pub price: f64,
     /// Whether it has a name: an effect of the catalogue, or of the spec.
@@ -56,14 +59,17 @@ pub(super) const SAME_SQUARES: f64 = 1e-6;
 /// Terms of a member, and its inner parameters.
 type Own = (Vec<TermId>, Vec<ParameterId>);
 
-/// A scope with some effects, and what each of them has there.
+/// A scope with some effects, their inner numbers within their ranges, and what each of them has
+/// there.
 fn placed<'e>(
-    effects: impl Iterator<Item = &'e RankedEffect>,
+    effects: impl Iterator<Item = (&'e RankedEffect, &'e [InnerRange])>,
     scope: &Scope,
 ) -> Result<(Scope, Vec<Own>)> {
     let mut scope = scope.clone();
     let mut names = Vec::new();
-    for effect in effects {
+    let mut all_ranges = Vec::new();
+    for (effect, ranges) in effects {
+        all_ranges.push(ranges);
         let standing = scope.compiled().system.clone();
         scope = effect.added_to(&scope)?;
         let system = &scope.compiled().system;
@@ -91,8 +97,17 @@ fn placed<'e>(
         });
         (ids.map(|(id, _)| id).collect(), inner.collect())
     };
-    let all = names.into_iter().map(own).collect();
+    let all: Vec<Own> = names.into_iter().map(own).collect();
+    let bounds = all.iter().zip(all_ranges).flat_map(|((_, ids), ranges)| bounds_of(ids, ranges));
+    let scope = scope.bounded(bounds);
     Ok((scope, all))
+}
+
+fn bounds_of(
+    parameters: &[ParameterId],
+    ranges: &[InnerRange],
+) -> impl Iterator<Item = (ParameterId, Bounds)> {
+    parameters.iter().copied().zip(ranges.iter().map(|range| range.bounds))
 }
 
 /// A model with changes to it, the changes and what they cost.
@@ -151,14 +166,19 @@ impl<'a> Story<'a> {
         question: &Question<'a, '_>,
     ) -> Result<Story<'a>> {
         let scope = judged.refit.effect.added_to(&self.scope)?;
-        let system = &scope.compiled().system;
+        let system = scope.compiled().system.clone();
         let standing = self.scope.compiled().system.parameters.len();
-        let parameters =
-            system.parameter_ids().into_iter().filter(|id| id.position() >= standing).collect();
+        let parameters = system.parameter_ids().into_iter();
+        let parameters: Vec<ParameterId> =
+            parameters.filter(|id| id.position() >= standing).collect();
+        let ranges = judged.refit.ranges.clone();
+        let scope = scope.bounded(bounds_of(&parameters, &ranges));
+        let system = &scope.compiled().system;
         let member = Member {
             effect: judged.refit.effect.clone(),
             terms: judged.refit.terms.clone(),
             parameters,
+            ranges,
             price: judged.price + 2.0 * judged.refit.candidate_choice,
             named: judged.refit.named,
             positive: judged.refit.positive,
@@ -185,7 +205,10 @@ impl<'a> Story<'a> {
         set: &ProposedSet,
         (window, without): (usize, f64),
     ) -> Result<Option<Story<'a>>> {
-        let (scope, own) = placed(set.members.iter().map(|one| &one.effect), &baseline.scope)?;
+        let (scope, own) = placed(
+            set.members.iter().map(|one| (&one.effect, one.ranges.as_slice())),
+            &baseline.scope,
+        )?;
         let noise = baseline.model.law.noise().to_vec();
         let mut law = set.law.on(&scope.compiled().system).with_noise(noise);
         let mut members = Vec::new();
@@ -198,7 +221,8 @@ impl<'a> Story<'a> {
             law = law.with_parameters(parameters.iter().copied().zip(inner.iter().copied()));
             let (effect, price) = (one.effect.clone(), 2.0 * one.price);
             let Proposed { named, positive, .. } = *one;
-            members.push(Member { effect, terms, parameters, price, named, positive });
+            let ranges = one.ranges.clone();
+            members.push(Member { effect, terms, parameters, ranges, price, named, positive });
         }
         let law = by_method_for_its_forces(law.with_window(window));
         let settled = settle(baseline.model.with_law(law));
@@ -289,7 +313,8 @@ impl<'a> Story<'a> {
         if second.is_some_and(|second| members.iter().any(|one| one.effect.effect == second)) {
             return Ok(None);
         }
-        let (scope, own) = placed(members.iter().map(|one| &one.effect), question.scope)?;
+        let (scope, own) =
+            placed(members.iter().map(|one| (&one.effect, one.ranges.as_slice())), question.scope)?;
         for (member, own) in members.iter_mut().zip(own) {
             (member.terms, member.parameters) = own;
         }

@@ -91,6 +91,9 @@ pub(super) fn judge<'a>(
             }
         }
     }
+    if accepted.iter().any(|(story, _)| !story.stands_in_for_a_simpler_one()) {
+        accepted.retain(|(story, _)| !story.stands_in_for_a_simpler_one());
+    }
     if !accepted.is_empty() {
         choose(diagnosis, accepted, &before, tuning);
         return Vec::new();

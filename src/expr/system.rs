@@ -133,6 +133,11 @@ impl Bounds {
         value.max(self.lower).min(self.upper)
     }
 
+    /// What these bounds and others allow both.
+    pub fn within(self, other: Bounds) -> Bounds {
+        Bounds { lower: self.lower.max(other.lower), upper: self.upper.min(other.upper) }
+    }
+
     /// What of these bounds lies within `reach` of a value; all of it for a reach of 0.
     pub fn near(self, value: f64, reach: f64) -> Bounds {
         if reach == 0.0 {

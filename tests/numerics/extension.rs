@@ -2,7 +2,9 @@
 
 use std::collections::HashMap;
 
-use leverrier::internals::expr::{Compiled, Expr, Place, Scope, Symbol, System, build, instances};
+use leverrier::internals::expr::{
+    Bounds, Compiled, Expr, Place, Scope, Symbol, System, build, instances,
+};
 use leverrier::internals::spec::effects::catalogue;
 use proptest::prelude::*;
 
@@ -217,4 +219,17 @@ fn rates_in_a_sensor_follow_what_is_added() {
     let next = scope.with("effect cubic_drag(q)").expect("an extension");
     let text = format!("{text}effect cubic_drag(q)\n");
     assert_one(&text, next.compiled(), &mut next.clone(), "effect viscous_drag(q)");
+}
+
+#[test]
+fn bounds_of_parameters_stay_beside_what_is_added_later() {
+    let text = "coordinates q\nmomenta p\nT = p^2/2\nV = q^2/2\nparam k = 1 in 0.2..9\n\
+                force q += span{ tanh(p/k) }\n";
+    let base = build("base", text).expect("a spec without errors");
+    let id = base.system.parameter_ids()[0];
+    let inner = Bounds { lower: 0.5, upper: 20.0 };
+    let scope = Scope::of(&base).bounded([(id, inner)]);
+    let scope = scope.with("force q += span{ p^3 }").expect("a force");
+    let bounds = scope.compiled().system.parameters[0].bounds;
+    assert_eq!(bounds, Bounds { lower: 0.5, upper: 9.0 });
 }

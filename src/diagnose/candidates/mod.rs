@@ -6,6 +6,7 @@ mod declared;
 mod grid;
 mod left_out;
 mod numbers;
+mod ranges;
 mod unnamed;
 
 use std::collections::{BTreeSet, HashMap};
@@ -13,6 +14,7 @@ use std::collections::{BTreeSet, HashMap};
 pub use grid::Reach;
 pub use left_out::{LeftOut, left_out};
 pub use numbers::NumberChange;
+pub use ranges::InnerRange;
 pub use unnamed::unnamed;
 
 use super::tuning::Candidates;

@@ -15,7 +15,7 @@ use crate::diagnostic::{Diagnostic, Severity, Span};
 use crate::error::{Error, Result};
 use crate::expr::graph::{Expr, Graph, Symbol};
 use crate::expr::identity::{Mark, ParameterId, TermId};
-use crate::expr::system::{Constraint, Parameter, Place, System, Term};
+use crate::expr::system::{Bounds, Constraint, Parameter, Place, System, Term};
 use crate::expr::unit::Unit;
 use crate::spec::ast::SyntaxTree;
 use crate::spec::resolve::{Resolved, resolve};
@@ -250,6 +250,17 @@ impl Scope {
         changes.apply(&mut system);
         compiled.system = Arc::new(system);
         Ok(Scope { compiled, standing, lowered })
+    }
+
+    /// The scope with parameters that may go no further than these bounds.
+    pub fn bounded(mut self, bounds: impl IntoIterator<Item = (ParameterId, Bounds)>) -> Scope {
+        let system = Arc::make_mut(&mut self.compiled.system);
+        for (id, bounds) in bounds {
+            if let Some(parameter) = system.parameters.get_mut(id.position()) {
+                parameter.bounds = parameter.bounds.within(bounds);
+            }
+        }
+        self
     }
 
     /// Lowers some statements from where the spec's own ended: what they change, the syntax tree

@@ -167,6 +167,21 @@ impl ScanBy {
         }
     }
 
+    /// Whether it is looked for where there are data, and nowhere else.
+    pub fn is_seen_inside_only(self) -> bool {
+        matches!(self, ScanBy::Position | ScanBy::Beyond | ScanBy::Instant | ScanBy::WaveNumber)
+    }
+
+    /// Whether an effect at an end of its range stands in for a simpler one.
+    pub fn ends_in_another(self) -> bool {
+        match self {
+            ScanBy::Rate | ScanBy::Range | ScanBy::Exponent | ScanBy::Power => true,
+            ScanBy::Momentum | ScanBy::Level | ScanBy::Delay | ScanBy::Frequency => true,
+            ScanBy::WaveNumber | ScanBy::Position | ScanBy::Beyond => true,
+            ScanBy::Length | ScanBy::Instant | ScanBy::Duration | ScanBy::Ratio => false,
+        }
+    }
+
     /// The unit as a text in which `{q}`, `{p}`, `{t}` and `{u}` stand for those of the coordinate,
     /// its momentum, time and the input; empty for a pure number.
     fn unit(self) -> &'static str {

@@ -1,6 +1,7 @@
 //! Sets of changes that are proposed to be fitted, and the motions that they are proposed around.
 
 use super::entries::Change;
+use crate::diagnose::candidates::InnerRange;
 use crate::diagnose::effect::RankedEffect;
 use crate::diagnose::law_on_data::LawOnData;
 use crate::fit::Law;
@@ -13,6 +14,8 @@ pub struct Proposed {
     pub effect: RankedEffect,
     /// Inner numbers among its coefficients: the last so many.
     pub inner: usize,
+    /// How far these may go.
+    pub ranges: Vec<InnerRange>,
     /// What its numbers and the choice among all members cost, in nats.
     pub price: f64,
     /// Whether it has a name.

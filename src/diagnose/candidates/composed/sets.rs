@@ -530,7 +530,8 @@ impl Look<'_, '_> {
             scope = with;
             let (price, positive) = (entry.price, candidate.is_positive());
             let (change, kind) = (entry.change.clone(), entry.kind);
-            all.push(Proposed { effect, inner, price, named, positive, change, kind });
+            let ranges = candidate.ranges(&self.of.tuning.ranking);
+            all.push(Proposed { effect, inner, ranges, price, named, positive, change, kind });
         }
         Ok(Some(all))
     }
