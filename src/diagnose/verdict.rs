@@ -224,7 +224,7 @@ fn on_held_out<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> OnHeldOut 
 /// those whose description of all runs is about as short as any. Runs that nothing was fitted to
 /// are among these: a series may be as near as its function where both were fitted. The others are
 /// named as far as these data do not tell them from it: with odds of a twentieth or more, in as few
-/// changes. What has numbers to spare may hold the story in it: it is a rival where they pay for
+/// changes or in fewer numbers. What has numbers to spare may hold the story in it: it is a rival where they pay for
 /// themselves.
 fn choose(
     diagnosis: &mut Diagnosis,
@@ -286,8 +286,9 @@ fn choose(
     let rivals: Vec<(Vec<String>, bool)> = others
         .into_iter()
         .filter(|(_, (other, _))| {
-            let is_simple = (1..=story.members.len()).contains(&other.members.len());
-            is_simple && other.labels() != labels
+            let (own, its) = (size(story), size(other));
+            let is_simple = its.0 <= own.0 || its.1 < own.1;
+            its.0 > 0 && is_simple && other.labels() != labels
         })
         .map(|(length, one)| (one, is_as_good(length, one)))
         .filter(|((other, _), is_as_good)| *is_as_good || to_spare(other) == 0)
