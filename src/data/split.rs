@@ -51,13 +51,13 @@ impl Dataset {
             .collect()
     }
 
-    /// Puts about a `fraction` of the samples aside: whole runs where there are enough of
-    /// them, and first those that hold none of the largest and smallest values, so that a prediction
-    /// is asked for where the fit has seen the motion; otherwise blocks of consecutive samples of every run, at times that the seed decides:
-    /// three, or fewer where each would see less than a turn and a half of the slowest motion.
-    /// The stretches that a run is cut into become runs of their own (`1, part 2`), so that
-    /// nothing integrates across what is held out. The same seed gives the same split, in
-    /// whichever order the runs stand, and in whichever units.
+    /// Puts about a `fraction` of the samples aside: whole runs where there are enough of them, and
+    /// first those that hold none of the largest and smallest values, so that a prediction is asked
+    /// for where the fit has seen the motion; otherwise blocks of consecutive samples of every run,
+    /// at times that the seed decides: three, or fewer where each would see less than a turn and a
+    /// half of the slowest motion. The stretches that a run is cut into become runs of their own
+    /// (`1, part 2`), so that nothing integrates across what is held out. The same seed gives the
+    /// same split, in whichever order the runs stand, and in whichever units.
     ///
     /// A fraction outside 0 to 0.9 is brought into it.
     pub fn split_held_out(&self, fraction: f64, seed: u64) -> Split {

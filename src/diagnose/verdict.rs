@@ -224,8 +224,8 @@ fn on_held_out<'a>(question: &Question<'a, '_>, story: &Story<'a>) -> OnHeldOut 
 /// those whose description of all runs is about as short as any. Runs that nothing was fitted to
 /// are among these: a series may be as near as its function where both were fitted. The others are
 /// named as far as these data do not tell them from it: with odds of a twentieth or more, in as few
-/// changes or in fewer numbers. What has numbers to spare may hold the story in it: it is a rival where they pay for
-/// themselves.
+/// changes or in fewer numbers. What has numbers to spare may hold the story in it: it is a rival
+/// where they pay for themselves.
 fn choose(
     diagnosis: &mut Diagnosis,
     accepted: Vec<(Story, OnHeldOut)>,

@@ -1,5 +1,6 @@
 //! How far the inner numbers of a candidate may go in a fit. Beyond the grid that is looked through
-//! the data say nothing of them: a drag whose exponent runs to -300 is another curve under its name.
+//! the data say nothing of them: a drag whose exponent runs to -300 is another curve under its
+//! name.
 
 use super::{Candidate, Origin};
 use crate::diagnose::tuning::Ranking;
