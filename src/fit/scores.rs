@@ -6,7 +6,10 @@
 //! (J'J)^-1 V (J'J)^-1, where V is that of J'r (White, Econometrica 50, 1982, whose information
 //! is named after Godambe). V is estimated from the scores of all samples in the order of time,
 //! the covariances of later ones weighed down (Newey and West, Econometrica 55, 1987) over as many
-//! samples as their memory asks for (Andrews, Econometrica 59, 1991, eq. 6.2 and 6.4).
+//! samples as their memory asks for (Andrews, Econometrica 59, 1991, eq. 6.2 and 6.4). What is left
+//! may go with the time, too, as a drive does that all runs begin with: then samples of different
+//! runs are alike, and V is that of the sums of all scores of one time (Driscoll and Kraay, Review
+//! of Economics and Statistics 80, 1998). The larger variance of the two counts.
 //!
 //! A number of a law that holds is the same in all parts of the data: what each [`Fold`] of them
 //! says alone follows from its own scores, by one step of Gauss and Newton.
@@ -34,6 +37,8 @@ pub struct Scores {
     folds: Vec<(DMatrix<f64>, DVector<f64>)>,
     /// Of each run the scores of its samples, in the order of time.
     runs: Vec<Vec<DVector<f64>>>,
+    /// The sums of what samples of all runs say that were taken at the same time, in its order.
+    moments: Vec<DVector<f64>>,
 }
 
 /// What a part of the data says of theta by itself.
@@ -81,7 +86,9 @@ impl Scores {
             information: DMatrix::zeros(unknowns, unknowns),
             folds: (0..3 * FOLDS).map(|_| nothing()).collect(),
             runs: Vec::new(),
+            moments: Vec::new(),
         };
+        let mut moments: BTreeMap<i64, DVector<f64>> = BTreeMap::new();
         let mut last = None;
         let count = parts.len();
         let ends = ends(&parts);
@@ -98,6 +105,10 @@ impl Scores {
                 *sum += part.scores.iter().sum::<DVector<f64>>();
             }
             scores.information += part.information;
+            for (sample, score) in (part.place.first..).zip(&part.scores) {
+                let moment = moments.entry(moment(problem, part.place.run, sample));
+                *moment.or_insert_with(|| DVector::zeros(unknowns)) += score;
+            }
             if last != Some(part.place.run) {
                 scores.runs.push(Vec::new());
                 last = Some(part.place.run);
@@ -106,6 +117,7 @@ impl Scores {
                 run.extend(part.scores);
             }
         }
+        scores.moments = moments.into_values().collect();
         scores
     }
 
@@ -135,21 +147,31 @@ impl Scores {
             return None;
         }
         let memory = self.memory(samples).min(longest as f64 - 1.0);
-        let mut middle = self.covariance_of_scores(0);
-        for lag in (1..longest).take_while(|&lag| (lag as f64) < memory + 1.0) {
-            let later = self.covariance_of_scores(lag);
-            middle += (&later + later.transpose()) * (1.0 - lag as f64 / (memory + 1.0));
-        }
         let freedom = samples as f64 / (samples - unknowns) as f64;
-        let covariance = &inverse * middle * &inverse * freedom;
+        let by = |series: &[Vec<DVector<f64>>]| {
+            let longest = series.iter().map(Vec::len).max().unwrap_or(0);
+            let mut middle = self.products(series, 0);
+            for lag in (1..longest).take_while(|&lag| (lag as f64) < memory + 1.0) {
+                let later = self.products(series, lag);
+                middle += (&later + later.transpose()) * (1.0 - lag as f64 / (memory + 1.0));
+            }
+            &inverse * middle * &inverse * freedom
+        };
+        let mut covariance = by(&self.runs);
+        if self.runs.len() > 1 {
+            let shared = by(std::slice::from_ref(&self.moments));
+            let stretch = |k: usize| (shared[(k, k)] / covariance[(k, k)]).max(1.0).sqrt();
+            let stretch = DVector::from_fn(unknowns, |k, _| stretch(k));
+            covariance = covariance.component_mul(&(&stretch * stretch.transpose()));
+        }
         covariance.iter().all(|x| x.is_finite()).then_some(covariance)
     }
 
-    /// Sum over all samples of their score times that of a sample that many later.
-    fn covariance_of_scores(&self, lag: usize) -> DMatrix<f64> {
+    /// Sum over all samples of some series of their score times that of a sample that many later.
+    fn products(&self, series: &[Vec<DVector<f64>>], lag: usize) -> DMatrix<f64> {
         let size = self.information.nrows();
         let mut sum = DMatrix::zeros(size, size);
-        for run in &self.runs {
+        for run in series {
             for (now, later) in run.iter().zip(run.iter().skip(lag)) {
                 sum.ger(1.0, later, now, 1.0);
             }
@@ -160,7 +182,7 @@ impl Scores {
     /// Samples over which the weights of Newey and West fall to zero, by an autoregressive process
     /// of order one for the score of each number.
     fn memory(&self, samples: usize) -> f64 {
-        let (at_once, next) = (self.covariance_of_scores(0), self.covariance_of_scores(1));
+        let (at_once, next) = (self.products(&self.runs, 0), self.products(&self.runs, 1));
         let (mut above, mut below) = (0.0, 0.0);
         for k in 0..self.information.nrows() {
             if at_once[(k, k)] <= 0.0 {
@@ -176,6 +198,13 @@ impl Scores {
         }
         if below > 0.0 { 1.1447 * (above / below * samples as f64).cbrt() } else { 0.0 }
     }
+}
+
+/// The time of a sample on the clock of the file, in whole steps.
+fn moment(problem: &Problem, run: usize, sample: usize) -> i64 {
+    let since = problem.measured.times_of(run).get(sample).copied().unwrap_or(0.0);
+    let time = problem.measured.clock_of(run).time(since);
+    (time / problem.measured.typical_step()).round() as i64
 }
 
 /// Places of segments in the order of how far their motion goes from the middle of all motion, in
@@ -255,3 +284,42 @@ fn part(problem: &Problem, rows: &DesignRows, lane: usize, place: Segment) -> Op
 
 /// Singular values below this are directions in which a state moves nothing that was measured.
 const SPANNED: f64 = 1e-12;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::RngExt;
+    use rand::SeedableRng;
+    use rand_pcg::Pcg64;
+
+    const RUNS: usize = 6;
+    const SAMPLES: usize = 400;
+
+    /// Scores of one number, each of the size one; those of runs at one time are the same or not.
+    fn scores(seed: u64, shared: bool) -> Scores {
+        let mut generator = Pcg64::seed_from_u64(seed);
+        let mut series = || -> Vec<DVector<f64>> {
+            let sign = |_| if generator.random::<bool>() { 1.0 } else { -1.0 };
+            (0..SAMPLES).map(sign).map(|x| DVector::from_element(1, x)).collect()
+        };
+        let first = series();
+        let runs: Vec<Vec<DVector<f64>>> =
+            (0..RUNS).map(|_| if shared { first.clone() } else { series() }).collect();
+        let sum = |at: usize| runs.iter().fold(DVector::zeros(1), |sum, run| sum + &run[at]);
+        let moments = (0..SAMPLES).map(sum).collect();
+        let information = DMatrix::from_element(1, 1, (RUNS * SAMPLES) as f64);
+        Scores { information, folds: Vec::new(), runs, moments }
+    }
+
+    #[test]
+    fn what_all_runs_share_counts_once() {
+        let variance = |shared| {
+            let all = (0..20).map(|seed| scores(seed, shared).covariance().expect("determined"));
+            all.map(|covariance| covariance[(0, 0)]).sum::<f64>() / 20.0
+        };
+        let independent = 1.0 / (RUNS * SAMPLES) as f64;
+        let (apart, shared) = (variance(false) / independent, variance(true) / independent);
+        assert!((0.95..1.25).contains(&apart), "{apart}");
+        assert!((shared / RUNS as f64 - 1.0).abs() < 0.1, "{shared}");
+    }
+}
