@@ -8,6 +8,7 @@ use super::refit::has_negative;
 use super::story::{Member, Story};
 use crate::expr::{Expr, Place, Symbol, System, Term};
 use crate::fit::column::Column;
+use crate::spec::effects::by_name;
 
 /// How far a member of a story would be believed by itself.
 pub(super) struct Belief {
@@ -17,6 +18,8 @@ pub(super) struct Belief {
     /// Standard errors that the least clear of them is away from zero; 0 for one without a name, or
     /// with a number that contradicts it.
     pub(super) clearness: f64,
+    /// Whether equal coefficients make it a simpler effect.
+    pub(super) is_simpler_where_equal: bool,
 }
 
 /// Members of a story that bend the force along one coordinate by one and the same variable.
@@ -152,7 +155,9 @@ impl Story<'_> {
             let change = member.effect.number.as_ref().zip(member.parameters.first());
             let change = change.and_then(|(one, &id)| Some(law.parameter(id)? - one.was));
             let opposite = member.positive && has_negative(law, &member.terms);
+            let row = member.effect.effect.split('(').next().and_then(by_name);
             Belief {
+                is_simpler_where_equal: row.is_some_and(|row| row.where_equal.is_some()),
                 coefficients: terms.chain(change).zip(columns).collect(),
                 clearness: if member.named && !opposite { self.clearness(member) } else { 0.0 },
             }

@@ -10,6 +10,8 @@
 //! of another. What does as well in its place is said, and how large and how correlated that is
 //! which is left.
 
+use nalgebra::DMatrix;
+
 use super::candidates::candidates;
 use super::candidates::composed::proposed::ProposedSet;
 use super::candidates::composed::sets::SetSearch;
@@ -120,7 +122,9 @@ fn of_sets<'a>(question: &Question<'a, '_>, baseline: &Story<'a>) -> Result<Opti
             }
             asked.push(story.labels());
             if let Some(tried) = Tried::of(question, baseline, story) {
-                least = least.min(set.cost);
+                if tried.is_believed {
+                    least = least.min(set.cost);
+                }
                 found.push((set, tried));
             }
         }
@@ -132,7 +136,7 @@ fn of_sets<'a>(question: &Question<'a, '_>, baseline: &Story<'a>) -> Result<Opti
             price(*a).total_cmp(&price(*b)).then(one.places().cmp(&other.places()))
         });
         found = priced.into_iter().map(|(_, one)| one).collect();
-        let Some((set, best)) = found.first() else { break };
+        let Some((set, best)) = found.iter().find(|(_, one)| one.is_believed) else { break };
         if asked.len() == before || question.monitor.stopped() {
             break;
         }
@@ -140,9 +144,14 @@ fn of_sets<'a>(question: &Question<'a, '_>, baseline: &Story<'a>) -> Result<Opti
         let around = around_motion_of(set, &best.held, window);
         proposed = search.look(Some(&around), question.monitor).proposed(question.scope)?;
     }
-    let mut found = found.into_iter().map(|(_, tried)| tried);
-    let Some(best) = found.next() else { return Ok(None) };
-    let others: Vec<Tried> = found.collect();
+    let mut found: Vec<Tried> = found.into_iter().map(|(_, tried)| tried).collect();
+    let Some(place) = found.iter().position(|one| one.is_believed) else { return Ok(None) };
+    if found[..place].iter().any(|better| better.unknowns() <= found[place].unknowns()) {
+        return Ok(None);
+    }
+    let best = found.remove(place);
+    found.retain(|one| one.is_believed);
+    let others = found;
     let rivals = best.held.members.iter().map(|member| best.instead_of(member, &others, tuning));
     let rivals = rivals.collect();
     Ok(Some((best.held, rivals)))
@@ -194,7 +203,7 @@ fn most_alike(story: &Story) -> Option<(String, f64)> {
     most.map(|(observable, correlation, _)| (observable, correlation.min(1.0)))
 }
 
-/// A story with one more effect, all of whose members are clear.
+/// A story with more effects than one before, and what it leaves.
 struct Tried<'a> {
     /// As it was found.
     plain: Story<'a>,
@@ -206,29 +215,29 @@ struct Tried<'a> {
     /// Squares beyond the noise that it leaves of held-out runs, in those that the story before
     /// leaves.
     left: f64,
+    /// Whether all of its members are clear, and leave little enough of held-out runs beside a
+    /// story without them.
+    is_believed: bool,
 }
 
 impl<'a> Tried<'a> {
-    /// `None` where a member is doubtful, or where too much is left of held-out runs beside a story
-    /// with fewer members.
+    /// `None` where its numbers are not determined, or the motion is lost.
     fn of(question: &Question<'a, '_>, before: &Story<'a>, plain: Story<'a>) -> Option<Tried<'a>> {
         let tuning = question.model.tuning();
         let best = Held::of(&plain, tuning)?;
         let held = best.story(&plain);
-        if held.bends_a_curve_twice() || best.is_doubtful(&held, tuning) {
-            return None;
-        }
+        let is_doubtful = held.bends_a_curve_twice() || best.is_doubtful(&held, tuning);
         let members = before.members.len();
         let shorter = before.with_noise(held.model.noise()).over(held.model.law.window());
         let (before, after) = (held_out_error(question, &shorter), held_out_error(question, &held));
         let excess = |error: f64| (error.powi(2) - 1.0).max(0.0);
         // Where the model before loses the motion, its error is no number.
         let left = if before.is_nan() { 0.0 } else { excess(after) / excess(before) };
-        let tried = Tried { plain, held, inflation: best.inflation, left };
-        let added = tried.plain.members.iter().skip(members);
+        let added = plain.members.iter().skip(members);
         let added: usize = added.map(|member| member.effect.coefficient.len()).sum();
-        let most = tuning.in_part.left.powi(added as i32);
-        (after.is_finite() && left < most).then_some(tried)
+        let is_believed = !is_doubtful && left < tuning.in_part.left.powi(added as i32);
+        let tried = Tried { plain, held, inflation: best.inflation, left, is_believed };
+        after.is_finite().then_some(tried)
     }
 
     fn unknowns(&self) -> usize {
@@ -268,8 +277,11 @@ fn prices<'a: 't, 't>(
     all: impl Iterator<Item = &'t Tried<'a>> + Clone,
 ) -> Vec<f64> {
     let left = question.model.tuning().in_part.left;
-    let longest = all.clone().max_by_key(|one| one.held.model.law.window());
-    let Some(longest) = longest.map(|one| &one.held.model) else { return Vec::new() };
+    let believed = all.clone().filter(|one| one.is_believed);
+    let longest = believed.max_by_key(|one| one.held.model.law.window());
+    let Some(longest) = longest.map(|one| &one.held.model) else {
+        return vec![f64::INFINITY; all.count()];
+    };
     let price = |one: &Tried<'a>| {
         let story = one.held.with_noise(longest.noise()).over(longest.law.window());
         let error = held_out_error(question, &story);
@@ -282,11 +294,17 @@ fn prices<'a: 't, 't>(
 /// The story that is told of some: of those with the fewest numbers that which leaves least of
 /// held-out runs; and what does as well in the place of its last effect. What has more numbers
 /// bends to what nothing explains.
-fn clearest<'a>(mut tried: Vec<Tried<'a>>, tuning: &Tuning) -> Option<(Tried<'a>, Vec<String>)> {
+fn clearest<'a>(tried: Vec<Tried<'a>>, tuning: &Tuning) -> Option<(Tried<'a>, Vec<String>)> {
+    let (mut tried, doubtful): (Vec<Tried>, Vec<Tried>) =
+        tried.into_iter().partition(|one| one.is_believed);
     let fewest = tried.iter().map(Tried::unknowns).min()?;
     tried.retain(|one| one.unknowns() == fewest);
     let least = tried.iter().enumerate().min_by(|(_, a), (_, b)| a.left.total_cmp(&b.left));
     let best = tried.remove(least.map_or(0, |(place, _)| place));
+    let is_better = |one: &Tried| one.unknowns() <= fewest && one.left < best.left;
+    if doubtful.iter().any(is_better) {
+        return None;
+    }
     let rivals = tried.iter().filter(|one| best.behind(one) < tuning.ranking.indistinguishable);
     let last = |one: &Tried| one.plain.members.last().map(|last| last.effect.effect.clone());
     let rivals = rivals.filter_map(last).collect();
@@ -297,8 +315,8 @@ fn clearest<'a>(mut tried: Vec<Tried<'a>>, tuning: &Tuning) -> Option<(Tried<'a>
 struct Held<'a> {
     settled: Settled<'a>,
     scores: Scores,
-    /// Variances of all numbers that count what is left.
-    variances: Vec<f64>,
+    /// Covariance of all numbers, which counts what is left.
+    covariance: DMatrix<f64>,
     /// How many times those are the variances of independent residuals of the size of the noise.
     inflation: f64,
 }
@@ -332,22 +350,23 @@ impl<'a> Held<'a> {
 
     fn at(settled: Settled<'a>) -> Option<Held<'a>> {
         let scores = settled.scores();
-        let (honest, plain) = (scores.covariance()?, scores.inverse()?);
-        let variances: Vec<f64> = (0..honest.nrows()).map(|i| honest[(i, i)]).collect();
-        let ratios = variances.iter().enumerate().map(|(i, own)| (own / plain[(i, i)]).ln());
-        let inflation = (ratios.sum::<f64>() / variances.len().max(1) as f64).exp();
-        Some(Held { settled, scores, variances, inflation })
+        let (covariance, plain) = (scores.covariance()?, scores.inverse()?);
+        let ratios = (0..covariance.nrows()).map(|i| (covariance[(i, i)] / plain[(i, i)]).ln());
+        let inflation = (ratios.sum::<f64>() / covariance.nrows().max(1) as f64).exp();
+        Some(Held { settled, scores, covariance, inflation })
     }
 
     /// Whether numbers are better known here, by the mean of the logarithms of their variances.
     fn tells_more(&self, other: &Held) -> bool {
-        let ratios = self.variances.iter().zip(&other.variances).map(|(a, b)| (a / b).ln());
+        let (own, others) = (self.covariance.diagonal(), other.covariance.diagonal());
+        let ratios = own.iter().zip(&others).map(|(a, b)| (a / b).ln());
         ratios.filter(|ratio| ratio.is_finite()).sum::<f64>() < 0.0
     }
 
     /// A story with the numbers, segments and errors of these.
     fn story(&self, story: &Story<'a>) -> Story<'a> {
-        let error = |at: Column| self.variances.get(at.position()).map_or(f64::NAN, |v| v.sqrt());
+        let variances = self.covariance.diagonal();
+        let error = |at: Column| variances.get(at.position()).map_or(f64::NAN, |v| v.sqrt());
         story.held_by(&self.settled, error)
     }
 
@@ -359,8 +378,20 @@ impl<'a> Held<'a> {
         folds.len() < 2
             || story.beliefs().iter().any(|member| {
                 let agree = |one: &(f64, Column)| folds.iter().all(|fold| self.agrees(fold, *one));
-                member.clearness < clear || !member.coefficients.iter().all(agree)
+                member.clearness < clear
+                    || !member.coefficients.iter().all(agree)
+                    || member.is_simpler_where_equal && self.apart(&member.coefficients) < clear
             })
+    }
+
+    /// Standard errors by which two coefficients differ.
+    fn apart(&self, coefficients: &[(f64, Column)]) -> f64 {
+        let &[(one, first), (other, second)] = coefficients else { return f64::INFINITY };
+        let (first, second) = (first.position(), second.position());
+        let variance = |row, column| self.covariance[(row, column)];
+        let squared =
+            variance(first, first) + variance(second, second) - 2.0 * variance(first, second);
+        (one - other).abs() / squared.max(0.0).sqrt()
     }
 
     /// Whether a part of the data gives a coefficient about the value that all data give it, as far

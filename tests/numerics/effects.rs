@@ -417,3 +417,17 @@ fn every_kind_has_rows() {
         assert!(count >= 4, "{}: {count}", kind.text());
     }
 }
+
+#[test]
+fn equal_coefficients_make_the_simpler_effect() {
+    let rows: Vec<&EffectRow> = catalogue().filter(|row| row.where_equal.is_some()).collect();
+    assert!(!rows.is_empty());
+    for row in rows {
+        let simpler = row.where_equal.unwrap();
+        let both = closed_form(row.name).zip(closed_form(simpler));
+        let Some((At::F(own, _), At::F(other, _))) = both else { panic!("{}", row.name) };
+        for z in [[0.4, -1.2, 0.7, 0.1, 2.0], [-0.9, 0.3, -1.6, 0.5, 0.4]] {
+            assert_eq!(own(&z, &[]), other(&z, &[]), "{} and {simpler}", row.name);
+        }
+    }
+}

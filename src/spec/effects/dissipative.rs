@@ -65,6 +65,7 @@ pub(super) static ROWS: &[EffectRow] = &[
         name: "asymmetric_friction",
         aliases: &["directional_friction"],
         template: "force {q} += span{ {n}_forward: -(1 + sign({p}))/2, {n}_backward: (1 - sign({p}))/2 }",
+        where_equal: Some("coulomb_friction"),
         physics: "Dry friction that is not the same forward and backward: a ratchet, hair or scales, a tilted bristle.",
         telltale: "The residual force jumps where the momentum changes sign, to sizes that differ.",
         reference: "Bowden and Tabor, The Friction and Lubrication of Solids, chapter 5",
@@ -73,6 +74,7 @@ pub(super) static ROWS: &[EffectRow] = &[
     EffectRow {
         name: "asymmetric_drag",
         template: "force {q} += span{ {n}_forward: -({p} + abs({p}))/2, {n}_backward: -({p} - abs({p}))/2 }",
+        where_equal: Some("viscous_drag"),
         physics: "A drag in proportion to the speed that is not the same forward and backward: a damper with valves, as cars have.",
         telltale: "The residual force against the momentum is two straight lines with a corner at rest.",
         reference: "Dixon, The Shock Absorber Handbook, chapter 3",

@@ -267,6 +267,8 @@ pub struct EffectRow {
     pub why_two: &'static str,
     /// The effect that it is a second one of, with other numbers: alone it goes by that name.
     pub second_of: Option<&'static str>,
+    /// The simpler effect that it is where its two coefficients are equal.
+    pub where_equal: Option<&'static str>,
     /// What finds it, when it is no term of a model.
     pub detector: Option<&'static str>,
     /// The physics in a sentence.
@@ -291,6 +293,7 @@ const ROW: EffectRow = EffectRow {
     positive: false,
     why_two: "",
     second_of: None,
+    where_equal: None,
     detector: None,
     physics: "",
     telltale: "",
