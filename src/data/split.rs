@@ -51,12 +51,13 @@ impl Dataset {
             .collect()
     }
 
-    /// Puts about a `fraction` of the samples aside: whole runs where there are enough of
-    /// them, otherwise blocks of consecutive samples of every run, at times that the seed decides:
-    /// three, or fewer where each would see less than a turn and a half of the slowest motion.
-    /// The stretches that a run is cut into become runs of their own (`1, part 2`), so that
-    /// nothing integrates across what is held out. The same seed gives the same split, in
-    /// whichever order the runs stand, and in whichever units.
+    /// Puts about a `fraction` of the samples aside: whole runs where there are enough of them, and
+    /// first those that hold none of the largest and smallest values, so that a prediction is asked
+    /// for where the fit has seen the motion; otherwise blocks of consecutive samples of every run,
+    /// at times that the seed decides: three, or fewer where each would see less than a turn and a
+    /// half of the slowest motion. The stretches that a run is cut into become runs of their own
+    /// (`1, part 2`), so that nothing integrates across what is held out. The same seed gives the
+    /// same split, in whichever order the runs stand, and in whichever units.
     ///
     /// A fraction outside 0 to 0.9 is brought into it.
     pub fn split_held_out(&self, fraction: f64, seed: u64) -> Split {
@@ -73,6 +74,8 @@ impl Dataset {
     fn split_by_runs(&self, fraction: f64, seed: u64, generator: &mut Pcg64) -> Split {
         let mut order = self.by_content();
         order.shuffle(generator);
+        let extremes = self.extremes();
+        order.sort_by_key(|at| extremes.get(*at).copied());
         let wanted = fraction * self.samples() as f64;
         let mut aside = HashSet::new();
         let mut samples = 0;
@@ -166,6 +169,25 @@ impl Dataset {
         let mut order: Vec<(Key, usize, &Run)> = keyed.collect();
         order.sort_by(|a, b| a.0.cmp(&b.0).then_with(|| by_content(a.2, b.2)));
         order.into_iter().map(|(_, at, _)| at).collect()
+    }
+
+    /// For each run, of how many observables it holds the largest or the smallest value.
+    fn extremes(&self) -> Vec<usize> {
+        let mut held = vec![0; self.runs.len()];
+        for observable in 0..self.observables.len() {
+            for sign in [1.0, -1.0] {
+                let furthest = |run: &Run| {
+                    let values = run.values.get(observable).into_iter().flatten();
+                    values.map(|x| sign * x).fold(f64::NEG_INFINITY, f64::max)
+                };
+                let reached: Vec<f64> = self.runs.iter().map(furthest).collect();
+                let most = reached.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                for (count, reached) in held.iter_mut().zip(reached) {
+                    *count += usize::from(reached == most);
+                }
+            }
+        }
+        held
     }
 
     fn with(&self, runs: Vec<Run>) -> Dataset {
@@ -403,6 +425,27 @@ mod tests {
         assert_ne!(split.held_out, all.split_held_out(0.2, 2).held_out);
         let single = data(&[1000]).split_held_out(0.3, 1);
         assert_eq!(single.held_out.samples(), 300);
+    }
+
+    #[test]
+    fn runs_that_reach_furthest_are_held_out_last() {
+        let mut all = motions(&[40; 10]);
+        let reach = [1.0, 1.4, 0.3, 2.0, 0.9, 1.1, 0.7, 1.8, 1.6, 0.5];
+        for (run, reach) in all.runs.iter_mut().zip(reach) {
+            run.values[0].iter_mut().for_each(|x| *x *= reach);
+        }
+        for seed in 0..20 {
+            let split = all.split_held_out(0.25, seed);
+            let furthest = |data: &Dataset| {
+                values(data)
+                    .into_iter()
+                    .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)))
+            };
+            let (seen, unseen) = (furthest(&split.training), furthest(&split.held_out));
+            assert!(seen.0 < unseen.0 && unseen.1 < seen.1, "{seen:?} {unseen:?}");
+        }
+        // Where nearly all is held out, they are, too.
+        assert_eq!(all.split_held_out(0.9, 1).held_out.runs.len(), 9);
     }
 
     #[test]
