@@ -1,6 +1,7 @@
 """What laws, data and results show, and what is asked of a law beside its numbers."""
 
 import os
+import re
 import stat
 import sys
 
@@ -52,10 +53,14 @@ def test_data_and_results_show_their_numbers(pendulum) -> None:
     assert data.startswith("<leverrier.Data: 968 samples of q, p in 8 runs>\ncolumn")
     assert "-1.23381" in data and "<table>" in pendulum.data._repr_html_()
     comparison = repr(pendulum.compare())
-    assert "- the error grows from" in comparison and "10.4821" in comparison
+    # What the sentence says stands in the table, too.
+    said = re.search(r"- the error grows from .* to ([\d.]+) over (\d+)\n", comparison)
+    assert said is not None
+    row = re.search(rf"^ +{said[2]} .*$", comparison, re.MULTILINE)
+    assert row is not None and abs(float(row[0].split()[2]) - float(said[1])) <= 0.005
     diagnosis = repr(pendulum.diagnose())
     assert diagnosis.startswith("missing: viscous_drag(q) takes the error")
-    assert "0.04999 ± 0.00015" in diagnosis and "< 1e-12" in diagnosis
+    assert re.search(r"viscous_drag\(q\) +0\.0(49|50)\d\d ± 0\.0001\d +< 1e-12", diagnosis)
     assert repr(pendulum.terms[0]).startswith("Record(place='V', term='cos(q)', name=None, coeff")
     assert "-0.995935" in repr(pendulum.terms) and "[2 entries]" in repr(pendulum.model)
     motion = repr(pendulum.predict([1, 0], T))
