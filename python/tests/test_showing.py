@@ -58,9 +58,10 @@ def test_data_and_results_show_their_numbers(pendulum) -> None:
     assert said is not None
     row = re.search(rf"^ +{said[2]} .*$", comparison, re.MULTILINE)
     assert row is not None and abs(float(row[0].split()[2]) - float(said[1])) <= 0.005
+    assert "9.16981" in row[0]
     diagnosis = repr(pendulum.diagnose())
     assert diagnosis.startswith("missing: viscous_drag(q) takes the error")
-    assert re.search(r"viscous_drag\(q\) +0\.0(49|50)\d\d ± 0\.0001\d +< 1e-12", diagnosis)
+    assert "0.05002 ± 0.00014" in diagnosis and "< 1e-12" in diagnosis
     assert repr(pendulum.terms[0]).startswith("Record(place='V', term='cos(q)', name=None, coeff")
     assert "-0.995935" in repr(pendulum.terms) and "[2 entries]" in repr(pendulum.model)
     motion = repr(pendulum.predict([1, 0], T))
